@@ -1,0 +1,113 @@
+//! What cannot be encoded and what cannot be decoded.
+
+use core::fmt;
+
+/// A value the manual gives no bytes for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EncodeError {
+    /// The value lies outside the field's range.
+    OutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// The refused value, in the field's own unit.
+        value: i64,
+        /// Lowest allowed value.
+        min: i64,
+        /// Highest allowed value.
+        max: i64,
+    },
+    /// The value lies within the range and is refused all the same.
+    Forbidden {
+        /// Name of the field.
+        field: &'static str,
+        /// The refused value.
+        value: i64,
+        /// Why it is refused.
+        reason: &'static str,
+    },
+    /// The CAN frame type took neither the id nor the data.
+    Frame,
+}
+
+impl fmt::Display for EncodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            EncodeError::OutOfRange { field, value, min, max } => {
+                write!(f, "{field} {value} is outside {min}..={max}")
+            }
+            EncodeError::Forbidden { field, value, reason } => {
+                write!(f, "{field} {value} is refused: {reason}")
+            }
+            EncodeError::Frame => write!(f, "the CAN frame type refused the frame"),
+        }
+    }
+}
+
+impl core::error::Error for EncodeError {}
+
+/// A frame that is none of this protocol's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DecodeError {
+    /// The standard CAN id belongs to no motor in this direction.
+    WrongId {
+        /// The id received.
+        id: u16,
+    },
+    /// An extended CAN id: the protocol has standard frames only (RMD V3.6 §1.1.2).
+    ExtendedId {
+        /// The id received.
+        id: u32,
+    },
+    /// A remote frame: the protocol has data frames only (RMD V3.6 §1.1.2).
+    RemoteFrame,
+    /// Wrong number of data bytes.
+    Length {
+        /// Bytes received, or the RS485 length byte.
+        got: usize,
+        /// Bytes the protocol has.
+        expected: usize,
+    },
+    /// The RS485 checksum does not match (RMD V3.6 §1.2.2).
+    Checksum {
+        /// Checksum received.
+        got: u16,
+        /// Checksum of the bytes received.
+        expected: u16,
+    },
+    /// The RS485 frame does not start with its header byte (RMD V3.6 §1.2.2).
+    Header {
+        /// First byte received.
+        got: u8,
+        /// The header byte.
+        expected: u8,
+    },
+    /// The RS485 id byte names no single motor (RMD V3.6 §1.2.2).
+    Node {
+        /// The id byte received.
+        node: u8,
+    },
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DecodeError::WrongId { id } => {
+                write!(f, "CAN id {id:#05x} belongs to no motor in this direction")
+            }
+            DecodeError::ExtendedId { id } => write!(f, "extended CAN id {id:#010x}"),
+            DecodeError::RemoteFrame => write!(f, "remote frame"),
+            DecodeError::Length { got, expected } => write!(f, "{got} data bytes instead of {expected}"),
+            DecodeError::Checksum { got, expected } => {
+                write!(f, "checksum {got:#06x} instead of {expected:#06x}")
+            }
+            DecodeError::Header { got, expected } => {
+                write!(f, "first byte {got:#04x} instead of {expected:#04x}")
+            }
+            DecodeError::Node { node } => write!(f, "id {node:#04x} names no single motor"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}

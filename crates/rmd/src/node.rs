@@ -1,0 +1,52 @@
+//! The motor's id on its bus.
+
+use crate::error::{DecodeError, EncodeError};
+use crate::field::check_range;
+
+/// Id of one motor, 1..=32, the same number on CAN and on RS485 (RMD V3.6 §1.1.2, §1.2.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Node(u8);
+
+impl Node {
+    /// Lowest id (RMD V3.6 §1.1.2).
+    pub const MIN: u8 = 1;
+    /// Highest id (RMD V3.6 §1.1.2).
+    pub const MAX: u8 = 32;
+
+    /// The motor with this id; refuses anything outside [`Node::MIN`]..=[`Node::MAX`].
+    pub const fn new(node: u8) -> Result<Node, EncodeError> {
+        match check_range("node", node as i64, Self::MIN as i64, Self::MAX as i64) {
+            Ok(()) => Ok(Node(node)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The id as a number, 1..=32.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+
+    /// The motor that an id byte received over RS485 names.
+    pub(crate) fn received(node: u8) -> Result<Node, DecodeError> {
+        Node::new(node).map_err(|_| DecodeError::Node { node })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RMD V3.6 §1.1.2: ids 1 to 32.
+    #[test]
+    fn ids_are_1_to_32() {
+        assert_eq!(Node::new(1).map(Node::get), Ok(1));
+        assert_eq!(Node::new(32).map(Node::get), Ok(32));
+        for node in [0, 33, 0xCD, 0xFF] {
+            assert_eq!(
+                Node::new(node),
+                Err(EncodeError::OutOfRange { field: "node", value: i64::from(node), min: 1, max: 32 })
+            );
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! The manual's raw units, one type each: what a word on the wire counts.
+
+/// Defines one unit as a newtype over the integer that travels on the wire.
+macro_rules! unit {
+    ($(#[$doc:meta])* $name:ident($raw:ty)) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $name(pub $raw);
+    };
+}
+
+unit! {
+    /// Torque current, 0.01 A per count (RMD V3.6 §2.13.3, §2.17.1).
+    Centiamps(i16)
+}
+unit! {
+    /// Commanded output-shaft speed, 0.01 degree per second per count (RMD V3.6 §2.18.1).
+    CentidegreesPerSecond(i32)
+}
+unit! {
+    /// Measured output-shaft speed, 1 degree per second per count (RMD V3.6 §2.13.3).
+    DegreesPerSecond(i16)
+}
+unit! {
+    /// Highest output-shaft speed of a position move, 1 degree per second per count (RMD V3.6 §2.20.1).
+    ///
+    /// The manual does not say what 0 means; newer ones say "unlimited", so whoever commands motion must not send it.
+    SpeedLimit(u16)
+}
+unit! {
+    /// Multi-turn output-shaft angle from the zero point, 0.01 degree per count (RMD V3.6 §2.11.3, §2.20.1).
+    Centidegrees(i32)
+}
+unit! {
+    /// Output-shaft angle in motion replies, 1 degree per count, ±32767 (RMD V3.6 §2.13.3).
+    ///
+    /// The range ends after 91 turns: a position is read with 0x92 instead.
+    Degrees(i16)
+}
+unit! {
+    /// Motor temperature, 1 °C per count (RMD V3.6 §2.12.3).
+    Celsius(i8)
+}
+unit! {
+    /// Supply voltage, 0.1 V per count (RMD V3.6 §2.12.3).
+    Decivolts(u16)
+}
+unit! {
+    /// Time, 1 ms per count (RMD V3.6 §2.30.1).
+    Milliseconds(u32)
+}
