@@ -1,0 +1,49 @@
+//! Codec of the CAN protocol of thrusters, rudders and push rods ("Thruster manual": the thruster CAN manual).
+//!
+//! Covered: signal, speed and absolute position commands, the timeout, the emergency stop, and the queries of
+//! speed, current, voltage, temperatures, faults and absolute position; requests and replies, both ways. Every
+//! other command comes back as `Unknown` with its raw bytes.
+//!
+//! The codec speaks the manual's own units and knows no bus but CAN. Decoding never judges a value: ranges are
+//! enforced when encoding, so that a simulated device can receive, and refuse, what a real one would.
+//!
+//! ```
+//! use thruster::{Percent, Reply, Request};
+//!
+//! // −5 % signal, Thruster manual §1.3.
+//! let request = Request::Signal { signal: Percent(-5) };
+//! let payload = request.encode().unwrap();
+//! assert_eq!(payload.as_slice(), [0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]);
+//!
+//! let refusal = Reply::decode(&[0x54, 0x43, 0, 0, 0, 0, 0xEE, 0xEE]).unwrap();
+//! assert_eq!(refusal, Reply::Refused { command: thruster::command::TC, parameter: 0 });
+//! ```
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod can;
+mod error;
+mod faults;
+mod field;
+mod matching;
+mod node;
+mod payload;
+mod reply;
+mod request;
+#[cfg(test)]
+#[path = "../tests/frame/mod.rs"]
+mod test_frame;
+mod units;
+
+pub use error::{DecodeError, EncodeError};
+pub use faults::Faults;
+pub use field::{
+    POSITION_MAX, POSITION_MIN, REPLY_ID_BASE, REQUEST_ID_BASE, SIGNAL_MAX, SIGNAL_MIN, SPEED_MIN_MAGNITUDE,
+    TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF, command,
+};
+pub use matching::{Answer, answer};
+pub use node::Node;
+pub use payload::Payload;
+pub use reply::Reply;
+pub use request::Request;
+pub use units::{Celsius, Deciamps, Decidegrees, Decivolts, Milliseconds, Percent, Rpm, RpmLimit};

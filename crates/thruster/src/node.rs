@@ -1,0 +1,45 @@
+//! The id of a device on its bus.
+
+use crate::error::EncodeError;
+use crate::field::check_range;
+
+/// Id of one device, 1..=127 (Thruster manual §1.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Node(u8);
+
+impl Node {
+    /// Lowest id (Thruster manual §1.1).
+    pub const MIN: u8 = 1;
+    /// Highest id (Thruster manual §1.1).
+    pub const MAX: u8 = 127;
+
+    /// The device with this id; refuses anything outside [`Node::MIN`]..=[`Node::MAX`].
+    pub const fn new(node: u8) -> Result<Node, EncodeError> {
+        match check_range("node", node as i64, Self::MIN as i64, Self::MAX as i64) {
+            Ok(()) => Ok(Node(node)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The id as a number, 1..=127.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Thruster manual §1.1.
+    #[test]
+    fn ids_are_1_to_127() {
+        assert_eq!(Node::new(1).unwrap().get(), 1);
+        assert_eq!(Node::new(127).unwrap().get(), 127);
+        for id in [0, 128, 255] {
+            let refused = EncodeError::OutOfRange { field: "node", value: i64::from(id), min: 1, max: 127 };
+            assert_eq!(Node::new(id), Err(refused));
+        }
+    }
+}
