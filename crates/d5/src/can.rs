@@ -1,0 +1,87 @@
+//! CAN frames: the eight bytes, nothing added (D5 manual, point 4).
+//!
+//! The manual gives neither ids nor frame type, so both are the caller's, and any id is accepted when decoding.
+
+use embedded_can::{Frame, Id, StandardId};
+
+use crate::error::{DecodeError, EncodeError};
+use crate::field::FRAME_LEN;
+use crate::frame::{decode_reply_frame, decode_request_frame, reply_frame, request_frame};
+use crate::node::{Address, Node};
+use crate::reply::Reply;
+use crate::request::Request;
+
+/// The id of requests to this motor where nothing else is configured: its own number. An assumption.
+pub fn default_request_id(node: Node) -> StandardId {
+    // A node has eight bits, so the fallback, the id of lowest priority, is never used.
+    StandardId::new(u16::from(node.get())).unwrap_or(StandardId::MAX)
+}
+
+/// The frame, with this id, that carries this request.
+pub fn request<F: Frame>(id: impl Into<Id>, address: Address, request: &Request) -> Result<F, EncodeError> {
+    F::new(id, &request_frame(address, request)?).ok_or(EncodeError::Frame)
+}
+
+/// The addressee and the request of a frame sent to a motor.
+pub fn decode_request<F: Frame>(frame: &F) -> Result<(Address, Request), DecodeError> {
+    decode_request_frame(&bytes_of(frame)?)
+}
+
+/// The frame, with this id, that carries this reply.
+pub fn reply<F: Frame>(id: impl Into<Id>, node: Node, reply: &Reply) -> Result<F, EncodeError> {
+    F::new(id, &reply_frame(node, reply)?).ok_or(EncodeError::Frame)
+}
+
+/// The sender and the reply of a frame sent by a motor.
+pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
+    decode_reply_frame(&bytes_of(frame)?)
+}
+
+fn bytes_of<F: Frame>(frame: &F) -> Result<[u8; FRAME_LEN], DecodeError> {
+    if frame.is_remote_frame() {
+        return Err(DecodeError::RemoteFrame);
+    }
+    let data = frame.data();
+    data.try_into().map_err(|_| DecodeError::Length { got: data.len(), expected: FRAME_LEN })
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_can::ExtendedId;
+
+    use super::*;
+    use crate::test_frame::CanFrame;
+
+    fn node(id: u8) -> Node {
+        Node::new(id).unwrap()
+    }
+
+    /// D5 manual, table row 2: the same bytes under whatever id the caller chooses.
+    #[test]
+    fn the_id_is_the_callers() {
+        let query = [0xD5, 0x0B, 0x05, 0x01, 0x00, 0x00, 0x00, 0x11];
+        let here = [0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75];
+        let ids: [Id; 2] =
+            [StandardId::new(0x123).unwrap().into(), ExtendedId::new(0x1234_5678).unwrap().into()];
+        for id in ids {
+            let (to_motor, from_motor) =
+                (CanFrame::new(id, &query).unwrap(), CanFrame::new(id, &here).unwrap());
+            assert_eq!(request(id, Address::Node(node(0x0B)), &Request::QueryId), Ok(to_motor));
+            assert_eq!(decode_request(&to_motor), Ok((Address::Node(node(0x0B)), Request::QueryId)));
+            assert_eq!(reply(id, node(0x0B), &Reply::Id), Ok(from_motor));
+            assert_eq!(decode_reply(&from_motor), Ok((node(0x0B), Reply::Id)));
+        }
+        assert_eq!(default_request_id(node(0x0B)).as_raw(), 0x00B);
+        assert_eq!(default_request_id(node(0xFD)).as_raw(), 0x0FD);
+    }
+
+    /// D5 manual, frame format: eight bytes, always.
+    #[test]
+    fn other_frames_are_named() {
+        let id = StandardId::new(0x00B).unwrap();
+        let short = CanFrame::new(id, &[0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC]).unwrap();
+        assert_eq!(decode_reply(&short), Err(DecodeError::Length { got: 7, expected: 8 }));
+        let remote = CanFrame::new_remote(id, 8).unwrap();
+        assert_eq!(decode_request(&remote), Err(DecodeError::RemoteFrame));
+    }
+}

@@ -1,0 +1,78 @@
+//! The motor's id on its bus, and to whom a request goes.
+
+use crate::error::{DecodeError, EncodeError};
+use crate::field::check_range;
+
+/// Id of one motor, 0x01..=0xFD. The manual gives no range; 0xFE is the broadcast id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Node(u8);
+
+impl Node {
+    /// Lowest id.
+    pub const MIN: u8 = 0x01;
+    /// Highest id.
+    pub const MAX: u8 = 0xFD;
+    /// The id from the factory, which a reset restores (D5 manual, table row 6).
+    pub const FACTORY: Node = Node(0x0B);
+
+    /// The motor with this id; refuses anything outside [`Node::MIN`]..=[`Node::MAX`].
+    pub const fn new(node: u8) -> Result<Node, EncodeError> {
+        match check_range("node", node as i64, Self::MIN as i64, Self::MAX as i64) {
+            Ok(()) => Ok(Node(node)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The id as a number, 0x01..=0xFD.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+
+    /// The motor that a received id byte names.
+    pub(crate) fn received(node: u8) -> Result<Node, DecodeError> {
+        Node::new(node).map_err(|_| DecodeError::Node { node })
+    }
+}
+
+/// To whom a request goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Address {
+    /// One motor.
+    Node(Node),
+    /// All motors, id 0xFE: printed with query, execute and reset only (D5 manual, table row 1 and quick start).
+    Broadcast,
+}
+
+impl Address {
+    /// The id byte of a broadcast (D5 manual, table row 1).
+    pub const BROADCAST_ID: u8 = 0xFE;
+
+    /// The id byte of the frame.
+    pub const fn id(self) -> u8 {
+        match self {
+            Address::Node(node) => node.get(),
+            Address::Broadcast => Self::BROADCAST_ID,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// D5 manual, table row 1: 0xFE addresses all motors, so it names none.
+    #[test]
+    fn ids_end_below_the_broadcast_id() {
+        assert_eq!(Node::new(0x01).map(Node::get), Ok(0x01));
+        assert_eq!(Node::new(0xFD).map(Node::get), Ok(0xFD));
+        assert_eq!(Address::Broadcast.id(), 0xFE);
+        for node in [0x00, 0xFE, 0xFF] {
+            let refused =
+                EncodeError::OutOfRange { field: "node", value: i64::from(node), min: 0x01, max: 0xFD };
+            assert_eq!(Node::new(node), Err(refused));
+            assert_eq!(Node::received(node), Err(DecodeError::Node { node }));
+        }
+    }
+}

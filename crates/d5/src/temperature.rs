@@ -1,0 +1,42 @@
+//! The temperature byte of registers 0x0B, 0x2E and 0x2F: bit 7 is the sign, the other 7 bits the magnitude in °C.
+
+use crate::error::EncodeError;
+use crate::field::check_range;
+use crate::units::Celsius;
+
+/// Bit 7: set is below zero. Stated for register 0x0B, taken to hold for 0x2E and 0x2F as well.
+const BELOW_ZERO: u8 = 0x80;
+/// Highest magnitude of the byte in °C.
+pub const TEMPERATURE_MAX: i8 = 0x7F;
+
+/// The temperature byte; −128 has none.
+pub fn encode_temperature(temperature: Celsius) -> Result<u8, EncodeError> {
+    let max = i64::from(TEMPERATURE_MAX);
+    check_range("temperature", i64::from(temperature.0), -max, max)?;
+    let sign = if temperature.0 < 0 { BELOW_ZERO } else { 0 };
+    Ok(sign | temperature.0.unsigned_abs())
+}
+
+/// The temperature of a byte; both zeros, `0x00` and `0x80`, are 0.
+pub fn decode_temperature(byte: u8) -> Celsius {
+    // 7 bits always fit, so the fallback is never used.
+    let magnitude = i8::try_from(byte & !BELOW_ZERO).unwrap_or(TEMPERATURE_MAX);
+    Celsius(if byte & BELOW_ZERO == 0 { magnitude } else { -magnitude })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// D5 manual, register 0x0B: 0x64 is 100 °C, the top bit is the sign.
+    #[test]
+    fn the_top_bit_is_the_sign() {
+        assert_eq!(decode_temperature(0x64), Celsius(100));
+        assert_eq!(decode_temperature(0x85), Celsius(-5));
+        assert_eq!(decode_temperature(0x80), Celsius(0));
+        assert_eq!(encode_temperature(Celsius(100)), Ok(0x64));
+        assert_eq!(encode_temperature(Celsius(-5)), Ok(0x85));
+        let refused = EncodeError::OutOfRange { field: "temperature", value: -128, min: -127, max: 127 };
+        assert_eq!(encode_temperature(Celsius(-128)), Err(refused));
+    }
+}
