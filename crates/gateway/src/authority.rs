@@ -1,0 +1,62 @@
+//! The right of one host link to command (GUARANTEES G9).
+
+use crate::time::{Duration, Instant};
+use host_protocol::{Error, GatewayParameter, Value};
+
+/// Who may command, and how long it may be silent.
+pub(crate) struct Authority {
+    holder: Option<u8>,
+    /// When the holder took authority or was last heard.
+    heard_at: Instant,
+    silence: Duration,
+}
+
+impl Authority {
+    pub const fn new() -> Self {
+        let default = match GatewayParameter::LinkSilenceUs.info().default {
+            Some(Value::Unsigned(us)) => us,
+            _ => panic!("the parameter table gives no default for the link silence"),
+        };
+        Self {
+            holder: None,
+            heard_at: Instant::from_micros(0),
+            silence: Duration::from_micros(default as u64),
+        }
+    }
+
+    pub fn is_held_by(&self, link: u8) -> bool {
+        self.holder == Some(link)
+    }
+
+    /// Gives authority to a link if it is free, and says whose it is if not.
+    pub fn take(&mut self, now: Instant, link: u8) -> Result<(), Error> {
+        match self.holder {
+            Some(holder) if holder != link => Err(Error::NotInCommand { holder }),
+            _ => {
+                self.holder = Some(link);
+                self.heard_at = now;
+                Ok(())
+            }
+        }
+    }
+
+    pub fn release(&mut self) {
+        self.holder = None;
+    }
+
+    /// A valid frame came from a link.
+    pub fn heard(&mut self, now: Instant, link: u8) {
+        if self.is_held_by(link) {
+            self.heard_at = now;
+        }
+    }
+
+    /// When the holder's silence becomes too long.
+    pub fn deadline(&self) -> Option<Instant> {
+        self.holder.map(|_| self.heard_at + self.silence)
+    }
+
+    pub fn set_silence(&mut self, silence: Duration) {
+        self.silence = silence;
+    }
+}

@@ -1,0 +1,242 @@
+//! The one request of an axis that is under way, and the one a stop has displaced.
+
+use super::{Axis, Observation};
+use crate::motor::{self, Command, Exchange, Received, Verdict};
+use crate::outbox::Outbox;
+use crate::time::{Duration, Instant};
+use host_protocol::TripReason;
+
+/// A request handed to the bus.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pending {
+    pub exchange: Exchange,
+    pub command: Command,
+    /// Slot of the bus it was handed with.
+    slot: u8,
+    /// How long a reply is waited for.
+    window: Duration,
+    /// When the reply window closes; `None` until the frame has left.
+    until: Option<Instant>,
+    /// No older identical request was outstanding when it was handed over, so a reply can only be its own.
+    pub unambiguous: bool,
+}
+
+impl Pending {
+    pub fn is_waiting(&self) -> bool {
+        self.until.is_some()
+    }
+
+    pub fn deadline(&self) -> Option<Instant> {
+        self.until
+    }
+}
+
+/// A request that a stop has pushed aside while its reply may still come.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Displaced {
+    command: Command,
+    slot: u8,
+    /// Until when its reply is expected; `None` until the frame has left.
+    until: Option<Instant>,
+}
+
+impl Displaced {
+    pub fn is(&self, command: &Command) -> bool {
+        self.command == *command
+    }
+
+    pub fn deadline(&self) -> Option<Instant> {
+        self.until
+    }
+}
+
+/// How long a motor has not answered.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Silence {
+    missed: u8,
+    since: Instant,
+}
+
+impl Silence {
+    pub const NONE: Self = Self { missed: 0, since: Instant::from_micros(0) };
+
+    /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES G3).
+    const SHORTEST: Duration = Duration::from_millis(50);
+}
+
+impl Axis {
+    /// The bus has taken what the axis wanted.
+    pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
+        let unambiguous = !self.is_pending(&command);
+        self.pending =
+            Some(Pending { exchange, command, slot, window: Duration::ZERO, until: None, unambiguous });
+        self.note_handed(now, exchange);
+    }
+
+    /// The frame in `slot` has left; its reply may come within `window`.
+    pub fn left(&mut self, now: Instant, slot: u8, window: Duration, out: &mut Outbox<'_>) {
+        if let Some(displaced) = &mut self.displaced
+            && displaced.slot == slot
+            && displaced.until.is_none()
+        {
+            displaced.until = Some(now + window);
+            return;
+        }
+        let Some(pending) = &mut self.pending else { return };
+        if pending.slot != slot || pending.until.is_some() {
+            return;
+        }
+        pending.window = motor::slow_reply(pending.exchange).unwrap_or(window);
+        pending.until = Some(now + pending.window);
+        let pending = *pending;
+        if let Some(stop) = &mut self.stop {
+            stop.left(now, pending.exchange);
+        }
+        if !motor::is_answered(&pending.command, &self.config) {
+            self.pending = None;
+            self.completed(now, &pending, Observation::default(), out);
+        }
+    }
+
+    /// Nobody has acknowledged the frame in `slot` in time; it may still leave later.
+    pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
+        let Some(pending) = &self.pending else { return };
+        if pending.slot != slot || pending.until.is_some() {
+            return;
+        }
+        if self.is_armed() && pending.exchange == Exchange::Motion {
+            self.trip(now, TripReason::NotAcknowledged, out);
+        } else {
+            self.give_up_pending(now, out);
+        }
+    }
+
+    /// A frame of the axis's motor has arrived. Returns whether it answered something.
+    pub fn received(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
+        if let Some(displaced) = &self.displaced
+            && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
+        {
+            self.displaced = None;
+            return Reception::Late;
+        }
+        let Some(pending) = self.pending.filter(Pending::is_waiting) else {
+            return self.unasked(now, received, out);
+        };
+        match motor::judge(&pending.command, received, &self.config) {
+            Verdict::Unrelated => self.unasked(now, received, out),
+            Verdict::Answer(seen) => {
+                self.pending = None;
+                self.silence = Silence::NONE;
+                self.completed(now, &pending, seen, out);
+                Reception::Answer
+            }
+            Verdict::Refused => {
+                self.pending = None;
+                self.silence = Silence::NONE;
+                self.refused(now, &pending, out);
+                Reception::Answer
+            }
+            Verdict::NotExecuted => {
+                self.pending = None;
+                self.silence = Silence::NONE;
+                self.thrown_back(now, &pending, out);
+                Reception::Answer
+            }
+        }
+    }
+
+    /// Closes windows that have passed.
+    pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.displaced.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
+            self.displaced = None;
+        }
+        if self.pending.as_ref().and_then(Pending::deadline).is_some_and(|until| until <= now) {
+            self.give_up_pending(now, out);
+        }
+    }
+
+    /// Makes room for a stop. What was under way may still be answered, and is then not taken for the stop's reply.
+    pub(super) fn displace(&mut self) {
+        if let Some(pending) = self.pending.take() {
+            self.displaced =
+                Some(Displaced { command: pending.command, slot: pending.slot, until: pending.until });
+        }
+    }
+
+    /// Forgets what is under way, for a bus that starts anew.
+    pub fn forget_exchanges(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        self.displaced = None;
+        if self.pending.is_some() {
+            self.give_up_pending(now, out);
+        }
+    }
+
+    fn give_up_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(pending) = self.pending.take() else { return };
+        // A late reply must find nothing identical under way: ordinary requests wait another window.
+        self.quiet_until = now + pending.window;
+        if self.silence.missed == 0 {
+            self.silence.since = now - pending.window;
+        }
+        self.silence.missed = self.silence.missed.saturating_add(1);
+        let silent = self.silence.missed >= self.config.missed_replies()
+            && now.since(self.silence.since) >= Silence::SHORTEST;
+        if self.is_armed() && silent {
+            self.trip(now, TripReason::MotorSilent, out);
+            return;
+        }
+        self.stop_unanswered(now, pending.exchange, out);
+        self.job_unanswered(now, pending.exchange, out);
+    }
+
+    fn completed(&mut self, now: Instant, pending: &Pending, seen: Observation, out: &mut Outbox<'_>) {
+        self.observe(now, &seen, out);
+        if pending.exchange == Exchange::Motion {
+            self.not_executed = false;
+        }
+        self.stop_answered(now, pending, &seen, out);
+        self.job_answered(now, pending.exchange, &seen, out);
+    }
+
+    fn refused(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
+        if self.is_armed() && pending.exchange == Exchange::Motion {
+            self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
+            return;
+        }
+        self.stop_refused(now, pending.exchange);
+        self.job_refused(now, pending.exchange, out);
+    }
+
+    /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal (PROTOCOL-NOTES R20, R30).
+    fn thrown_back(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
+        if !self.is_armed() || pending.exchange != Exchange::Motion {
+            return;
+        }
+        if self.not_executed {
+            self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
+            return;
+        }
+        self.not_executed = true;
+        self.fault_poll_at = now;
+        self.resend_motion(now);
+    }
+
+    /// A frame nobody asked for: what it says of faults counts all the same.
+    fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
+        let seen = received.observation(&self.config);
+        let told = Observation { faults: seen.faults, ..Observation::default() };
+        self.observe(now, &told, out);
+        Reception::Unasked
+    }
+}
+
+/// What a frame was to the axis it came for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reception {
+    /// It answered the request under way.
+    Answer,
+    /// It answered a request that a stop had displaced.
+    Late,
+    /// Nobody had asked.
+    Unasked,
+}

@@ -1,0 +1,272 @@
+//! What a host has asked for and takes several exchanges: arming, reading the state, provisioning, clearing.
+//!
+//! A job is a sequence of exchanges with a check after each; its result answers the host's request.
+
+use super::{Axis, Observation};
+use crate::motor::{self, Exchange};
+use crate::outbox::{Outbox, Ticket};
+use crate::time::Instant;
+use host_protocol::replies::{Armed, Done, MotorTimeoutReport};
+use host_protocol::{
+    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, TripReason,
+};
+
+/// A sequence of exchanges under way for a host.
+#[derive(Debug)]
+pub(crate) struct Job {
+    kind: JobKind,
+    ticket: Ticket,
+    step: usize,
+    /// Requests of this step that were not answered.
+    unanswered: u8,
+}
+
+/// What the job is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum JobKind {
+    /// Arm the axis; it gets this epoch.
+    Arm {
+        /// The epoch that setpoints must carry from then on.
+        epoch: u32,
+    },
+    /// Read everything the motor tells.
+    ReadState,
+    /// Program the motor's own timeout.
+    Provision {
+        /// Milliseconds; 0 switches it off.
+        timeout_ms: u32,
+    },
+    /// Look whether the cause of a trip is gone, and leave the tripped state.
+    Clear,
+}
+
+impl JobKind {
+    fn step(self, index: usize, protocol: Protocol) -> Option<Exchange> {
+        let sequences = motor::sequences(protocol);
+        let steps = match self {
+            Self::Arm { .. } => sequences.arming,
+            Self::ReadState => sequences.state,
+            Self::Clear => sequences.clearing,
+            Self::Provision { timeout_ms } => {
+                return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
+            }
+        };
+        steps.get(index).copied()
+    }
+}
+
+impl Axis {
+    /// Starts a job. The caller has checked that the state allows it.
+    pub fn start(&mut self, now: Instant, kind: JobKind, ticket: Ticket, out: &mut Outbox<'_>) {
+        if self.job.is_some() {
+            out.answer(ticket, &Err(Error::Busy { axis: self.index }));
+            return;
+        }
+        self.job = Some(Job { kind, ticket, step: 0, unanswered: 0 });
+        if matches!(kind, JobKind::Arm { .. }) {
+            self.holding = false;
+            self.enter(AxisState::Arming, now, out);
+        }
+        self.pass_over_steps(now, out);
+    }
+
+    /// Whether a job of any kind is under way.
+    pub fn is_busy(&self) -> bool {
+        self.job.is_some()
+    }
+
+    /// The exchange that the job wants next.
+    pub(super) fn job_exchange(&self) -> Option<Exchange> {
+        let job = self.job.as_ref()?;
+        job.kind.step(job.step, self.config.protocol()?)
+    }
+
+    /// Passes over the steps that this motor has no command for; at the end the job is done.
+    fn pass_over_steps(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        while let Some(exchange) = self.job_exchange() {
+            if motor::command(exchange, &self.config).is_some() {
+                return;
+            }
+            if let Some(job) = &mut self.job {
+                job.step += 1;
+            }
+        }
+        self.finish(now, out);
+    }
+
+    pub(super) fn job_answered(
+        &mut self,
+        now: Instant,
+        exchange: Exchange,
+        seen: &Observation,
+        out: &mut Outbox<'_>,
+    ) {
+        if self.job_exchange() != Some(exchange) {
+            return;
+        }
+        if let Err(error) = self.check_step(exchange, seen) {
+            self.fail(now, error, out);
+            return;
+        }
+        if let Some(job) = &mut self.job {
+            job.step += 1;
+            job.unanswered = 0;
+        }
+        self.pass_over_steps(now, out);
+    }
+
+    pub(super) fn job_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+        if self.job_exchange() != Some(exchange) {
+            return;
+        }
+        let tries = self.config.missed_replies();
+        let Some(job) = &mut self.job else { return };
+        job.unanswered = job.unanswered.saturating_add(1);
+        if job.unanswered >= tries {
+            let hint = match exchange {
+                // A D5 motor at acknowledgement level 0 answers nothing, not even this (D12).
+                Exchange::AckLevel => NoReplyHint::AckLevelZero,
+                _ => NoReplyHint::None,
+            };
+            self.fail(now, Error::NoReply { axis: self.index, hint }, out);
+        }
+    }
+
+    pub(super) fn job_refused(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+        if self.job_exchange() == Some(exchange) {
+            let error = Error::Refused { axis: self.index, faults: self.measured.fault_word() };
+            self.fail(now, error, out);
+        }
+    }
+
+    /// Ends the job with an error. An arming that fails leaves the axis idle: it has only been sent stops.
+    pub(super) fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
+        let Some(job) = self.job.take() else { return };
+        if self.state == AxisState::Arming {
+            self.enter(AxisState::Idle, now, out);
+        }
+        out.answer(job.ticket, &Err(error));
+    }
+
+    fn check_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
+        let axis = self.index;
+        match self.job.as_ref().map(|job| job.kind) {
+            Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
+            Some(JobKind::Clear) => match (seen.faults, seen.velocity_rad_s, &self.trip) {
+                (Some(faults), ..) if faults != 0 => {
+                    Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
+                }
+                (_, Some(_), Some(trip)) => self.check_limit_cause(trip.reason),
+                _ => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    fn check_arming_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
+        let axis = self.index;
+        if let Some(level) = seen.ack_level {
+            self.check_ack_level(level)?;
+        }
+        if let Some(on) = seen.timeout_on {
+            self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
+        }
+        if let Some(faults) = seen.faults
+            && faults != 0
+            && !self.is_read_again_later(exchange)
+        {
+            return Err(Error::MotorFault { axis, faults });
+        }
+        match seen.velocity_rad_s {
+            Some(velocity_rad_s) if exchange == Exchange::Velocity && !self.is_standstill(velocity_rad_s) => {
+                Err(Error::NotStandstill { axis, velocity_rad_s })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A level other than the configured one would make every write look lost, or answers unexpected.
+    fn check_ack_level(&self, level: u8) -> Result<(), Error> {
+        let configured = self.config.unsigned(AxisParameter::D5AckLevel).unwrap_or(0);
+        if u32::from(level) == configured {
+            return Ok(());
+        }
+        let number = AxisParameter::D5AckLevel.number();
+        #[allow(clippy::cast_precision_loss)]
+        let expected = configured as f32;
+        Err(Error::OutOfRange {
+            quantity: Quantity::Parameter(number),
+            value: f32::from(level),
+            min: expected,
+            max: expected,
+        })
+    }
+
+    /// Whether a later step of the job asks the same, so that the first answer is only for the record.
+    fn is_read_again_later(&self, exchange: Exchange) -> bool {
+        let (Some(job), Some(protocol)) = (&self.job, self.config.protocol()) else { return false };
+        (job.step + 1..).map_while(|step| job.kind.step(step, protocol)).any(|later| later == exchange)
+    }
+
+    fn finish(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
+        let result = match kind {
+            JobKind::Arm { epoch } => match self.check_motor_timeout() {
+                Ok(()) => {
+                    self.armed(now, epoch, out);
+                    Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout }))
+                }
+                Err(error) => Err(error),
+            },
+            JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
+            JobKind::Provision { timeout_ms } => {
+                self.motor_timeout = self.provisioned(timeout_ms);
+                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout }))
+            }
+            JobKind::Clear => {
+                self.trip = None;
+                self.stop = None;
+                self.holding = self.must_hold();
+                self.enter(AxisState::Idle, now, out);
+                Ok(Reply::Clear(Done {}))
+            }
+        };
+        match result {
+            Ok(reply) => {
+                if let Some(job) = self.job.take() {
+                    out.answer(job.ticket, &Ok(reply));
+                }
+            }
+            Err(error) => self.fail(now, error, out),
+        }
+    }
+
+    /// The motor's own timeout is the second layer: arming without knowing it must be allowed by the configuration.
+    pub fn check_motor_timeout(&self) -> Result<(), Error> {
+        let axis = self.index;
+        match self.motor_timeout {
+            MotorTimeout::Verified | MotorTimeout::Written { .. } => Ok(()),
+            _ if self.config.flag(AxisParameter::AllowUnknownMotorTimeout) => Ok(()),
+            MotorTimeout::Off => Err(Error::MotorTimeoutOff { axis }),
+            MotorTimeout::Unknown => Err(Error::MotorTimeoutUnknown { axis }),
+        }
+    }
+
+    /// A D5 motor has a timeout of its own length, and its switch has been read back; others count the time given.
+    fn provisioned(&self, timeout_ms: u32) -> MotorTimeout {
+        match (timeout_ms, self.config.protocol()) {
+            (0, _) => MotorTimeout::Off,
+            (_, Some(Protocol::D5)) => MotorTimeout::Verified,
+            _ => MotorTimeout::Written { timeout_ms },
+        }
+    }
+
+    fn armed(&mut self, now: Instant, epoch: u32, out: &mut Outbox<'_>) {
+        self.epoch = epoch;
+        self.motion = None;
+        self.not_executed = false;
+        self.fault_poll_at = now + self.config.fault_poll();
+        self.state_poll_at = now + self.config.state_poll();
+        self.enter(AxisState::Armed, now, out);
+    }
+}

@@ -1,0 +1,106 @@
+//! The limits of an axis: setpoints beyond them are refused, measured values beyond them trip.
+
+use super::{Axis, Observation};
+use crate::outbox::Outbox;
+use crate::time::Instant;
+use host_protocol::{AxisParameter, Error, Quantity, Setpoint, TripReason};
+
+impl Axis {
+    /// Refuses a setpoint that is not a number or lies beyond a limit of the axis.
+    pub(super) fn check_limits(&self, setpoint: Setpoint) -> Result<(), Error> {
+        match setpoint {
+            Setpoint::Signal { fraction } => {
+                let limit = self.config.float(AxisParameter::SignalLimit).unwrap_or(1.0);
+                within(Quantity::Signal, fraction, -limit, limit)
+            }
+            Setpoint::Current { current_a } => {
+                let limit = self.limit(AxisParameter::CurrentLimitA);
+                within(Quantity::Current, current_a, -limit, limit)
+            }
+            Setpoint::Velocity { velocity_rad_s } => {
+                let limit = self.limit(AxisParameter::VelocityLimitRadS);
+                within(Quantity::Velocity, velocity_rad_s, -limit, limit)
+            }
+            Setpoint::Position { position_rad, speed_limit_rad_s } => {
+                let fastest = self.limit(AxisParameter::VelocityLimitRadS);
+                within(Quantity::SpeedLimit, speed_limit_rad_s, 0.0, fastest)?;
+                let (min, max) = self.position_range();
+                within(Quantity::Position, position_rad, min, max)
+            }
+        }
+    }
+
+    /// Takes in what a reply tells, and trips an armed axis on a fault or a limit.
+    pub(super) fn observe(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
+        self.measured.update(now, seen);
+        if !self.is_armed() {
+            return;
+        }
+        if let Some(faults) = seen.faults
+            && faults != 0
+        {
+            self.trip(now, TripReason::MotorFault { faults }, out);
+        } else if let Some(reason) = self.exceeded(seen) {
+            self.trip(now, reason, out);
+        }
+    }
+
+    /// Whether a trip for a limit still has its cause.
+    pub(super) fn check_limit_cause(&self, reason: TripReason) -> Result<(), Error> {
+        let TripReason::LimitExceeded { quantity, .. } = reason else { return Ok(()) };
+        let seen = Observation {
+            velocity_rad_s: self.measured.velocity_rad_s(),
+            current_a: self.measured.current_a(),
+            position_rad: self.measured.position_rad(),
+            ..Observation::default()
+        };
+        match self.exceeded(&seen) {
+            Some(reason @ TripReason::LimitExceeded { quantity: still, .. }) if still == quantity => {
+                Err(Error::CauseRemains { axis: self.index, reason })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The first limit that a reading exceeds. Noise and overshoot have the axis's margin.
+    fn exceeded(&self, seen: &Observation) -> Option<TripReason> {
+        let margin = self.config.limit_margin();
+        let beyond = |quantity, value: Option<f32>, min: f32, max: f32| {
+            let value = value?;
+            let limit = if value > max { max } else { min };
+            (value > max || value < min).then_some(TripReason::LimitExceeded { quantity, value, limit })
+        };
+        let velocity = self.limit(AxisParameter::VelocityLimitRadS) * (1.0 + margin);
+        let current = self.limit(AxisParameter::CurrentLimitA) * (1.0 + margin);
+        let hottest = self.limit(AxisParameter::TemperatureLimitC);
+        let (lowest, highest) = self.position_range();
+        // Half an infinite range is no margin at all.
+        let slack = if (highest - lowest).is_finite() { (highest - lowest) * margin } else { 0.0 };
+        beyond(Quantity::Velocity, seen.velocity_rad_s, -velocity, velocity)
+            .or_else(|| beyond(Quantity::Current, seen.current_a, -current, current))
+            .or_else(|| beyond(Quantity::Position, seen.position_rad, lowest - slack, highest + slack))
+            .or_else(|| beyond(Quantity::Temperature, seen.motor_temperature_c, f32::NEG_INFINITY, hottest))
+            .or_else(|| beyond(Quantity::Temperature, seen.driver_temperature_c, f32::NEG_INFINITY, hottest))
+    }
+
+    /// A configured upper limit, or none.
+    fn limit(&self, parameter: AxisParameter) -> f32 {
+        self.config.float(parameter).unwrap_or(f32::INFINITY)
+    }
+
+    fn position_range(&self) -> (f32, f32) {
+        let min = self.config.float(AxisParameter::PositionMinRad).unwrap_or(f32::NEG_INFINITY);
+        (min, self.limit(AxisParameter::PositionMaxRad))
+    }
+}
+
+/// Refuses NaN, infinities and values outside an inclusive range.
+fn within(quantity: Quantity, value: f32, min: f32, max: f32) -> Result<(), Error> {
+    if value.is_nan() {
+        return Err(Error::NotANumber { quantity });
+    }
+    if value < min || value > max || value.is_infinite() {
+        return Err(Error::OutOfRange { quantity, value, min, max });
+    }
+    Ok(())
+}

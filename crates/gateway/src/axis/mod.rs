@@ -1,0 +1,204 @@
+//! One axis: its configuration, its state, and everything it has under way.
+//!
+//! An axis never sends by itself. The bus asks what it [wants](Axis::wants), takes it, and reports what became of it;
+//! one request of an axis is under way at a time, and a stop displaces it.
+
+mod config;
+mod exchanges;
+mod jobs;
+mod limits;
+mod measured;
+mod motion;
+mod stop;
+mod trips;
+mod wants;
+
+pub(crate) use config::{Address, AxisConfig};
+pub(crate) use exchanges::Reception;
+pub(crate) use jobs::{Job, JobKind};
+use measured::Measured;
+pub(crate) use measured::Observation;
+pub(crate) use stop::Stop;
+pub(crate) use wants::{Priority, Want};
+
+use crate::motor::Command;
+use crate::outbox::Outbox;
+use crate::time::{Duration, Instant};
+use core::num::NonZeroU64;
+use exchanges::{Displaced, Pending, Silence};
+use host_protocol::replies::AxisReport;
+use host_protocol::{AxisParameter, AxisState, AxisSummary, MotorTimeout, Trip};
+use motion::Motion;
+
+/// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
+const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
+
+/// One axis of the gateway.
+pub(crate) struct Axis {
+    pub index: u8,
+    pub config: AxisConfig,
+    pub state: AxisState,
+    pub motor_timeout: MotorTimeout,
+    pub measured: Measured,
+    pub trip: Option<Trip>,
+    /// The epoch of the latest arming; setpoints must carry it.
+    epoch: u32,
+    motion: Option<Motion>,
+    stop: Option<Stop>,
+    job: Option<Job>,
+    pending: Option<Pending>,
+    displaced: Option<Displaced>,
+    silence: Silence,
+    /// No ordinary request before this: a reply that is late must not be taken for the next one's.
+    quiet_until: Instant,
+    fault_poll_at: Instant,
+    state_poll_at: Instant,
+    poll_turn: usize,
+    /// After a motion frame whatever else is due goes first, so that fast setpoints starve no poll.
+    motion_had_its_turn: bool,
+    /// The motor has echoed the last motion command without carrying it out.
+    not_executed: bool,
+    /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
+    holding: bool,
+}
+
+impl Axis {
+    pub const fn new(index: u8) -> Self {
+        Self {
+            index,
+            config: AxisConfig::new(),
+            state: AxisState::Unconfigured,
+            motor_timeout: MotorTimeout::Unknown,
+            measured: Measured::new(),
+            trip: None,
+            epoch: 0,
+            motion: None,
+            stop: None,
+            job: None,
+            pending: None,
+            displaced: None,
+            silence: Silence::NONE,
+            quiet_until: Instant::from_micros(0),
+            fault_poll_at: Instant::from_micros(0),
+            state_poll_at: Instant::from_micros(0),
+            poll_turn: 0,
+            motion_had_its_turn: false,
+            not_executed: false,
+            holding: false,
+        }
+    }
+
+    /// Whether motion is allowed or under way, so that polls, limits and trips apply.
+    pub fn is_armed(&self) -> bool {
+        matches!(self.state, AxisState::Armed | AxisState::Active)
+    }
+
+    /// Whether the axis may be configured: nothing is allowed and nothing is under way.
+    pub fn is_at_rest(&self) -> bool {
+        matches!(self.state, AxisState::Unconfigured | AxisState::Idle) && self.job.is_none()
+    }
+
+    /// Whether a stop is due that has not been handed to the bus yet.
+    pub fn stop_waits(&self) -> bool {
+        self.stop.as_ref().is_some_and(Stop::is_unsent)
+    }
+
+    /// Whether the axis waits for a reply of its motor.
+    pub fn awaits_reply(&self) -> bool {
+        self.pending.as_ref().is_some_and(Pending::is_waiting)
+    }
+
+    /// A parameter has been set. Another motor is another motor: nothing is known of it.
+    pub fn configured(
+        &mut self,
+        now: Instant,
+        parameter: AxisParameter,
+        complete: bool,
+        out: &mut Outbox<'_>,
+    ) {
+        if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
+            self.motor_timeout = MotorTimeout::Unknown;
+            self.measured = Measured::new();
+        }
+        self.holding &= self.must_hold();
+        let state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
+        self.enter(state, now, out);
+    }
+
+    /// The motor's own timeout, where the gateway has programmed one.
+    fn programmed_timeout(&self) -> Option<Duration> {
+        match self.motor_timeout {
+            MotorTimeout::Written { timeout_ms } if timeout_ms > 0 => {
+                Some(Duration::from_millis(u64::from(timeout_ms)))
+            }
+            _ => None,
+        }
+    }
+
+    /// How often a setpoint goes out: as configured, and at least every third of the motor's own timeout.
+    pub fn refresh(&self) -> Duration {
+        let configured = self.config.refresh();
+        match self.programmed_timeout() {
+            Some(timeout) => configured.min(timeout.part(REFRESHES_IN_TIMEOUT)),
+            None => configured,
+        }
+    }
+
+    /// Standstill as far as a reading taken since the stop tells.
+    fn standstill(&self) -> Option<bool> {
+        let since = self.stop.as_ref()?.since();
+        let velocity = self.measured.velocity_since(since)?;
+        Some(self.is_standstill(velocity))
+    }
+
+    fn is_standstill(&self, velocity_rad_s: f32) -> bool {
+        velocity_rad_s.abs() <= self.config.standstill_rad_s()
+    }
+
+    /// The axis as a host sees it.
+    pub fn report(&self, now: Instant) -> AxisReport {
+        let readings = self.measured.readings(now);
+        AxisReport {
+            axis: self.index,
+            state: self.state,
+            epoch: self.is_armed().then_some(self.epoch),
+            trip: self.trip,
+            position_rad: readings.position_rad,
+            velocity_rad_s: readings.velocity_rad_s,
+            current_a: readings.current_a,
+            voltage_v: readings.voltage_v,
+            motor_temperature_c: readings.motor_temperature_c,
+            driver_temperature_c: readings.driver_temperature_c,
+            faults: readings.faults,
+            fault_record: self.measured.fault_record,
+            motor_timeout: self.motor_timeout,
+            standstill: self.standstill(),
+            stop_acknowledged: self.stop.as_ref().is_some_and(Stop::is_acknowledged),
+        }
+    }
+
+    /// The axis in one line of the list.
+    pub fn summary(&self) -> AxisSummary {
+        AxisSummary {
+            axis: self.index,
+            bus: self.config.bus(),
+            protocol: self.config.protocol(),
+            node: self.config.node(),
+            state: self.state,
+            missing: self.config.missing().map(|parameter| parameter.number()),
+        }
+    }
+
+    /// Earliest time after `after` at which the axis must be looked at again.
+    pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
+        let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
+        let pending = self.pending.as_ref().and_then(Pending::deadline);
+        let expiry = self.motion.as_ref().and_then(Motion::deadline);
+        let want = if pending.is_none() { self.next_want_at(after) } else { None };
+        [displaced, pending, expiry, want].into_iter().flatten().filter(|at| *at > after).min()
+    }
+
+    fn is_pending(&self, command: &Command) -> bool {
+        self.displaced.as_ref().is_some_and(|d| d.is(command))
+    }
+}

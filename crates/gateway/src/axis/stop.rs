@@ -1,0 +1,352 @@
+//! The stop: sent first, sent again until the motor has confirmed it, and repeated while the axis is tripped
+//! (GUARANTEES G4).
+
+use super::exchanges::Pending;
+use super::{Axis, AxisConfig, Observation};
+use crate::motor::{self, Exchange};
+use crate::outbox::Outbox;
+use crate::time::{Duration, Instant};
+use host_protocol::{AxisState, Event, Protocol, StopAction, TripReason};
+
+/// Every stop is sent at least this often.
+const STOPS_AT_LEAST: u8 = 2;
+/// Speed readings below the threshold that make a standstill.
+const STANDSTILL_READINGS: u8 = 2;
+/// Pause between the readings of a motor that is slowing down.
+const CONFIRM_POLL: Duration = Duration::from_millis(5);
+/// How often the stop is sent again while the motor has not confirmed it.
+const UNCONFIRMED_REPEAT: Duration = Duration::from_millis(50);
+/// How long the brake waits for standstill (GUARANTEES G4, stop table).
+const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
+
+/// Where a stop stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The stop command is sent, at least twice, until it is acknowledged.
+    Command,
+    /// The motor refused it: the fault word is read before the next one.
+    RefusedFaults,
+    /// Then the speed.
+    RefusedVelocity,
+    /// The motor does not answer writes: the commanded speed is read back.
+    ReadBack,
+    /// A device with a position controller is stopped there too.
+    PositionStop,
+    /// Whether an asynchronous write waits.
+    PendingWrite,
+    /// It does: it is overwritten.
+    OverwritePending,
+    /// The speed is read until it is zero.
+    Standstill,
+    /// Brake: locked,
+    LockBrake,
+    /// seen to be locked,
+    VerifyBrake,
+    /// and the output switched off.
+    OutputOff,
+    /// The motor has confirmed the stop.
+    Confirmed,
+}
+
+/// A stop under way, or confirmed and being repeated.
+#[derive(Debug)]
+pub(crate) struct Stop {
+    phase: Phase,
+    /// The trip or the request.
+    since: Instant,
+    /// Stop commands handed to the bus; counts to `STOPS_AT_LEAST`.
+    handed: u8,
+    /// When the first stop command had left.
+    first_left: Option<Instant>,
+    acknowledged: bool,
+    standstill_readings: u8,
+    /// Stop commands in a row without an answer.
+    unanswered: u8,
+    unreachable: bool,
+    /// When the phase's next exchange is due.
+    next_at: Instant,
+    /// When the stop command is due again although the phase is another one.
+    repeat_at: Instant,
+    /// When the phase of reading the speed began.
+    standstill_since: Instant,
+    /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes known.
+    read_after_repeat: bool,
+}
+
+impl Stop {
+    pub fn new(now: Instant) -> Self {
+        Self {
+            phase: Phase::Command,
+            since: now,
+            handed: 0,
+            first_left: None,
+            acknowledged: false,
+            standstill_readings: 0,
+            unanswered: 0,
+            unreachable: false,
+            next_at: now,
+            repeat_at: now + UNCONFIRMED_REPEAT,
+            standstill_since: now,
+            read_after_repeat: false,
+        }
+    }
+
+    pub fn since(&self) -> Instant {
+        self.since
+    }
+
+    /// No stop command has been handed to the bus yet.
+    pub fn is_unsent(&self) -> bool {
+        self.handed == 0
+    }
+
+    pub fn is_acknowledged(&self) -> bool {
+        self.acknowledged
+    }
+
+    /// The host asked again: the stop command goes out now.
+    pub fn repeat_now(&mut self, now: Instant) {
+        self.repeat_at = now;
+        if self.phase == Phase::Command {
+            self.next_at = now;
+        }
+    }
+
+    /// What the stop wants next, and from when on.
+    pub fn next(&self) -> Option<(Exchange, Instant)> {
+        let of_phase = match self.phase {
+            Phase::Command => return Some((Exchange::Stop, self.next_at)),
+            Phase::RefusedFaults => Some(Exchange::Faults),
+            Phase::RefusedVelocity | Phase::Standstill => Some(Exchange::Velocity),
+            Phase::ReadBack => Some(Exchange::CommandedSpeed),
+            Phase::PositionStop => Some(Exchange::PositionStop),
+            Phase::PendingWrite => Some(Exchange::PendingWrite),
+            Phase::OverwritePending => Some(Exchange::OverwritePending),
+            Phase::LockBrake => Some(Exchange::LockBrake),
+            Phase::VerifyBrake => Some(Exchange::Faults),
+            Phase::OutputOff => Some(Exchange::OutputOff),
+            Phase::Confirmed => self.read_after_repeat.then_some(Exchange::Velocity),
+        };
+        let repeat = self.repeats().then_some((Exchange::Stop, self.repeat_at));
+        let of_phase = of_phase.map(|exchange| (exchange, self.next_at));
+        match (repeat, of_phase) {
+            (Some(repeat), Some(next)) => Some(if repeat.1 <= next.1 { repeat } else { next }),
+            (repeat, next) => repeat.or(next),
+        }
+    }
+
+    /// Once the brake is being locked the stop command would switch the output on again.
+    fn repeats(&self) -> bool {
+        !matches!(self.phase, Phase::LockBrake | Phase::VerifyBrake | Phase::OutputOff)
+    }
+
+    /// The bus has taken an exchange of the stop.
+    pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
+        let repeat = if self.phase == Phase::Confirmed || self.unreachable {
+            config.stop_repeat()
+        } else {
+            UNCONFIRMED_REPEAT
+        };
+        match exchange {
+            Exchange::Stop => {
+                self.handed = self.handed.saturating_add(1);
+                self.repeat_at = now + repeat;
+                self.next_at = if self.unreachable { now + repeat } else { now };
+                self.read_after_repeat = self.phase == Phase::Confirmed;
+            }
+            Exchange::Velocity => {
+                self.next_at = now + CONFIRM_POLL;
+                self.read_after_repeat = false;
+            }
+            _ => self.next_at = now,
+        }
+    }
+
+    /// A frame of the stop has left.
+    pub fn left(&mut self, now: Instant, exchange: Exchange) {
+        if exchange == Exchange::Stop && self.first_left.is_none() {
+            self.first_left = Some(now);
+        }
+    }
+
+    fn go(&mut self, now: Instant, phase: Phase) {
+        self.phase = phase;
+        self.next_at = now;
+        if phase == Phase::Standstill {
+            self.standstill_since = now;
+            self.standstill_readings = 0;
+        }
+    }
+}
+
+impl Axis {
+    pub(super) fn stop_answered(
+        &mut self,
+        now: Instant,
+        pending: &Pending,
+        seen: &Observation,
+        out: &mut Outbox<'_>,
+    ) {
+        let Some(stop) = &mut self.stop else { return };
+        let was_unreachable = core::mem::replace(&mut stop.unreachable, false);
+        stop.unanswered = 0;
+        match (stop.phase, pending.exchange) {
+            (Phase::Command, Exchange::Stop) => {
+                if motor::is_answered(&pending.command, &self.config) {
+                    stop.acknowledged |= pending.unambiguous;
+                    self.command_sent(now);
+                } else {
+                    stop.go(now, Phase::ReadBack);
+                }
+            }
+            (Phase::ReadBack, Exchange::CommandedSpeed) => {
+                stop.acknowledged |= seen.commanded_zero == Some(true);
+                stop.go(now, Phase::Command);
+                self.command_sent(now);
+            }
+            (Phase::RefusedFaults, Exchange::Faults) => stop.go(now, Phase::RefusedVelocity),
+            (Phase::RefusedVelocity, Exchange::Velocity) => {
+                stop.go(now, Phase::Command);
+                stop.next_at = now + CONFIRM_POLL;
+            }
+            (Phase::PositionStop, Exchange::PositionStop)
+            | (Phase::OverwritePending, Exchange::OverwritePending) => self.seek_standstill(now),
+            (Phase::PendingWrite, Exchange::PendingWrite) => match seen.write_pending {
+                Some(true) => stop.go(now, Phase::OverwritePending),
+                _ => self.seek_standstill(now),
+            },
+            (Phase::Standstill, Exchange::Velocity) => self.speed_read(now, seen),
+            (Phase::LockBrake, Exchange::LockBrake) => stop.go(now, Phase::VerifyBrake),
+            (Phase::VerifyBrake, Exchange::Faults) => {
+                let next = if seen.brake_locked == Some(true) { Phase::OutputOff } else { Phase::LockBrake };
+                stop.go(now, next);
+            }
+            (Phase::OutputOff, Exchange::OutputOff) => stop.go(now, Phase::Confirmed),
+            _ => {}
+        }
+        if was_unreachable && let Some(trip) = &mut self.trip {
+            trip.unreachable = false;
+        }
+        self.settle_stop(now, out);
+    }
+
+    /// The motor refuses the stop: that confirms nothing. Read the fault and the speed, and send it again.
+    pub(super) fn stop_refused(&mut self, now: Instant, exchange: Exchange) {
+        if let Some(stop) = &mut self.stop
+            && exchange == Exchange::Stop
+        {
+            stop.unanswered = 0;
+            if stop.phase != Phase::Confirmed {
+                stop.go(now, Phase::RefusedFaults);
+            }
+        }
+    }
+
+    pub(super) fn stop_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+        let enough = self.config.stops_before_unreachable();
+        let repeat = self.config.stop_repeat();
+        let Some(stop) = &mut self.stop else { return };
+        match stop.phase {
+            // Nothing of these is needed for the stop itself.
+            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
+            // Past the wait the brake is locked even if the speed cannot be read.
+            Phase::Standstill => self.lock_when_overdue(now),
+            _ => {}
+        }
+        let Some(stop) = &mut self.stop else { return };
+        if !matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
+            return;
+        }
+        stop.unanswered = stop.unanswered.saturating_add(1);
+        if stop.unanswered < enough || stop.unreachable {
+            return;
+        }
+        stop.unreachable = true;
+        stop.acknowledged = false;
+        stop.go(now, Phase::Command);
+        stop.next_at = now + repeat;
+        if self.state == AxisState::Stopping {
+            self.trip(now, TripReason::StopUnconfirmed, out);
+        }
+        self.state = AxisState::Tripped { confirmed: false };
+        if let Some(trip) = &mut self.trip {
+            trip.unreachable = true;
+        }
+        out.event(&Event::AxisUnreachable { axis: self.index });
+    }
+
+    /// Past the last stop command of the first phase: on to what confirms it.
+    fn command_sent(&mut self, now: Instant) {
+        let (protocol, action) = (self.config.protocol(), self.config.stop_action());
+        let Some(stop) = &mut self.stop else { return };
+        if !stop.acknowledged || stop.handed < STOPS_AT_LEAST {
+            return;
+        }
+        if motor::command(Exchange::PositionStop, &self.config).is_some() {
+            stop.go(now, Phase::PositionStop);
+        } else if protocol == Some(Protocol::D5) {
+            stop.go(now, Phase::PendingWrite);
+        } else if action == Some(StopAction::Coast) {
+            stop.go(now, Phase::Confirmed);
+        } else {
+            stop.go(now, Phase::Standstill);
+        }
+    }
+
+    /// A coasting motor has confirmed with its acknowledgement; the others must stand still.
+    fn seek_standstill(&mut self, now: Instant) {
+        let coasts = self.config.stop_action() == Some(StopAction::Coast);
+        if let Some(stop) = &mut self.stop {
+            stop.go(now, if coasts { Phase::Confirmed } else { Phase::Standstill });
+        }
+    }
+
+    fn speed_read(&mut self, now: Instant, seen: &Observation) {
+        let still = seen.velocity_rad_s.is_some_and(|velocity| self.is_standstill(velocity));
+        let brakes = self.config.stop_action() == Some(StopAction::Brake);
+        let Some(stop) = &mut self.stop else { return };
+        stop.standstill_readings = if still { stop.standstill_readings + 1 } else { 0 };
+        if stop.standstill_readings >= STANDSTILL_READINGS {
+            stop.go(now, if brakes { Phase::LockBrake } else { Phase::Confirmed });
+        } else {
+            self.lock_when_overdue(now);
+        }
+    }
+
+    fn lock_when_overdue(&mut self, now: Instant) {
+        let brakes = self.config.stop_action() == Some(StopAction::Brake);
+        if let Some(stop) = &mut self.stop
+            && brakes
+            && now.since(stop.standstill_since) >= BRAKE_WAIT
+        {
+            stop.go(now, Phase::LockBrake);
+        }
+    }
+
+    /// Reports a stop that has just been confirmed: a stopped axis is idle, a tripped one stays tripped.
+    fn settle_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(stop) = &self.stop else { return };
+        let settled = matches!(self.state, AxisState::Stopping | AxisState::Tripped { confirmed: false });
+        if stop.phase != Phase::Confirmed || !settled {
+            return;
+        }
+        let first_left = stop.first_left.unwrap_or(now);
+        out.event(&Event::StopConfirmed {
+            axis: self.index,
+            reaction_us: first_left.since(stop.since).as_micros_u32(),
+            elapsed_us: now.since(stop.since).as_micros_u32(),
+            standstill: self.standstill(),
+        });
+        if self.state == AxisState::Stopping {
+            self.stop = None;
+            self.holding = self.must_hold();
+            self.enter(AxisState::Idle, now, out);
+        } else {
+            let repeat_at = now + self.config.stop_repeat();
+            if let Some(stop) = &mut self.stop {
+                stop.repeat_at = repeat_at;
+            }
+            self.enter(AxisState::Tripped { confirmed: true }, now, out);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Leaving motion: trips, stops and disarming, and the way from one state to another.
+
+use super::{Axis, Stop};
+use crate::outbox::Outbox;
+use crate::time::Instant;
+use host_protocol::{AxisState, Error, Event, Protocol, StopAction, Trip, TripReason};
+
+impl Axis {
+    /// Latches a trip with its reason and starts the stop. Only states in which motion is possible can trip.
+    pub fn trip(&mut self, now: Instant, reason: TripReason, out: &mut Outbox<'_>) {
+        let can_trip = matches!(
+            self.state,
+            AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
+        );
+        if !can_trip {
+            return;
+        }
+        let trip = Trip {
+            reason,
+            time_us: now.as_micros(),
+            velocity_rad_s: self.measured.velocity_rad_s(),
+            position_rad: self.measured.position_rad(),
+            current_a: self.measured.current_a(),
+            unreachable: false,
+        };
+        self.trip = Some(trip);
+        self.state = AxisState::Tripped { confirmed: false };
+        self.fail(now, Error::Tripped { axis: self.index, reason }, out);
+        self.begin_stop(now);
+        out.event(&Event::Tripped { axis: self.index, trip });
+    }
+
+    /// Stops and disarms on request: from any state in which the motor may move, and from rest, where a stop does no harm.
+    pub fn stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        match self.state {
+            AxisState::Unconfigured | AxisState::Stopping => {}
+            AxisState::Tripped { .. } => {
+                if let Some(stop) = &mut self.stop {
+                    stop.repeat_now(now);
+                }
+            }
+            AxisState::Idle | AxisState::Arming | AxisState::Armed | AxisState::Active => {
+                let aborted = match self.state {
+                    AxisState::Arming => {
+                        Error::ArmingAborted { axis: self.index, state: AxisState::Stopping }
+                    }
+                    _ => Error::Busy { axis: self.index },
+                };
+                self.state = AxisState::Stopping;
+                self.fail(now, aborted, out);
+                self.begin_stop(now);
+                self.announce(out);
+            }
+        }
+    }
+
+    /// Disarms: an axis that is neither arming nor armed has nothing to disarm.
+    pub fn disarm(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if matches!(self.state, AxisState::Arming | AxisState::Armed | AxisState::Active) {
+            self.stop(now, out);
+        }
+    }
+
+    /// Leaves a trip whose stop nobody has confirmed. Unsafe: the motor may be turning.
+    pub fn clear_unreachable(&mut self, now: Instant, out: &mut Outbox<'_>) -> Result<(), Error> {
+        if !self.trip.as_ref().is_some_and(|trip| trip.unreachable) {
+            return Err(Error::NothingToClear { axis: self.index });
+        }
+        self.trip = None;
+        self.stop = None;
+        self.displace();
+        self.enter(AxisState::Idle, now, out);
+        Ok(())
+    }
+
+    /// Goes to a state and tells the hosts.
+    pub(super) fn enter(&mut self, state: AxisState, _now: Instant, out: &mut Outbox<'_>) {
+        if self.state != state {
+            self.state = state;
+            self.announce(out);
+        }
+    }
+
+    /// Whether the motor must be kept polled at rest: an RMD holds only while it hears something (0xB3).
+    pub(super) fn must_hold(&self) -> bool {
+        self.config.protocol() == Some(Protocol::Rmd) && self.config.stop_action() == Some(StopAction::Hold)
+    }
+
+    fn announce(&self, out: &mut Outbox<'_>) {
+        out.event(&Event::StateChanged { axis: self.index, state: self.state });
+    }
+
+    /// Stale motion is purged, and what is under way makes room.
+    fn begin_stop(&mut self, now: Instant) {
+        self.motion = None;
+        self.holding = false;
+        if self.stop.is_none() {
+            self.displace();
+            self.stop = Some(Stop::new(now));
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What an axis wants to send next.
+
+use super::Axis;
+use crate::motor::{self, Command, Exchange};
+use crate::time::Instant;
+use host_protocol::AxisState;
+
+/// What goes first on a bus. The order is the order of sending.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Priority {
+    /// A stop of which nothing has been sent yet.
+    FirstStop,
+    /// The rest of a stop.
+    Stop,
+    /// Everything else.
+    Ordinary,
+}
+
+/// A request that an axis wants sent now.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Want {
+    pub priority: Priority,
+    pub exchange: Exchange,
+    pub command: Command,
+}
+
+impl Axis {
+    /// What the axis wants sent at `now`.
+    pub fn wants(&self, now: Instant) -> Option<Want> {
+        if self.pending.is_some() {
+            return None;
+        }
+        let (exchange, at) = self.next_exchange(now)?;
+        if at > now {
+            return None;
+        }
+        let priority = match (&self.stop, exchange) {
+            (Some(stop), _) if stop.is_unsent() => Priority::FirstStop,
+            (Some(_), Exchange::Stop) => Priority::Stop,
+            _ => Priority::Ordinary,
+        };
+        let command = match exchange {
+            Exchange::Motion => self.motion.as_ref()?.command,
+            other => motor::command(other, &self.config)?,
+        };
+        Some(Want { priority, exchange, command })
+    }
+
+    /// When the axis will want something, if nothing happens before.
+    pub(super) fn next_want_at(&self, now: Instant) -> Option<Instant> {
+        self.next_exchange(now).map(|(_, at)| at)
+    }
+
+    /// The next exchange and the time from which on it is wanted. Whatever is overdue longest goes first.
+    fn next_exchange(&self, now: Instant) -> Option<(Exchange, Instant)> {
+        let job = self.job_exchange().map(|exchange| (exchange, Instant::default()));
+        if let Some(stop) = &self.stop {
+            let next = stop.next();
+            return match (next, job) {
+                // A confirmed stop is only repeated: whoever clears it comes between.
+                (Some((_, at)), Some(_)) if at > now => self.earliest([job, None, None]),
+                (None, Some(_)) => self.earliest([job, None, None]),
+                (Some((Exchange::Stop, at)), _) => Some((Exchange::Stop, at)),
+                (next, _) => self.earliest([next, None, None]),
+            };
+        }
+        match self.state {
+            AxisState::Armed | AxisState::Active => {
+                let motion = self.motion.as_ref().map(|motion| (Exchange::Motion, motion.due));
+                let polls = [
+                    Some((Exchange::Faults, self.fault_poll_at)),
+                    self.poll_exchange().map(|exchange| (exchange, self.state_poll_at)),
+                    job,
+                ];
+                self.choose(now, self.earliest([motion, None, None]), self.earliest(polls))
+            }
+            AxisState::Idle if self.holding => {
+                self.earliest([job, Some((Exchange::Velocity, self.state_poll_at)), None])
+            }
+            _ => self.earliest([job, None, None]),
+        }
+    }
+
+    /// Motion goes first, but not twice in a row while something else is due.
+    fn choose(
+        &self,
+        now: Instant,
+        motion: Option<(Exchange, Instant)>,
+        other: Option<(Exchange, Instant)>,
+    ) -> Option<(Exchange, Instant)> {
+        let (Some(motion), Some(other)) = (motion, other) else { return motion.or(other) };
+        let other_first = match (motion.1 <= now, other.1 <= now) {
+            (true, true) => self.motion_had_its_turn,
+            (false, false) => other.1 < motion.1,
+            (_, other_is_due) => other_is_due,
+        };
+        Some(if other_first { other } else { motion })
+    }
+
+    fn earliest(&self, candidates: [Option<(Exchange, Instant)>; 3]) -> Option<(Exchange, Instant)> {
+        candidates
+            .into_iter()
+            .flatten()
+            .map(|(exchange, at)| (exchange, at.max(self.quiet_until)))
+            .min_by_key(|(_, at)| *at)
+    }
+
+    /// The poll whose turn it is, of those this motor has commands for.
+    fn poll_exchange(&self) -> Option<Exchange> {
+        let polls = motor::sequences(self.config.protocol()?).polls;
+        (0..polls.len())
+            .filter_map(|offset| polls.get((self.poll_turn + offset) % polls.len()).copied())
+            .find(|exchange| motor::command(*exchange, &self.config).is_some())
+    }
+}

@@ -1,0 +1,101 @@
+//! A half-duplex serial line: whose turn it is, our own echo, and the frames in the byte stream.
+
+use crate::port::MAX_SERIAL;
+use crate::time::{Duration, Instant};
+use heapless::Deque;
+use rmd::rs485::{Deframer, FRAME_LEN};
+
+/// Idle bits between the last byte heard and the next byte sent.
+pub(super) const GAP_BITS: u64 = 20;
+/// The part of a reply window that delays a stop, at most (GUARANTEES G5).
+const STOP_DELAY: Duration = Duration::from_millis(1);
+
+/// The state of one serial line.
+pub(super) struct Line {
+    local_echo: bool,
+    /// What we have sent and not yet heard back.
+    echo: Deque<u8, MAX_SERIAL>,
+    deframer: Deframer,
+    /// When the last byte was sent or heard.
+    active_at: Instant,
+    /// A request that may still be answered.
+    awaited: Option<Awaited>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Awaited {
+    sent_at: Instant,
+    until: Instant,
+}
+
+impl Line {
+    pub const fn new(local_echo: bool) -> Self {
+        Self {
+            local_echo,
+            echo: Deque::new(),
+            deframer: Deframer::new(),
+            active_at: Instant::from_micros(0),
+            awaited: None,
+        }
+    }
+
+    pub fn restart(&mut self) {
+        self.echo.clear();
+        self.deframer.reset();
+        self.awaited = None;
+    }
+
+    /// From when on a frame may be sent. A stop waits for bytes in flight, never for a whole reply window.
+    pub fn ready_at(&self, is_stop: bool, gap: Duration) -> Instant {
+        let idle = self.active_at + gap;
+        match self.awaited {
+            Some(awaited) if is_stop => idle.max(awaited.until.min(awaited.sent_at + STOP_DELAY)),
+            Some(awaited) => idle.max(awaited.until),
+            None => idle,
+        }
+    }
+
+    /// The port has taken these bytes.
+    pub fn taken(&mut self, bytes: &[u8]) {
+        self.awaited = None;
+        self.deframer.reset();
+        self.echo.clear();
+        if self.local_echo {
+            for byte in bytes {
+                // The echo queue holds the longest transmission.
+                let _ = self.echo.push_back(*byte);
+            }
+        }
+    }
+
+    /// The last bit has left; a reply may come within `window`.
+    pub fn sent(&mut self, now: Instant, window: Duration) {
+        self.active_at = now;
+        self.awaited = Some(Awaited { sent_at: now, until: now + window });
+    }
+
+    /// The awaited reply has come.
+    pub fn answered(&mut self) {
+        self.awaited = None;
+    }
+
+    /// Takes a byte in; returns a whole frame that is not our own echo.
+    pub fn receive(&mut self, now: Instant, byte: u8) -> Option<[u8; FRAME_LEN]> {
+        self.active_at = now;
+        match self.echo.front() {
+            Some(expected) if *expected == byte => {
+                self.echo.pop_front();
+                return None;
+            }
+            // Something else than what was sent: a collision or a line without echo. It is not ours any more.
+            Some(_) => self.echo.clear(),
+            None => {}
+        }
+        self.deframer.push(byte)
+    }
+
+    /// Bytes that belonged to no frame, since the start.
+    pub fn rejected(&self) -> u32 {
+        self.deframer.rejected()
+    }
+}

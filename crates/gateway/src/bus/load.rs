@@ -1,0 +1,50 @@
+//! Whether what the axes of a bus must send and hear fits on it.
+
+use super::line::GAP_BITS;
+use super::transmit::LONGEST_FRAME_BITS;
+use super::{Bus, bits_at};
+use crate::axis::Axis;
+use crate::time::Duration;
+use host_protocol::{BusConfig, BusKind, Error};
+
+/// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and retries. Permille.
+const AVAILABLE_PERMILLE: u32 = 800;
+/// Bits of the 13 bytes of an RMD frame on RS485, with start and stop bits.
+const SERIAL_FRAME_BITS: u64 = 130;
+/// What a motor on RS485 takes to begin its reply.
+const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
+
+/// Refuses axes whose refresh and polls cannot be scheduled on the bus.
+pub(crate) fn check<'a>(
+    bus: &Bus,
+    config: &BusConfig,
+    axes: impl Iterator<Item = &'a Axis>,
+) -> Result<(), Error> {
+    let exchange = exchange_time(bus.kind(), config.bitrate);
+    let needed: u64 = axes.map(|axis| needed_permille(axis, exchange)).sum();
+    let needed = u32::try_from(needed).unwrap_or(u32::MAX);
+    if needed <= AVAILABLE_PERMILLE {
+        return Ok(());
+    }
+    Err(Error::BusOverloaded {
+        bus: bus.index,
+        needed_permille: needed,
+        available_permille: AVAILABLE_PERMILLE,
+    })
+}
+
+/// Time that one request and its reply take.
+fn exchange_time(kind: BusKind, bitrate: u32) -> Duration {
+    match kind {
+        BusKind::Can => bits_at(2 * LONGEST_FRAME_BITS, bitrate),
+        BusKind::Rs485 => bits_at(2 * SERIAL_FRAME_BITS + 2 * GAP_BITS, bitrate) + SERIAL_TURNAROUND,
+    }
+}
+
+/// The share of the bus that one axis takes while it is moving.
+fn needed_permille(axis: &Axis, exchange: Duration) -> u64 {
+    let share = |period: Duration| (exchange.as_micros() * 1_000).div_ceil(period.as_micros().max(1));
+    let motion = share(axis.refresh());
+    let faults = share(axis.config.fault_poll());
+    motion + faults + share(axis.config.state_poll())
+}

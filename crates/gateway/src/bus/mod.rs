@@ -1,0 +1,179 @@
+//! One bus: its configuration, what is on its way, and what it counts.
+
+mod line;
+mod load;
+mod raw;
+mod receive;
+mod transmit;
+
+pub(crate) use load::check as check_load;
+pub(crate) use raw::Raw;
+
+use crate::axis::Axis;
+use crate::outbox::Outbox;
+use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
+use crate::time::{Duration, Instant};
+use embedded_can::Id;
+use host_protocol::replies::BusReport;
+use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Event, TripReason};
+use line::Line;
+
+/// One bus of the gateway.
+pub(crate) struct Bus {
+    index: u8,
+    port: BusPort,
+    config: Option<BusConfig>,
+    generation: u32,
+    state: BusState,
+    transmit_errors: u16,
+    receive_errors: u16,
+    counters: BusCounters,
+    in_flight: [Option<InFlight>; TRANSMIT_SLOTS],
+    line: Line,
+    pub raw: Option<Raw>,
+    /// The axis that was served last; the next one after it goes first.
+    turn: u8,
+}
+
+/// A frame that the port has taken and not yet reported.
+#[derive(Debug, Clone, Copy)]
+struct InFlight {
+    /// Whose it is; `None` for a raw frame.
+    axis: Option<u8>,
+    /// Arbitration id on CAN: two frames of one id are never in a controller at once.
+    id: Option<Id>,
+    /// When it counts as not acknowledged.
+    deadline: Instant,
+    overdue: bool,
+}
+
+impl Bus {
+    pub const fn new(index: u8, port: BusPort) -> Self {
+        let local_echo = match port.kind {
+            BusPortKind::Can => false,
+            BusPortKind::Rs485 { local_echo } => local_echo,
+        };
+        Self {
+            index,
+            port,
+            config: None,
+            generation: 0,
+            state: BusState::Unconfigured,
+            transmit_errors: 0,
+            receive_errors: 0,
+            counters: NO_COUNTS,
+            in_flight: [None; TRANSMIT_SLOTS],
+            line: Line::new(local_echo),
+            raw: None,
+            turn: 0,
+        }
+    }
+
+    pub fn port(&self) -> &BusPort {
+        &self.port
+    }
+
+    pub fn kind(&self) -> BusKind {
+        match self.port.kind {
+            BusPortKind::Can => BusKind::Can,
+            BusPortKind::Rs485 { .. } => BusKind::Rs485,
+        }
+    }
+
+    pub fn config(&self) -> Option<&BusConfig> {
+        self.config.as_ref()
+    }
+
+    pub fn is_off(&self) -> bool {
+        self.state == BusState::BusOff
+    }
+
+    /// Takes a configuration that has been checked. The port restarts the bus.
+    pub fn configure(&mut self, now: Instant, config: BusConfig, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        self.config = Some(config);
+        self.generation = self.generation.wrapping_add(1);
+        self.line.restart();
+        self.empty(now, axes, out);
+    }
+
+    pub fn setup(&self) -> Option<BusSetup> {
+        let config = self.config.as_ref()?;
+        Some(BusSetup { generation: self.generation, bitrate: config.bitrate })
+    }
+
+    pub fn report(&self) -> BusReport {
+        BusReport {
+            config: self.config,
+            state: self.state,
+            transmit_errors: self.transmit_errors,
+            receive_errors: self.receive_errors,
+            counters: self.counters,
+            raw_open: self.raw.is_some(),
+        }
+    }
+
+    /// The port reports the controller's state. Bus-off trips the axes here and empties what was on its way.
+    pub fn state_changed(
+        &mut self,
+        now: Instant,
+        state: BusState,
+        errors: (u16, u16),
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
+        (self.transmit_errors, self.receive_errors) = errors;
+        if state == self.state {
+            return;
+        }
+        self.state = state;
+        out.event(&Event::BusStateChanged { bus: self.index, state });
+        if state != BusState::BusOff {
+            return;
+        }
+        self.counters.bus_offs = self.counters.bus_offs.saturating_add(1);
+        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+            axis.trip(now, TripReason::BusOff, out);
+        }
+        self.empty(now, axes, out);
+    }
+
+    /// The port has dropped every frame it held.
+    fn empty(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        self.in_flight = [None; TRANSMIT_SLOTS];
+        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+            axis.forget_exchanges(now, out);
+        }
+    }
+
+    pub fn receive_overflow(&mut self, lost: u32) {
+        self.counters.receive_overflows = self.counters.receive_overflows.saturating_add(lost);
+    }
+
+    /// How long a motor here has for its reply.
+    fn reply_window(&self) -> Duration {
+        let us = self.config.as_ref().map_or(0, |config| config.reply_window_us);
+        Duration::from_micros(u64::from(us))
+    }
+
+    /// Time of `bits` bits at the bus's bitrate, rounded up.
+    fn bit_time(&self, bits: u64) -> Duration {
+        bits_at(bits, self.config.as_ref().map_or(0, |config| config.bitrate))
+    }
+}
+
+/// Time of `bits` bits at a bitrate, rounded up to the microsecond.
+fn bits_at(bits: u64, bitrate: u32) -> Duration {
+    Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(bitrate.max(1))))
+}
+
+const NO_COUNTS: BusCounters = BusCounters {
+    sent: 0,
+    received: 0,
+    unmatched: 0,
+    late: 0,
+    rejected: 0,
+    receive_overflows: 0,
+    missed_acknowledgements: 0,
+    cancelled: 0,
+    bus_offs: 0,
+};

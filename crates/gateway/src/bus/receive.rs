@@ -1,0 +1,94 @@
+//! What arrives on a bus, and whom it is for.
+
+use super::Bus;
+use crate::axis::{Axis, Reception};
+use crate::motor::{self, Received};
+use crate::outbox::Outbox;
+use crate::time::Instant;
+use host_protocol::{BusKind, CanFrame, Event, RawFrame, ReceivedFrame};
+use rmd::rs485::FRAME_LEN;
+
+impl Bus {
+    /// A frame has arrived on a CAN bus.
+    pub fn can_received(&mut self, now: Instant, frame: CanFrame, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        self.counters.received = self.counters.received.saturating_add(1);
+        if let Some(raw) = &mut self.raw {
+            raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Can(frame) });
+        }
+        let Some(config) = self.config else { return };
+        let mut understood = false;
+        for received in config.protocols.iter().filter_map(|protocol| motor::from_can(protocol, &frame)) {
+            let wanted = |axis: &&mut Axis| {
+                is_from(axis, self.index, &received) && motor::accepts_id(&axis.config, &frame)
+            };
+            if let Some(axis) = axes.iter_mut().find(wanted) {
+                understood = true;
+                self.deliver(now, axis, &received, out);
+            }
+        }
+        if !understood {
+            self.counters.unmatched = self.counters.unmatched.saturating_add(1);
+        }
+    }
+
+    /// Bytes have arrived on a serial bus.
+    pub fn serial_received(&mut self, now: Instant, bytes: &[u8], axes: &mut [Axis], out: &mut Outbox<'_>) {
+        if self.kind() != BusKind::Rs485 || self.config.is_none() {
+            return;
+        }
+        if let Some(raw) = &mut self.raw {
+            for chunk in bytes.chunks(host_protocol::MAX_SERIAL_FRAME) {
+                if let Ok(bytes) = chunk.try_into() {
+                    raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Serial(bytes) });
+                }
+            }
+        }
+        for byte in bytes {
+            if let Some(frame) = self.line.receive(now, *byte) {
+                self.serial_frame(now, &frame, axes, out);
+            }
+        }
+        self.counters.rejected = self.line.rejected();
+    }
+
+    fn serial_frame(
+        &mut self,
+        now: Instant,
+        frame: &[u8; FRAME_LEN],
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
+        self.counters.received = self.counters.received.saturating_add(1);
+        let received = rmd::rs485::decode_reply(frame)
+            .ok()
+            .map(|(node, reply)| Received::Rmd { node: node.get(), reply });
+        let axis = received.and_then(|received| {
+            let axis = axes.iter_mut().find(|axis| is_from(axis, self.index, &received))?;
+            Some((axis, received))
+        });
+        match axis {
+            Some((axis, received)) => self.deliver(now, axis, &received, out),
+            None => self.counters.unmatched = self.counters.unmatched.saturating_add(1),
+        }
+    }
+
+    fn deliver(&mut self, now: Instant, axis: &mut Axis, received: &Received, out: &mut Outbox<'_>) {
+        match axis.received(now, received, out) {
+            Reception::Answer => self.line.answered(),
+            Reception::Late => self.counters.late = self.counters.late.saturating_add(1),
+            Reception::Unasked => match received.notice() {
+                Some((data, length)) => {
+                    out.event(&Event::MotorNotice { axis: axis.index, data, length });
+                }
+                None => self.counters.late = self.counters.late.saturating_add(1),
+            },
+        }
+    }
+}
+
+/// Whether a frame of this bus comes from the axis's motor.
+fn is_from(axis: &Axis, bus: u8, received: &Received) -> bool {
+    axis.config
+        .address()
+        .is_some_and(|a| a.bus == bus && a.protocol == received.protocol() && a.node == received.node())
+}

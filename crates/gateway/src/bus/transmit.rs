@@ -1,0 +1,193 @@
+//! What goes out next on a bus, and what becomes of it.
+
+use super::line::GAP_BITS;
+use super::{Bus, InFlight};
+use crate::axis::{Axis, Priority, Want};
+use crate::motor::{self, Exchange};
+use crate::outbox::Outbox;
+use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
+use crate::time::{Duration, Instant};
+use embedded_can::Id;
+use heapless::Vec;
+use host_protocol::{BusKind, RawFrame, TripReason};
+
+/// Requests outstanding on one CAN bus; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
+const MAX_OUTSTANDING: usize = 4;
+/// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
+const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
+const ACKNOWLEDGE_FRAMES: u64 = 4;
+/// Longest stuffed standard data frame with intermission, bits.
+pub(super) const LONGEST_FRAME_BITS: u64 = 135;
+/// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
+const INTERNAL_ENCODING: u16 = 1;
+
+/// The slot of a frame that is sent when nothing else is on its way.
+const ORDINARY_SLOT: u8 = 0;
+
+impl Bus {
+    /// The next frame, if the bus may send one now.
+    pub fn poll_transmit(
+        &mut self,
+        now: Instant,
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) -> Option<Transmit> {
+        if self.config.is_none() || self.is_off() {
+            return None;
+        }
+        if let Some((index, want)) = self.choose(now, axes)
+            && let Some(axis) = axes.get_mut(index)
+        {
+            return self.hand_over(now, axis, want, out);
+        }
+        self.raw_frame(now)
+    }
+
+    /// The port has sent the frame in `slot`.
+    pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take) else {
+            return;
+        };
+        self.counters.sent = self.counters.sent.saturating_add(1);
+        let window = self.reply_window();
+        if self.kind() == BusKind::Rs485 {
+            self.line.sent(now, window);
+        }
+        if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
+            axis.left(now, slot, window, out);
+        }
+    }
+
+    /// Looks for frames that nobody has acknowledged in time.
+    pub fn expire_in_flight(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
+            let Some(in_flight) = in_flight.as_mut().filter(|f| !f.overdue && f.deadline <= now) else {
+                continue;
+            };
+            in_flight.overdue = true;
+            self.counters.missed_acknowledgements = self.counters.missed_acknowledgements.saturating_add(1);
+            if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
+                axis.unacknowledged(now, slot, out);
+            }
+        }
+    }
+
+    /// Earliest time after `after` at which the bus must be looked at again.
+    pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
+        let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
+        let gap = self.bit_time(GAP_BITS);
+        let line = match self.kind() {
+            BusKind::Rs485 => [Some(self.line.ready_at(true, gap)), Some(self.line.ready_at(false, gap))],
+            BusKind::Can => [None, None],
+        };
+        overdue.chain(line.into_iter().flatten()).filter(|at| *at > after).min()
+    }
+
+    /// The axis to serve now: stops first, then in turn.
+    fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
+        let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
+        let stops_wait = axes.iter().filter(here).any(Axis::stop_waits);
+        let outstanding = axes.iter().filter(here).filter(|axis| axis.awaits_reply()).count();
+        let may_ordinary = !stops_wait && self.may_send_ordinary(now, outstanding);
+        let turn = usize::from(self.turn);
+        let mut best: Option<(usize, Want)> = None;
+        for offset in 1..=axes.len() {
+            let index = (turn + offset) % axes.len();
+            let Some(axis) = axes.get(index).filter(here) else { continue };
+            let Some(want) = axis.wants(now) else { continue };
+            let allowed = match want.priority {
+                Priority::Ordinary => may_ordinary,
+                Priority::FirstStop | Priority::Stop => self.may_send_stop(now, axis, &want),
+            };
+            if allowed && best.as_ref().is_none_or(|(_, chosen)| want.priority < chosen.priority) {
+                best = Some((index, want));
+            }
+        }
+        best
+    }
+
+    fn may_send_ordinary(&self, now: Instant, outstanding: usize) -> bool {
+        let free = self.in_flight.iter().all(Option::is_none);
+        match self.kind() {
+            BusKind::Can => free && outstanding < MAX_OUTSTANDING,
+            BusKind::Rs485 => free && self.line.ready_at(false, self.bit_time(GAP_BITS)) <= now,
+        }
+    }
+
+    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want) -> bool {
+        match self.kind() {
+            BusKind::Can => {
+                let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
+                self.free_slot().is_some() && !self.in_flight.iter().flatten().any(|f| f.id == id)
+            }
+            BusKind::Rs485 => {
+                self.in_flight.iter().all(Option::is_none)
+                    && self.line.ready_at(true, self.bit_time(GAP_BITS)) <= now
+            }
+        }
+    }
+
+    fn free_slot(&self) -> Option<u8> {
+        (0u8..).zip(&self.in_flight).find(|(_, f)| f.is_none()).map(|(slot, _)| slot)
+    }
+
+    fn hand_over(
+        &mut self,
+        now: Instant,
+        axis: &mut Axis,
+        want: Want,
+        out: &mut Outbox<'_>,
+    ) -> Option<Transmit> {
+        let frame = match self.kind() {
+            BusKind::Can => motor::to_can(&want.command, &axis.config).map(Outgoing::Can),
+            BusKind::Rs485 => motor::to_serial(&want.command, &axis.config).map(Outgoing::Serial),
+        };
+        let (Some(frame), Some(slot)) = (frame, self.free_slot()) else {
+            axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
+            return None;
+        };
+        self.turn = axis.index;
+        axis.handed(now, want.exchange, want.command, slot);
+        let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let within = match want.exchange {
+            Exchange::Motion => within.min(axis.config.ttl()),
+            _ => within,
+        };
+        Some(self.launch(now, slot, Some(axis.index), frame, within))
+    }
+
+    fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
+        if !self.may_send_ordinary(now, 0) {
+            return None;
+        }
+        let frame = match self.raw.as_mut()?.next_to_send()? {
+            RawFrame::Can(frame) => Outgoing::Can(frame),
+            RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
+        };
+        let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        Some(self.launch(now, ORDINARY_SLOT, None, frame, within))
+    }
+
+    fn launch(
+        &mut self,
+        now: Instant,
+        slot: u8,
+        axis: Option<u8>,
+        frame: Outgoing,
+        within: Duration,
+    ) -> Transmit {
+        let id: Option<Id> = match &frame {
+            Outgoing::Can(frame) => Some(frame.id()),
+            Outgoing::Serial(bytes) => {
+                self.line.taken(bytes);
+                None
+            }
+        };
+        if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
+            *place = Some(InFlight { axis, id, deadline: now + within, overdue: false });
+        }
+        Transmit { slot, frame }
+    }
+}
+
+const _: () = assert!((ORDINARY_SLOT as usize) < TRANSMIT_SLOTS);

@@ -1,0 +1,182 @@
+//! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still fits together.
+
+use crate::axis::{Address, Axis, AxisConfig};
+use crate::bus::{Bus, check_load};
+use crate::gateway::Gateway;
+use crate::motor;
+use crate::outbox::Outbox;
+use crate::time::Instant;
+use host_protocol::{
+    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Protocol, Quantity, Value,
+    requests,
+};
+
+/// Reply window of a bus: shortest and longest, microseconds (GUARANTEES, head).
+const REPLY_WINDOW_US: (u32, u32) = (100, 200_000);
+
+impl Gateway {
+    pub(crate) fn configure_gateway(&mut self, request: &requests::ConfigureGateway) -> Result<(), Error> {
+        let unknown = Error::UnknownParameter { parameter: request.parameter };
+        match GatewayParameter::from_number(request.parameter).ok_or(unknown)? {
+            parameter @ GatewayParameter::LinkSilenceUs => {
+                parameter.check(request.value)?;
+                if let Value::Unsigned(us) = request.value {
+                    self.authority.set_silence(crate::Duration::from_micros(u64::from(us)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn configure_bus(
+        &mut self,
+        now: Instant,
+        request: &requests::ConfigureBus,
+    ) -> Result<(), Error> {
+        let bus = self.bus(request.bus)?;
+        if !bus.port().bitrates.contains(&request.bitrate) {
+            return Err(out_of_bitrates(bus, request.bitrate));
+        }
+        let (min, max) = REPLY_WINDOW_US;
+        if !(min..=max).contains(&request.reply_window_us) {
+            return Err(out_of_range(Quantity::ReplyWindow, request.reply_window_us, min, max));
+        }
+        for protocol in request.protocols.iter() {
+            check_kind(request.bus, bus.kind(), protocol)?;
+        }
+        let config = BusConfig {
+            bitrate: request.bitrate,
+            protocols: request.protocols,
+            wholly_ours: request.wholly_ours,
+            reply_window_us: request.reply_window_us,
+        };
+        let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(request.bus));
+        for axis in here() {
+            if !axis.is_at_rest() {
+                return Err(Error::BusInUse { bus: request.bus, axis: axis.index });
+            }
+            if let Some(protocol) = axis.config.protocol()
+                && axis.state != AxisState::Unconfigured
+                && !config.protocols.contains(protocol)
+            {
+                return Err(Error::ProtocolNotOnBus { bus: request.bus, protocol });
+            }
+        }
+        check_load(bus, &config, here().filter(|axis| axis.state != AxisState::Unconfigured))?;
+        self.on_bus(now, request.bus, |bus, axes, out| bus.configure(now, config, axes, out));
+        Ok(())
+    }
+
+    pub(crate) fn configure_axis(
+        &mut self,
+        now: Instant,
+        request: &requests::ConfigureAxis,
+    ) -> Result<(), Error> {
+        let unknown = Error::UnknownParameter { parameter: request.parameter };
+        let parameter = AxisParameter::from_number(request.parameter).ok_or(unknown)?;
+        let axis = self.axis(request.axis)?;
+        if axis.is_busy() {
+            return Err(Error::Busy { axis: request.axis });
+        }
+        if !axis.is_at_rest() {
+            return Err(Error::NotIdle { axis: request.axis, state: axis.state });
+        }
+        let mut config = axis.config.clone();
+        config.set(parameter, request.value)?;
+        let complete = config.missing().is_none();
+        if complete {
+            self.check_axis(request.axis, &config)?;
+        }
+        let previous = core::mem::replace(&mut self.axis_mut(request.axis)?.config, config);
+        if let Err(error) = self.check_axis_load(request.axis) {
+            self.axis_mut(request.axis)?.config = previous;
+            return Err(error);
+        }
+        let Self { axes, links, .. } = self;
+        if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
+            axis.configured(now, parameter, complete, &mut Outbox::new(now, links));
+        }
+        Ok(())
+    }
+
+    pub(crate) fn remove_axis(&mut self, axis: u8) -> Result<(), Error> {
+        let removed = self.axis(axis)?;
+        if !removed.is_at_rest() {
+            return Err(Error::NotIdle { axis, state: removed.state });
+        }
+        *self.axis_mut(axis)? = Axis::new(axis);
+        Ok(())
+    }
+
+    /// Whether a complete configuration fits its bus, its protocol and the other axes.
+    fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
+        let Some(address) = config.address() else { return Ok(()) };
+        let Address { bus: bus_index, protocol, node } = address;
+        let bus = self.bus(bus_index)?;
+        check_kind(bus_index, bus.kind(), protocol)?;
+        let max = match protocol {
+            Protocol::Rmd => rmd::Node::MAX,
+            Protocol::Thruster => thruster::Node::MAX,
+            Protocol::D5 => d5::Node::MAX,
+        };
+        if node > max {
+            return Err(out_of_range(Quantity::Node, u32::from(node), 1, u32::from(max)));
+        }
+        if config.stop_action().is_some_and(|action| !motor::can_stop_by(protocol, action)) {
+            return Err(Error::Unsupported { axis, protocol });
+        }
+        if let Some(config) = bus.config()
+            && !config.protocols.contains(protocol)
+        {
+            return Err(Error::ProtocolNotOnBus { bus: bus_index, protocol });
+        }
+        let other = |other: &&Axis| other.index != axis && other.config.address() == Some(address);
+        if let Some(other) = self.axes.iter().find(other) {
+            return Err(Error::NodeInUse { axis: other.index });
+        }
+        let min = config.float(AxisParameter::PositionMinRad).unwrap_or(f32::NEG_INFINITY);
+        let max = config.float(AxisParameter::PositionMaxRad).unwrap_or(f32::INFINITY);
+        if min > max {
+            let quantity = Quantity::Parameter(AxisParameter::PositionMinRad.number());
+            return Err(Error::OutOfRange { quantity, value: min, min: f32::NEG_INFINITY, max });
+        }
+        Ok(())
+    }
+
+    /// Whether the axis's bus can still carry what all its axes need.
+    pub(crate) fn check_axis_load(&self, axis: u8) -> Result<(), Error> {
+        let config = &self.axis(axis)?.config;
+        if config.missing().is_some() {
+            return Ok(());
+        }
+        let Some(bus_index) = config.bus() else { return Ok(()) };
+        let bus = self.bus(bus_index)?;
+        let Some(bus_config) = bus.config() else { return Ok(()) };
+        let here = self
+            .axes
+            .iter()
+            .filter(|other| other.config.bus() == Some(bus_index) && other.config.missing().is_none());
+        check_load(bus, bus_config, here)
+    }
+}
+
+/// Which protocol runs on which kind of bus (DESIGN, Buses).
+fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
+    match (protocol, kind) {
+        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
+        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
+    }
+}
+
+fn out_of_bitrates(bus: &Bus, bitrate: u32) -> Error {
+    let bitrates = bus.port().bitrates;
+    let min = bitrates.iter().copied().min().unwrap_or(0);
+    let max = bitrates.iter().copied().max().unwrap_or(0);
+    out_of_range(Quantity::Bitrate, bitrate, min, max)
+}
+
+/// The numbers of an error are for people to read: f32 is precise enough.
+#[allow(clippy::cast_precision_loss)]
+fn out_of_range(quantity: Quantity, value: u32, min: u32, max: u32) -> Error {
+    Error::OutOfRange { quantity, value: value as f32, min: min as f32, max: max as f32 }
+}

@@ -1,0 +1,182 @@
+//! The gateway as one object: events in, frames out.
+
+use crate::authority::Authority;
+use crate::axis::Axis;
+use crate::bus::Bus;
+use crate::link::Link;
+use crate::outbox::Outbox;
+use crate::port::{Board, BusSetup, Event, Transmit};
+use crate::time::Instant;
+use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
+use heapless::Vec;
+use host_protocol::{Error, MAX_FRAME};
+
+/// A gateway: everything between the host links and the buses of one board.
+pub struct Gateway {
+    pub(crate) board: &'static Board,
+    pub(crate) axes: [Axis; MAX_AXES],
+    pub(crate) buses: Vec<Bus, MAX_BUSES>,
+    pub(crate) links: [Link; MAX_LINKS],
+    pub(crate) authority: Authority,
+    /// The epoch of the latest arming of any axis.
+    pub(crate) epoch: u32,
+    /// Latched by an e-stop: nothing is armed until it is cleared.
+    pub(crate) e_stopped: bool,
+    now: Instant,
+}
+
+impl Gateway {
+    /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out.
+    pub fn new(board: &'static Board) -> Self {
+        let buses = (0u8..).zip(board.buses).take(MAX_BUSES);
+        Self {
+            board,
+            axes: core::array::from_fn(|index| Axis::new(u8::try_from(index).unwrap_or(u8::MAX))),
+            buses: buses.map(|(index, port)| Bus::new(index, *port)).collect(),
+            links: [const { Link::new() }; MAX_LINKS],
+            authority: Authority::new(),
+            epoch: 0,
+            e_stopped: false,
+            now: Instant::from_micros(0),
+        }
+    }
+
+    /// Takes in what happened at `now`. A time earlier than one given before counts as that one.
+    pub fn handle(&mut self, now: Instant, event: Event<'_>) {
+        let now = now.max(self.now);
+        self.now = now;
+        self.supervise(now);
+        match event {
+            Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
+            Event::CanReceived { bus, frame } => {
+                self.on_bus(now, bus, |bus, axes, out| bus.can_received(now, frame, axes, out));
+            }
+            Event::SerialReceived { bus, bytes } => {
+                self.on_bus(now, bus, |bus, axes, out| bus.serial_received(now, bytes, axes, out));
+            }
+            Event::Transmitted { bus, slot } => {
+                self.on_bus(now, bus, |bus, axes, out| bus.transmitted(now, slot, axes, out));
+            }
+            Event::BusState { bus, state, transmit_errors, receive_errors } => {
+                let errors = (transmit_errors, receive_errors);
+                self.on_bus(now, bus, |bus, axes, out| bus.state_changed(now, state, errors, axes, out));
+            }
+            Event::ReceiveOverflow { bus, lost } => {
+                self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
+            }
+            Event::Tick => {}
+        }
+    }
+
+    /// The next frame for a bus, if the bus may send one now.
+    pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
+        let now = now.max(self.now);
+        let Self { buses, axes, links, .. } = self;
+        buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links))
+    }
+
+    /// Writes the next delimited frame for a host link to `out` and returns its length.
+    pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.links.get_mut(usize::from(link))?.poll_transmit(out)
+    }
+
+    /// How the bus must be running; `None` while it is not configured.
+    pub fn bus_setup(&self, bus: u8) -> Option<BusSetup> {
+        self.buses.get(usize::from(bus))?.setup()
+    }
+
+    /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
+        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now));
+        axes.chain(buses).chain(self.authority.deadline()).min()
+    }
+
+    /// Everything that time alone brings about.
+    fn supervise(&mut self, now: Instant) {
+        if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
+            self.lose_authority(now);
+        }
+        let Self { buses, axes, links, .. } = self;
+        let mut out = Outbox::new(now, links);
+        for axis in axes.iter_mut() {
+            axis.expire_motion(now, &mut out);
+            axis.expire_pending(now, &mut out);
+        }
+        for bus in buses {
+            bus.expire_in_flight(now, axes, &mut out);
+        }
+    }
+
+    fn host_bytes(&mut self, now: Instant, link: u8, bytes: &[u8]) {
+        for byte in bytes {
+            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            let incoming = port.receive(now.as_micros(), *byte);
+            if port.last_valid() == Some(now.as_micros()) {
+                self.authority.heard(now, link);
+            }
+            if let Some(incoming) = incoming {
+                self.execute(now, link, incoming);
+            }
+        }
+    }
+
+    pub(crate) fn outbox(&mut self, now: Instant) -> Outbox<'_> {
+        Outbox::new(now, &mut self.links)
+    }
+
+    pub(crate) fn axis(&self, axis: u8) -> Result<&Axis, Error> {
+        self.axes.get(usize::from(axis)).ok_or(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE })
+    }
+
+    pub(crate) fn axis_mut(&mut self, axis: u8) -> Result<&mut Axis, Error> {
+        self.axes.get_mut(usize::from(axis)).ok_or(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE })
+    }
+
+    pub(crate) fn bus(&self, bus: u8) -> Result<&Bus, Error> {
+        self.buses.get(usize::from(bus)).ok_or(self.unknown_bus(bus))
+    }
+
+    pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
+        let unknown = self.unknown_bus(bus);
+        self.buses.get_mut(usize::from(bus)).ok_or(unknown)
+    }
+
+    fn unknown_bus(&self, bus: u8) -> Error {
+        Error::UnknownBus { bus, buses: u8::try_from(self.buses.len()).unwrap_or(u8::MAX) }
+    }
+
+    /// Calls `act` with an axis and the way to the hosts.
+    pub(crate) fn with_axis<T>(
+        &mut self,
+        now: Instant,
+        axis: u8,
+        act: impl FnOnce(&mut Axis, &mut Outbox<'_>) -> T,
+    ) -> Result<T, Error> {
+        let Self { axes, links, .. } = self;
+        let unknown = Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE };
+        let axis = axes.get_mut(usize::from(axis)).ok_or(unknown)?;
+        Ok(act(axis, &mut Outbox::new(now, links)))
+    }
+
+    /// Calls `act` with every axis.
+    pub(crate) fn each_axis(&mut self, now: Instant, mut act: impl FnMut(&mut Axis, &mut Outbox<'_>)) {
+        let Self { axes, links, .. } = self;
+        let mut out = Outbox::new(now, links);
+        for axis in axes {
+            act(axis, &mut out);
+        }
+    }
+
+    pub(crate) fn on_bus(
+        &mut self,
+        now: Instant,
+        bus: u8,
+        act: impl FnOnce(&mut Bus, &mut [Axis], &mut Outbox<'_>),
+    ) {
+        let Self { buses, axes, links, .. } = self;
+        if let Some(bus) = buses.get_mut(usize::from(bus)) {
+            act(bus, axes, &mut Outbox::new(now, links));
+        }
+    }
+}

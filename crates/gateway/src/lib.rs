@@ -1,0 +1,34 @@
+//! The core of the motor gateway, without input or output: axes, routing, translation, deadlines, stop sequences.
+//!
+//! It takes events and the time as arguments and never reads a clock or touches a peripheral, so the same code runs
+//! in the firmware, in the simulator and in tests with virtual time.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod authority;
+mod axis;
+mod bus;
+mod configure;
+mod convert;
+mod gateway;
+pub mod link;
+mod motor;
+mod outbox;
+pub mod port;
+mod requests;
+pub mod time;
+
+pub use gateway::Gateway;
+pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Outgoing, Transmit};
+pub use time::{Duration, Instant};
+
+/// Axes of one gateway.
+pub const MAX_AXES: usize = 32;
+/// Buses of one gateway.
+pub const MAX_BUSES: usize = 4;
+/// Host links of one gateway.
+pub const MAX_LINKS: usize = 2;
+
+/// [`MAX_AXES`] as the wire carries it.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) const MAX_AXES_WIRE: u8 = MAX_AXES as u8;

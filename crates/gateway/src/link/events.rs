@@ -1,0 +1,124 @@
+//! The events of a link that wait to be sent.
+
+use core::mem::take;
+
+use heapless::Deque;
+use host_protocol::{Event, FrameError, MAX_FRAME};
+
+/// Events that can wait.
+const QUEUE: usize = 16;
+
+/// Reasons of [`FrameError`], numbered from 1 without gaps.
+const REASONS: usize = FrameError::ALL.len();
+
+struct Waiting {
+    time_us: u64,
+    /// Events lost between the one before and this one.
+    dropped: u32,
+    event: Event,
+}
+
+/// How often something happened that is reported as one event.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    count: u32,
+    /// The last time.
+    time_us: u64,
+}
+
+impl Tally {
+    const NONE: Self = Self { count: 0, time_us: 0 };
+
+    fn add(&mut self, now_us: u64) {
+        self.count = self.count.saturating_add(1);
+        self.time_us = now_us;
+    }
+}
+
+/// The queue, and the faults of the link itself, which are counted instead of queued so that noise on the line cannot
+/// push out what happened to an axis.
+pub struct Events {
+    queue: Deque<Waiting, QUEUE>,
+    dropped: u32,
+    rejected_frames: [Tally; REASONS],
+    dropped_requests: Tally,
+    sequence: u16,
+    /// Whether the host has said hello and can read what we send.
+    open: bool,
+}
+
+impl Events {
+    pub const fn new() -> Self {
+        Self {
+            queue: Deque::new(),
+            dropped: 0,
+            rejected_frames: [Tally::NONE; REASONS],
+            dropped_requests: Tally::NONE,
+            sequence: 0,
+            open: false,
+        }
+    }
+
+    /// A host has said hello: what waited for another one is forgotten. A host of another version gets no events.
+    pub fn start_session(&mut self, open: bool) {
+        *self = Self { open, ..Self::new() };
+    }
+
+    pub fn push(&mut self, now_us: u64, event: &Event) {
+        if !self.open {
+            return;
+        }
+        let waiting = Waiting { time_us: now_us, dropped: self.dropped, event: *event };
+        self.dropped = match self.queue.push_back(waiting) {
+            Ok(()) => 0,
+            Err(_) => self.dropped.saturating_add(1),
+        };
+    }
+
+    /// Bytes between two delimiters were no frame.
+    pub fn frame_rejected(&mut self, now_us: u64, error: &FrameError) {
+        let index = usize::from(error.number()).checked_sub(1);
+        if let Some(tally) = index.and_then(|index| self.rejected_frames.get_mut(index)) {
+            tally.add(now_us);
+        }
+    }
+
+    /// A request had no slot.
+    pub fn request_dropped(&mut self, now_us: u64) {
+        self.dropped_requests.add(now_us);
+    }
+
+    pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        let Waiting { time_us, dropped, event } = self.next()?;
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        event.encode_frame(sequence, dropped, time_us, out).ok()
+    }
+
+    pub fn has_output(&self) -> bool {
+        let tallies = self.rejected_frames.iter().chain([&self.dropped_requests]);
+        self.open && (!self.queue.is_empty() || tallies.into_iter().any(|tally| tally.count > 0))
+    }
+
+    fn next(&mut self) -> Option<Waiting> {
+        if !self.open {
+            return None;
+        }
+        if let Some(waiting) = self.queue.pop_front() {
+            return Some(waiting);
+        }
+        let (time_us, event) = self.next_tally()?;
+        Some(Waiting { time_us, dropped: take(&mut self.dropped), event })
+    }
+
+    fn next_tally(&mut self) -> Option<(u64, Event)> {
+        for (reason, tally) in (1..).zip(&mut self.rejected_frames) {
+            if tally.count > 0 {
+                let Tally { count, time_us } = take(tally);
+                return Some((time_us, Event::FrameRejected { reason, count }));
+            }
+        }
+        let Tally { count, time_us } = take(&mut self.dropped_requests);
+        (count > 0).then_some((time_us, Event::RequestDropped { count }))
+    }
+}

@@ -1,0 +1,128 @@
+//! The session of one host link: bytes in, requests out; results and events in, bytes out.
+//!
+//! A link executes nothing and knows no axis. It sees to it that a request is executed at most once and has one
+//! result, that a reply has its place before its request is executed, and that a host that does not read costs nothing
+//! but its own events.
+
+mod events;
+mod replies;
+#[cfg(test)]
+mod tests;
+
+pub use replies::Slot;
+
+use events::Events;
+use host_protocol::{
+    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, requests::Hello,
+};
+use replies::{Replies, Reserved};
+
+/// What one link may cost in RAM, bytes.
+const MEMORY_BUDGET: usize = 6 * 1024;
+
+const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
+
+/// A request that is to be executed now, once.
+#[derive(Debug, PartialEq)]
+pub struct Incoming {
+    /// What to do, or why it could not be read, which is then its result.
+    pub request: Result<Request, Error>,
+    /// Where the result goes. `None` only for stop, e-stop and disarm, which are executed even if there is no place
+    /// left for their result.
+    pub slot: Option<Slot>,
+}
+
+/// The session of one host link.
+pub struct Link {
+    deframer: Deframer,
+    replies: Replies,
+    events: Events,
+    last_valid_us: Option<u64>,
+}
+
+impl Default for Link {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Link {
+    /// A link on which nothing has happened.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            deframer: Deframer::new(),
+            replies: Replies::new(),
+            events: Events::new(),
+            last_valid_us: None,
+        }
+    }
+
+    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are answered inside, and
+    /// so is what cannot be executed for want of a slot.
+    pub fn receive(&mut self, now_us: u64, byte: u8) -> Option<Incoming> {
+        let frame = match self.deframer.push(byte)? {
+            Ok(frame) => frame,
+            Err(error) => {
+                self.events.frame_rejected(now_us, &error);
+                return None;
+            }
+        };
+        // A frame of ours that comes back is no request and no fault: reporting it would go round for ever.
+        if frame.kind != Kind::Request {
+            return None;
+        }
+        self.last_valid_us = Some(now_us);
+        let request = Request::decode(frame.number, frame.body);
+        if let Ok(Request::Hello(hello)) = &request
+            && !self.replies.contains(&frame)
+        {
+            self.replies.clear();
+            self.events.start_session(speaks_our_version(hello));
+        }
+        match self.replies.reserve(&frame) {
+            Reserved::Repeated => None,
+            Reserved::Slot(slot) => Some(Incoming { request, slot: Some(slot) }),
+            Reserved::Full => {
+                self.events.request_dropped(now_us);
+                request.ok().filter(stops).map(|request| Incoming { request: Ok(request), slot: None })
+            }
+        }
+    }
+
+    /// Gateway time of the last valid request, repeated ones too, µs.
+    #[must_use]
+    pub fn last_valid(&self) -> Option<u64> {
+        self.last_valid_us
+    }
+
+    /// Takes the result of a request. It is dropped if a new session has begun since.
+    pub fn reply(&mut self, slot: Slot, result: &Result<Reply, Error>) {
+        self.replies.store(slot, result);
+    }
+
+    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host has said hello.
+    pub fn event(&mut self, now_us: u64, event: &Event) {
+        self.events.push(now_us, event);
+    }
+
+    /// Writes the next frame for the host to `out` and returns its length: replies first, then events.
+    pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(out))
+    }
+
+    /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.
+    #[must_use]
+    pub fn has_output(&self) -> bool {
+        self.replies.has_output() || self.events.has_output()
+    }
+}
+
+/// Requests that make things safer: executed whether or not their result has a place.
+fn stops(request: &Request) -> bool {
+    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
+}
+
+fn speaks_our_version(hello: &Hello) -> bool {
+    hello.protocol_major == PROTOCOL_MAJOR
+}

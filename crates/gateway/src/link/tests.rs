@@ -1,0 +1,325 @@
+//! The session of a host link, seen from the host: bytes in, bytes out.
+
+extern crate std;
+
+use std::vec::Vec;
+
+use host_protocol::{
+    BootReason, Bytes, CanFrame, EventMessage, RawFrame, StopTarget, Text,
+    replies::{Done, HelloReply, Pong},
+    requests::{Arm, Disarm, EStop, Hello, Ping, RawSend, Stop},
+};
+
+use super::*;
+
+/// Ping with sequence 1; its derivation is in host-tests/vectors/host-protocol.txt.
+const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
+
+fn bytes(request: impl Into<Request>, sequence: u16) -> Vec<u8> {
+    let mut out = [0; MAX_FRAME];
+    let length = request.into().encode_frame(sequence, &mut out).unwrap();
+    out[..length].to_vec()
+}
+
+fn feed(link: &mut Link, now_us: u64, bytes: &[u8]) -> Option<Incoming> {
+    let mut incoming: Vec<_> = bytes.iter().filter_map(|byte| link.receive(now_us, *byte)).collect();
+    assert!(incoming.len() <= 1);
+    incoming.pop()
+}
+
+/// Feeds a request that is new and returns its slot.
+fn request(link: &mut Link, request: impl Into<Request>, sequence: u16) -> Slot {
+    let request = request.into();
+    let incoming = feed(link, 0, &bytes(request.clone(), sequence)).unwrap();
+    assert_eq!(incoming.request, Ok(request));
+    incoming.slot.unwrap()
+}
+
+fn hello(session: u32) -> Hello {
+    Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: 0, session }
+}
+
+/// A link whose host has said hello and has read the reply.
+fn greeted() -> Link {
+    let mut link = Link::new();
+    let slot = request(&mut link, hello(1), 0);
+    link.reply(slot, &Ok(Reply::Stop(Done {})));
+    sent(&mut link).unwrap();
+    link
+}
+
+fn sent(link: &mut Link) -> Option<Vec<u8>> {
+    let mut out = [0; MAX_FRAME];
+    let had_output = link.has_output();
+    let length = link.poll_transmit(&mut out);
+    assert_eq!(length.is_some(), had_output);
+    length.map(|length| out[..length].to_vec())
+}
+
+fn sent_event(link: &mut Link) -> Option<(u16, EventMessage)> {
+    let bytes = sent(link)?;
+    let mut deframer = Deframer::new();
+    for byte in bytes {
+        if let Some(frame) = deframer.push(byte) {
+            let frame = frame.unwrap();
+            assert_eq!(frame.kind, Kind::Event);
+            return Some((frame.sequence, EventMessage::decode(frame.number, frame.body).unwrap()));
+        }
+    }
+    None
+}
+
+fn pong(time_us: u64) -> Result<Reply, Error> {
+    Ok(Reply::Ping(Pong { time_us }))
+}
+
+const RESET: Event = Event::EStopCleared {};
+
+#[test]
+fn a_request_comes_out_and_its_reply_goes_back() {
+    let mut link = Link::new();
+    assert_eq!(link.last_valid(), None);
+    let incoming = feed(&mut link, 77, &PING).unwrap();
+    assert_eq!(incoming.request, Ok(Request::Ping(Ping {})));
+    assert_eq!(link.last_valid(), Some(77));
+    assert_eq!(sent(&mut link), None);
+
+    link.reply(incoming.slot.unwrap(), &pong(5));
+    // Kind 2, sequence 1, number 2, time 5, CRC-32C CE29F5F4 from an independent computation.
+    let reply = [0x00, 0x03, 0x02, 0x01, 0x02, 0x02, 0x06, 0x05, 0xF4, 0xF5, 0x29, 0xCE, 0x00];
+    assert_eq!(sent(&mut link).unwrap(), reply);
+    assert_eq!(sent(&mut link), None);
+}
+
+#[test]
+fn a_repeated_request_gets_the_same_bytes_and_is_not_executed() {
+    let mut link = Link::new();
+    let slot = request(&mut link, Ping {}, 1);
+    assert_eq!(feed(&mut link, 1, &PING), None, "while it is executed");
+    assert_eq!(sent(&mut link), None);
+    link.reply(slot, &pong(9));
+    assert_eq!(feed(&mut link, 2, &PING), None, "while its reply waits");
+    let first = sent(&mut link).unwrap();
+    assert_eq!(sent(&mut link), None, "one reply for all of them");
+
+    assert_eq!(feed(&mut link, 3, &PING), None);
+    assert_eq!(sent(&mut link).unwrap(), first);
+    assert_eq!(link.last_valid(), Some(3), "it still shows that the host is there");
+}
+
+#[test]
+fn the_same_sequence_with_another_request_is_executed() {
+    let mut link = Link::new();
+    request(&mut link, Arm { axis: 1 }, 5);
+    request(&mut link, Arm { axis: 2 }, 5);
+    request(&mut link, Disarm { axis: 1 }, 5);
+    request(&mut link, Arm { axis: 1 }, 6);
+}
+
+#[test]
+fn errors_are_results_and_are_repeated_too() {
+    let mut link = Link::new();
+    let slot = request(&mut link, Arm { axis: 9 }, 3);
+    link.reply(slot, &Err(Error::UnknownAxis { axis: 9, max_axes: 4 }));
+    let first = sent(&mut link).unwrap();
+    assert_eq!(first[2], 3, "the kind of an error");
+    assert_eq!(feed(&mut link, 0, &bytes(Arm { axis: 9 }, 3)), None);
+    assert_eq!(sent(&mut link).unwrap(), first);
+}
+
+#[test]
+fn what_cannot_be_read_comes_out_as_the_error_it_is() {
+    let mut link = Link::new();
+    let mut out = [0; MAX_FRAME];
+    let length = host_protocol::encode(Kind::Request, 8, 0x7777, &(), &mut out).unwrap();
+    let incoming = feed(&mut link, 0, &out[..length]).unwrap();
+    assert_eq!(incoming.request, Err(Error::UnknownRequest { number: 0x7777 }));
+    assert!(incoming.slot.is_some());
+}
+
+#[test]
+fn the_last_eight_requests_are_remembered() {
+    let mut link = Link::new();
+    for sequence in 1..=9 {
+        let slot = request(&mut link, Ping {}, sequence);
+        link.reply(slot, &pong(u64::from(sequence)));
+        sent(&mut link).unwrap();
+    }
+    // A repeated request does not make the others older.
+    assert_eq!(feed(&mut link, 0, &bytes(Ping {}, 2)), None);
+    sent(&mut link).unwrap();
+    for sequence in 2..=9 {
+        assert_eq!(feed(&mut link, 0, &bytes(Ping {}, sequence)), None, "{sequence}");
+        sent(&mut link).unwrap();
+    }
+    assert!(feed(&mut link, 0, &bytes(Ping {}, 1)).is_some());
+}
+
+#[test]
+fn replies_leave_in_the_order_of_their_results() {
+    let mut link = Link::new();
+    let slots: Vec<_> = (1..=3).map(|sequence| request(&mut link, Ping {}, sequence)).collect();
+    for index in [2, 0, 1] {
+        link.reply(slots[index], &pong(0));
+    }
+    for sequence in [3, 1, 2] {
+        assert_eq!(sent(&mut link).unwrap()[3], sequence);
+    }
+}
+
+#[test]
+fn without_a_slot_only_a_stop_is_executed() {
+    let mut link = greeted();
+    let slots: Vec<_> = (1..=8).map(|sequence| request(&mut link, Ping {}, sequence)).collect();
+    assert_eq!(feed(&mut link, 50, &bytes(Ping {}, 9)), None);
+    let stops: [Request; 3] =
+        [Stop { target: StopTarget::All }.into(), EStop {}.into(), Disarm { axis: 1 }.into()];
+    for stop in stops {
+        let incoming = feed(&mut link, 60, &bytes(stop.clone(), 10)).unwrap();
+        assert_eq!(incoming, Incoming { request: Ok(stop), slot: None });
+    }
+    let (_, message) = sent_event(&mut link).unwrap();
+    assert_eq!(message, EventMessage { dropped: 0, time_us: 60, event: Event::RequestDropped { count: 4 } });
+
+    // A reply that waits still holds its slot; one that was handed out does not.
+    link.reply(slots[4], &pong(0));
+    assert_eq!(feed(&mut link, 70, &bytes(Ping {}, 9)), None);
+    sent(&mut link).unwrap();
+    assert!(feed(&mut link, 80, &bytes(Ping {}, 9)).is_some());
+}
+
+#[test]
+fn a_new_hello_forgets_the_requests_before_it() {
+    let mut link = greeted();
+    let orphan = request(&mut link, Arm { axis: 1 }, 1);
+    let waiting = request(&mut link, Ping {}, 2);
+    link.reply(waiting, &pong(0));
+
+    let slot = request(&mut link, hello(2), 0);
+    assert_eq!(sent(&mut link), None, "the reply of the session before");
+    link.reply(orphan, &pong(0));
+    assert_eq!(sent(&mut link), None, "a result of the session before");
+    let again = request(&mut link, Arm { axis: 1 }, 1);
+    link.reply(orphan, &pong(0));
+    assert_eq!(sent(&mut link), None, "nor does it take the place of another one");
+    link.reply(again, &pong(0));
+    link.reply(slot, &pong(0));
+    assert!(sent(&mut link).is_some() && sent(&mut link).is_some());
+}
+
+#[test]
+fn a_repeated_hello_begins_nothing_new() {
+    let mut link = Link::new();
+    let slot = request(&mut link, hello(1), 0);
+    request(&mut link, Ping {}, 1);
+    assert_eq!(feed(&mut link, 0, &bytes(hello(1), 0)), None);
+    link.reply(slot, &pong(0));
+    assert!(sent(&mut link).is_some());
+    assert_eq!(feed(&mut link, 0, &PING), None, "still remembered");
+}
+
+#[test]
+fn events_wait_for_a_hello_of_our_version() {
+    let mut link = Link::new();
+    link.event(1, &RESET);
+    assert_eq!(sent(&mut link), None);
+    request(&mut link, Hello { protocol_major: PROTOCOL_MAJOR + 1, protocol_minor: 0, session: 1 }, 0);
+    link.event(2, &RESET);
+    assert_eq!(sent(&mut link), None);
+    request(&mut link, hello(2), 0);
+    link.event(3, &RESET);
+    let message = EventMessage { dropped: 0, time_us: 3, event: RESET };
+    assert_eq!(sent_event(&mut link), Some((0, message)));
+    assert_eq!(sent(&mut link), None);
+}
+
+#[test]
+fn replies_go_before_events() {
+    let mut link = greeted();
+    link.event(1, &RESET);
+    let slot = request(&mut link, Ping {}, 1);
+    link.reply(slot, &pong(0));
+    assert_eq!(sent(&mut link).unwrap()[2], 2, "a reply");
+    assert!(sent_event(&mut link).is_some());
+}
+
+#[test]
+fn events_that_find_no_room_are_counted_in_the_next_that_does() {
+    let mut link = greeted();
+    for time in 0..19 {
+        link.event(time, &RESET);
+    }
+    for sequence in 0..16 {
+        let message = EventMessage { dropped: 0, time_us: u64::from(sequence), event: RESET };
+        assert_eq!(sent_event(&mut link), Some((sequence, message)));
+    }
+    assert_eq!(sent(&mut link), None);
+    link.event(30, &RESET);
+    link.event(31, &RESET);
+    let first = EventMessage { dropped: 3, time_us: 30, event: RESET };
+    let second = EventMessage { dropped: 0, time_us: 31, event: RESET };
+    assert_eq!(sent_event(&mut link), Some((16, first)));
+    assert_eq!(sent_event(&mut link), Some((17, second)));
+}
+
+#[test]
+fn frames_that_cannot_be_read_are_reported_once_for_each_reason() {
+    let mut link = greeted();
+    let mut corrupted = PING;
+    corrupted[7] ^= 0x01;
+    for now_us in [10, 20, 30] {
+        assert_eq!(feed(&mut link, now_us, &corrupted), None);
+    }
+    let mut too_long = [0x55; 700];
+    too_long[699] = 0;
+    assert_eq!(feed(&mut link, 40, &too_long), None);
+    assert_eq!(link.last_valid(), Some(0), "none of them shows that the host is there");
+
+    let mut rejected = || sent_event(&mut link).map(|(_, message)| (message.time_us, message.event));
+    assert_eq!(rejected(), Some((40, Event::FrameRejected { reason: 1, count: 1 })));
+    assert_eq!(rejected(), Some((30, Event::FrameRejected { reason: 4, count: 3 })));
+    assert_eq!(rejected(), None);
+    assert!(feed(&mut link, 50, &PING).is_some());
+}
+
+#[test]
+fn our_own_frames_coming_back_stay_unanswered() {
+    let mut link = greeted();
+    link.event(1, &RESET);
+    let echo = sent(&mut link).unwrap();
+    assert_eq!(feed(&mut link, 2, &echo), None);
+    assert_eq!((sent(&mut link), link.last_valid()), (None, Some(0)));
+}
+
+#[test]
+fn the_longest_messages_pass() {
+    let mut link = Link::new();
+    let frame = RawFrame::Serial(Bytes::from_slice(&[0xAA; 64]).unwrap());
+    request(&mut link, RawSend { bus: 0, frame }, 1);
+    let frame = RawFrame::Can(CanFrame::extended(0x1FFF_FFFF, &[0xFF; 8]).unwrap());
+    request(&mut link, RawSend { bus: 0, frame }, 2);
+
+    let slot = request(&mut link, hello(1), 3);
+    let reply = HelloReply {
+        protocol_major: u16::MAX,
+        protocol_minor: u16::MAX,
+        firmware: Text::try_from("f".repeat(24).as_str()).unwrap(),
+        build_id: Text::try_from("b".repeat(40).as_str()).unwrap(),
+        board: Text::try_from("n".repeat(24).as_str()).unwrap(),
+        boot: BootReason::Simulated,
+        panic_recorded: true,
+        trips_recorded: u16::MAX,
+        max_axes: u8::MAX,
+        max_message: u16::MAX,
+        buses: (0..8)
+            .map(|_| host_protocol::BusCapability {
+                kind: host_protocol::BusKind::Rs485,
+                bitrates: [u32::MAX; 8].into_iter().collect(),
+                protocols: host_protocol::ProtocolSet::from_bits(u8::MAX),
+            })
+            .collect(),
+        time_us: u64::MAX,
+    };
+    link.reply(slot, &Ok(Reply::Hello(reply)));
+    assert!(sent(&mut link).unwrap().len() > 470);
+}

@@ -1,0 +1,146 @@
+//! Motors with `D5`/`5D` frames in the core's words.
+
+use super::{Exchange, Sequences, Verdict, fit};
+use crate::axis::{AxisConfig, Observation};
+use crate::convert;
+use d5::{Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
+use embedded_can::{Id, StandardId};
+use host_protocol::{AxisParameter, CanFrame, Error, Quantity, Setpoint};
+
+pub(super) const SEQUENCES: Sequences = Sequences {
+    arming: &[
+        Exchange::AckLevel,
+        Exchange::TimeoutSwitch,
+        Exchange::Faults,
+        Exchange::PendingWrite,
+        Exchange::Stop,
+        Exchange::CommandedSpeed,
+        Exchange::Velocity,
+    ],
+    state: &[
+        Exchange::Velocity,
+        Exchange::Position,
+        Exchange::Faults,
+        Exchange::DriverTemperature,
+        Exchange::MotorTemperature,
+    ],
+    polls: &[Exchange::Velocity, Exchange::Position],
+    clearing: &[Exchange::ClearFaults, Exchange::Faults, Exchange::Velocity],
+};
+
+/// Speed 0 in register 0x20.
+const STANDSTILL: Value = Value::Word(0);
+/// "On" in register 0x11, "clear" in register 0x19.
+const ONE: Value = Value::Byte(1);
+
+pub(super) fn command(exchange: Exchange) -> Option<Request> {
+    let read_byte = |register| Request::Read { register, width: Width::Byte };
+    let read_word = |register| Request::Read { register, width: Width::Word };
+    Some(match exchange {
+        Exchange::Stop => Request::Write { register: Register::SPEED, value: STANDSTILL },
+        Exchange::OverwritePending => Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL },
+        Exchange::PendingWrite => read_byte(Register::ASYNC_FLAG),
+        Exchange::CommandedSpeed => read_word(Register::SPEED),
+        Exchange::Velocity => read_word(Register::CURRENT_SPEED),
+        Exchange::Position => read_word(Register::TRAVELLED_ANGLE),
+        Exchange::Faults => read_byte(Register::STATUS),
+        Exchange::DriverTemperature => read_byte(Register::BOARD_TEMPERATURE),
+        Exchange::MotorTemperature => read_byte(Register::MOTOR_TEMPERATURE),
+        Exchange::AckLevel => read_byte(Register::ACK_LEVEL),
+        Exchange::TimeoutSwitch => read_byte(Register::TIMEOUT_SWITCH),
+        Exchange::ClearFaults => Request::Write { register: Register::CLEAR_PROTECTION, value: ONE },
+        // The motor's time is its own; it can only be switched on and off (D15).
+        Exchange::SetTimeout { timeout_ms: 0 } => {
+            Request::Write { register: Register::TIMEOUT_SWITCH, value: Value::Byte(0) }
+        }
+        Exchange::SetTimeout { .. } => Request::Write { register: Register::TIMEOUT_SWITCH, value: ONE },
+        _ => return None,
+    })
+}
+
+pub(super) fn motion(setpoint: Setpoint, sign: f32) -> Result<Option<Request>, Error> {
+    let Setpoint::Velocity { velocity_rad_s } = setpoint else {
+        return Ok(None);
+    };
+    let limit = convert::degrees_to_rad(i32::from(i16::MAX));
+    let count = convert::rad_to_degrees(sign * velocity_rad_s);
+    let speed: i16 = fit(count, Quantity::Velocity, velocity_rad_s, (-limit, limit))?;
+    let word = d5::encode_speed(DegreesPerSecond(speed)).map_err(|_| Error::OutOfRange {
+        quantity: Quantity::Velocity,
+        value: velocity_rad_s,
+        min: -limit,
+        max: limit,
+    })?;
+    Ok(Some(Request::Write { register: Register::SPEED, value: Value::Word(word) }))
+}
+
+/// Level 2 answers reads and writes, level 1 reads only, others nothing (D12).
+pub(super) fn is_answered(request: &Request, config: &AxisConfig) -> bool {
+    let level = config.unsigned(AxisParameter::D5AckLevel).unwrap_or(2);
+    match request {
+        Request::Read { .. } | Request::QueryId => level >= 1,
+        _ => level >= 2,
+    }
+}
+
+pub(super) fn judge(request: &Request, from: u8, reply: &Reply, config: &AxisConfig) -> Verdict {
+    let (Some(Ok(node)), Ok(from)) = (config.node().map(Node::new), Node::new(from)) else {
+        return Verdict::Unrelated;
+    };
+    match d5::answer(request, node, from, reply) {
+        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
+        Answer::Refused(_) => Verdict::Refused,
+        _ => Verdict::Unrelated,
+    }
+}
+
+pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
+    let none = Observation::default();
+    let Reply::Read { register, value } = *reply else {
+        return none;
+    };
+    match (register, value) {
+        (Register::CURRENT_SPEED, Value::Word(word)) => {
+            let speed = d5::decode_speed(word);
+            Observation { velocity_rad_s: Some(sign * convert::degrees_to_rad(i32::from(speed.0))), ..none }
+        }
+        (Register::TRAVELLED_ANGLE, Value::Word(word)) => {
+            let angle = d5::decode_angle(word);
+            Observation { position_rad: Some(sign * convert::degrees_to_rad(i32::from(angle.0))), ..none }
+        }
+        (Register::SPEED, Value::Word(word)) => {
+            Observation { commanded_zero: Some(d5::decode_speed(word).0 == 0), ..none }
+        }
+        (Register::STATUS, Value::Byte(bits)) => Observation { faults: Some(u16::from(bits)), ..none },
+        (Register::ASYNC_FLAG, Value::Byte(flag)) => Observation { write_pending: Some(flag != 0), ..none },
+        (Register::ACK_LEVEL, Value::Byte(level)) => Observation { ack_level: Some(level), ..none },
+        (Register::TIMEOUT_SWITCH, Value::Byte(on)) => Observation { timeout_on: Some(on != 0), ..none },
+        (Register::BOARD_TEMPERATURE, Value::Byte(byte)) => {
+            let celsius = d5::decode_temperature(byte);
+            Observation { driver_temperature_c: Some(f32::from(celsius.0)), ..none }
+        }
+        (Register::MOTOR_TEMPERATURE, Value::Byte(byte)) => {
+            let celsius = d5::decode_temperature(byte);
+            Observation { motor_temperature_c: Some(f32::from(celsius.0)), ..none }
+        }
+        _ => none,
+    }
+}
+
+/// The arbitration id of requests is the axis's, by default the motor's id (D14).
+pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option<CanFrame> {
+    let node = Node::new(node).ok()?;
+    let id = match config.unsigned(AxisParameter::D5RequestId) {
+        Some(id) => StandardId::new(u16::try_from(id).ok()?)?,
+        None => d5::can::default_request_id(node),
+    };
+    d5::can::request(Id::Standard(id), d5::Address::Node(node), request).ok()
+}
+
+/// Replies may carry any id unless the axis names one (D14).
+pub(super) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
+    match config.unsigned(AxisParameter::D5ReplyId) {
+        Some(wanted) => matches!(frame.id(), Id::Standard(id) if u32::from(id.as_raw()) == wanted),
+        None => true,
+    }
+}

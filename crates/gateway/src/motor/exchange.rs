@@ -1,0 +1,51 @@
+//! What the core can want from a motor, in words that belong to no protocol.
+
+/// One request to a motor and its reply. Each protocol says which command serves it, if any.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Exchange {
+    /// The setpoint in force; its command is kept with the setpoint.
+    Motion,
+    /// The stop command of the axis's stop action.
+    Stop,
+    /// A further stop command for devices with a position controller (thruster protocol, LS).
+    PositionStop,
+    /// Read whether an asynchronous write waits in the motor (D5 0x2C).
+    PendingWrite,
+    /// Replace the asynchronous write that waits by speed 0 (D5).
+    OverwritePending,
+    /// Read the commanded speed back (D5: how a motor confirms that does not answer writes).
+    CommandedSpeed,
+    /// Lock the holding brake (RMD).
+    LockBrake,
+    /// Free the holding brake (RMD).
+    ReleaseBrake,
+    /// Switch the output off (RMD), the last step of stopping by the brake.
+    OutputOff,
+    /// Read the speed.
+    Velocity,
+    /// Read the position.
+    Position,
+    /// Read the current.
+    Current,
+    /// Read the supply voltage.
+    Voltage,
+    /// Read the motor's temperature.
+    MotorTemperature,
+    /// Read the driver's temperature.
+    DriverTemperature,
+    /// Read the fault word.
+    Faults,
+    /// Read all faults since the motor started.
+    FaultRecord,
+    /// Clear the faults that can be cleared.
+    ClearFaults,
+    /// Read which requests the motor answers (D5 0x10).
+    AckLevel,
+    /// Read whether the motor's own timeout is on (D5 0x11).
+    TimeoutSwitch,
+    /// Program the motor's own timeout, milliseconds.
+    SetTimeout {
+        /// Time without a command after which the motor stops by itself; 0 switches it off.
+        timeout_ms: u32,
+    },
+}

@@ -1,0 +1,244 @@
+//! From the core's words to each protocol's commands and back. One file per protocol; only they and [`convert`](crate::convert)
+//! know a manual's units.
+
+mod d5;
+mod exchange;
+mod rmd;
+mod thruster;
+
+pub(crate) use exchange::Exchange;
+
+use crate::axis::{AxisConfig, Observation};
+use crate::port::MAX_SERIAL;
+use crate::time::Duration;
+use heapless::Vec;
+use host_protocol::{AxisParameter, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
+
+/// A command for a motor in the words of its protocol's codec.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Command {
+    Rmd(::rmd::Request),
+    Thruster(::thruster::Request),
+    D5(::d5::Request),
+}
+
+/// A decoded frame of a motor and the node that sent it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Received {
+    Rmd { node: u8, reply: ::rmd::Reply },
+    Thruster { node: u8, reply: ::thruster::Reply },
+    D5 { node: u8, reply: ::d5::Reply },
+}
+
+/// What a received frame is to a command that waits for its reply.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Verdict {
+    /// It answers the command.
+    Answer(Observation),
+    /// The motor refuses the command.
+    Refused,
+    /// The motor has received the command and does not carry it out.
+    NotExecuted,
+    /// It has nothing to do with the command.
+    Unrelated,
+}
+
+/// What the core does with motors of one protocol, step by step. Steps that a motor has no command for are passed over.
+pub(crate) struct Sequences {
+    /// Before motion is allowed.
+    pub arming: &'static [Exchange],
+    /// For a host that reads the state.
+    pub state: &'static [Exchange],
+    /// In turn while armed, beside the fault word.
+    pub polls: &'static [Exchange],
+    /// Before a trip is cleared.
+    pub clearing: &'static [Exchange],
+}
+
+impl Received {
+    pub fn protocol(&self) -> Protocol {
+        match self {
+            Self::Rmd { .. } => Protocol::Rmd,
+            Self::Thruster { .. } => Protocol::Thruster,
+            Self::D5 { .. } => Protocol::D5,
+        }
+    }
+
+    pub fn node(&self) -> u8 {
+        match self {
+            Self::Rmd { node, .. } | Self::Thruster { node, .. } | Self::D5 { node, .. } => *node,
+        }
+    }
+
+    /// The data bytes of a frame that motors send on their own account, and how many they are.
+    pub fn notice(&self) -> Option<([u8; 8], u8)> {
+        match self {
+            Self::Rmd { reply: reply @ ::rmd::Reply::TimeoutNotice { raw }, .. } => {
+                // The command byte stands before the payload.
+                let length = u8::try_from(raw.payload().len() + 1).ok()?;
+                Some((reply.encode().ok()?, length))
+            }
+            // Sent every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES R16).
+            Self::Rmd { reply: reply @ ::rmd::Reply::Status1 { .. }, .. } => Some((reply.encode().ok()?, 8)),
+            _ => None,
+        }
+    }
+
+    /// What the frame tells by itself, whoever asked.
+    pub fn observation(&self, config: &AxisConfig) -> Observation {
+        match self {
+            Self::Rmd { reply, .. } => rmd::observe(reply, config.sign()),
+            Self::Thruster { reply, .. } => thruster::observe(reply, config.sign()),
+            Self::D5 { reply, .. } => d5::observe(reply, config.sign()),
+        }
+    }
+}
+
+/// The sequences of a protocol.
+pub(crate) fn sequences(protocol: Protocol) -> &'static Sequences {
+    match protocol {
+        Protocol::Rmd => &rmd::SEQUENCES,
+        Protocol::Thruster => &thruster::SEQUENCES,
+        Protocol::D5 => &d5::SEQUENCES,
+    }
+}
+
+/// The command that serves an exchange on this axis; `None` where its motor has none or needs none.
+pub(crate) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
+    match config.protocol()? {
+        Protocol::Rmd => rmd::command(exchange, config).map(Command::Rmd),
+        Protocol::Thruster => thruster::command(exchange, config).map(Command::Thruster),
+        Protocol::D5 => d5::command(exchange).map(Command::D5),
+    }
+}
+
+/// The command that carries out a setpoint, which has already passed the axis's own limits.
+pub(crate) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Command, Error> {
+    let sign = config.sign();
+    let Some(protocol) = config.protocol() else {
+        return Err(Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() });
+    };
+    let command = match protocol {
+        Protocol::Rmd => rmd::motion(axis, setpoint, sign).map(|r| r.map(Command::Rmd)),
+        Protocol::Thruster => {
+            thruster::motion(axis, setpoint, sign, config).map(|r| r.map(Command::Thruster))
+        }
+        Protocol::D5 => d5::motion(setpoint, sign).map(|r| r.map(Command::D5)),
+    }?;
+    command.ok_or(Error::Unsupported { axis, protocol })
+}
+
+/// Whether motors of a protocol can carry out a stop action (GUARANTEES G4, the stop table).
+pub(crate) const fn can_stop_by(protocol: Protocol, action: StopAction) -> bool {
+    matches!(
+        (protocol, action),
+        (Protocol::Rmd, _) | (Protocol::Thruster, StopAction::Coast) | (Protocol::D5, StopAction::Hold)
+    )
+}
+
+/// Whether the motor answers this command at all.
+pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
+    match command {
+        Command::Rmd(_) | Command::Thruster(_) => true,
+        Command::D5(request) => d5::is_answered(request, config),
+    }
+}
+
+/// Refuses a time that the motor's own timeout cannot be set to.
+pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
+    let checked = match config.protocol() {
+        Some(Protocol::Thruster) => thruster::check_timeout(timeout_ms),
+        // RMD takes any u32 of milliseconds; a D5 motor is only switched on and off.
+        _ => Ok(()),
+    };
+    #[allow(clippy::cast_precision_loss)]
+    checked.map_err(|(min, max)| Error::OutOfRange {
+        quantity: Quantity::MotorTimeout,
+        value: timeout_ms as f32,
+        min: min as f32,
+        max: max as f32,
+    })
+}
+
+/// The reply window of an exchange where the motor needs longer than its bus's window.
+pub(crate) fn slow_reply(exchange: Exchange) -> Option<Duration> {
+    match exchange {
+        // Motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20).
+        Exchange::ReleaseBrake | Exchange::LockBrake => Some(Duration::from_millis(300)),
+        _ => None,
+    }
+}
+
+/// What a received frame is to a command.
+pub(crate) fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+    match (command, received) {
+        (Command::Rmd(request), Received::Rmd { reply, .. }) => rmd::judge(request, reply, config.sign()),
+        (Command::Thruster(request), Received::Thruster { reply, .. }) => {
+            thruster::judge(request, reply, config.sign())
+        }
+        (Command::D5(request), Received::D5 { node, reply }) => d5::judge(request, *node, reply, config),
+        _ => Verdict::Unrelated,
+    }
+}
+
+/// The command as a CAN frame to the axis's motor.
+pub(crate) fn to_can(command: &Command, config: &AxisConfig) -> Option<CanFrame> {
+    let node = config.node()?;
+    match command {
+        Command::Rmd(request) => ::rmd::can::request(::rmd::Node::new(node).ok()?, request).ok(),
+        Command::Thruster(request) => {
+            ::thruster::can::request(::thruster::Node::new(node).ok()?, request).ok()
+        }
+        Command::D5(request) => d5::to_can(node, request, config),
+    }
+}
+
+/// The command as bytes on a serial bus to the axis's motor.
+pub(crate) fn to_serial(command: &Command, config: &AxisConfig) -> Option<Vec<u8, MAX_SERIAL>> {
+    let node = config.node()?;
+    match command {
+        Command::Rmd(request) => {
+            let frame = ::rmd::rs485::request(::rmd::Node::new(node).ok()?, request).ok()?;
+            Vec::from_slice(&frame).ok()
+        }
+        // The thruster protocol has no serial form; D5 over a serial line is refused when the axis is configured.
+        Command::Thruster(_) | Command::D5(_) => None,
+    }
+}
+
+/// Decodes a frame of a CAN bus as one protocol's reply; `None` where it is none.
+pub(crate) fn from_can(protocol: Protocol, frame: &CanFrame) -> Option<Received> {
+    match protocol {
+        Protocol::Rmd => {
+            let (node, reply) = ::rmd::can::decode_reply(frame).ok()?;
+            Some(Received::Rmd { node: node.get(), reply })
+        }
+        Protocol::Thruster => {
+            let (node, reply) = ::thruster::can::decode_reply(frame).ok()?;
+            Some(Received::Thruster { node: node.get(), reply })
+        }
+        Protocol::D5 => {
+            let (node, reply) = ::d5::can::decode_reply(frame).ok()?;
+            Some(Received::D5 { node: node.get(), reply })
+        }
+    }
+}
+
+/// Whether a frame of the right node may be this axis's reply: some axes name the id that replies carry.
+pub(crate) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
+    match config.protocol() {
+        Some(Protocol::D5) => d5::accepts_id(config, frame),
+        _ => true,
+    }
+}
+
+/// A wire count as the type the wire has, or the refusal that names the SI range that type can carry.
+fn fit<T: TryFrom<i32>>(
+    count: Option<i32>,
+    quantity: Quantity,
+    value: f32,
+    range: (f32, f32),
+) -> Result<T, Error> {
+    let out_of_range = Error::OutOfRange { quantity, value, min: range.0, max: range.1 };
+    count.and_then(|count| T::try_from(count).ok()).ok_or(out_of_range)
+}

@@ -1,0 +1,157 @@
+//! The thruster/rudder CAN protocol in the core's words.
+
+use super::{Exchange, Sequences, Verdict, fit};
+use crate::axis::{AxisConfig, Observation};
+use crate::convert;
+use host_protocol::{AxisParameter, Error, Quantity, Setpoint};
+use thruster::{Answer, Decidegrees, EncodeError, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit};
+
+pub(super) const SEQUENCES: Sequences = Sequences {
+    // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears zero protection (T19).
+    arming: &[Exchange::Faults, Exchange::FaultRecord, Exchange::Stop, Exchange::Faults, Exchange::Velocity],
+    state: &[
+        Exchange::Velocity,
+        Exchange::Current,
+        Exchange::Voltage,
+        Exchange::MotorTemperature,
+        Exchange::DriverTemperature,
+        Exchange::Faults,
+        Exchange::Position,
+    ],
+    polls: &[Exchange::Velocity, Exchange::Current],
+    clearing: &[Exchange::ClearFaults, Exchange::Faults, Exchange::Velocity],
+};
+
+pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
+    let has_position = config.flag(AxisParameter::PositionDevice);
+    Some(match exchange {
+        Exchange::Stop => Request::Signal { signal: Percent(0) },
+        Exchange::PositionStop if has_position => Request::EmergencyStop,
+        Exchange::Velocity => Request::ReadSpeed,
+        Exchange::Position if has_position => Request::ReadAbsolutePosition,
+        Exchange::Current => Request::ReadCurrent,
+        Exchange::Voltage => Request::ReadVoltage,
+        Exchange::MotorTemperature => Request::ReadMotorTemperature,
+        Exchange::DriverTemperature => Request::ReadDriverTemperature,
+        Exchange::Faults => Request::ReadFaults,
+        Exchange::FaultRecord => Request::ReadFaultRecord,
+        Exchange::ClearFaults => Request::ClearFaults,
+        Exchange::SetTimeout { timeout_ms } => {
+            Request::SetTimeout { timeout: Milliseconds(u16::try_from(timeout_ms).ok()?) }
+        }
+        _ => return None,
+    })
+}
+
+pub(super) fn motion(
+    axis: u8,
+    setpoint: Setpoint,
+    sign: f32,
+    config: &AxisConfig,
+) -> Result<Option<Request>, Error> {
+    let request = match setpoint {
+        Setpoint::Signal { fraction } => {
+            let count = convert::to_hundredths(sign * fraction);
+            let signal = fit(count, Quantity::Signal, fraction, (-1.0, 1.0))?;
+            Request::Signal { signal: Percent(signal) }
+        }
+        Setpoint::Velocity { velocity_rad_s } => {
+            let limit = convert::rpm_to_rad_s(i32::from(i16::MAX));
+            let count = convert::rad_s_to_rpm(sign * velocity_rad_s);
+            let speed = fit(count, Quantity::Velocity, velocity_rad_s, (-limit, limit))?;
+            Request::Speed { speed: Rpm(speed) }
+        }
+        Setpoint::Position { position_rad, speed_limit_rad_s }
+            if config.flag(AxisParameter::PositionDevice) =>
+        {
+            let limit = convert::rpm_to_rad_s(i32::from(u16::MAX));
+            let count = convert::rad_s_to_rpm(speed_limit_rad_s);
+            let speed: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, (0.0, limit))?;
+            if speed == 0 {
+                // Speed 0 means: do not start (T16).
+                return Err(Error::SpeedLimitZero { axis });
+            }
+            let limit = convert::decidegrees_to_rad(i32::MAX);
+            let count = convert::rad_to_decidegrees(sign * position_rad);
+            let position = fit(count, Quantity::Position, position_rad, (-limit, limit))?;
+            Request::AbsolutePosition { speed: RpmLimit(speed), position: Decidegrees(position) }
+        }
+        Setpoint::Position { .. } | Setpoint::Current { .. } => return Ok(None),
+    };
+    match request.encode() {
+        Ok(_) => Ok(Some(request)),
+        Err(refusal) => Err(in_si(setpoint, refusal)),
+    }
+}
+
+/// Refuses a timeout that the device cannot keep.
+pub(super) fn check_timeout(timeout_ms: u32) -> Result<(), (u32, u32)> {
+    let (min, max) = (u32::from(thruster::TIMEOUT_MIN), u32::from(thruster::TIMEOUT_MAX));
+    let off = timeout_ms == u32::from(thruster::TIMEOUT_OFF);
+    if off || (min..=max).contains(&timeout_ms) { Ok(()) } else { Err((min, max)) }
+}
+
+/// The codec's refusal of a setpoint, with the bounds in SI units.
+fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
+    let bounds = match refusal {
+        EncodeError::OutOfRange { min, max, .. } => (i32::try_from(min).ok(), i32::try_from(max).ok()),
+        _ => (None, None),
+    };
+    let (quantity, value, bounds) = match setpoint {
+        Setpoint::Signal { fraction } => (Quantity::Signal, fraction, (-1.0, 1.0)),
+        Setpoint::Position { position_rad, .. } => {
+            let (min, max) = (bounds.0.unwrap_or(i32::MIN), bounds.1.unwrap_or(i32::MAX));
+            let bounds = (convert::decidegrees_to_rad(min), convert::decidegrees_to_rad(max));
+            (Quantity::Position, position_rad, bounds)
+        }
+        // A speed the wire can carry is refused only below the slowest: 0 or at least 30 rpm either way (T14).
+        Setpoint::Velocity { velocity_rad_s } => {
+            let slowest = convert::rpm_to_rad_s(i32::from(thruster::SPEED_MIN_MAGNITUDE));
+            let fastest = convert::rpm_to_rad_s(i32::from(i16::MAX));
+            let bounds = if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
+            (Quantity::Velocity, velocity_rad_s, bounds)
+        }
+        Setpoint::Current { current_a } => (Quantity::Current, current_a, (0.0, 0.0)),
+    };
+    Error::OutOfRange { quantity, value, min: bounds.0, max: bounds.1 }
+}
+
+pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
+    match thruster::answer(request, reply) {
+        // The device repeats the value it has taken: another one belongs to an older request.
+        Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => {
+            Verdict::Unrelated
+        }
+        Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => Verdict::Unrelated,
+        Answer::Reply(reply) => Verdict::Answer(observe(&reply, sign)),
+        Answer::Refused => Verdict::Refused,
+        _ => Verdict::Unrelated,
+    }
+}
+
+pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
+    let none = Observation::default();
+    match reply {
+        Reply::MeasuredSpeed { speed } => {
+            Observation { velocity_rad_s: Some(sign * convert::rpm_to_rad_s(i32::from(speed.0))), ..none }
+        }
+        Reply::Current { current } => {
+            Observation { current_a: Some(sign * convert::from_tenths(i32::from(current.0))), ..none }
+        }
+        Reply::Voltage { voltage } => {
+            Observation { voltage_v: Some(convert::from_tenths(i32::from(voltage.0))), ..none }
+        }
+        Reply::MotorTemperature { temperature } => {
+            Observation { motor_temperature_c: Some(f32::from(temperature.0)), ..none }
+        }
+        Reply::DriverTemperature { temperature } => {
+            Observation { driver_temperature_c: Some(f32::from(temperature.0)), ..none }
+        }
+        Reply::Faults { faults } => Observation { faults: Some(faults.bits()), ..none },
+        Reply::FaultRecord { faults } => Observation { fault_record: Some(faults.bits()), ..none },
+        Reply::MeasuredPosition { position } => {
+            Observation { position_rad: Some(sign * convert::decidegrees_to_rad(position.0)), ..none }
+        }
+        _ => none,
+    }
+}

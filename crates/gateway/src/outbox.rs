@@ -1,0 +1,40 @@
+//! Where results and events go: the host links.
+
+use crate::link::{Link, Slot};
+use crate::time::Instant;
+use host_protocol::{Error, Event, Reply};
+
+/// The host links, as seen by whatever has something to tell.
+pub(crate) struct Outbox<'a> {
+    now: Instant,
+    links: &'a mut [Link],
+}
+
+/// The reply that a request is owed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ticket {
+    /// The link the request came from.
+    pub link: u8,
+    /// Where the reply is kept; `None` for a stop that was executed although no slot was left.
+    pub slot: Option<Slot>,
+}
+
+impl<'a> Outbox<'a> {
+    pub fn new(now: Instant, links: &'a mut [Link]) -> Self {
+        Self { now, links }
+    }
+
+    /// Answers a request.
+    pub fn answer(&mut self, ticket: Ticket, result: &Result<Reply, Error>) {
+        if let (Some(link), Some(slot)) = (self.links.get_mut(usize::from(ticket.link)), ticket.slot) {
+            link.reply(slot, result);
+        }
+    }
+
+    /// Tells every host.
+    pub fn event(&mut self, event: &Event) {
+        for link in self.links.iter_mut() {
+            link.event(self.now.as_micros(), event);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! What passes between the core and whatever carries its bytes: firmware tasks, the simulator, a test.
+//!
+//! The contract of a port, for each bus:
+//! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports each one it took, once, by its
+//!   slot: [`Event::Transmitted`] when the bus has acknowledged it (CAN) or its last bit has left (RS485).
+//!   It never holds more than one frame per slot.
+//! - When a CAN controller goes bus-off the port drops every frame it holds, then reports [`Event::BusState`].
+//! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops what it holds and starts
+//!   the bus again with that setup, then reports [`Event::BusState`].
+//! - After every call of `handle` it polls: transmissions, host output, the next deadline.
+
+use heapless::Vec;
+use host_protocol::{BusState, CanFrame};
+
+/// Frames the core hands to one CAN controller at the same time: one, and a second only for a stop.
+pub const TRANSMIT_SLOTS: usize = 2;
+
+/// Longest byte sequence sent at once on a serial bus.
+pub const MAX_SERIAL: usize = 64;
+
+/// Something that happened outside the core.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event<'a> {
+    /// Bytes arrived on a host link.
+    HostBytes {
+        /// Index of the host link.
+        link: u8,
+        /// The bytes, in order of arrival.
+        bytes: &'a [u8],
+    },
+    /// A frame arrived on a CAN bus.
+    CanReceived {
+        /// Index of the bus.
+        bus: u8,
+        /// The frame.
+        frame: CanFrame,
+    },
+    /// Bytes arrived on a serial bus, our own echo included where the port hears it.
+    SerialReceived {
+        /// Index of the bus.
+        bus: u8,
+        /// The bytes, in order of arrival.
+        bytes: &'a [u8],
+    },
+    /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on RS485.
+    Transmitted {
+        /// Index of the bus.
+        bus: u8,
+        /// The slot it was taken with.
+        slot: u8,
+    },
+    /// The controller's error state or counters changed, or the bus was started.
+    BusState {
+        /// Index of the bus.
+        bus: u8,
+        /// Error state.
+        state: BusState,
+        /// Transmit error counter (TEC).
+        transmit_errors: u16,
+        /// Receive error counter (REC).
+        receive_errors: u16,
+    },
+    /// Frames or bytes were lost before the core could see them.
+    ReceiveOverflow {
+        /// Index of the bus.
+        bus: u8,
+        /// How many were lost, as far as the port knows; at least 1.
+        lost: u32,
+    },
+    /// Nothing but time has passed: the deadline of `next_deadline` is due.
+    Tick,
+}
+
+/// What to send, and the slot to report it by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transmit {
+    /// Slot of [`Event::Transmitted`], below [`TRANSMIT_SLOTS`].
+    pub slot: u8,
+    /// The frame.
+    pub frame: Outgoing,
+}
+
+/// A frame on its way to a bus.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outgoing {
+    /// For a CAN controller.
+    Can(CanFrame),
+    /// For a serial port.
+    Serial(Vec<u8, MAX_SERIAL>),
+}
+
+/// How a bus must be running.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BusSetup {
+    /// Grows by one each time the setup changes; a port restarts its bus when it sees a new one.
+    pub generation: u32,
+    /// Bits per second.
+    pub bitrate: u32,
+}
+
+/// One bus of a board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BusPort {
+    /// What it is and what it can do.
+    pub kind: BusPortKind,
+    /// Bitrates it can run at, bits per second.
+    pub bitrates: &'static [u32],
+}
+
+/// The kinds of bus a board offers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BusPortKind {
+    /// A CAN controller.
+    Can,
+    /// A half-duplex serial port.
+    Rs485 {
+        /// The receiver stays on while we transmit, so every byte sent is heard back first.
+        local_echo: bool,
+    },
+}
+
+/// What the core must know of the board that it runs on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Board {
+    /// Name of the board, e.g. `nucleo-h743zi`; at most 24 bytes.
+    pub name: &'static str,
+    /// Version of the firmware, at most 24 bytes.
+    pub firmware: &'static str,
+    /// What identifies the build, at most 40 bytes.
+    pub build_id: &'static str,
+    /// Why the board started.
+    pub boot: host_protocol::BootReason,
+    /// Its buses, at most [`MAX_BUSES`](crate::MAX_BUSES).
+    pub buses: &'static [BusPort],
+    /// How many host links it has, at most [`MAX_LINKS`](crate::MAX_LINKS).
+    pub links: u8,
+}

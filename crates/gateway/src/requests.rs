@@ -1,0 +1,427 @@
+//! What each request of a host does.
+
+use crate::MAX_AXES_WIRE;
+use crate::axis::{Axis, JobKind};
+use crate::bus::{Bus, Raw};
+use crate::gateway::Gateway;
+use crate::link::Incoming;
+use crate::outbox::Ticket;
+use crate::time::Instant;
+use host_protocol::{
+    AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, RawFrame, Reply, Request, StopTarget,
+    Text, TripReason, Vec, replies, requests,
+};
+
+/// What a request comes to.
+#[expect(clippy::large_enum_variant, reason = "there is no heap to put the large one on")]
+enum Outcome {
+    /// Its result, now.
+    Now(Reply),
+    /// A job answers it later.
+    Later,
+}
+
+type Result<T, E = Error> = core::result::Result<T, E>;
+
+impl Gateway {
+    /// Executes one request and answers it.
+    pub(crate) fn execute(&mut self, now: Instant, link: u8, incoming: Incoming) {
+        let ticket = Ticket { link, slot: incoming.slot };
+        let result = match incoming.request {
+            Ok(request) if ticket.slot.is_none() && !is_stop(&request) => return,
+            Ok(request) => self.dispatch(now, ticket, &request),
+            Err(error) => Err(error),
+        };
+        let result = match result {
+            Ok(Outcome::Later) => return,
+            Ok(Outcome::Now(reply)) => Ok(reply),
+            Err(error) => Err(error),
+        };
+        self.outbox(now).answer(ticket, &result);
+    }
+
+    fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<Outcome> {
+        if needs_authority(request) {
+            self.authority.take(now, ticket.link)?;
+        }
+        let done = replies::Done {};
+        let reply = match request {
+            Request::Hello(hello) => Reply::Hello(self.hello(now, ticket.link, hello)?),
+            Request::Ping(_) => Reply::Ping(replies::Pong { time_us: now.as_micros() }),
+            Request::TakeAuthority(_) => Reply::TakeAuthority(done),
+            Request::ReleaseAuthority(_) => {
+                if self.authority.is_held_by(ticket.link) {
+                    self.release_authority(now);
+                }
+                Reply::ReleaseAuthority(done)
+            }
+            Request::ConfigureGateway(request) => {
+                self.configure_gateway(request)?;
+                Reply::ConfigureGateway(done)
+            }
+            Request::ConfigureBus(request) => {
+                self.configure_bus(now, request)?;
+                Reply::ConfigureBus(done)
+            }
+            Request::BusStatus(request) => Reply::BusStatus(self.bus(request.bus)?.report()),
+            Request::ConfigureAxis(request) => {
+                self.configure_axis(now, request)?;
+                Reply::ConfigureAxis(done)
+            }
+            Request::ReadAxisParameter(request) => {
+                let parameter = request.parameter;
+                let known =
+                    AxisParameter::from_number(parameter).ok_or(Error::UnknownParameter { parameter })?;
+                let value = self.axis(request.axis)?.config.get(known);
+                Reply::ReadAxisParameter(replies::ParameterValue { value })
+            }
+            Request::ListAxes(request) => Reply::ListAxes(self.list_axes(request.first)),
+            Request::RemoveAxis(request) => {
+                self.remove_axis(request.axis)?;
+                Reply::RemoveAxis(done)
+            }
+            Request::ProvisionMotorTimeout(request) => return self.provision(now, request, ticket),
+            Request::Arm(request) => return self.arm(now, request.axis, ticket),
+            Request::Disarm(request) => {
+                self.with_axis(now, request.axis, |axis, out| axis.disarm(now, out))?;
+                Reply::Disarm(done)
+            }
+            Request::Stop(request) => {
+                self.stop(now, request.target)?;
+                Reply::Stop(done)
+            }
+            Request::EStop(_) => {
+                self.e_stop(now);
+                Reply::EStop(done)
+            }
+            Request::Clear(request) => match request.target {
+                ClearTarget::Axis(axis) => return self.clear(now, axis, ticket),
+                ClearTarget::Gateway => {
+                    self.clear_gateway(now);
+                    Reply::Clear(done)
+                }
+            },
+            Request::ClearUnreachable(request) => {
+                self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(now, out))??;
+                Reply::ClearUnreachable(done)
+            }
+            Request::Setpoint(request) => {
+                self.setpoint(now, request)?;
+                Reply::Setpoint(done)
+            }
+            Request::ReadState(request) => return self.read_state(now, request.axis, ticket),
+            Request::RawOpen(request) => {
+                self.raw_open(request.bus)?;
+                Reply::RawOpen(done)
+            }
+            Request::RawSend(request) => {
+                self.raw_send(request)?;
+                Reply::RawSend(done)
+            }
+            Request::RawReceive(request) => {
+                let bus = request.bus;
+                let raw = self.bus_mut(bus)?.raw.as_mut().ok_or(Error::RawNotOpen { bus })?;
+                Reply::RawReceive(raw.read())
+            }
+            Request::RawClose(request) => {
+                let bus = request.bus;
+                self.bus_mut(bus)?.raw.take().ok_or(Error::RawNotOpen { bus })?;
+                Reply::RawClose(done)
+            }
+        };
+        Ok(Outcome::Now(reply))
+    }
+
+    fn hello(&mut self, now: Instant, link: u8, hello: &requests::Hello) -> Result<replies::HelloReply> {
+        // A new session knows nothing of the epochs of the one before: its authority ends like that of a silent host.
+        if self.authority.is_held_by(link) {
+            self.lose_authority(now);
+        }
+        if hello.protocol_major != PROTOCOL_MAJOR {
+            let host_major = hello.protocol_major;
+            return Err(Error::UnsupportedVersion { gateway_major: PROTOCOL_MAJOR, host_major });
+        }
+        Ok(replies::HelloReply {
+            protocol_major: PROTOCOL_MAJOR,
+            protocol_minor: PROTOCOL_MINOR,
+            firmware: text(self.board.firmware),
+            build_id: text(self.board.build_id),
+            board: text(self.board.name),
+            boot: self.board.boot,
+            panic_recorded: false,
+            trips_recorded: 0,
+            max_axes: MAX_AXES_WIRE,
+            #[allow(clippy::cast_possible_truncation)]
+            max_message: MAX_MESSAGE as u16,
+            buses: self.buses.iter().map(capability).collect(),
+            time_us: now.as_micros(),
+        })
+    }
+
+    fn list_axes(&self, first: u8) -> replies::AxisList {
+        let mut axes = Vec::<_, { replies::MAX_AXIS_SUMMARIES }>::new();
+        let mut configured = self.axes.iter().filter(|axis| axis.index >= first && !axis.config.is_empty());
+        while !axes.is_full()
+            && let Some(axis) = configured.next()
+        {
+            let _ = axes.push(axis.summary());
+        }
+        replies::AxisList { axes, next: configured.next().map(|axis| axis.index) }
+    }
+
+    fn provision(
+        &mut self,
+        now: Instant,
+        request: &requests::ProvisionMotorTimeout,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        let axis = self.idle_axis(request.axis)?;
+        crate::motor::check_timeout(request.timeout_ms, &axis.config)?;
+        self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
+    }
+
+    fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        if self.e_stopped {
+            return Err(Error::EStopped {});
+        }
+        let axis = self.idle_axis(index)?;
+        // D5 motors are asked for their timeout while arming.
+        if axis.config.protocol() != Some(Protocol::D5) {
+            axis.check_motor_timeout()?;
+        } else if axis.config.unsigned(AxisParameter::D5AckLevel) == Some(0) {
+            return Err(Error::CannotConfirm { axis: index });
+        }
+        if let Some(bus) = axis.config.bus()
+            && self.bus(bus)?.raw.is_some()
+        {
+            return Err(Error::RawOpen { bus });
+        }
+        // A motor timeout programmed since may ask for a faster refresh than the configuration did.
+        self.check_axis_load(index)?;
+        self.epoch = self.epoch.wrapping_add(1);
+        self.start(now, index, JobKind::Arm { epoch: self.epoch }, ticket)
+    }
+
+    fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        let axis = self.axis(index)?;
+        let reason = match (axis.state, axis.trip) {
+            (AxisState::Tripped { confirmed: true }, Some(trip)) => trip.reason,
+            (AxisState::Tripped { .. }, _) => return Err(Error::StopNotConfirmed { axis: index }),
+            _ => return Err(Error::NothingToClear { axis: index }),
+        };
+        if reason == TripReason::EStop && self.e_stopped {
+            return Err(Error::CauseRemains { axis: index, reason });
+        }
+        self.ready_bus(axis)?;
+        self.start(now, index, JobKind::Clear, ticket)
+    }
+
+    fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        let axis = self.axis(index)?;
+        match axis.state {
+            AxisState::Unconfigured => {
+                let missing = axis.config.missing().map_or(0, AxisParameter::number);
+                Err(Error::NotConfigured { axis: index, parameter: missing })
+            }
+            AxisState::Idle | AxisState::Armed | AxisState::Active => {
+                self.ready_bus(axis)?;
+                self.start(now, index, JobKind::ReadState, ticket)
+            }
+            // The bus belongs to the arming or the stop: what is known is told with its age.
+            AxisState::Arming | AxisState::Stopping | AxisState::Tripped { .. } => {
+                Ok(Outcome::Now(Reply::ReadState(axis.report(now))))
+            }
+        }
+    }
+
+    fn setpoint(&mut self, now: Instant, request: &requests::Setpoint) -> Result<()> {
+        if self.e_stopped && self.axis(request.axis)?.trip.is_none() {
+            return Err(Error::EStopped {});
+        }
+        let (epoch, expires) = (request.epoch, request.expires_at_us);
+        self.with_axis(now, request.axis, |axis, out| axis.set(now, epoch, expires, request.setpoint, out))?
+    }
+
+    fn stop(&mut self, now: Instant, target: StopTarget) -> Result<()> {
+        match target {
+            StopTarget::Axis(index) => {
+                let axis = self.axis(index)?;
+                if let (AxisState::Unconfigured, Some(missing)) = (axis.state, axis.config.missing()) {
+                    return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
+                }
+                self.with_axis(now, index, |axis, out| axis.stop(now, out))
+            }
+            StopTarget::All => {
+                self.each_axis(now, |axis, out| axis.stop(now, out));
+                Ok(())
+            }
+        }
+    }
+
+    fn e_stop(&mut self, now: Instant) {
+        self.each_axis(now, |axis, out| axis.trip(now, TripReason::EStop, out));
+        if !self.e_stopped {
+            self.e_stopped = true;
+            self.outbox(now).event(&Event::EStopLatched {});
+        }
+    }
+
+    fn clear_gateway(&mut self, now: Instant) {
+        if self.e_stopped {
+            self.e_stopped = false;
+            self.outbox(now).event(&Event::EStopCleared {});
+        }
+    }
+
+    fn raw_open(&mut self, bus: u8) -> Result<()> {
+        if self.bus(bus)?.config().is_none() {
+            return Err(Error::BusNotConfigured { bus });
+        }
+        let moving = |axis: &&Axis| {
+            axis.config.bus() == Some(bus)
+                && matches!(
+                    axis.state,
+                    AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
+                )
+        };
+        if let Some(axis) = self.axes.iter().find(moving) {
+            return Err(Error::AxisArmed { axis: axis.index });
+        }
+        self.bus_mut(bus)?.raw.get_or_insert_with(Raw::new);
+        Ok(())
+    }
+
+    fn raw_send(&mut self, request: &requests::RawSend) -> Result<()> {
+        let index = request.bus;
+        let bus = self.bus_mut(index)?;
+        let kind = bus.kind();
+        let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
+        match (&request.frame, kind) {
+            (RawFrame::Can(_), BusKind::Can) | (RawFrame::Serial(_), BusKind::Rs485) => {}
+            _ => return Err(Error::WrongBusKind { bus: index, kind }),
+        }
+        if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }
+    }
+
+    /// An axis that is complete, at rest and on a working bus.
+    fn idle_axis(&self, index: u8) -> Result<&Axis> {
+        let axis = self.axis(index)?;
+        match (axis.state, axis.trip) {
+            (AxisState::Idle, _) => {}
+            (AxisState::Unconfigured, _) => {
+                let parameter = axis.config.missing().map_or(0, AxisParameter::number);
+                return Err(Error::NotConfigured { axis: index, parameter });
+            }
+            (AxisState::Tripped { .. }, Some(trip)) => {
+                return Err(Error::Tripped { axis: index, reason: trip.reason });
+            }
+            (state, _) => return Err(Error::NotIdle { axis: index, state }),
+        }
+        self.ready_bus(axis)?;
+        Ok(axis)
+    }
+
+    fn ready_bus(&self, axis: &Axis) -> Result<()> {
+        let Some(bus_index) = axis.config.bus() else { return Ok(()) };
+        let bus = self.bus(bus_index)?;
+        if bus.config().is_none() {
+            return Err(Error::BusNotConfigured { bus: bus_index });
+        }
+        if bus.is_off() {
+            return Err(Error::BusOff { bus: bus_index });
+        }
+        Ok(())
+    }
+
+    fn start(&mut self, now: Instant, axis: u8, kind: JobKind, ticket: Ticket) -> Result<Outcome> {
+        self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
+        Ok(Outcome::Later)
+    }
+
+    /// Authority given back: what is armed is stopped and disarmed.
+    fn release_authority(&mut self, now: Instant) {
+        self.authority.release();
+        self.close_raw();
+        self.each_axis(now, |axis, out| axis.disarm(now, out));
+        self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
+    }
+
+    /// Authority lost by silence: what moves trips, what is armed is disarmed.
+    pub(crate) fn lose_authority(&mut self, now: Instant) {
+        self.authority.release();
+        self.close_raw();
+        self.each_axis(now, |axis, out| {
+            if axis.state == AxisState::Active {
+                axis.trip(now, TripReason::HostSilent, out);
+            } else {
+                axis.disarm(now, out);
+            }
+        });
+        self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
+    }
+
+    fn close_raw(&mut self) {
+        for bus in &mut self.buses {
+            bus.raw = None;
+        }
+    }
+}
+
+/// Requests that only the holder of authority may make.
+fn needs_authority(request: &Request) -> bool {
+    match request {
+        Request::TakeAuthority(_)
+        | Request::ConfigureGateway(_)
+        | Request::ConfigureBus(_)
+        | Request::ConfigureAxis(_)
+        | Request::RemoveAxis(_)
+        | Request::ProvisionMotorTimeout(_)
+        | Request::Arm(_)
+        | Request::Clear(_)
+        | Request::ClearUnreachable(_)
+        | Request::Setpoint(_)
+        | Request::RawOpen(_)
+        | Request::RawSend(_)
+        | Request::RawReceive(_)
+        | Request::RawClose(_) => true,
+        Request::Hello(_)
+        | Request::Ping(_)
+        | Request::ReleaseAuthority(_)
+        | Request::BusStatus(_)
+        | Request::ReadAxisParameter(_)
+        | Request::ListAxes(_)
+        | Request::Disarm(_)
+        | Request::Stop(_)
+        | Request::EStop(_)
+        | Request::ReadState(_) => false,
+    }
+}
+
+/// Requests that are executed even if no reply slot is left.
+fn is_stop(request: &Request) -> bool {
+    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
+}
+
+/// A board's text, cut to what the wire holds.
+fn text<const N: usize>(full: &str) -> Text<N> {
+    let mut text = Text::new();
+    for character in full.chars() {
+        if text.push(character).is_err() {
+            break;
+        }
+    }
+    text
+}
+
+fn capability(bus: &Bus) -> BusCapability {
+    let protocols = match bus.kind() {
+        BusKind::Can => ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster, Protocol::D5]),
+        BusKind::Rs485 => ProtocolSet::of(&[Protocol::Rmd]),
+    };
+    BusCapability {
+        kind: bus.kind(),
+        bitrates: bus.port().bitrates.iter().copied().take(host_protocol::MAX_BITRATES).collect(),
+        protocols,
+    }
+}

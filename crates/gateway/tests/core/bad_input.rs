@@ -1,0 +1,229 @@
+//! Bad input is named and moves nothing.
+
+use crate::bench::{self, arm, setpoint};
+use crate::rig::{Rig, Said};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity, Reply, Request,
+    Setpoint, StopAction, Value, requests,
+};
+
+const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
+
+fn no_motion(rig: &Rig) {
+    for bus in 0..3 {
+        for text in rig.sent_since(bus, 0) {
+            assert!(!text.contains("#A") && !text.contains("#5443000000000005"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn an_unknown_axis_is_named_with_how_many_there_are() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let request = Request::Arm(requests::Arm { axis: 32 });
+    assert_eq!(rig.ask(request), Err(Error::UnknownAxis { axis: 32, max_axes: 32 }));
+}
+
+#[test]
+fn an_unarmed_axis_takes_no_setpoint() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let request = setpoint(&rig, 1, 80_000, CURRENT);
+    assert_eq!(rig.ask(request), Err(Error::NotArmed { axis: 0, state: AxisState::Idle }));
+    no_motion(&rig);
+}
+
+#[test]
+fn nan_and_out_of_limit_setpoints_are_refused_with_the_bounds() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::CurrentLimitA, Value::Float(2.0));
+    let epoch = arm(&mut rig);
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: f32::NAN });
+    assert_eq!(rig.ask(request), Err(Error::NotANumber { quantity: Quantity::Current }));
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 2.5 });
+    let refused = Error::OutOfRange { quantity: Quantity::Current, value: 2.5, min: -2.0, max: 2.0 };
+    assert_eq!(rig.ask(request), Err(refused));
+    no_motion(&rig);
+}
+
+#[test]
+fn what_the_wire_cannot_carry_is_refused_not_clamped() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 400.0 });
+    let limit = 327.67;
+    let refused = Error::OutOfRange { quantity: Quantity::Current, value: 400.0, min: -limit, max: limit };
+    assert_eq!(rig.ask(request), Err(refused));
+    no_motion(&rig);
+}
+
+#[test]
+fn modes_a_protocol_does_not_have_are_unsupported() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.1 });
+    assert_eq!(rig.ask(request), Err(Error::Unsupported { axis: 0, protocol: Protocol::Rmd }));
+    let (mut rig, _) = bench::thruster();
+    let epoch = arm(&mut rig);
+    let request = setpoint(&rig, epoch, 80_000, CURRENT);
+    assert_eq!(rig.ask(request), Err(Error::Unsupported { axis: 0, protocol: Protocol::Thruster }));
+}
+
+#[test]
+fn stale_setpoints_and_old_epochs_are_refused() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let expires_at_us = rig.now().low_bits();
+    let stale = requests::Setpoint { axis: 0, epoch, expires_at_us, setpoint: CURRENT };
+    let now_us = rig.now().low_bits();
+    assert_eq!(rig.ask(Request::Setpoint(stale)), Err(Error::Stale { now_us, expires_at_us }));
+    let request = setpoint(&rig, epoch, 100_001, CURRENT);
+    let refused =
+        Error::OutOfRange { quantity: Quantity::Expiry, value: 100_001.0, min: 0.0, max: 100_000.0 };
+    assert_eq!(rig.ask(request), Err(refused));
+    let request = setpoint(&rig, epoch.wrapping_sub(1), 80_000, CURRENT);
+    assert_eq!(rig.ask(request), Err(Error::StaleEpoch { current: Some(epoch) }));
+    no_motion(&rig);
+}
+
+#[test]
+fn a_slow_thruster_speed_is_refused_with_what_is_allowed() {
+    let (mut rig, _) = bench::thruster();
+    let epoch = arm(&mut rig);
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: 1.0 }); // 9.5 rpm
+    let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, .. }) = rig.ask(request) else { panic!() };
+    assert_eq!(min, core::f32::consts::PI); // 30 rpm
+}
+
+#[test]
+fn a_position_without_speed_limit_is_refused() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let position = Setpoint::Position { position_rad: 1.0, speed_limit_rad_s: 0.0 };
+    let request = setpoint(&rig, epoch, 80_000, position);
+    assert_eq!(rig.ask(request), Err(Error::SpeedLimitZero { axis: 0 }));
+}
+
+#[test]
+fn an_axis_without_stop_action_is_not_armed() {
+    let mut rig = Rig::new();
+    bench::hello(&mut rig);
+    bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd]);
+    for (parameter, value) in
+        [(AxisParameter::Bus, 0), (AxisParameter::Protocol, 1), (AxisParameter::Node, 1)]
+    {
+        bench::parameter(&mut rig, 0, parameter, Value::Unsigned(value));
+    }
+    let missing = Error::NotConfigured { axis: 0, parameter: AxisParameter::StopAction.number() };
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(missing));
+}
+
+#[test]
+fn a_stop_action_the_protocol_does_not_have_is_refused() {
+    let (mut rig, _) = bench::thruster();
+    let hold = requests::ConfigureAxis {
+        axis: 0,
+        parameter: AxisParameter::StopAction.number(),
+        value: Value::Unsigned(2),
+    };
+    let refused = Err(Error::Unsupported { axis: 0, protocol: Protocol::Thruster });
+    assert_eq!(rig.ask(Request::ConfigureAxis(hold)), refused);
+}
+
+#[test]
+fn an_unknown_motor_timeout_is_refused_unless_allowed() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(false));
+    let arm_axis = Request::Arm(requests::Arm { axis: 0 });
+    assert_eq!(rig.ask(arm_axis.clone()), Err(Error::MotorTimeoutUnknown { axis: 0 }));
+    let since = rig.now_us;
+    let provision = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 1_000 };
+    rig.ask(Request::ProvisionMotorTimeout(provision)).unwrap();
+    assert_eq!(rig.sent_since(0, since), ["141#B3000000E8030000"]); // RMD V3.6 §2.30.4
+    assert!(matches!(rig.ask(arm_axis), Ok(Reply::Arm(_))));
+}
+
+#[test]
+fn a_mute_motor_is_not_armed() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    play.borrow_mut().mute = true;
+    let no_reply = Error::NoReply { axis: 0, hint: NoReplyHint::None };
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(no_reply));
+    let (mut rig, play) = bench::d5();
+    play.borrow_mut().mute = true;
+    let no_reply = Error::NoReply { axis: 0, hint: NoReplyHint::AckLevelZero };
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(no_reply));
+}
+
+#[test]
+fn a_turning_or_faulted_motor_is_not_armed() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    play.borrow_mut().turning = true;
+    let arm_axis = Request::Arm(requests::Arm { axis: 0 });
+    assert!(matches!(rig.ask(arm_axis.clone()), Err(Error::NotStandstill { axis: 0, .. })));
+    play.borrow_mut().turning = false;
+    play.borrow_mut().fault = true;
+    assert_eq!(rig.ask(arm_axis), Err(Error::MotorFault { axis: 0, faults: 2 }));
+}
+
+#[test]
+fn a_bus_that_cannot_carry_its_axes_is_refused_with_the_numbers() {
+    let (mut rig, _) = bench::rmd_serial();
+    let request = requests::ConfigureAxis {
+        axis: 0,
+        parameter: AxisParameter::RefreshUs.number(),
+        value: Value::Unsigned(2_000),
+    };
+    let Err(Error::BusOverloaded { bus: 2, needed_permille, available_permille: 800 }) =
+        rig.ask(Request::ConfigureAxis(request))
+    else {
+        panic!("not refused");
+    };
+    assert!(needed_permille > 1_000);
+}
+
+#[test]
+fn a_million_random_bytes_do_nothing_and_the_next_frame_is_answered() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let (wire, mut state) = (rig.wire.len(), 0x2545_F491_4F6C_DD1Du64);
+    for _ in 0..1_000 {
+        let chunk: Vec<u8> = std::iter::repeat_with(|| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            state.to_le_bytes()[3]
+        })
+        .take(1_000)
+        .collect();
+        rig.bytes(&chunk);
+    }
+    assert_eq!(rig.wire.len(), wire);
+    assert!(matches!(rig.ask(Request::Ping(requests::Ping {})), Ok(Reply::Ping(_))));
+    assert!(rig.said.iter().any(|said| matches!(said, Said::Event(HostEvent::FrameRejected { .. }))));
+}
+
+#[test]
+fn another_major_version_is_refused() {
+    let mut rig = Rig::new();
+    let hello = requests::Hello { protocol_major: 2, protocol_minor: 0, session: 1 };
+    let refused = Error::UnsupportedVersion { gateway_major: 1, host_major: 2 };
+    assert_eq!(rig.ask(Request::Hello(hello)), Err(refused));
+}
+
+#[test]
+fn a_second_host_is_not_in_command_but_may_stop() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let mut frame = [0; host_protocol::MAX_FRAME];
+    let arm_axis = Request::Arm(requests::Arm { axis: 0 });
+    let length = arm_axis.encode_frame(1, &mut frame).unwrap();
+    rig.handle(gateway::Event::HostBytes { link: 1, bytes: &frame[..length] });
+    let mut out = [0; host_protocol::MAX_FRAME];
+    let length = rig.gateway.poll_host(1, &mut out).unwrap();
+    let mut deframer = host_protocol::Deframer::new();
+    let mut errors = Vec::new();
+    for byte in &out[..length] {
+        if let Some(Ok(frame)) = deframer.push(*byte) {
+            errors.push(Error::decode(frame.number, frame.body).unwrap());
+        }
+    }
+    assert_eq!(errors, [Error::NotInCommand { holder: 0 }]);
+}

@@ -1,0 +1,7 @@
+//! The core in virtual time: typed requests on one side, literal bytes on the other.
+
+mod bad_input;
+mod bench;
+mod motion;
+mod rig;
+mod stops;

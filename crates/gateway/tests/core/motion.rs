@@ -1,0 +1,145 @@
+//! Setpoints become the manuals' bytes, and the motors' answers SI units.
+
+use crate::bench::{self, arm, move_axis, setpoint};
+use host_protocol::{AxisState, Reply, Request, Setpoint, StopAction, requests};
+
+/// 600 °/s.
+const D5_VELOCITY: f32 = 10.471_976;
+
+#[test]
+fn rmd_current_is_sent_as_the_manual_prints_it() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 1.0 });
+    rig.ask(request).unwrap();
+    assert_eq!(rig.sent_since(0, since).first(), Some(&"141#A100000064000000")); // RMD V3.6 §2.17.4, example 1
+}
+
+#[test]
+fn thruster_signal_is_sent_as_the_manual_prints_it() {
+    let (mut rig, _) = bench::thruster();
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: -0.05 });
+    rig.ask(request).unwrap();
+    assert_eq!(rig.sent_since(0, since).first(), Some(&"30B#544300000000FFFB")); // Thruster manual §1.3
+}
+
+#[test]
+fn d5_velocity_is_sent_as_the_manual_prints_it() {
+    let (mut rig, _) = bench::d5();
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: D5_VELOCITY });
+    rig.ask(request).unwrap();
+    assert_eq!(rig.sent_since(1, since).first(), Some(&"00B#D50B05032058028D")); // D5 manual, common commands 2
+}
+
+#[test]
+fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
+    let (mut rig, play) = bench::rmd_serial();
+    play.borrow_mut().turning = true;
+    let since = rig.now_us;
+    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+        panic!("no state");
+    };
+    assert_eq!(rig.sent_since(2, since).first(), Some(&"3E01089C00000000000000F230")); // PROTOCOL-NOTES R1
+    assert_eq!(state.velocity_rad_s.unwrap().value, 8.726_646); // 500 °/s
+    assert_eq!(state.current_a.unwrap().value, 1.0);
+    assert_eq!(state.position_rad.unwrap().value, core::f32::consts::TAU); // 36000 hundredths of a degree
+    assert_eq!(state.voltage_v.unwrap().value, 48.5);
+    assert_eq!(state.motor_temperature_c.unwrap().value, 50.0);
+    assert_eq!(state.faults.unwrap().word, 0);
+}
+
+#[test]
+fn a_fresh_setpoint_is_refreshed_on_the_wire() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let since = rig.now_us;
+    move_axis(&mut rig, Setpoint::Velocity { velocity_rad_s: 1.745_329_3 });
+    rig.run(70_000);
+    let motion = "141#A200000010270000"; // RMD V3.6 §2.18.4, example 1: 100 °/s
+    let sent = rig.sent_since(0, since).iter().filter(|text| **text == motion).count();
+    assert_eq!(sent, 4); // at 0, 20, 40 and 60 ms
+}
+
+#[test]
+fn a_new_setpoint_replaces_the_old_one() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = move_axis(&mut rig, Setpoint::Current { current_a: 1.0 });
+    rig.run(10_000);
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: -1.0 });
+    rig.ask(request).unwrap();
+    rig.run(60_000);
+    let sent = rig.sent_since(0, since);
+    assert!(sent.contains(&"141#A10000009CFFFFFF") || sent.contains(&"141#A10000009CFF0000"), "{sent:?}");
+    assert!(!sent.contains(&"141#A100000064000000"), "{sent:?}");
+}
+
+#[test]
+fn arming_sends_each_protocols_sequence_and_no_motion() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let since = rig.now_us;
+    arm(&mut rig);
+    let stop = "141#8100000000000000";
+    let [velocity, position, faults] =
+        ["141#9C00000000000000", "141#9200000000000000", "141#9A00000000000000"];
+    assert_eq!(rig.sent_since(0, since), [stop, stop, velocity, position, faults]);
+
+    let (mut rig, _) = bench::thruster();
+    let since = rig.now_us;
+    arm(&mut rig);
+    let sent = ["30B#45460000", "30B#46520000", "30B#5443000000000000", "30B#45460000", "30B#51560000"];
+    assert_eq!(rig.sent_since(0, since), sent);
+
+    let (mut rig, _) = bench::d5();
+    let since = rig.now_us;
+    arm(&mut rig);
+    let sent = [
+        "00B#D50B04021000002 1".replace(' ', ""), // 0B+04+02+10 = 21
+        "00B#D50B040211000022".into(),
+        "00B#D50B040212000023".into(),
+        "00B#D50B04022C00003D".into(),
+        "00B#D50B050320000033".into(), // D5 manual, quick start 5
+        "00B#D50B050220000032".into(),
+        "00B#D50B050226000038".into(),
+    ];
+    assert_eq!(rig.sent_since(1, since), sent);
+}
+
+#[test]
+fn state_and_fault_polls_go_on_while_setpoints_come_fast() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    for _ in 0..300 {
+        let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 1.0 });
+        rig.ask(request).unwrap();
+        rig.run(1_000);
+    }
+    let sent = rig.sent_since(0, since);
+    let count = |wanted: &str| sent.iter().filter(|text| **text == wanted).count();
+    assert!(count("141#9A00000000000000") >= 2, "{sent:?}");
+    assert!(count("141#9200000000000000") >= 2, "{sent:?}");
+    assert!(count("141#A100000064000000") >= 250);
+}
+
+#[test]
+fn a_reversed_axis_is_reversed_both_ways() {
+    use host_protocol::{AxisParameter, Value};
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::Direction, Value::Signed(-1));
+    let epoch = arm(&mut rig);
+    play.borrow_mut().turning = true;
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: -1.745_329_3 });
+    rig.ask(request).unwrap();
+    assert_eq!(rig.sent_since(0, since).first(), Some(&"141#A200000010270000"));
+    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+        panic!("no state");
+    };
+    assert_eq!(state.velocity_rad_s.unwrap().value, -8.726_646);
+    assert_eq!(state.state, AxisState::Active);
+}

@@ -1,0 +1,230 @@
+//! What requests, replies, events and errors say about axes.
+
+use core::fmt;
+
+use crate::protocol::Protocol;
+use crate::size::wire;
+use crate::value::Quantity;
+
+wire! {
+    /// The state of an axis.
+    #[derive(Copy, Eq)]
+    pub enum AxisState {
+        /// A required parameter is missing.
+        Unconfigured,
+        /// Nothing moves and nothing may.
+        Idle,
+        /// The steps that come before motion are under way.
+        Arming,
+        /// Motion is allowed; no setpoint has come yet.
+        Armed,
+        /// A setpoint is in force.
+        Active,
+        /// The stop action is under way, by request.
+        Stopping,
+        /// Stopped by the gateway, for a reason that `ReadState` tells; latched until it is cleared.
+        Tripped {
+            /// Whether the motor has confirmed the stop.
+            confirmed: bool,
+        },
+    }
+
+    /// What an axis should do now.
+    #[derive(Copy)]
+    pub enum Setpoint {
+        /// A fraction of the full signal.
+        Signal {
+            /// −1 to 1, positive is counter-clockwise.
+            fraction: f32,
+        },
+        /// Current in the winding, which sets the torque.
+        Current {
+            /// A, positive is counter-clockwise.
+            current_a: f32,
+        },
+        /// Velocity of the shaft.
+        Velocity {
+            /// rad/s, positive is counter-clockwise.
+            velocity_rad_s: f32,
+        },
+        /// Position of the shaft.
+        Position {
+            /// rad, positive is counter-clockwise.
+            position_rad: f32,
+            /// Speed on the way, rad/s, above 0.
+            speed_limit_rad_s: f32,
+        },
+    }
+
+    /// Why an axis tripped.
+    #[derive(Copy)]
+    pub enum TripReason {
+        /// No new setpoint came before the last one expired.
+        SetpointExpired,
+        /// Nothing valid came from the host in command for the configured time.
+        HostSilent,
+        /// The motor did not reply.
+        MotorSilent,
+        /// The motor reports a fault.
+        MotorFault {
+            /// The motor's own fault word.
+            faults: u16,
+        },
+        /// The motor refused a command.
+        CommandRefused {
+            /// The motor's own fault word, where it could be read.
+            faults: Option<u16>,
+        },
+        /// No node acknowledged a motion frame in time.
+        NotAcknowledged,
+        /// The CAN controller of its bus switched itself off.
+        BusOff,
+        /// A measured value is beyond the limit of this axis.
+        LimitExceeded {
+            /// Which one.
+            quantity: Quantity,
+            /// What was measured, in the quantity's unit.
+            value: f32,
+            /// The limit, in the quantity's unit.
+            limit: f32,
+        },
+        /// Emergency stop, by request or by the input of the board.
+        EStop,
+        /// The gateway was reset while the axis was in motion.
+        Reset,
+        /// The gateway found itself in a state that should not be.
+        Internal {
+            /// Place in the firmware.
+            code: u16,
+        },
+        /// A requested stop was not confirmed by the motor.
+        StopUnconfirmed,
+    }
+
+    /// A trip: why, when, and the last values before it.
+    #[derive(Copy)]
+    pub struct Trip {
+        /// Why.
+        pub reason: TripReason,
+        /// Gateway time, µs.
+        pub time_us: u64,
+        /// rad/s.
+        pub velocity_rad_s: Option<f32>,
+        /// rad.
+        pub position_rad: Option<f32>,
+        /// A.
+        pub current_a: Option<f32>,
+        /// Whether so many stops stayed unconfirmed that the motor counts as unreachable.
+        pub unreachable: bool,
+    }
+
+    /// What is known of the motor's own timeout, the second layer of safety.
+    #[derive(Copy, Eq)]
+    pub enum MotorTimeout {
+        /// Nothing.
+        Unknown,
+        /// It is off.
+        Off,
+        /// Written by this gateway; the motor cannot be asked for it.
+        Written {
+            /// ms.
+            timeout_ms: u32,
+        },
+        /// Read back as on; the motor does not state its time.
+        Verified,
+    }
+
+    /// A measured value and its age.
+    #[derive(Copy)]
+    pub struct Reading {
+        /// In the unit that the field's name states.
+        pub value: f32,
+        /// Since it was received, µs.
+        pub age_us: u32,
+    }
+
+    /// The motor's own fault word and its age.
+    #[derive(Copy, Eq)]
+    pub struct FaultReading {
+        /// Bits as in the manual of the motor; 0 is no fault.
+        pub word: u16,
+        /// Since it was received, µs.
+        pub age_us: u32,
+    }
+
+    /// One axis of a list.
+    #[derive(Copy, Eq)]
+    pub struct AxisSummary {
+        /// Its number.
+        pub axis: u8,
+        /// Its bus, once configured.
+        pub bus: Option<u8>,
+        /// Its protocol, once configured.
+        pub protocol: Option<Protocol>,
+        /// The motor's id on that bus, once configured.
+        pub node: Option<u8>,
+        /// Its state.
+        pub state: AxisState,
+        /// The number of the first required parameter that is not yet set.
+        pub missing: Option<u16>,
+    }
+
+    /// What to stop.
+    #[derive(Copy, Eq)]
+    pub enum StopTarget {
+        /// This axis.
+        Axis(u8),
+        /// Every axis.
+        All,
+    }
+
+    /// What to clear.
+    #[derive(Copy, Eq)]
+    pub enum ClearTarget {
+        /// The trip of this axis.
+        Axis(u8),
+        /// The latched e-stop of the whole gateway.
+        Gateway,
+    }
+}
+
+impl fmt::Display for AxisState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Unconfigured => "unconfigured",
+            Self::Idle => "idle",
+            Self::Arming => "arming",
+            Self::Armed => "armed",
+            Self::Active => "active",
+            Self::Stopping => "stopping",
+            Self::Tripped { confirmed: false } => "tripped, its stop not confirmed",
+            Self::Tripped { confirmed: true } => "tripped, its stop confirmed",
+        })
+    }
+}
+
+impl fmt::Display for TripReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SetpointExpired => f.write_str("the setpoint expired"),
+            Self::HostSilent => f.write_str("the host was silent"),
+            Self::MotorSilent => f.write_str("the motor was silent"),
+            Self::MotorFault { faults } => write!(f, "the motor reported a fault, fault word {faults:#06x}"),
+            Self::CommandRefused { faults: Some(faults) } => {
+                write!(f, "the motor refused a command, fault word {faults:#06x}")
+            }
+            Self::CommandRefused { faults: None } => f.write_str("the motor refused a command"),
+            Self::NotAcknowledged => f.write_str("no node acknowledged a motion frame"),
+            Self::BusOff => f.write_str("the bus went off"),
+            Self::LimitExceeded { quantity, value, limit } => {
+                let unit = quantity.unit();
+                let space = if unit.is_empty() { "" } else { " " };
+                write!(f, "{quantity} {value}{space}{unit} is beyond its limit of {limit}{space}{unit}")
+            }
+            Self::EStop => f.write_str("emergency stop"),
+            Self::Reset => f.write_str("the gateway was reset in motion"),
+            Self::Internal { code } => write!(f, "internal error {code} of the gateway"),
+            Self::StopUnconfirmed => f.write_str("a stop was not confirmed"),
+        }
+    }
+}

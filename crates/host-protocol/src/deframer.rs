@@ -1,0 +1,204 @@
+//! Frames out of a stream of bytes.
+
+use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
+
+/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message is all it holds.
+///
+/// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
+#[derive(Clone)]
+pub struct Deframer {
+    message: [u8; MAX_MESSAGE],
+    length: usize,
+    /// Data bytes that the current COBS block still lacks.
+    missing: u8,
+    /// Whether a zero comes before the next block's data: not before the first one, nor after a full one.
+    zero_next: bool,
+    /// Whether a byte has come since the last delimiter.
+    started: bool,
+    /// Whether the message has not fitted.
+    overflow: bool,
+}
+
+impl Default for Deframer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Deframer {
+    /// One that has seen nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            message: [0; MAX_MESSAGE],
+            length: 0,
+            missing: 0,
+            zero_next: false,
+            started: false,
+            overflow: false,
+        }
+    }
+
+    /// Takes the next byte. A delimiter completes a frame, if anything came before it.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, FrameError>> {
+        if byte == DELIMITER {
+            return self.finish();
+        }
+        self.started = true;
+        if self.missing > 0 {
+            self.missing -= 1;
+            self.store(byte);
+        } else {
+            if self.zero_next {
+                self.store(0);
+            }
+            self.zero_next = byte != COBS_FULL;
+            self.missing = byte - 1;
+        }
+        None
+    }
+
+    fn store(&mut self, byte: u8) {
+        match self.message.get_mut(self.length) {
+            Some(place) => {
+                *place = byte;
+                self.length += 1;
+            }
+            None => self.overflow = true,
+        }
+    }
+
+    fn finish(&mut self) -> Option<Result<Frame<'_>, FrameError>> {
+        let (length, missing, started, overflow) = (self.length, self.missing, self.started, self.overflow);
+        (self.length, self.missing, self.zero_next, self.started, self.overflow) =
+            (0, 0, false, false, false);
+        if !started {
+            return None;
+        }
+        if overflow {
+            return Some(Err(FrameError::TooLong));
+        }
+        if missing > 0 {
+            return Some(Err(FrameError::Cobs));
+        }
+        Some(Frame::from_message(self.message.get(..length).unwrap_or_default()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode;
+    use crate::frame::{Kind, MAX_FRAME};
+
+    const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
+
+    /// The last frame or error that `bytes` bring, and how many they bring.
+    fn last<'a>(deframer: &'a mut Deframer, bytes: &[u8]) -> (usize, Option<Result<Frame<'a>, FrameError>>) {
+        let (end, start) = bytes.split_last().unwrap();
+        let earlier = start.iter().filter(|byte| deframer.push(**byte).is_some()).count();
+        let last = deframer.push(*end);
+        (earlier + usize::from(last.is_some()), last)
+    }
+
+    fn ping() -> Frame<'static> {
+        Frame { kind: Kind::Request, sequence: 1, number: 2, body: &[], checksum: 0x8763_83CF }
+    }
+
+    #[test]
+    fn a_frame_by_hand_is_read() {
+        assert_eq!(last(&mut Deframer::new(), &PING), (1, Some(Ok(ping()))));
+    }
+
+    #[test]
+    fn delimiters_with_nothing_between_are_ignored() {
+        let mut deframer = Deframer::new();
+        assert_eq!(last(&mut deframer, &[0; 1000]), (0, None));
+        assert_eq!(last(&mut deframer, &PING), (1, Some(Ok(ping()))));
+    }
+
+    #[test]
+    fn frames_may_share_a_delimiter() {
+        let mut deframer = Deframer::new();
+        last(&mut deframer, &PING);
+        assert_eq!(last(&mut deframer, &PING[1..]), (1, Some(Ok(ping()))));
+    }
+
+    #[test]
+    fn a_line_that_starts_within_a_frame_loses_only_that_one() {
+        for start in 2..11 {
+            let mut deframer = Deframer::new();
+            let (_, first) = last(&mut deframer, &PING[start..]);
+            assert!(first.unwrap().is_err(), "{start}");
+            assert_eq!(last(&mut deframer, &PING), (1, Some(Ok(ping()))));
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_apart() {
+        const TOO_LONG: [u8; 600] = {
+            let mut bytes = [0xFF; 600];
+            bytes[599] = 0;
+            bytes
+        };
+        let cases: [(&[u8], FrameError); 5] = [
+            (&[0x05, 0x01, 0x00], FrameError::Cobs),
+            (&[0x03, 0x01, 0x02, 0x00], FrameError::TooShort { length: 2 }),
+            (
+                &[0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x88, 0x00],
+                FrameError::Checksum { computed: 0x8763_83CF, received: 0x8863_83CF },
+            ),
+            // Kind 9, sequence 0x0101, number 0x0101; the CRC-32C is from an independent computation.
+            (&[0x0A, 0x09, 0x01, 0x01, 0x01, 0x01, 0xBA, 0x31, 0xC9, 0x21, 0x00], FrameError::UnknownKind(9)),
+            (&TOO_LONG, FrameError::TooLong),
+        ];
+        for (bytes, error) in cases {
+            let mut deframer = Deframer::new();
+            let (_, result) = last(&mut deframer, bytes);
+            assert_eq!(result, Some(Err(error)));
+            assert_eq!(last(&mut deframer, &PING), (1, Some(Ok(ping()))));
+        }
+    }
+
+    #[test]
+    fn every_length_of_message_comes_back() {
+        let body = [0x55u8; 503];
+        let zeros = [0u8; 503];
+        let mut out = [0; MAX_FRAME];
+        for length in 0..=503 {
+            for bytes in [&body[..length], &zeros[..length]] {
+                let frame = encode(Kind::Event, 7, 0x8001, &Raw(bytes), &mut out).unwrap();
+                let mut deframer = Deframer::new();
+                let (count, read) = last(&mut deframer, &out[..frame]);
+                assert_eq!((count, read.unwrap().unwrap().body), (1, bytes));
+            }
+        }
+    }
+
+    /// Serialises as its bytes alone, without a length.
+    struct Raw<'a>(&'a [u8]);
+
+    impl serde::Serialize for Raw<'_> {
+        fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            use serde::ser::SerializeTuple;
+            let mut tuple = serializer.serialize_tuple(self.0.len())?;
+            self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
+            tuple.end()
+        }
+    }
+
+    #[test]
+    fn a_frame_after_a_million_random_bytes_is_delivered() {
+        let mut deframer = Deframer::new();
+        let mut state = 0x2545_F491u32;
+        for _ in 0..1_000_000 {
+            // xorshift32
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            assert!(!matches!(deframer.push(state.to_le_bytes()[1]), Some(Ok(_))));
+        }
+        // The first delimiter may close a piece of the garbage; the frame itself is not lost.
+        assert!(matches!(last(&mut deframer, &PING), (_, Some(Ok(frame))) if frame == ping()));
+    }
+}

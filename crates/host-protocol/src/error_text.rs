@@ -1,0 +1,278 @@
+//! The text of the errors for people: what was wrong, what is allowed, the next step.
+
+use core::fmt;
+
+use crate::errors::{Error, NoReplyHint};
+use crate::messages::request_name;
+use crate::parameters;
+use crate::value::Quantity;
+
+/// The name of a request, or its number.
+struct RequestName(u16);
+
+impl fmt::Display for RequestName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match request_name(self.0) {
+            Some(name) => f.write_str(name),
+            None => write!(f, "{:#06x}", self.0),
+        }
+    }
+}
+
+/// A number with the unit of its quantity.
+struct Amount(f32, Quantity);
+
+impl fmt::Display for Amount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.1.unit() {
+            "" => write!(f, "{}", self.0),
+            unit => write!(f, "{} {unit}", self.0),
+        }
+    }
+}
+
+/// The motor's own fault word, if it is known.
+struct Faults(Option<u16>);
+
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(word) => write!(f, "fault word {word:#06x}"),
+            None => f.write_str("its fault word could not be read"),
+        }
+    }
+}
+
+/// Requests or parameters of another version look the same from here.
+const OTHER_VERSION: &str = "host and gateway may be of different versions, compare them with hello";
+
+impl fmt::Display for Error {
+    #[expect(clippy::too_many_lines, reason = "one line for each error of the table")]
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::UnknownRequest { number } => {
+                write!(f, "the gateway knows no request {number:#06x}; {OTHER_VERSION}")
+            }
+            Self::BadBody { number } => {
+                write!(f, "the body of request {} cannot be read; {OTHER_VERSION}", RequestName(number))
+            }
+            Self::UnsupportedVersion { gateway_major, host_major } => write!(
+                f,
+                "the gateway speaks version {gateway_major} of the protocol and the host version {host_major}; \
+                 update the older of the two"
+            ),
+            Self::NotInCommand { holder } => write!(
+                f,
+                "host link {holder} is in command; wait until it releases authority or falls silent \
+                 (stop, disarm and e-stop work from here too)"
+            ),
+            Self::UnknownAxis { axis, max_axes } => {
+                write!(f, "there is no axis {axis}; axes are numbered below {max_axes}")
+            }
+            Self::UnknownBus { bus, buses } => {
+                write!(f, "there is no bus {bus}; buses are numbered below {buses}")
+            }
+            Self::NotConfigured { axis, parameter } => {
+                write!(f, "axis {axis} lacks {}; set it first", Quantity::Parameter(parameter))
+            }
+            Self::OutOfRange { quantity, value, min, max } => write!(
+                f,
+                "{quantity} {} is out of range; allowed are {} to {}",
+                Amount(value, quantity),
+                Amount(min, quantity),
+                Amount(max, quantity)
+            ),
+            Self::NotANumber { quantity } => {
+                write!(f, "{quantity} is not a finite number; give one")
+            }
+            Self::UnknownParameter { parameter } => {
+                write!(f, "no parameter here has the number {parameter}; {OTHER_VERSION}")
+            }
+            Self::WrongType { parameter } => {
+                let quantity = Quantity::Parameter(parameter);
+                match parameters::kind(parameter) {
+                    Some(kind) => {
+                        write!(f, "{quantity} takes another kind of value; give it as {}", kind.name())
+                    }
+                    None => write!(f, "{quantity} takes another kind of value; {OTHER_VERSION}"),
+                }
+            }
+            Self::NotArmed { axis, state } => write!(f, "axis {axis} is {state}; arm it first"),
+            Self::Tripped { axis, reason } => {
+                write!(f, "axis {axis} is tripped: {reason}; remove the cause, then clear the axis")
+            }
+            Self::Stale { now_us, expires_at_us } => write!(
+                f,
+                "the setpoint expires at {expires_at_us} µs and it is {now_us} µs; send one that expires later, \
+                 within the axis's TTL"
+            ),
+            Self::StaleEpoch { current: Some(current) } => write!(
+                f,
+                "the setpoint belongs to an epoch that is over; use {current}, which arming returned last"
+            ),
+            Self::StaleEpoch { current: None } => {
+                f.write_str("the setpoint belongs to an epoch that is over; arm the axis again")
+            }
+            Self::Busy { axis } => {
+                write!(f, "axis {axis} is carrying out another request; send this one after its reply")
+            }
+            Self::Unsupported { axis, protocol } => write!(
+                f,
+                "axis {axis} speaks {protocol}, which has no such command; use one that the capability table lists"
+            ),
+            Self::NoReply { axis, hint } => {
+                write!(f, "the motor of axis {axis} did not reply; {}", next_step(hint))
+            }
+            Self::BusOff { bus } => write!(
+                f,
+                "bus {bus} is off after too many errors; check its cable for a short and its bitrate, it recovers \
+                 by itself"
+            ),
+            Self::CannotConfirm { axis } => write!(
+                f,
+                "the motor of axis {axis} is set so that it could not confirm a stop; give it an acknowledge level \
+                 above 0"
+            ),
+            Self::NotStandstill { axis, velocity_rad_s } => write!(
+                f,
+                "the motor of axis {axis} turns at {velocity_rad_s} rad/s; let it come to a standstill first"
+            ),
+            Self::MotorFault { axis, faults } => write!(
+                f,
+                "the motor of axis {axis} reports a fault, {}; remove its cause first",
+                Faults(Some(faults))
+            ),
+            Self::MotorTimeoutUnknown { axis } => write!(
+                f,
+                "nothing is known of the timeout of the motor of axis {axis}; provision it, or set \
+                 allow_unknown_motor_timeout"
+            ),
+            Self::EStopped {} => f.write_str("the e-stop is latched; clear the gateway first"),
+            Self::BusOverloaded { bus, needed_permille, available_permille } => write!(
+                f,
+                "this would take {needed_permille} ‰ of bus {bus}, of which {available_permille} ‰ are available; \
+                 refresh or poll less often, or use a higher bitrate"
+            ),
+            Self::RawNotOpen { bus } => {
+                write!(f, "bus {bus} is not open for raw frames; open it first")
+            }
+            Self::RawOpen { bus } => {
+                write!(f, "bus {bus} is open for raw frames; close it before arming")
+            }
+            Self::AxisArmed { axis } => {
+                write!(f, "axis {axis} on this bus is armed; disarm it first")
+            }
+            Self::NotIdle { axis, state } => {
+                write!(f, "axis {axis} is {state} and this needs it idle; disarm or clear it first")
+            }
+            Self::NodeInUse { axis } => {
+                write!(f, "axis {axis} has this bus and node; choose another node or remove that axis")
+            }
+            Self::ProtocolNotOnBus { bus, protocol } => {
+                write!(f, "bus {bus} is not configured for {protocol}; configure it so first")
+            }
+            Self::WrongBusKind { bus, kind } => {
+                write!(f, "bus {bus} is {kind}; use a bus of the other kind")
+            }
+            Self::StopNotConfirmed { axis } => write!(
+                f,
+                "the motor of axis {axis} has not confirmed its stop; see that it has power and replies, the stop \
+                 is being repeated"
+            ),
+            Self::CauseRemains { axis, reason } => {
+                write!(f, "what tripped axis {axis} is still there: {reason}; remove it first")
+            }
+            Self::Refused { axis, faults } => write!(
+                f,
+                "the motor of axis {axis} refused the command, {}; remove the fault or the limit first",
+                Faults(faults)
+            ),
+            Self::ArmingAborted { axis, state } => {
+                write!(f, "arming was interrupted and axis {axis} is {state}; see why, then arm again")
+            }
+            Self::SpeedLimitZero { axis } => write!(
+                f,
+                "a position setpoint for axis {axis} needs a speed limit above 0; some motors take 0 as no limit"
+            ),
+            Self::BusNotConfigured { bus } => {
+                write!(f, "bus {bus} is not configured; configure it first")
+            }
+            Self::QueueFull { bus } => {
+                write!(f, "too many frames wait for bus {bus}; send more slowly")
+            }
+            Self::BusInUse { bus, axis } => {
+                write!(f, "axis {axis} on bus {bus} is not idle; disarm or clear it first")
+            }
+            Self::NothingToClear { axis } => {
+                write!(f, "axis {axis} is not tripped; there is nothing to clear")
+            }
+            Self::MotorTimeoutOff { axis } => {
+                write!(f, "the timeout of the motor of axis {axis} is off; provision it first")
+            }
+            Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
+        }
+    }
+}
+
+fn next_step(hint: NoReplyHint) -> &'static str {
+    match hint {
+        NoReplyHint::None => "check its power, its cable, its node and the protocol and bitrate of the bus",
+        NoReplyHint::AckLevelZero => {
+            "it may be at acknowledge level 0, where it answers nothing: set it to 1 or 2"
+        }
+        NoReplyHint::NotAcknowledged => {
+            "no node on the bus acknowledges frames: check cable, termination, power and bitrate"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+    use crate::axis::{AxisState, TripReason};
+
+    #[test]
+    fn a_text_states_the_value_the_bounds_and_the_unit() {
+        let error = Error::OutOfRange { quantity: Quantity::Velocity, value: 12.5, min: -10.0, max: 10.0 };
+        assert_eq!(
+            error.to_string(),
+            "velocity 12.5 rad/s is out of range; allowed are -10 rad/s to 10 rad/s"
+        );
+        let error = Error::OutOfRange {
+            quantity: Quantity::Parameter(6),
+            value: 1.0,
+            min: 5_000.0,
+            max: 60_000_000.0,
+        };
+        assert_eq!(error.to_string(), "ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs");
+        assert_eq!(
+            Error::WrongType { parameter: 4 }.to_string(),
+            "direction takes another kind of value; give it as signed"
+        );
+    }
+
+    #[test]
+    fn a_text_states_the_reason_of_the_trip() {
+        let reason = TripReason::LimitExceeded { quantity: Quantity::Current, value: 12.0, limit: 10.0 };
+        assert_eq!(
+            Error::Tripped { axis: 3, reason }.to_string(),
+            "axis 3 is tripped: current 12 A is beyond its limit of 10 A; remove the cause, then clear the axis"
+        );
+        assert_eq!(
+            Error::NotArmed { axis: 1, state: AxisState::Tripped { confirmed: false } }.to_string(),
+            "axis 1 is tripped, its stop not confirmed; arm it first"
+        );
+    }
+
+    #[test]
+    fn what_has_no_name_here_is_called_by_its_number() {
+        let text = Error::BadBody { number: 0x30 }.to_string();
+        assert!(text.starts_with("the body of request Arm cannot be read;"), "{text}");
+        let text = Error::BadBody { number: 0x0FFF }.to_string();
+        assert!(text.starts_with("the body of request 0x0fff cannot be read;"), "{text}");
+        assert!(Error::NotConfigured { axis: 0, parameter: 999 }.to_string().contains("parameter 999"));
+    }
+}

@@ -1,0 +1,188 @@
+//! The events: what a gateway says without being asked. One table of number, name and fields.
+
+use crate::axis::{AxisState, Trip};
+use crate::bus::BusState;
+use crate::encode::{EncodeError, encode};
+use crate::frame::Kind;
+use crate::messages::{DecodeError, MessageInfo, decode_body};
+use crate::size::{MaxSize, wire};
+
+/// Events have numbers from here on.
+pub const EVENT_BASE: u16 = 0x8000;
+
+wire! {
+    /// Why a host link lost the right to command.
+    #[derive(Copy, Eq)]
+    pub enum AuthorityLossReason {
+        /// Nothing valid came from it for the configured time.
+        Silence,
+        /// It gave the right back.
+        Released,
+    }
+}
+
+/// An event as it was received.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct EventMessage {
+    /// Events that were lost on this link since the last one that was sent.
+    pub dropped: u32,
+    /// Gateway time of the event, µs.
+    pub time_us: u64,
+    /// What happened.
+    pub event: Event,
+}
+
+/// One table: the number in the header, the variant and its fields, which follow `dropped` and `time_us` in the body.
+macro_rules! events {
+    ($($(#[$meta:meta])+ $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? })+) => {
+        /// What happened.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Event {
+            $($(#[$meta])+ $name { $($(#[$field_meta])+ $field: $type),* },)+
+            /// On the host: an event of a later version, its fields left unread. A gateway never sends it.
+            Unknown {
+                /// Its number.
+                number: u16,
+            },
+        }
+
+        /// Every event's number and name.
+        pub const EVENTS: &[MessageInfo] = &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+
+        /// Longest body of an event, bytes.
+        pub(crate) const MAX_EVENT_BODY: usize =
+            u32::MAX_SIZE + u64::MAX_SIZE + crate::size::largest(&[$(0 $(+ <$type as MaxSize>::MAX_SIZE)*),+]);
+
+        impl Event {
+            /// The number in the header.
+            #[must_use]
+            pub const fn number(&self) -> u16 {
+                match self { $(Self::$name { .. } => $number,)+ Self::Unknown { number } => *number }
+            }
+
+            /// The name, as in the table of PROTOCOL.md.
+            #[must_use]
+            pub const fn name(&self) -> &'static str {
+                match self { $(Self::$name { .. } => stringify!($name),)+ Self::Unknown { .. } => "Unknown" }
+            }
+
+            /// Writes the whole delimited frame and returns its length. `sequence` counts the events of the link.
+            ///
+            /// # Errors
+            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
+            pub fn encode_frame(
+                &self,
+                sequence: u16,
+                dropped: u32,
+                time_us: u64,
+                out: &mut [u8],
+            ) -> Result<usize, EncodeError> {
+                let number = self.number();
+                match self {
+                    $(Self::$name { $($field),* } => {
+                        encode(Kind::Event, sequence, number, &(dropped, time_us, $($field,)*), out)
+                    })+
+                    Self::Unknown { .. } => encode(Kind::Event, sequence, number, &(dropped, time_us), out),
+                }
+            }
+        }
+
+        impl EventMessage {
+            /// The event of a frame with this number and body.
+            ///
+            /// # Errors
+            /// The body is not that of this number.
+            pub fn decode(number: u16, body: &[u8]) -> Result<Self, DecodeError> {
+                match number {
+                    $($number => {
+                        type Body = (u32, u64, $($type,)*);
+                        let (dropped, time_us, $($field,)*): Body = decode_body(number, body)?;
+                        Ok(Self { dropped, time_us, event: Event::$name { $($field),* } })
+                    })+
+                    _ => Self::decode_unknown(number, body),
+                }
+            }
+        }
+    };
+}
+
+events! {
+    /// An axis tripped.
+    0x8001 Tripped {
+        /// The axis.
+        axis: u8,
+        /// Why, and its last values.
+        trip: Trip,
+    }
+    /// The motor has confirmed the stop of an axis.
+    0x8002 StopConfirmed {
+        /// The axis.
+        axis: u8,
+        /// From the trip or the stop request until the first stop frame had left on the bus, µs.
+        reaction_us: u32,
+        /// From the trip or the stop request until the confirmation, µs.
+        elapsed_us: u32,
+        /// Whether it stands still, where that could be measured.
+        standstill: Option<bool>,
+    }
+    /// An axis changed its state.
+    0x8003 StateChanged {
+        /// The axis.
+        axis: u8,
+        /// Its new state.
+        state: AxisState,
+    }
+    /// This host link no longer has the right to command.
+    0x8004 AuthorityLost {
+        /// Why.
+        reason: AuthorityLossReason,
+    }
+    /// The e-stop is latched: every axis trips, none can be armed.
+    0x8005 EStopLatched {}
+    /// The e-stop is cleared.
+    0x8006 EStopCleared {}
+    /// Frames of this host link could not be read.
+    0x8007 FrameRejected {
+        /// Number of the [`FrameError`](crate::FrameError).
+        reason: u8,
+        /// How many since the last such event with this reason.
+        count: u32,
+    }
+    /// A bus changed its error state.
+    0x8008 BusStateChanged {
+        /// The bus.
+        bus: u8,
+        /// Its new state.
+        state: BusState,
+    }
+    /// A motor sent something that was not asked for.
+    0x8009 MotorNotice {
+        /// The axis.
+        axis: u8,
+        /// Its data bytes; those after `length` are 0.
+        data: [u8; 8],
+        /// How many of them were sent.
+        length: u8,
+    }
+    /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable. It may be turning.
+    0x800A AxisUnreachable {
+        /// The axis.
+        axis: u8,
+    }
+    /// Requests of this host link were not executed or not answered, because too many replies were waiting.
+    0x800B RequestDropped {
+        /// How many since the last such event.
+        count: u32,
+    }
+}
+
+impl EventMessage {
+    /// Every version's events begin alike.
+    fn decode_unknown(number: u16, body: &[u8]) -> Result<Self, DecodeError> {
+        let ((dropped, time_us), _) =
+            postcard::take_from_bytes::<(u32, u64)>(body).map_err(|_| DecodeError::BadBody { number })?;
+        Ok(Self { dropped, time_us, event: Event::Unknown { number } })
+    }
+}

@@ -1,0 +1,72 @@
+//! The host protocol of the motor gateway: framing, and one table of requests, replies, errors and events.
+//!
+//! `PROTOCOL.md` describes the same wire for readers of other languages; a test holds the two together.
+//!
+//! ```
+//! use host_protocol::{Deframer, Kind, MAX_FRAME, Request, requests::Ping};
+//!
+//! let mut out = [0; MAX_FRAME];
+//! let length = Request::Ping(Ping {}).encode_frame(1, &mut out).unwrap();
+//! assert_eq!(out[..length], [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00]);
+//!
+//! let mut deframer = Deframer::new();
+//! let mut pings = 0;
+//! for byte in &out[..length] {
+//!     if let Some(Ok(frame)) = deframer.push(*byte) {
+//!         assert_eq!((frame.kind, frame.sequence), (Kind::Request, 1));
+//!         assert_eq!(Request::decode(frame.number, frame.body), Ok(Request::Ping(Ping {})));
+//!         pings += 1;
+//!     }
+//! }
+//! assert_eq!(pings, 1);
+//! ```
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod axis;
+mod bus;
+mod can_frame;
+mod deframer;
+mod encode;
+mod error_text;
+mod errors;
+mod events;
+mod frame;
+pub mod messages;
+pub mod parameters;
+mod protocol;
+pub mod replies;
+pub mod requests;
+mod size;
+mod text;
+mod value;
+
+pub use axis::{
+    AxisState, AxisSummary, ClearTarget, FaultReading, MotorTimeout, Reading, Setpoint, StopTarget, Trip,
+    TripReason,
+};
+pub use bus::{
+    BusCapability, BusConfig, BusCounters, BusKind, BusState, MAX_BITRATES, MAX_SERIAL_FRAME, RawFrame,
+    ReceivedFrame,
+};
+pub use can_frame::{CanFrame, MAX_CAN_DATA};
+pub use deframer::Deframer;
+pub use encode::{EncodeError, encode};
+pub use errors::{ERRORS, Error, NoReplyHint};
+pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
+pub use frame::{
+    CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
+};
+pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
+pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ValueKind};
+pub use protocol::{Protocol, ProtocolSet, StopAction, UnknownNumber};
+pub use replies::BootReason;
+pub use size::MaxSize;
+pub use text::{Bytes, Text, Vec};
+pub use value::{Quantity, Value};
+
+/// Grows when a message of an earlier version loses its meaning. Host and gateway refuse another one than theirs.
+pub const PROTOCOL_MAJOR: u16 = 1;
+
+/// Grows when messages are added.
+pub const PROTOCOL_MINOR: u16 = 0;

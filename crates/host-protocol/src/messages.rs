@@ -1,0 +1,264 @@
+//! The one table of the command set: number, request, reply.
+//!
+//! A new message is one line here and its struct in [`requests`](crate::requests) or [`replies`](crate::replies).
+//! Released messages never change: a new field is a new number.
+
+use core::fmt;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::encode::{EncodeError, encode};
+use crate::errors::{ERRORS, Error, MAX_ERROR_BODY};
+use crate::events::{EVENT_BASE, EVENTS, MAX_EVENT_BODY};
+use crate::frame::{Kind, MAX_BODY};
+use crate::size::MaxSize;
+use crate::{replies, requests};
+
+/// A row of a table: a message's number and name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MessageInfo {
+    /// The number in the header.
+    pub number: u16,
+    /// The name, as in PROTOCOL.md.
+    pub name: &'static str,
+}
+
+/// A request with the type of its reply.
+pub trait Call: Serialize {
+    /// The number of both.
+    const NUMBER: u16;
+    /// What comes back if it was executed.
+    type Reply: DeserializeOwned;
+}
+
+/// Why a message from the gateway could not be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DecodeError {
+    /// No reply has this number.
+    UnknownNumber {
+        /// The number in the header.
+        number: u16,
+    },
+    /// The body is not the one of this number, or bytes follow it.
+    BadBody {
+        /// The number in the header.
+        number: u16,
+    },
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownNumber { number } => write!(f, "message with unknown number {number:#06x}"),
+            Self::BadBody { number } => write!(f, "message {number:#06x} with a body that is not its own"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}
+
+/// Reads the whole of `body`; bytes left over are an error.
+pub(crate) fn decode_body<T: DeserializeOwned>(number: u16, body: &[u8]) -> Result<T, DecodeError> {
+    match postcard::take_from_bytes(body) {
+        Ok((value, [])) => Ok(value),
+        _ => Err(DecodeError::BadBody { number }),
+    }
+}
+
+/// The name of the request with this number.
+#[must_use]
+pub fn request_name(number: u16) -> Option<&'static str> {
+    REQUESTS.iter().find(|info| info.number == number).map(|info| info.name)
+}
+
+macro_rules! messages {
+    ($($number:literal $name:ident -> $reply:ident)+) => {
+        /// Every request.
+        #[derive(Debug, Clone, PartialEq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Request {
+            $(#[doc = concat!("[`", stringify!($name), "`](requests::", stringify!($name), ")")] $name(requests::$name)),+
+        }
+
+        /// Every reply, named for its request.
+        #[derive(Debug, Clone, PartialEq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum Reply {
+            $(#[doc = concat!("To [`", stringify!($name), "`](requests::", stringify!($name), ")")] $name(replies::$reply)),+
+        }
+
+        /// Every request's number and name.
+        pub const REQUESTS: &[MessageInfo] = &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+
+        impl Request {
+            /// The number in the header.
+            #[must_use]
+            pub const fn number(&self) -> u16 {
+                match self { $(Self::$name(_) => $number),+ }
+            }
+
+            /// The name, as in the table of PROTOCOL.md.
+            #[must_use]
+            pub const fn name(&self) -> &'static str {
+                match self { $(Self::$name(_) => stringify!($name)),+ }
+            }
+
+            /// The request of a frame with this number and body.
+            ///
+            /// # Errors
+            /// [`Error::UnknownRequest`] or [`Error::BadBody`], which are the answer.
+            pub fn decode(number: u16, body: &[u8]) -> Result<Self, Error> {
+                let request = match number {
+                    $($number => decode_body(number, body).map(Self::$name),)+
+                    _ => return Err(Error::UnknownRequest { number }),
+                };
+                request.map_err(|_| Error::BadBody { number })
+            }
+
+            /// Writes the whole delimited frame and returns its length.
+            ///
+            /// # Errors
+            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
+            pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
+                match self { $(Self::$name(request) => encode(Kind::Request, sequence, $number, request, out)),+ }
+            }
+        }
+
+        impl Reply {
+            /// The number in the header: that of the request.
+            #[must_use]
+            pub const fn number(&self) -> u16 {
+                match self { $(Self::$name(_) => $number),+ }
+            }
+
+            /// The name of the request.
+            #[must_use]
+            pub const fn name(&self) -> &'static str {
+                match self { $(Self::$name(_) => stringify!($name)),+ }
+            }
+
+            /// The reply of a frame with this number and body.
+            ///
+            /// # Errors
+            /// No request has this number, or the body is not that of its reply.
+            pub fn decode(number: u16, body: &[u8]) -> Result<Self, DecodeError> {
+                match number {
+                    $($number => decode_body(number, body).map(Self::$name),)+
+                    _ => Err(DecodeError::UnknownNumber { number }),
+                }
+            }
+
+            /// Writes the whole delimited frame and returns its length. `sequence` is that of the request.
+            ///
+            /// # Errors
+            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
+            pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
+                match self { $(Self::$name(reply) => encode(Kind::Reply, sequence, $number, reply, out)),+ }
+            }
+        }
+
+        $(
+            impl Call for requests::$name {
+                const NUMBER: u16 = $number;
+                type Reply = replies::$reply;
+            }
+
+            impl From<requests::$name> for Request {
+                fn from(request: requests::$name) -> Self {
+                    Self::$name(request)
+                }
+            }
+
+            const _: () = assert!(<requests::$name as MaxSize>::MAX_SIZE <= MAX_BODY, "request longer than a message");
+            const _: () = assert!(<replies::$reply as MaxSize>::MAX_SIZE <= MAX_BODY, "reply longer than a message");
+        )+
+    };
+}
+
+messages! {
+    0x0001 Hello -> HelloReply
+    0x0002 Ping -> Pong
+    0x0003 TakeAuthority -> Done
+    0x0004 ReleaseAuthority -> Done
+
+    0x0010 ConfigureGateway -> Done
+    0x0011 ConfigureBus -> Done
+    0x0012 BusStatus -> BusReport
+
+    0x0020 ConfigureAxis -> Done
+    0x0021 ReadAxisParameter -> ParameterValue
+    0x0022 ListAxes -> AxisList
+    0x0023 RemoveAxis -> Done
+    0x0024 ProvisionMotorTimeout -> MotorTimeoutReport
+
+    0x0030 Arm -> Armed
+    0x0031 Disarm -> Done
+    0x0032 Stop -> Done
+    0x0033 EStop -> Done
+    0x0034 Clear -> Done
+    0x0035 ClearUnreachable -> Done
+
+    0x0040 Setpoint -> Done
+    0x0041 ReadState -> AxisReport
+
+    0x0050 RawOpen -> Done
+    0x0051 RawSend -> Done
+    0x0052 RawReceive -> RawFrames
+    0x0053 RawClose -> Done
+}
+
+const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");
+const _: () = assert!(MAX_EVENT_BODY <= MAX_BODY, "event longer than a message");
+const _: () = assert!(ascending(REQUESTS, 1, EVENT_BASE - 1), "a request's number is taken or an event's");
+const _: () = assert!(ascending(ERRORS, 1, u16::MAX), "an error's number is taken");
+const _: () = assert!(ascending(EVENTS, EVENT_BASE, u16::MAX), "an event's number is taken or a request's");
+
+/// Whether the numbers of `table` rise and stay within bounds; rising, none comes twice.
+const fn ascending(table: &[MessageInfo], min: u16, max: u16) -> bool {
+    let mut lowest = min as u32;
+    let mut rest = table;
+    while let [first, others @ ..] = rest {
+        if (first.number as u32) < lowest || first.number > max {
+            return false;
+        }
+        lowest = first.number as u32 + 1;
+        rest = others;
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn row(number: u16) -> MessageInfo {
+        MessageInfo { number, name: "" }
+    }
+
+    #[test]
+    fn a_number_that_comes_twice_is_found() {
+        assert!(ascending(&[row(1), row(2), row(5)], 1, 5));
+        assert!(!ascending(&[row(1), row(2), row(2)], 1, 5));
+        assert!(!ascending(&[row(1), row(6)], 1, 5));
+        assert!(!ascending(&[row(0), row(6)], 1, 6));
+    }
+
+    #[test]
+    fn an_unknown_number_and_a_bad_body_are_told_apart() {
+        assert_eq!(Request::decode(0x7777, &[]), Err(Error::UnknownRequest { number: 0x7777 }));
+        assert_eq!(Request::decode(0x0030, &[]), Err(Error::BadBody { number: 0x0030 }));
+        assert_eq!(Request::decode(0x0030, &[4, 0]), Err(Error::BadBody { number: 0x0030 }));
+        assert_eq!(Request::decode(0x0030, &[4]), Ok(Request::Arm(requests::Arm { axis: 4 })));
+        assert_eq!(Reply::decode(0x7777, &[]), Err(DecodeError::UnknownNumber { number: 0x7777 }));
+        assert_eq!(Reply::decode(0x0033, &[0]), Err(DecodeError::BadBody { number: 0x0033 }));
+        assert_eq!(Error::decode(999, &[1, 2, 3]), Ok(Error::Unknown { number: 999 }));
+    }
+
+    #[test]
+    fn every_error_number_belongs_to_its_name() {
+        assert_eq!((Error::EStopped {}.number(), Error::EStopped {}.name()), (24, "EStopped"));
+        assert_eq!(request_name(0x0035), Some("ClearUnreachable"));
+    }
+}

@@ -1,0 +1,348 @@
+//! The parameters of an axis and of the gateway: one table each, with number, name, bounds and default.
+//!
+//! The two tables share one space of numbers, so that a number in an error names exactly one parameter.
+
+use core::fmt;
+
+use crate::errors::Error;
+use crate::value::{Quantity, Value};
+
+/// The kind of value a parameter takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ValueKind {
+    /// [`Value::Bool`]
+    Bool,
+    /// [`Value::Unsigned`]
+    Unsigned,
+    /// [`Value::Signed`]
+    Signed,
+    /// [`Value::Float`]
+    Float,
+}
+
+impl ValueKind {
+    /// The name, in lower case.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::Unsigned => "unsigned",
+            Self::Signed => "signed",
+            Self::Float => "float",
+        }
+    }
+}
+
+/// Everything fixed about a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParameterInfo {
+    /// The number on the wire.
+    pub number: u16,
+    /// The name for people, with its unit.
+    pub name: &'static str,
+    /// The kind of value it takes.
+    pub kind: ValueKind,
+    /// The unit; empty where it has none.
+    pub unit: &'static str,
+    /// The value in force until one is set.
+    pub default: Option<Value>,
+    /// The smallest value allowed.
+    pub min: Value,
+    /// The largest value allowed.
+    pub max: Value,
+    /// Whether the axis stays `Unconfigured` without it.
+    pub required: bool,
+    /// What it means.
+    pub doc: &'static str,
+}
+
+impl ParameterInfo {
+    /// Whether `value` is one that this parameter can have.
+    ///
+    /// # Errors
+    /// [`Error::WrongType`], [`Error::NotANumber`] or [`Error::OutOfRange`] with the bounds.
+    pub fn check(&self, value: Value) -> Result<(), Error> {
+        let inside = match (value, self.min, self.max) {
+            (Value::Bool(_), Value::Bool(_), Value::Bool(_)) => true,
+            (Value::Unsigned(value), Value::Unsigned(min), Value::Unsigned(max)) => {
+                (min..=max).contains(&value)
+            }
+            // The only signed parameter is a direction: one of its two bounds and nothing between.
+            (Value::Signed(value), Value::Signed(min), Value::Signed(max)) => value == min || value == max,
+            (Value::Float(value), Value::Float(_), Value::Float(_)) if value.is_nan() => {
+                return Err(Error::NotANumber { quantity: Quantity::Parameter(self.number) });
+            }
+            (Value::Float(value), Value::Float(min), Value::Float(max)) => (min..=max).contains(&value),
+            _ => return Err(Error::WrongType { parameter: self.number }),
+        };
+        if inside { Ok(()) } else { Err(self.out_of_range(value)) }
+    }
+
+    fn out_of_range(&self, value: Value) -> Error {
+        Error::OutOfRange {
+            quantity: Quantity::Parameter(self.number),
+            value: approximate(value),
+            min: approximate(self.min),
+            max: approximate(self.max),
+        }
+    }
+}
+
+/// `value` as errors state it: rounded to 24 significant bits.
+#[expect(clippy::cast_precision_loss, reason = "for people to read")]
+fn approximate(value: Value) -> f32 {
+    match value {
+        Value::Bool(value) => f32::from(u8::from(value)),
+        Value::Unsigned(value) => value as f32,
+        Value::Signed(value) => value as f32,
+        Value::Float(value) => value,
+    }
+}
+
+/// The default of a row: a value, `required` or `optional`.
+macro_rules! default_of {
+    ($kind:ident required) => {
+        None
+    };
+    ($kind:ident optional) => {
+        None
+    };
+    ($kind:ident $default:expr) => {
+        Some(Value::$kind($default))
+    };
+}
+
+macro_rules! is_required {
+    (required) => {
+        true
+    };
+    ($other:tt) => {
+        false
+    };
+}
+
+macro_rules! parameters {
+    (
+        $(#[$meta:meta])*
+        $name:ident;
+        $($(#[doc = $doc:literal])+ $number:literal $variant:ident $text:literal: $kind:ident($unit:literal)
+            [$min:expr, $max:expr] $default:tt;)+
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[repr(u16)]
+        pub enum $name { $($(#[doc = $doc])+ $variant = $number),+ }
+
+        impl $name {
+            /// Every parameter, in the order of their numbers.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// The number on the wire.
+            #[must_use]
+            pub const fn number(self) -> u16 {
+                self as u16
+            }
+
+            /// The parameter with this number.
+            #[must_use]
+            pub const fn from_number(number: u16) -> Option<Self> {
+                match number { $($number => Some(Self::$variant),)+ _ => None }
+            }
+
+            /// The parameter with this name.
+            #[must_use]
+            pub fn from_name(name: &str) -> Option<Self> {
+                match name { $($text => Some(Self::$variant),)+ _ => None }
+            }
+
+            /// Everything fixed about it.
+            #[must_use]
+            pub const fn info(self) -> &'static ParameterInfo {
+                match self {
+                    $(Self::$variant => {
+                        const INFO: &ParameterInfo = &ParameterInfo {
+                            number: $number,
+                            name: $text,
+                            kind: ValueKind::$kind,
+                            unit: $unit,
+                            default: default_of!($kind $default),
+                            min: Value::$kind($min),
+                            max: Value::$kind($max),
+                            required: is_required!($default),
+                            doc: concat!($($doc),+).trim_ascii(),
+                        };
+                        INFO
+                    })+
+                }
+            }
+
+            /// Whether `value` is one that this parameter can have.
+            ///
+            /// # Errors
+            /// [`Error::WrongType`], [`Error::NotANumber`] or [`Error::OutOfRange`] with the bounds.
+            pub fn check(self, value: Value) -> Result<(), Error> {
+                self.info().check(value)
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.pad(self.info().name)
+            }
+        }
+    };
+}
+
+parameters! {
+    /// A parameter of an axis.
+    AxisParameter;
+
+    /// Number of the bus that the motor is on.
+    1 Bus "bus": Unsigned("") [0, 7] required;
+    /// What the motor speaks: 1 rmd, 2 thruster, 3 d5.
+    2 Protocol "protocol": Unsigned("") [1, 3] required;
+    /// The motor's id on its bus, as its manual counts it.
+    3 Node "node": Unsigned("") [1, 253] required;
+    /// −1 turns the sense of rotation around, 1 keeps it; nothing else.
+    4 Direction "direction": Signed("") [-1, 1] 1;
+    /// What a stop does: 1 coast, 2 hold, 3 brake.
+    5 StopAction "stop_action": Unsigned("") [1, 3] required;
+    /// How far ahead a setpoint may expire.
+    6 TtlUs "ttl_us": Unsigned("µs") [5_000, 60_000_000] 100_000;
+    /// How often a setpoint in force is sent to the motor again.
+    7 RefreshUs "refresh_us": Unsigned("µs") [1_000, 1_000_000] 20_000;
+    /// How often the fault word of an armed axis is read.
+    8 FaultPollUs "fault_poll_us": Unsigned("µs") [20_000, 1_000_000] 100_000;
+    /// How often the state of the motor is read.
+    9 StatePollUs "state_poll_us": Unsigned("µs") [5_000, 1_000_000] 50_000;
+    /// Missing replies in a row that trip the axis.
+    10 MissedReplies "missed_replies": Unsigned("") [2, 20] 3;
+    /// Below this speed the motor counts as standing.
+    11 StandstillRadS "standstill_rad_s": Float("rad/s") [0.0, 10.0] 0.1;
+    /// Unconfirmed stops after which the motor counts as unreachable.
+    12 StopsBeforeUnreachable "stops_before_unreachable": Unsigned("") [3, 100] 10;
+    /// How often a confirmed stop is repeated while the axis is tripped.
+    13 StopRepeatUs "stop_repeat_us": Unsigned("µs") [100_000, 5_000_000] 500_000;
+    /// The largest speed, in setpoints and measured.
+    14 VelocityLimitRadS "velocity_limit_rad_s": Float("rad/s") [0.0, 10_000.0] optional;
+    /// The largest current, in setpoints and measured.
+    15 CurrentLimitA "current_limit_a": Float("A") [0.0, 1_000.0] optional;
+    /// The lowest position, in setpoints and measured.
+    16 PositionMinRad "position_min_rad": Float("rad") [-1e6, 1e6] optional;
+    /// The highest position, in setpoints and measured.
+    17 PositionMaxRad "position_max_rad": Float("rad") [-1e6, 1e6] optional;
+    /// The largest fraction of the full signal in setpoints.
+    18 SignalLimit "signal_limit": Float("") [0.0, 1.0] optional;
+    /// The highest temperature of motor or driver.
+    19 TemperatureLimitC "temperature_limit_c": Float("°C") [-40.0, 200.0] optional;
+    /// How far beyond a limit a measured value may be before it trips the axis, as a fraction of the limit.
+    20 LimitMargin "limit_margin": Float("") [0.0, 1.0] 0.1;
+    /// Lets the axis arm though nothing is known of the motor's own timeout.
+    21 AllowUnknownMotorTimeout "allow_unknown_motor_timeout": Bool("") [false, true] false;
+    /// D5: the acknowledge level that the motor is set to.
+    22 D5AckLevel "d5_ack_level": Unsigned("") [0, 2] 2;
+    /// D5: CAN id of requests, where the motor's is not the usual one.
+    23 D5RequestId "d5_request_id": Unsigned("") [0, 0x7FF] optional;
+    /// D5: CAN id of replies, where the motor's is not the usual one.
+    24 D5ReplyId "d5_reply_id": Unsigned("") [0, 0x7FF] optional;
+    /// Thruster protocol: the device has an encoder.
+    25 PositionDevice "position_device": Bool("") [false, true] false;
+    /// Lets arming release a mechanical brake.
+    26 ReleaseBrakeWhenArming "release_brake_when_arming": Bool("") [false, true] false;
+    /// Unsafe: setpoints do not expire; only a silent host link stops the motor.
+    27 UnsafeInfiniteTtl "unsafe_infinite_ttl": Bool("") [false, true] false;
+}
+
+parameters! {
+    /// A parameter of the gateway.
+    GatewayParameter;
+
+    /// Without a valid frame from the host in command for this long, every axis stops.
+    0x0100 LinkSilenceUs "link_silence_us": Unsigned("µs") [50_000, 10_000_000] 250_000;
+}
+
+/// The parameter with this number, of an axis or of the gateway.
+fn find(number: u16) -> Option<&'static ParameterInfo> {
+    let axis = AxisParameter::from_number(number).map(AxisParameter::info);
+    axis.or_else(|| GatewayParameter::from_number(number).map(GatewayParameter::info))
+}
+
+/// The name of the parameter with this number, of an axis or of the gateway.
+#[must_use]
+pub fn name(number: u16) -> Option<&'static str> {
+    find(number).map(|info| info.name)
+}
+
+/// The unit of the parameter with this number, of an axis or of the gateway.
+#[must_use]
+pub fn unit(number: u16) -> Option<&'static str> {
+    find(number).map(|info| info.unit)
+}
+
+/// The kind of value that the parameter with this number takes.
+#[must_use]
+pub fn kind(number: u16) -> Option<ValueKind> {
+    find(number).map(|info| info.kind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn every_parameter() -> impl Iterator<Item = &'static ParameterInfo> {
+        let axis = AxisParameter::ALL.iter().map(|parameter| parameter.info());
+        axis.chain(GatewayParameter::ALL.iter().map(|parameter| parameter.info()))
+    }
+
+    #[test]
+    fn numbers_and_names_are_unique() {
+        for (index, info) in every_parameter().enumerate() {
+            assert_eq!(find(info.number), Some(info));
+            assert!(every_parameter().take(index).all(|other| other.name != info.name), "{}", info.name);
+        }
+    }
+
+    #[test]
+    fn every_default_and_both_bounds_pass_the_check() {
+        for info in every_parameter() {
+            for value in info.default.into_iter().chain([info.min, info.max]) {
+                assert_eq!(info.check(value), Ok(()), "{}", info.name);
+            }
+            assert!(!info.required || info.default.is_none(), "{}", info.name);
+        }
+    }
+
+    #[test]
+    fn a_refused_value_is_named_with_its_bounds() {
+        let ttl = AxisParameter::TtlUs;
+        assert_eq!(
+            ttl.check(Value::Unsigned(4_999)),
+            Err(Error::OutOfRange {
+                quantity: Quantity::Parameter(6),
+                value: 4_999.0,
+                min: 5_000.0,
+                max: 60_000_000.0
+            })
+        );
+        assert_eq!(ttl.check(Value::Signed(5_000)), Err(Error::WrongType { parameter: 6 }));
+        assert_eq!(
+            AxisParameter::SignalLimit.check(Value::Float(f32::NAN)),
+            Err(Error::NotANumber { quantity: Quantity::Parameter(18) })
+        );
+        assert!(AxisParameter::SignalLimit.check(Value::Float(f32::INFINITY)).is_err());
+        assert!(AxisParameter::Direction.check(Value::Signed(0)).is_err());
+    }
+
+    #[test]
+    fn the_stop_action_has_no_default() {
+        let info = AxisParameter::StopAction.info();
+        assert!(info.required && info.default.is_none());
+    }
+
+    #[test]
+    fn the_text_of_a_parameter_is_its_documentation() {
+        assert_eq!(AxisParameter::PositionDevice.info().doc, "Thruster protocol: the device has an encoder.");
+    }
+}

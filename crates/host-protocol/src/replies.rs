@@ -1,0 +1,168 @@
+//! The replies: the results of requests that were executed. [`messages`](crate::messages) says which belongs to which.
+
+use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
+use crate::bus::{BusCapability, BusConfig, BusCounters, BusState, ReceivedFrame};
+use crate::size::wire;
+use crate::text::{Text, Vec};
+use crate::value::Value;
+
+/// Buses that [`HelloReply`] can describe.
+pub const MAX_BUS_CAPABILITIES: usize = 8;
+/// Axes of one [`AxisList`].
+pub const MAX_AXIS_SUMMARIES: usize = 16;
+/// Frames of one [`RawFrames`]: as many of the longest as a message holds.
+pub const MAX_RAW_FRAMES: usize = 6;
+
+wire! {
+    /// Executed; there is nothing more to say.
+    #[derive(Copy, Eq)]
+    pub struct Done {}
+
+    /// Why the gateway started last.
+    #[derive(Copy, Eq)]
+    pub enum BootReason {
+        /// Power came on.
+        PowerOn,
+        /// The reset pin.
+        Pin,
+        /// The firmware asked for it, after a panic for example.
+        Software,
+        /// The watchdog: the firmware hung.
+        Watchdog,
+        /// The supply was too low.
+        Brownout,
+        /// The board cannot tell.
+        Unknown,
+        /// This gateway is a simulation.
+        Simulated,
+    }
+
+    /// Who answers, and what it can do. Fixed for ever, as [`Hello`](crate::requests::Hello) is.
+    #[derive(Eq)]
+    pub struct HelloReply {
+        /// [`PROTOCOL_MAJOR`](crate::PROTOCOL_MAJOR) of the gateway.
+        pub protocol_major: u16,
+        /// [`PROTOCOL_MINOR`](crate::PROTOCOL_MINOR) of the gateway.
+        pub protocol_minor: u16,
+        /// Version of the firmware.
+        pub firmware: Text<24>,
+        /// The exact build.
+        pub build_id: Text<40>,
+        /// Name of the board.
+        pub board: Text<24>,
+        /// Why it started last.
+        pub boot: BootReason,
+        /// Whether the message of a panic is recorded.
+        pub panic_recorded: bool,
+        /// Trips and resets recorded.
+        pub trips_recorded: u16,
+        /// Axes are numbered from 0 to one less than this.
+        pub max_axes: u8,
+        /// The longest message the gateway takes or sends, bytes before COBS.
+        pub max_message: u16,
+        /// Its buses, in the order of their numbers.
+        pub buses: Vec<BusCapability, MAX_BUS_CAPABILITIES>,
+        /// Gateway time, µs.
+        pub time_us: u64,
+    }
+
+    /// The gateway's clock.
+    #[derive(Copy, Eq)]
+    pub struct Pong {
+        /// Gateway time at which the ping was executed, µs.
+        pub time_us: u64,
+    }
+
+    /// How a bus is.
+    #[derive(Copy, Eq)]
+    pub struct BusReport {
+        /// Its configuration, once it has one.
+        pub config: Option<BusConfig>,
+        /// Its error state.
+        pub state: BusState,
+        /// CAN: transmit error counter.
+        pub transmit_errors: u16,
+        /// CAN: receive error counter.
+        pub receive_errors: u16,
+        /// What happened since it was configured.
+        pub counters: BusCounters,
+        /// Whether it is open for raw frames.
+        pub raw_open: bool,
+    }
+
+    /// The value of a parameter.
+    #[derive(Copy)]
+    pub struct ParameterValue {
+        /// The value in force: the default where none was set, nothing where there is no default.
+        pub value: Option<Value>,
+    }
+
+    /// Axes that have at least one parameter set.
+    #[derive(Eq)]
+    pub struct AxisList {
+        /// In the order of their numbers.
+        pub axes: Vec<AxisSummary, MAX_AXIS_SUMMARIES>,
+        /// Where the list goes on, if it does.
+        pub next: Option<u8>,
+    }
+
+    /// What is known of the motor's own timeout now.
+    #[derive(Copy, Eq)]
+    pub struct MotorTimeoutReport {
+        /// The timeout.
+        pub timeout: MotorTimeout,
+    }
+
+    /// The axis is armed.
+    #[derive(Copy, Eq)]
+    pub struct Armed {
+        /// What every setpoint has to carry until the axis leaves this state.
+        pub epoch: u32,
+        /// What is known of the motor's own timeout.
+        pub motor_timeout: MotorTimeout,
+    }
+
+    /// How an axis is.
+    #[derive(Copy)]
+    pub struct AxisReport {
+        /// Its number.
+        pub axis: u8,
+        /// Its state.
+        pub state: AxisState,
+        /// Its epoch, while it is armed.
+        pub epoch: Option<u32>,
+        /// Why it tripped, while it is tripped.
+        pub trip: Option<Trip>,
+        /// rad, positive is counter-clockwise.
+        pub position_rad: Option<Reading>,
+        /// rad/s, positive is counter-clockwise.
+        pub velocity_rad_s: Option<Reading>,
+        /// A, positive drives counter-clockwise.
+        pub current_a: Option<Reading>,
+        /// Supply of the motor, V.
+        pub voltage_v: Option<Reading>,
+        /// °C.
+        pub motor_temperature_c: Option<Reading>,
+        /// °C.
+        pub driver_temperature_c: Option<Reading>,
+        /// What is wrong with the motor now.
+        pub faults: Option<FaultReading>,
+        /// The fault word that the motor had kept from before arming, where its protocol keeps one.
+        pub fault_record: Option<u16>,
+        /// What is known of the motor's own timeout.
+        pub motor_timeout: MotorTimeout,
+        /// Whether it stands still, where that was measured after a stop.
+        pub standstill: Option<bool>,
+        /// Whether the motor has acknowledged the last stop.
+        pub stop_acknowledged: bool,
+    }
+
+    /// Raw frames, the oldest first.
+    #[derive(Eq)]
+    pub struct RawFrames {
+        /// Received and not yet fetched; as many as fit, ask again until there are none.
+        pub frames: Vec<ReceivedFrame, MAX_RAW_FRAMES>,
+        /// Received since the last time and lost, because nobody fetched them.
+        pub dropped: u32,
+    }
+}

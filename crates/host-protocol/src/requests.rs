@@ -1,0 +1,197 @@
+//! The requests: what a host asks for. [`messages`](crate::messages) gives each its number and its reply.
+
+use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
+use crate::bus::RawFrame;
+use crate::protocol::ProtocolSet;
+use crate::size::wire;
+use crate::value::Value;
+
+wire! {
+    /// Opens the session of a host link. Fixed for ever: every version of the gateway answers it.
+    #[derive(Copy, Eq)]
+    pub struct Hello {
+        /// [`PROTOCOL_MAJOR`](crate::PROTOCOL_MAJOR) of the host.
+        pub protocol_major: u16,
+        /// [`PROTOCOL_MINOR`](crate::PROTOCOL_MINOR) of the host.
+        pub protocol_minor: u16,
+        /// A random number, new for each connection: it starts a new session, in which no earlier request counts as
+        /// repeated.
+        pub session: u32,
+    }
+
+    /// Asks for the gateway's time; feeds the link silence timer, but no setpoint.
+    #[derive(Copy, Eq)]
+    pub struct Ping {}
+
+    /// Takes the right to command, if it is free.
+    #[derive(Copy, Eq)]
+    pub struct TakeAuthority {}
+
+    /// Gives the right to command back. Active axes trip, armed ones are disarmed.
+    #[derive(Copy, Eq)]
+    pub struct ReleaseAuthority {}
+
+    /// Sets a parameter of the gateway.
+    #[derive(Copy)]
+    pub struct ConfigureGateway {
+        /// Number of a [`GatewayParameter`](crate::GatewayParameter).
+        pub parameter: u16,
+        /// Its new value.
+        pub value: Value,
+    }
+
+    /// Starts a bus, or restarts it differently.
+    #[derive(Copy, Eq)]
+    pub struct ConfigureBus {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+        /// bit/s, one that [`HelloReply`](crate::replies::HelloReply) lists.
+        pub bitrate: u32,
+        /// The protocols spoken on it.
+        pub protocols: ProtocolSet,
+        /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent too.
+        pub wholly_ours: bool,
+        /// How long a reply is awaited, µs, 100 to 200 000.
+        pub reply_window_us: u32,
+    }
+
+    /// Asks how a bus is.
+    #[derive(Copy, Eq)]
+    pub struct BusStatus {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+    }
+
+    /// Sets a parameter of an axis.
+    #[derive(Copy)]
+    pub struct ConfigureAxis {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// Number of an [`AxisParameter`](crate::AxisParameter).
+        pub parameter: u16,
+        /// Its new value.
+        pub value: Value,
+    }
+
+    /// Asks for a parameter of an axis.
+    #[derive(Copy, Eq)]
+    pub struct ReadAxisParameter {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// Number of an [`AxisParameter`](crate::AxisParameter).
+        pub parameter: u16,
+    }
+
+    /// Asks which axes there are.
+    #[derive(Copy, Eq)]
+    pub struct ListAxes {
+        /// The list starts at this axis.
+        pub first: u8,
+    }
+
+    /// Forgets an axis and its parameters.
+    #[derive(Copy, Eq)]
+    pub struct RemoveAxis {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
+    /// Programs the motor's own timeout, the second layer of safety. Writes to the motor's memory.
+    #[derive(Copy, Eq)]
+    pub struct ProvisionMotorTimeout {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// ms.
+        pub timeout_ms: u32,
+    }
+
+    /// Allows motion, after the steps that the motor's protocol needs; opens an epoch.
+    #[derive(Copy, Eq)]
+    pub struct Arm {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
+    /// Ends the permission to move, through the stop action. Needs no authority.
+    #[derive(Copy, Eq)]
+    pub struct Disarm {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
+    /// Runs the stop action. Needs no authority.
+    #[derive(Copy, Eq)]
+    pub struct Stop {
+        /// What to stop.
+        pub target: StopTarget,
+    }
+
+    /// Emergency stop: trips every axis and latches the gateway until it is cleared. Needs no authority.
+    #[derive(Copy, Eq)]
+    pub struct EStop {}
+
+    /// Clears a trip whose stop is confirmed and whose cause is gone, or the latched e-stop. Never arms.
+    #[derive(Copy, Eq)]
+    pub struct Clear {
+        /// What to clear.
+        pub target: ClearTarget,
+    }
+
+    /// Unsafe: forgets the trip of an axis whose motor could not be reached. The motor may still be turning, and the
+    /// gateway does nothing more about it. Only for a motor that is known to be without power.
+    #[derive(Copy, Eq)]
+    pub struct ClearUnreachable {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
+    /// Says what an armed axis should do now.
+    #[derive(Copy)]
+    pub struct Setpoint {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// The epoch that [`Arm`] returned.
+        pub epoch: u32,
+        /// The low 32 bits of the gateway time at which it expires, µs; later than now by at most the axis's TTL.
+        pub expires_at_us: u32,
+        /// What to do.
+        pub setpoint: SetpointValue,
+    }
+
+    /// Asks how an axis is.
+    #[derive(Copy, Eq)]
+    pub struct ReadState {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
+    /// Opens a bus for raw frames. Refused while an axis on it is armed; while it is open arming there is refused.
+    #[derive(Copy, Eq)]
+    pub struct RawOpen {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+    }
+
+    /// Sends a raw frame on an open bus.
+    #[derive(Eq)]
+    pub struct RawSend {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+        /// The frame.
+        pub frame: RawFrame,
+    }
+
+    /// Fetches the frames received on an open bus since the last time.
+    #[derive(Copy, Eq)]
+    pub struct RawReceive {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+    }
+
+    /// Closes a bus for raw frames.
+    #[derive(Copy, Eq)]
+    pub struct RawClose {
+        /// Number of the bus, from 0.
+        pub bus: u8,
+    }
+}
