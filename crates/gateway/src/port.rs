@@ -4,7 +4,8 @@
 //! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports each one it took, once, by its
 //!   slot: [`Event::Transmitted`] when the bus has acknowledged it (CAN) or its last bit has left (RS485).
 //!   It never holds more than one frame per slot.
-//! - When a CAN controller goes bus-off the port drops every frame it holds, then reports [`Event::BusState`].
+//! - When a CAN controller goes bus-off the port drops every frame it holds, then reports [`Event::BusState`]. It does not
+//!   recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops what it holds and starts
 //!   the bus again with that setup, then reports [`Event::BusState`].
 //! - After every call of `handle` it polls: transmissions, host output, the next deadline.

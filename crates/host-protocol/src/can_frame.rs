@@ -1,4 +1,5 @@
-//! [`CanFrame`], the one CAN frame type of the whole project: the core, the simulator and the wire of the host link.
+//! [`CanFrame`], the one CAN frame type of the whole project: the core, the simulator and the wire of the
+//! host link.
 
 use core::fmt;
 
@@ -19,8 +20,8 @@ const REMOTE_FLAG: u32 = 1 << 30;
 
 /// A classic CAN frame, valid by construction: an id in its range and at most 8 data bytes.
 ///
-/// On the wire: the id as u32 with bit 31 = extended and bit 30 = remote, then the data with its length; a remote
-/// frame carries as many zero bytes as it asks for.
+/// On the wire: the id as u32 with bit 31 = extended and bit 30 = remote, then the data with its length; a
+/// remote frame carries as many zero bytes as it asks for.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CanFrame {
     id: Id,

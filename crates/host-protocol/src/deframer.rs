@@ -2,7 +2,8 @@
 
 use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
 
-/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message is all it holds.
+/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message is all it
+/// holds.
 ///
 /// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
 #[derive(Clone)]

@@ -29,7 +29,7 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Writes a whole delimited frame and returns its length. [`MAX_FRAME`] bytes of `out` are always enough.
+/// Writes a whole delimited frame and returns its length. [`MAX_FRAME`](crate::MAX_FRAME) bytes of `out` are always enough.
 ///
 /// # Errors
 /// The message is too long for the protocol or for `out`, or its body has no fixed form.
@@ -52,7 +52,8 @@ pub fn encode(
     })
 }
 
-/// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no second copy.
+/// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no second
+/// copy.
 struct Writer<'a> {
     out: &'a mut [u8],
     length: usize,
@@ -133,7 +134,8 @@ mod tests {
 
     #[test]
     fn ping_is_the_bytes_derived_by_hand() {
-        // 01 0100 0200 and its CRC-32C 876383CF, from an independent computation; the two zeros become block ends.
+        // 01 0100 0200 and its CRC-32C 876383CF, from an independent computation; the two zeros become block
+        // ends.
         let ping = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
         let mut out = [0xEE; MAX_FRAME];
         assert_eq!(encode(Kind::Request, 1, 2, &(), &mut out), Ok(ping.len()));

@@ -58,8 +58,8 @@ impl fmt::Display for Error {
             }
             Self::UnsupportedVersion { gateway_major, host_major } => write!(
                 f,
-                "the gateway speaks version {gateway_major} of the protocol and the host version {host_major}; \
-                 update the older of the two"
+                "the gateway speaks version {gateway_major} of the protocol and the host version \
+                {host_major}; update the older of the two"
             ),
             Self::NotInCommand { holder } => write!(
                 f,
@@ -103,8 +103,8 @@ impl fmt::Display for Error {
             }
             Self::Stale { now_us, expires_at_us } => write!(
                 f,
-                "the setpoint expires at {expires_at_us} µs and it is {now_us} µs; send one that expires later, \
-                 within the axis's TTL"
+                "the setpoint expires at {expires_at_us} µs and it is {now_us} µs; send one that expires \
+                later, within the axis's TTL"
             ),
             Self::StaleEpoch { current: Some(current) } => write!(
                 f,
@@ -125,13 +125,13 @@ impl fmt::Display for Error {
             }
             Self::BusOff { bus } => write!(
                 f,
-                "bus {bus} is off after too many errors; check its cable for a short and its bitrate, it recovers \
-                 by itself"
+                "bus {bus} is off after too many errors; check its cable for a short and its bitrate, it \
+                recovers by itself"
             ),
             Self::CannotConfirm { axis } => write!(
                 f,
-                "the motor of axis {axis} is set so that it could not confirm a stop; give it an acknowledge level \
-                 above 0"
+                "the motor of axis {axis} is set so that it could not confirm a stop; give it an acknowledge \
+                level above 0"
             ),
             Self::NotStandstill { axis, velocity_rad_s } => write!(
                 f,
@@ -150,8 +150,8 @@ impl fmt::Display for Error {
             Self::EStopped {} => f.write_str("the e-stop is latched; clear the gateway first"),
             Self::BusOverloaded { bus, needed_permille, available_permille } => write!(
                 f,
-                "this would take {needed_permille} ‰ of bus {bus}, of which {available_permille} ‰ are available; \
-                 refresh or poll less often, or use a higher bitrate"
+                "this would take {needed_permille} ‰ of bus {bus}, of which {available_permille} ‰ are \
+                available; refresh or poll less often, or use a higher bitrate"
             ),
             Self::RawNotOpen { bus } => {
                 write!(f, "bus {bus} is not open for raw frames; open it first")
@@ -176,8 +176,8 @@ impl fmt::Display for Error {
             }
             Self::StopNotConfirmed { axis } => write!(
                 f,
-                "the motor of axis {axis} has not confirmed its stop; see that it has power and replies, the stop \
-                 is being repeated"
+                "the motor of axis {axis} has not confirmed its stop; see that it has power and replies, the \
+                stop is being repeated"
             ),
             Self::CauseRemains { axis, reason } => {
                 write!(f, "what tripped axis {axis} is still there: {reason}; remove it first")

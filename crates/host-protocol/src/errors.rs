@@ -1,4 +1,5 @@
-//! The errors: one table of number, name and data. A request that was not executed is answered with one of them.
+//! The errors: one table of number, name and data. A request that was not executed is answered with one of
+//! them.
 
 use crate::axis::{AxisState, TripReason};
 use crate::bus::BusKind;
@@ -24,8 +25,12 @@ wire! {
 
 /// One table: the number in the header, the variant and its data, which is the body.
 macro_rules! errors {
-    ($($(#[$meta:meta])+ $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? })+) => {
-        /// Why a request was refused or failed. The number is in the header of the frame, the data is its body.
+    ($(
+        $(#[$meta:meta])+
+        $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? }
+    )+) => {
+        /// Why a request was refused or failed. The number is in the header of the frame, the data is its
+        /// body.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Error {
@@ -57,7 +62,8 @@ macro_rules! errors {
                 match self { $(Self::$name { .. } => stringify!($name),)+ Self::Unknown { .. } => "Unknown" }
             }
 
-            /// The error of a frame with this number and body; [`Error::Unknown`] if the number is not in the table.
+            /// The error of a frame with this number and body; [`Error::Unknown`] if the number is not in the
+            /// table.
             ///
             /// # Errors
             /// The body is not that of this number.
@@ -79,7 +85,9 @@ macro_rules! errors {
             pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
                 let number = self.number();
                 match self {
-                    $(Self::$name { $($field),* } => encode(Kind::Error, sequence, number, &($($field,)*), out),)+
+                    $(Self::$name { $($field),* } => {
+                        encode(Kind::Error, sequence, number, &($($field,)*), out)
+                    })+
                     Self::Unknown { .. } => encode(Kind::Error, sequence, number, &(), out),
                 }
             }

@@ -5,7 +5,7 @@ use crate::bus::BusState;
 use crate::encode::{EncodeError, encode};
 use crate::frame::Kind;
 use crate::messages::{DecodeError, MessageInfo, decode_body};
-use crate::size::{MaxSize, wire};
+use crate::size::{MaxSize, largest, wire};
 
 /// Events have numbers from here on.
 pub const EVENT_BASE: u16 = 0x8000;
@@ -33,9 +33,13 @@ pub struct EventMessage {
     pub event: Event,
 }
 
-/// One table: the number in the header, the variant and its fields, which follow `dropped` and `time_us` in the body.
+/// One table: the number in the header, the variant and its fields, which follow `dropped` and `time_us` in
+/// the body.
 macro_rules! events {
-    ($($(#[$meta:meta])+ $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? })+) => {
+    ($(
+        $(#[$meta:meta])+
+        $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? }
+    )+) => {
         /// What happened.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -53,7 +57,7 @@ macro_rules! events {
 
         /// Longest body of an event, bytes.
         pub(crate) const MAX_EVENT_BODY: usize =
-            u32::MAX_SIZE + u64::MAX_SIZE + crate::size::largest(&[$(0 $(+ <$type as MaxSize>::MAX_SIZE)*),+]);
+            u32::MAX_SIZE + u64::MAX_SIZE + largest(&[$(0 $(+ <$type as MaxSize>::MAX_SIZE)*),+]);
 
         impl Event {
             /// The number in the header.
@@ -68,7 +72,8 @@ macro_rules! events {
                 match self { $(Self::$name { .. } => stringify!($name),)+ Self::Unknown { .. } => "Unknown" }
             }
 
-            /// Writes the whole delimited frame and returns its length. `sequence` counts the events of the link.
+            /// Writes the whole delimited frame and returns its length. `sequence` counts the events of the
+            /// link.
             ///
             /// # Errors
             /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.

@@ -68,7 +68,8 @@ impl Kind {
 pub struct Frame<'a> {
     /// What it is.
     pub kind: Kind,
-    /// Request: chosen by the host. Reply and error: that of the request. Event: counts the events of the link.
+    /// Request: chosen by the host. Reply and error: that of the request. Event: counts the events of the
+    /// link.
     pub sequence: u16,
     /// Which request, reply, error or event.
     pub number: u16,

@@ -65,7 +65,8 @@ pub use size::MaxSize;
 pub use text::{Bytes, Text, Vec};
 pub use value::{Quantity, Value};
 
-/// Grows when a message of an earlier version loses its meaning. Host and gateway refuse another one than theirs.
+/// Grows when a message of an earlier version loses its meaning. Host and gateway refuse another one than
+/// theirs.
 pub const PROTOCOL_MAJOR: u16 = 1;
 
 /// Grows when messages are added.

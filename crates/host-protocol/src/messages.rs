@@ -1,7 +1,7 @@
 //! The one table of the command set: number, request, reply.
 //!
-//! A new message is one line here and its struct in [`requests`](crate::requests) or [`replies`](crate::replies).
-//! Released messages never change: a new field is a new number.
+//! A new message is one line here and its struct in [`requests`] or
+//! [`replies`]. Released messages never change: a new field is a new number.
 
 use core::fmt;
 
@@ -79,14 +79,16 @@ macro_rules! messages {
         #[derive(Debug, Clone, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Request {
-            $(#[doc = concat!("[`", stringify!($name), "`](requests::", stringify!($name), ")")] $name(requests::$name)),+
+            $(#[doc = concat!("[`", stringify!($name), "`](requests::", stringify!($name), ")")]
+                $name(requests::$name)),+
         }
 
         /// Every reply, named for its request.
         #[derive(Debug, Clone, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Reply {
-            $(#[doc = concat!("To [`", stringify!($name), "`](requests::", stringify!($name), ")")] $name(replies::$reply)),+
+            $(#[doc = concat!("To [`", stringify!($name), "`](requests::", stringify!($name), ")")]
+                $name(replies::$reply)),+
         }
 
         /// Every request's number and name.
@@ -122,7 +124,9 @@ macro_rules! messages {
             /// # Errors
             /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
             pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
-                match self { $(Self::$name(request) => encode(Kind::Request, sequence, $number, request, out)),+ }
+                match self {
+                    $(Self::$name(request) => encode(Kind::Request, sequence, $number, request, out)),+
+                }
             }
         }
 
@@ -155,7 +159,9 @@ macro_rules! messages {
             /// # Errors
             /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
             pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
-                match self { $(Self::$name(reply) => encode(Kind::Reply, sequence, $number, reply, out)),+ }
+                match self {
+                    $(Self::$name(reply) => encode(Kind::Reply, sequence, $number, reply, out)),+
+                }
             }
         }
 
@@ -171,8 +177,8 @@ macro_rules! messages {
                 }
             }
 
-            const _: () = assert!(<requests::$name as MaxSize>::MAX_SIZE <= MAX_BODY, "request longer than a message");
-            const _: () = assert!(<replies::$reply as MaxSize>::MAX_SIZE <= MAX_BODY, "reply longer than a message");
+            const _: () = assert!(<requests::$name as MaxSize>::MAX_SIZE <= MAX_BODY, "request too long");
+            const _: () = assert!(<replies::$reply as MaxSize>::MAX_SIZE <= MAX_BODY, "reply too long");
         )+
     };
 }

@@ -14,8 +14,8 @@ wire! {
         pub protocol_major: u16,
         /// [`PROTOCOL_MINOR`](crate::PROTOCOL_MINOR) of the host.
         pub protocol_minor: u16,
-        /// A random number, new for each connection: it starts a new session, in which no earlier request counts as
-        /// repeated.
+        /// A random number, new for each connection: it starts a new session, in which no earlier request
+        /// counts as repeated.
         pub session: u32,
     }
 
@@ -137,8 +137,8 @@ wire! {
         pub target: ClearTarget,
     }
 
-    /// Unsafe: forgets the trip of an axis whose motor could not be reached. The motor may still be turning, and the
-    /// gateway does nothing more about it. Only for a motor that is known to be without power.
+    /// Unsafe: forgets the trip of an axis whose motor could not be reached. The motor may still be turning,
+    /// and the gateway does nothing more about it. Only for a motor that is known to be without power.
     #[derive(Copy, Eq)]
     pub struct ClearUnreachable {
         /// Number of the axis, from 0.
@@ -152,7 +152,8 @@ wire! {
         pub axis: u8,
         /// The epoch that [`Arm`] returned.
         pub epoch: u32,
-        /// The low 32 bits of the gateway time at which it expires, µs; later than now by at most the axis's TTL.
+        /// The low 32 bits of the gateway time at which it expires, µs; later than now by at most the axis's
+        /// TTL.
         pub expires_at_us: u32,
         /// What to do.
         pub setpoint: SetpointValue,
@@ -165,7 +166,8 @@ wire! {
         pub axis: u8,
     }
 
-    /// Opens a bus for raw frames. Refused while an axis on it is armed; while it is open arming there is refused.
+    /// Opens a bus for raw frames. Refused while an axis on it is armed; while it is open arming there is
+    /// refused.
     #[derive(Copy, Eq)]
     pub struct RawOpen {
         /// Number of the bus, from 0.

@@ -1,4 +1,5 @@
-//! How long a value can become in a body: the bound behind the assertion that every message fits into [`MAX_MESSAGE`].
+//! How long a value can become in a body: the bound behind the assertion that every message fits into
+//! [`MAX_MESSAGE`].
 //!
 //! [`MAX_MESSAGE`]: crate::MAX_MESSAGE
 
@@ -63,7 +64,8 @@ impl<const N: usize> MaxSize for Text<N> {
     const MAX_SIZE: usize = varint_size(N) + N;
 }
 
-/// Defines types of the wire: the derives that all of them have, and [`MaxSize`] from the same list of fields.
+/// Defines types of the wire: the derives that all of them have, and [`MaxSize`] from the same list of
+/// fields.
 macro_rules! wire {
     () => {};
     (
@@ -104,7 +106,8 @@ macro_rules! wire {
         impl $crate::MaxSize for $name {
             const MAX_SIZE: usize = {
                 let variants = [
-                    $(0 $($(+ <$inner as $crate::MaxSize>::MAX_SIZE)+)? $($(+ <$type as $crate::MaxSize>::MAX_SIZE)+)?),+
+                    $(0 $($(+ <$inner as $crate::MaxSize>::MAX_SIZE)+)?
+                        $($(+ <$type as $crate::MaxSize>::MAX_SIZE)+)?),+
                 ];
                 $crate::size::varint_size(variants.len() - 1) + $crate::size::largest(&variants)
             };

@@ -139,6 +139,15 @@ impl Axis {
         }
     }
 
+    /// Ends the job because a stop needs the motor. Who only reads is told what is known.
+    pub(super) fn interrupt(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
+        if self.job.as_ref().is_some_and(|job| job.kind == JobKind::ReadState) {
+            self.finish(now, out);
+        } else {
+            self.fail(now, error, out);
+        }
+    }
+
     /// Ends the job with an error. An arming that fails leaves the axis idle: it has only been sent stops.
     pub(super) fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         let Some(job) = self.job.take() else { return };

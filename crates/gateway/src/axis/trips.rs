@@ -25,8 +25,8 @@ impl Axis {
         };
         self.trip = Some(trip);
         self.state = AxisState::Tripped { confirmed: false };
-        self.fail(now, Error::Tripped { axis: self.index, reason }, out);
         self.begin_stop(now);
+        self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
     }
 
@@ -47,8 +47,8 @@ impl Axis {
                     _ => Error::Busy { axis: self.index },
                 };
                 self.state = AxisState::Stopping;
-                self.fail(now, aborted, out);
                 self.begin_stop(now);
+                self.interrupt(now, aborted, out);
                 self.announce(out);
             }
         }

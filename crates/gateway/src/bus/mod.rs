@@ -18,6 +18,9 @@ use host_protocol::replies::BusReport;
 use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Event, TripReason};
 use line::Line;
 
+/// Pause before a bus that is off is started again.
+const BUS_OFF_PAUSE: Duration = Duration::from_millis(100);
+
 /// One bus of the gateway.
 pub(crate) struct Bus {
     index: u8,
@@ -31,6 +34,8 @@ pub(crate) struct Bus {
     in_flight: [Option<InFlight>; TRANSMIT_SLOTS],
     line: Line,
     pub raw: Option<Raw>,
+    /// When a bus that is off is started again.
+    restart_at: Option<Instant>,
     /// The axis that was served last; the next one after it goes first.
     turn: u8,
 }
@@ -65,6 +70,7 @@ impl Bus {
             in_flight: [None; TRANSMIT_SLOTS],
             line: Line::new(local_echo),
             raw: None,
+            restart_at: None,
             turn: 0,
         }
     }
@@ -91,9 +97,22 @@ impl Bus {
     /// Takes a configuration that has been checked. The port restarts the bus.
     pub fn configure(&mut self, now: Instant, config: BusConfig, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.config = Some(config);
-        self.generation = self.generation.wrapping_add(1);
-        self.line.restart();
+        self.restart();
         self.empty(now, axes, out);
+    }
+
+    /// Has the port start the bus again.
+    fn restart(&mut self) {
+        self.generation = self.generation.wrapping_add(1);
+        self.restart_at = None;
+        self.line.restart();
+    }
+
+    /// Starts a bus again that has been off for long enough.
+    pub fn recover(&mut self, now: Instant) {
+        if self.restart_at.is_some_and(|at| at <= now) {
+            self.restart();
+        }
     }
 
     pub fn setup(&self) -> Option<BusSetup> {
@@ -131,6 +150,7 @@ impl Bus {
             return;
         }
         self.counters.bus_offs = self.counters.bus_offs.saturating_add(1);
+        self.restart_at = Some(now + BUS_OFF_PAUSE);
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
             axis.trip(now, TripReason::BusOff, out);
         }

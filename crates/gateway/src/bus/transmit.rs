@@ -80,7 +80,7 @@ impl Bus {
             BusKind::Rs485 => [Some(self.line.ready_at(true, gap)), Some(self.line.ready_at(false, gap))],
             BusKind::Can => [None, None],
         };
-        overdue.chain(line.into_iter().flatten()).filter(|at| *at > after).min()
+        overdue.chain(line.into_iter().flatten()).chain(self.restart_at).filter(|at| *at > after).min()
     }
 
     /// The axis to serve now: stops first, then in turn.

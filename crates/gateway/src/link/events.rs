@@ -35,8 +35,8 @@ impl Tally {
     }
 }
 
-/// The queue, and the faults of the link itself, which are counted instead of queued so that noise on the line cannot
-/// push out what happened to an axis.
+/// The queue, and the faults of the link itself, which are counted instead of queued so that noise on the
+/// line cannot push out what happened to an axis.
 pub struct Events {
     queue: Deque<Waiting, QUEUE>,
     dropped: u32,
@@ -59,7 +59,8 @@ impl Events {
         }
     }
 
-    /// A host has said hello: what waited for another one is forgotten. A host of another version gets no events.
+    /// A host has said hello: what waited for another one is forgotten. A host of another version gets no
+    /// events.
     pub fn start_session(&mut self, open: bool) {
         *self = Self { open, ..Self::new() };
     }

@@ -1,8 +1,8 @@
 //! The session of one host link: bytes in, requests out; results and events in, bytes out.
 //!
-//! A link executes nothing and knows no axis. It sees to it that a request is executed at most once and has one
-//! result, that a reply has its place before its request is executed, and that a host that does not read costs nothing
-//! but its own events.
+//! A link executes nothing and knows no axis. It sees to it that a request is executed at most once and has
+//! one result, that a reply has its place before its request is executed, and that a host that does not read
+//! costs nothing but its own events.
 
 mod events;
 mod replies;
@@ -27,8 +27,8 @@ const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 pub struct Incoming {
     /// What to do, or why it could not be read, which is then its result.
     pub request: Result<Request, Error>,
-    /// Where the result goes. `None` only for stop, e-stop and disarm, which are executed even if there is no place
-    /// left for their result.
+    /// Where the result goes. `None` only for stop, e-stop and disarm, which are executed even if there is no
+    /// place left for their result.
     pub slot: Option<Slot>,
 }
 
@@ -58,8 +58,8 @@ impl Link {
         }
     }
 
-    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are answered inside, and
-    /// so is what cannot be executed for want of a slot.
+    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are answered
+    /// inside, and so is what cannot be executed for want of a slot.
     pub fn receive(&mut self, now_us: u64, byte: u8) -> Option<Incoming> {
         let frame = match self.deframer.push(byte)? {
             Ok(frame) => frame,
@@ -101,7 +101,8 @@ impl Link {
         self.replies.store(slot, result);
     }
 
-    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host has said hello.
+    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host has said
+    /// hello.
     pub fn event(&mut self, now_us: u64, event: &Event) {
         self.events.push(now_us, event);
     }

@@ -9,7 +9,8 @@ const WINDOW: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slot {
     index: usize,
-    /// Which request of the link it belongs to: tells a late result from that of a later request in the same place.
+    /// Which request of the link it belongs to: tells a late result from that of a later request in the same
+    /// place.
     order: u32,
 }
 
@@ -66,7 +67,8 @@ impl Entry {
     const EMPTY: Self =
         Self { state: State::Empty, request: Identity::NONE, order: 0, length: 0, reply: [0; MAX_FRAME] };
 
-    /// How many requests ago this entry can be given away, the more the better; `None` while it owes its reply.
+    /// How many requests ago this entry can be given away, the more the better; `None` while it owes its
+    /// reply.
     fn free_for(&self, now: u32) -> Option<u32> {
         match self.state {
             State::Empty => Some(u32::MAX),

@@ -1,0 +1,137 @@
+//! What a scenario runs on: one host, the gateway, four motors, and a record of all that went over the buses.
+
+use host_protocol::replies::AxisReport;
+use host_protocol::{CanFrame, Event, EventMessage, Setpoint};
+use mgw_client::{Client, ClientError};
+use mgw_sim::{SimTransport, TraceEntry, Wire, Wiring, World};
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+/// How often a host that is alive says something.
+const HOST_PERIOD: Duration = Duration::from_millis(10);
+
+/// A host at a simulated gateway.
+pub struct Bench {
+    pub world: Rc<RefCell<World>>,
+    pub client: Client<SimTransport>,
+    /// The epoch of each armed axis.
+    pub epochs: Vec<(u8, u32)>,
+    /// Setpoints that the host keeps fresh.
+    pub kept: Vec<(u8, Setpoint)>,
+    pub events: Vec<Event>,
+    pub trace: Vec<TraceEntry>,
+    /// The time that `after mark` counts from, µs.
+    pub mark_us: u64,
+}
+
+impl Bench {
+    pub fn new() -> Result<Self, String> {
+        let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
+        let client = Client::connect(SimTransport::new(world.clone(), 0)).map_err(|e| e.to_string())?;
+        Ok(Self {
+            world,
+            client,
+            epochs: Vec::new(),
+            kept: Vec::new(),
+            events: Vec::new(),
+            trace: Vec::new(),
+            mark_us: 0,
+        })
+    }
+
+    pub fn now_us(&self) -> u64 {
+        self.world.borrow().now().as_micros()
+    }
+
+    /// Time passes while the host is alive: it pings, and keeps its setpoints fresh until they are refused.
+    pub fn run(&mut self, time: Duration) -> Result<(), String> {
+        let end = self.client.now() + time;
+        loop {
+            self.refresh()?;
+            self.client.ping().map_err(|e| e.to_string())?;
+            let rest = end.saturating_sub(self.client.now());
+            if rest.is_zero() {
+                return Ok(());
+            }
+            self.silence(rest.min(HOST_PERIOD));
+        }
+    }
+
+    /// Time passes and the host says nothing.
+    pub fn silence(&mut self, time: Duration) {
+        use mgw_client::Transport;
+        self.client.transport_mut().sleep(time);
+        self.collect();
+    }
+
+    fn refresh(&mut self) -> Result<(), String> {
+        for (axis, setpoint) in self.kept.clone() {
+            match self.set(axis, setpoint) {
+                Ok(()) => {}
+                Err(ClientError::Gateway(_)) => self.kept.retain(|(kept, _)| *kept != axis),
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+        Ok(())
+    }
+
+    /// One setpoint that expires with the axis's default TTL.
+    pub fn set(&mut self, axis: u8, setpoint: Setpoint) -> Result<(), ClientError> {
+        let epoch = self.epochs.iter().find(|(armed, _)| *armed == axis).map_or(0, |(_, epoch)| *epoch);
+        self.client.set(axis, epoch, setpoint, Duration::from_millis(90))
+    }
+
+    pub fn state(&mut self, axis: u8) -> Result<AxisReport, String> {
+        let report = self.client.read_state(axis).map_err(|e| e.to_string());
+        self.collect();
+        report
+    }
+
+    /// Takes over what has happened.
+    pub fn collect(&mut self) {
+        self.trace.extend(self.world.borrow_mut().trace());
+        while let Ok(Some(EventMessage { event, .. })) = self.client.poll_event(Duration::ZERO) {
+            self.events.push(event);
+        }
+    }
+
+    /// Frames on a bus since the mark, as text with the time of their first bit.
+    pub fn wire(&self, bus: u8) -> impl Iterator<Item = (u64, String)> {
+        self.trace
+            .iter()
+            .filter(move |entry| entry.bus == bus && entry.time_us >= self.mark_us)
+            .map(|entry| (entry.time_us, text(&entry.wire)))
+    }
+
+    /// The last of what happened, for the message of a failure.
+    pub fn story(&self) -> String {
+        let from = self.trace.len().saturating_sub(20);
+        let frames = self.trace.iter().skip(from);
+        let frames: Vec<String> = frames
+            .map(|e| format!("    {:>10} µs  bus {}  {:?}  {}", e.time_us, e.bus, e.from, text(&e.wire)))
+            .collect();
+        format!("  at {} µs; last frames:\n{}\n  events: {:?}", self.now_us(), frames.join("\n"), self.events)
+    }
+}
+
+/// A frame as candump writes it, or serial bytes as hex.
+pub fn text(wire: &Wire) -> String {
+    match wire {
+        Wire::Can(frame) => can_text(frame),
+        Wire::Serial(bytes) => hex(bytes),
+    }
+}
+
+fn can_text(frame: &CanFrame) -> String {
+    use embedded_can::Id;
+    let id = match frame.id() {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    };
+    format!("{id}#{}", hex(frame.data()))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}

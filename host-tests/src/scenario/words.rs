@@ -1,0 +1,83 @@
+//! The words of a step.
+
+use host_protocol::{AxisParameter, Protocol, ProtocolSet, Setpoint, StopAction, Value, ValueKind};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// A line without its comment: `#` at the start, or between blanks (`#` also stands in CAN frames).
+pub fn without_comment(line: &str) -> &str {
+    if line.trim_start().starts_with('#') {
+        return "";
+    }
+    line.split(" # ").next().unwrap_or_default()
+}
+
+/// The word at a place, as a number or whatever else is wanted there.
+pub fn parse<T: FromStr>(words: &[&str], at: usize, what: &str) -> Result<T, String> {
+    let word = words.get(at).ok_or_else(|| format!("{what} is missing"))?;
+    word.parse().map_err(|_| format!("{word} is no {what}"))
+}
+
+/// `NUMBER ms|us|s` at a place.
+pub fn duration(words: &[&str], at: usize) -> Result<Duration, String> {
+    let number: f64 = parse(words, at, "time")?;
+    match words.get(at + 1) {
+        Some(&"us") => Ok(Duration::from_secs_f64(number / 1e6)),
+        Some(&"ms") => Ok(Duration::from_secs_f64(number / 1e3)),
+        Some(&"s") => Ok(Duration::from_secs_f64(number)),
+        other => Err(format!("a time needs us, ms or s, not {other:?}")),
+    }
+}
+
+/// `signal|current|velocity V` or `position P speed V` at a place.
+pub fn setpoint(words: &[&str], at: usize) -> Result<Setpoint, String> {
+    let value: f32 = parse(words, at + 1, "value")?;
+    match words.get(at) {
+        Some(&"signal") => Ok(Setpoint::Signal { fraction: value }),
+        Some(&"current") => Ok(Setpoint::Current { current_a: value }),
+        Some(&"velocity") => Ok(Setpoint::Velocity { velocity_rad_s: value }),
+        Some(&"position") => Ok(Setpoint::Position {
+            position_rad: value,
+            speed_limit_rad_s: parse(words, at + 3, "speed limit")?,
+        }),
+        other => Err(format!("{other:?} is no kind of setpoint")),
+    }
+}
+
+/// `rmd,thruster`
+pub fn protocols(text: &str) -> Result<ProtocolSet, String> {
+    text.split(',').try_fold(ProtocolSet::NONE, |set, name| {
+        let protocol = Protocol::from_name(name).ok_or_else(|| format!("{name} is no protocol"))?;
+        Ok(set.with(protocol))
+    })
+}
+
+/// `name=value`
+pub fn parameter(text: &str) -> Result<(AxisParameter, Value), String> {
+    let (name, value) = text.split_once('=').ok_or_else(|| format!("{text} is not name=value"))?;
+    let parameter = AxisParameter::from_name(name).ok_or_else(|| format!("{name} is no parameter"))?;
+    let named = match parameter {
+        AxisParameter::Protocol => Protocol::from_name(value).map(u32::from),
+        AxisParameter::StopAction => StopAction::from_name(value).map(u32::from),
+        _ => None,
+    };
+    if let Some(number) = named {
+        return Ok((parameter, Value::Unsigned(number)));
+    }
+    let bad = |_| format!("{value} is no value of {name}");
+    let value = match parameter.info().kind {
+        ValueKind::Bool => {
+            Value::Bool(value.parse().map_err(|e: std::str::ParseBoolError| bad(e.to_string()))?)
+        }
+        ValueKind::Unsigned => {
+            Value::Unsigned(value.parse().map_err(|e: std::num::ParseIntError| bad(e.to_string()))?)
+        }
+        ValueKind::Signed => {
+            Value::Signed(value.parse().map_err(|e: std::num::ParseIntError| bad(e.to_string()))?)
+        }
+        ValueKind::Float => {
+            Value::Float(value.parse().map_err(|e: std::num::ParseFloatError| bad(e.to_string()))?)
+        }
+    };
+    Ok((parameter, value))
+}
