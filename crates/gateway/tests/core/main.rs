@@ -5,3 +5,4 @@ mod bench;
 mod motion;
 mod rig;
 mod stops;
+mod wire;
