@@ -205,13 +205,16 @@ impl Gateway {
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
         let axis = self.axis(index)?;
-        let reason = match (axis.state, axis.trip) {
-            (AxisState::Tripped { confirmed: true }, Some(trip)) => trip.reason,
+        match (axis.state, axis.trip) {
+            (AxisState::Tripped { confirmed: true }, Some(trip)) => {
+                if trip.reason == TripReason::EStop && self.e_stopped {
+                    return Err(Error::CauseRemains { axis: index, reason: trip.reason });
+                }
+            }
             (AxisState::Tripped { .. }, _) => return Err(Error::StopNotConfirmed { axis: index }),
+            // Nothing has tripped, but the motor may keep a fault of its own that bars arming.
+            (AxisState::Idle, _) => {}
             _ => return Err(Error::NothingToClear { axis: index }),
-        };
-        if reason == TripReason::EStop && self.e_stopped {
-            return Err(Error::CauseRemains { axis: index, reason });
         }
         self.ready_bus(axis)?;
         self.start(now, index, JobKind::Clear, ticket)

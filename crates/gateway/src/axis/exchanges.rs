@@ -203,7 +203,7 @@ impl Axis {
             self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
             return;
         }
-        self.stop_refused(now, pending.exchange);
+        self.stop_refused(now, pending.exchange, out);
         self.job_refused(now, pending.exchange, out);
     }
 

@@ -36,7 +36,7 @@ pub(crate) enum JobKind {
         /// Milliseconds; 0 switches it off.
         timeout_ms: u32,
     },
-    /// Look whether the cause of a trip is gone, and leave the tripped state.
+    /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the tripped state.
     Clear,
 }
 

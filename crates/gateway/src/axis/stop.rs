@@ -16,6 +16,8 @@ const STANDSTILL_READINGS: u8 = 2;
 const CONFIRM_POLL: Duration = Duration::from_millis(5);
 /// How often the stop is sent again while the motor has not confirmed it.
 const UNCONFIRMED_REPEAT: Duration = Duration::from_millis(50);
+/// Pause before a stop that was refused is sent again.
+const REFUSED_PAUSE: Duration = Duration::from_millis(20);
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 
@@ -60,8 +62,8 @@ pub(crate) struct Stop {
     first_left: Option<Instant>,
     acknowledged: bool,
     standstill_readings: u8,
-    /// Stop commands in a row without an answer.
-    unanswered: u8,
+    /// Stop commands in a row that were not answered, or were refused.
+    unconfirmed: u8,
     unreachable: bool,
     /// When the phase's next exchange is due.
     next_at: Instant,
@@ -82,7 +84,7 @@ impl Stop {
             first_left: None,
             acknowledged: false,
             standstill_readings: 0,
-            unanswered: 0,
+            unconfirmed: 0,
             unreachable: false,
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
@@ -188,8 +190,10 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let Some(stop) = &mut self.stop else { return };
+        if matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
+            stop.unconfirmed = 0;
+        }
         let was_unreachable = core::mem::replace(&mut stop.unreachable, false);
-        stop.unanswered = 0;
         match (stop.phase, pending.exchange) {
             (Phase::Command, Exchange::Stop) => {
                 if motor::is_answered(&pending.command, &self.config) {
@@ -207,7 +211,7 @@ impl Axis {
             (Phase::RefusedFaults, Exchange::Faults) => stop.go(now, Phase::RefusedVelocity),
             (Phase::RefusedVelocity, Exchange::Velocity) => {
                 stop.go(now, Phase::Command);
-                stop.next_at = now + CONFIRM_POLL;
+                stop.next_at = now + REFUSED_PAUSE;
             }
             (Phase::PositionStop, Exchange::PositionStop)
             | (Phase::OverwritePending, Exchange::OverwritePending) => self.seek_standstill(now),
@@ -231,20 +235,15 @@ impl Axis {
     }
 
     /// The motor refuses the stop: that confirms nothing. Read the fault and the speed, and send it again.
-    pub(super) fn stop_refused(&mut self, now: Instant, exchange: Exchange) {
-        if let Some(stop) = &mut self.stop
-            && exchange == Exchange::Stop
-        {
-            stop.unanswered = 0;
-            if stop.phase != Phase::Confirmed {
-                stop.go(now, Phase::RefusedFaults);
-            }
+    pub(super) fn stop_refused(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+        let Some(stop) = self.stop.as_mut().filter(|_| exchange == Exchange::Stop) else { return };
+        if stop.phase != Phase::Confirmed && !stop.unreachable {
+            stop.go(now, Phase::RefusedFaults);
         }
+        self.count_unconfirmed(now, out);
     }
 
     pub(super) fn stop_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
-        let enough = self.config.stops_before_unreachable();
-        let repeat = self.config.stop_repeat();
         let Some(stop) = &mut self.stop else { return };
         match stop.phase {
             // Nothing of these is needed for the stop itself.
@@ -253,12 +252,18 @@ impl Axis {
             Phase::Standstill => self.lock_when_overdue(now),
             _ => {}
         }
-        let Some(stop) = &mut self.stop else { return };
-        if !matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
-            return;
+        if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
+            self.count_unconfirmed(now, out);
         }
-        stop.unanswered = stop.unanswered.saturating_add(1);
-        if stop.unanswered < enough || stop.unreachable {
+    }
+
+    /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES G4).
+    fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let enough = self.config.stops_before_unreachable();
+        let repeat = self.config.stop_repeat();
+        let Some(stop) = &mut self.stop else { return };
+        stop.unconfirmed = stop.unconfirmed.saturating_add(1);
+        if stop.unconfirmed < enough || stop.unreachable {
             return;
         }
         stop.unreachable = true;

@@ -1,0 +1,362 @@
+//! A simulated D5 motor (D5 manual), on CAN.
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use d5::{
+    Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Faults, MotorError, Node,
+    Payload, REGISTERS, Register, Reply, Request, Value, Width, decode_speed, encode_angle, encode_speed,
+    encode_temperature,
+};
+use embedded_can::{Id, StandardId};
+use host_protocol::CanFrame;
+
+use super::counts::{to_i8, to_i16, to_i32, to_u16};
+use super::dynamics::{Characteristics, Drive, Plant};
+use super::log::MotorEvent;
+use super::model::{Context, Model};
+use super::stall::StallGuard;
+use crate::bus::Wire;
+
+/// Time from a request to its answer.
+const REPLY_MIN: Duration = Duration::from_micros(300);
+const REPLY_MAX: Duration = Duration::from_micros(500);
+/// The communication timeout, which the manual does not give.
+const TIMEOUT: Duration = Duration::from_secs(1);
+/// Reads the magnetic angle and is no named command of the codec (D5 manual, table row 14).
+const READ_MAGNETIC_ANGLE: u8 = 0xD4;
+/// Length byte of a frame with two data bytes (D5 manual, frame format).
+const TWO_DATA_BYTES: u8 = 5;
+/// What the table calls 360/S²: one count of registers 0x15 and 0x16 in rad/s².
+const ACCELERATION_UNIT: f64 = TAU;
+/// Counts of those registers that the motor accepts; it uses the nearest for any other.
+const ACCELERATION_RANGE: std::ops::RangeInclusive<u8> = 72..=250;
+
+/// A small wheel motor, on 24 V.
+const CHARACTERISTICS: Characteristics = Characteristics {
+    max_speed_rad_s: 40.0,
+    max_current_a: 10.0,
+    speed_per_ampere: 8.0,
+    mechanical_s: 0.1,
+    speed_loop_s: 0.03,
+    position_gain: 0.0,
+    supply_v: 24.0,
+    supply_ohm: 0.1,
+    thermal_s: 90.0,
+    warming_per_a2: 0.8,
+    ambient_c: 25.0,
+};
+
+/// Faults that only a write to 0x19 clears (D5 manual, register 0x19).
+const LATCHED: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
+
+/// The motor's firmware: a register file, and what writing to it does.
+pub(super) struct D5 {
+    /// Requests are heard, and answers sent, under this CAN id.
+    can_id: StandardId,
+    node: Node,
+    plant: Plant,
+    registers: [u8; 256],
+    /// The one asynchronous write that can wait.
+    waiting: Option<(Register, Value)>,
+    last_command: u8,
+    last_heard: Option<Duration>,
+    timed_out: bool,
+    faults: Faults,
+    stall: StallGuard,
+}
+
+impl D5 {
+    pub(super) fn new(node: Node) -> Self {
+        let mut motor = Self {
+            can_id: d5::can::default_request_id(node),
+            node,
+            plant: Plant::new(CHARACTERISTICS),
+            registers: [0; 256],
+            waiting: None,
+            last_command: 0,
+            last_heard: None,
+            timed_out: false,
+            faults: Faults::empty(),
+            stall: StallGuard::default(),
+        };
+        motor.load_defaults(node);
+        motor
+    }
+
+    fn load_defaults(&mut self, node: Node) {
+        self.registers = [0; 256];
+        for info in &REGISTERS {
+            match (info.width, info.default) {
+                (Width::Byte, Some(default)) => self.store(info.register, Value::Byte(low(default))),
+                (Width::Word, Some(default)) => self.store(info.register, Value::Word(default)),
+                (_, None) => {}
+            }
+        }
+        self.node = node;
+        self.store(Register::ID, Value::Byte(node.get()));
+    }
+
+    fn byte(&self, Register(address): Register) -> u8 {
+        self.registers[usize::from(address)]
+    }
+
+    fn value(&self, register: Register, width: Width) -> Value {
+        let next = Register(register.0.wrapping_add(1));
+        match width {
+            Width::Byte => Value::Byte(self.byte(register)),
+            Width::Word => Value::Word(u16::from_le_bytes([self.byte(register), self.byte(next)])),
+        }
+    }
+
+    fn store(&mut self, Register(address): Register, value: Value) {
+        match value {
+            Value::Byte(byte) => self.registers[usize::from(address)] = byte,
+            Value::Word(word) => {
+                let [low, high] = word.to_le_bytes();
+                self.registers[usize::from(address)] = low;
+                self.registers[usize::from(address.wrapping_add(1))] = high;
+            }
+        }
+    }
+
+    /// Writes what the motor measures into its registers.
+    fn measure(&mut self) {
+        let plant = &self.plant;
+        let speed = DegreesPerSecond(to_i16(plant.speed_rad_s().to_degrees()));
+        let degrees = plant.position_rad().to_degrees();
+        // The angle starts again after 65536°; −32768 has no place in the manual's range.
+        let [low, high, _, _] = to_i32(degrees).to_le_bytes();
+        let angle = Degrees(i16::from_le_bytes([low, high]).max(-i16::MAX));
+        let celsius = |value| encode_temperature(Celsius(to_i8(value).max(-i8::MAX))).unwrap_or_default();
+        let values = [
+            (Register::CURRENT_SPEED, Value::Word(encode_speed(speed).unwrap_or_default())),
+            (Register::TRAVELLED_ANGLE, Value::Word(encode_angle(angle).unwrap_or_default())),
+            (Register::MAGNETIC_ANGLE, Value::Word(to_u16(degrees.rem_euclid(360.0)))),
+            (Register::RUNNING, Value::Byte(u8::from(plant.drive() != Drive::Off))),
+            (Register::ASYNC_FLAG, Value::Byte(u8::from(self.waiting.is_some()))),
+            (Register::BOARD_TEMPERATURE, Value::Byte(celsius(plant.driver_c()))),
+            (Register::MOTOR_TEMPERATURE, Value::Byte(celsius(plant.motor_c()))),
+            (Register::STATUS, Value::Byte(self.faults.bits())),
+            (Register::CURRENT_COMMAND, Value::Byte(self.last_command)),
+        ];
+        for (register, value) in values {
+            self.store(register, value);
+        }
+    }
+
+    fn set_speed(&self) -> DegreesPerSecond {
+        match self.value(Register::SPEED, Width::Word) {
+            Value::Word(word) => decode_speed(word),
+            Value::Byte(_) => DegreesPerSecond(0),
+        }
+    }
+
+    fn update(&mut self, cx: &Context<'_>) {
+        let injected = Faults::from_bits_retain(low(cx.injected.fault_bits));
+        self.faults = (self.faults & LATCHED) | injected;
+        if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
+            self.faults |= Faults::STALL;
+        }
+        let rad_s = f64::from(self.set_speed().0).to_radians();
+        let speeds_up = rad_s.abs() > self.plant.speed_rad_s().abs();
+        let register = if speeds_up { Register::ACCELERATION } else { Register::DECELERATION };
+        let counts = self.byte(register).clamp(*ACCELERATION_RANGE.start(), *ACCELERATION_RANGE.end());
+        let drive = Drive::Speed { rad_s, acceleration: f64::from(counts) * ACCELERATION_UNIT };
+        self.plant.set_drive(if self.faults.is_empty() { drive } else { Drive::Off });
+    }
+
+    fn timeout_at(&self) -> Option<Duration> {
+        self.own_timeout().filter(|_| !self.timed_out).and_then(|after| Some(self.last_heard? + after))
+    }
+
+    fn hear(&mut self, cx: &mut Context<'_>, address: Address, request: &Request) {
+        self.last_heard = Some(cx.now);
+        self.timed_out = false;
+        if let Some(name) = name(request) {
+            cx.command(name);
+        }
+        self.measure();
+        let reply = self.carry_out(cx, request);
+        self.last_command = request.command();
+        self.update(cx);
+        let answered = match (address, request) {
+            // A broadcast execute or reset has no printed reply.
+            (Address::Broadcast, Request::Execute | Request::Reset) => false,
+            (_, Request::Write { .. } | Request::AsyncWrite { .. } | Request::Execute) => {
+                self.answers_writes()
+            }
+            _ => self.answers_reads(),
+        };
+        if answered {
+            self.answer(cx, &reply);
+        }
+    }
+
+    fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) -> Reply {
+        match *request {
+            Request::QueryId => Reply::Id,
+            Request::Read { register, width } => Reply::Read { register, value: self.value(register, width) },
+            Request::Write { register, value } if may_write(register) => {
+                self.write(cx, register, value);
+                Reply::Written { register, value }
+            }
+            Request::AsyncWrite { register, value } if may_write(register) => {
+                self.waiting = Some((register, value));
+                Reply::AsyncWritten { register, value }
+            }
+            Request::Execute => {
+                // The manual does not say what an execute answers when nothing waits.
+                let (register, value) = self.waiting.take().unwrap_or((Register(0), Value::Word(0)));
+                self.write(cx, register, value);
+                Reply::Executed { register, value }
+            }
+            Request::Reset => {
+                self.waiting = None;
+                self.load_defaults(Node::FACTORY);
+                Reply::ResetDone
+            }
+            Request::Unknown { raw } if raw.command() == READ_MAGNETIC_ANGLE => {
+                let Register(address) = Register::MAGNETIC_ANGLE;
+                let [low, high] =
+                    [self.byte(Register::MAGNETIC_ANGLE), self.byte(Register(address.wrapping_add(1)))];
+                Reply::Unknown { raw: Payload([TWO_DATA_BYTES, READ_MAGNETIC_ANGLE, address, low, high]) }
+            }
+            Request::Write { .. } | Request::AsyncWrite { .. } | Request::Unknown { .. } => {
+                Reply::Error { error: MotorError::Command, command: request.command() }
+            }
+        }
+    }
+
+    fn write(&mut self, cx: &mut Context<'_>, register: Register, value: Value) {
+        if register == Register::SPEED && value == Value::Word(0) && cx.injected.ignore_stop {
+            cx.ignored("speed 0", "injected");
+            return;
+        }
+        match register {
+            Register::ID => {
+                let id = match value {
+                    Value::Byte(id) => id,
+                    Value::Word(word) => low(word),
+                };
+                self.node = Node::new(id).unwrap_or(self.node);
+                self.store(Register::ID, Value::Byte(self.node.get()));
+            }
+            Register::CLEAR_PROTECTION => {
+                if matches!(value, Value::Byte(1)) {
+                    self.faults -= LATCHED;
+                    self.stall = StallGuard::default();
+                }
+            }
+            _ => self.store(register, value),
+        }
+    }
+
+    fn answers_writes(&self) -> bool {
+        self.byte(Register::ACK_LEVEL) == 2
+    }
+
+    fn answers_reads(&self) -> bool {
+        matches!(self.byte(Register::ACK_LEVEL), 1 | 2)
+    }
+
+    fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
+        if let Ok(frame) = d5::can::reply(self.can_id, self.node, reply) {
+            let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
+            cx.send(delay, Wire::Can(frame), true);
+        }
+    }
+
+    fn complain(&self, cx: &mut Context<'_>, error: MotorError, command: u8) {
+        if self.answers_reads() {
+            self.answer(cx, &Reply::Error { error, command });
+        }
+    }
+}
+
+impl Model for D5 {
+    fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
+        let Id::Standard(id) = frame.id() else { return };
+        if id != self.can_id && id.as_raw() != u16::from(Address::BROADCAST_ID) {
+            return;
+        }
+        let Ok([_, _, _, command, ..]) = <[u8; FRAME_LEN]>::try_from(frame.data()) else { return };
+        match d5::can::decode_request(frame) {
+            Ok((address, request))
+                if address == Address::Broadcast || address == Address::Node(self.node) =>
+            {
+                self.hear(cx, address, &request);
+            }
+            Ok(_) => self.complain(cx, MotorError::Id, command),
+            Err(DecodeError::Header { .. } | DecodeError::RemoteFrame) => {}
+            Err(DecodeError::Checksum { .. }) => self.complain(cx, MotorError::Checksum, self.last_command),
+            Err(_) => self.complain(cx, MotorError::Command, command),
+        }
+    }
+
+    fn next_timer(&self) -> Option<Duration> {
+        [self.timeout_at(), self.stall.strikes_at()].into_iter().flatten().min()
+    }
+
+    fn run(&mut self, cx: &mut Context<'_>) {
+        if self.timeout_at().is_some_and(|at| at <= cx.now) {
+            self.timed_out = true;
+            self.store(Register::SPEED, Value::Word(0));
+            cx.log(MotorEvent::Timeout { after_ms: u32::try_from(TIMEOUT.as_millis()).unwrap_or(u32::MAX) });
+        }
+        self.update(cx);
+    }
+
+    fn fault_word(&self) -> u16 {
+        u16::from(self.faults.bits())
+    }
+
+    fn own_timeout(&self) -> Option<Duration> {
+        (self.byte(Register::TIMEOUT_SWITCH) == 1).then_some(TIMEOUT)
+    }
+
+    /// What survives a power cycle the manual does not say; here only the id does.
+    fn power_cycle(&mut self) {
+        let (can_id, node, plant) = (self.can_id, self.node, self.plant.clone());
+        *self = Self { can_id, plant, ..Self::new(node) };
+    }
+
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+}
+
+/// Registers without a function are writable, as the manual's table has it.
+fn may_write(register: Register) -> bool {
+    register.info().is_none_or(|info| info.access == Access::ReadWrite)
+}
+
+fn low(word: u16) -> u8 {
+    let [low, _] = word.to_le_bytes();
+    low
+}
+
+/// What the log calls a command; nothing for reads.
+fn name(request: &Request) -> Option<&'static str> {
+    Some(match request {
+        Request::QueryId | Request::Read { .. } => return None,
+        Request::Write { register: Register::SPEED, value: Value::Word(0) } => "03 speed 0",
+        Request::Write { register: Register::SPEED, .. } => "03 speed",
+        Request::Write { .. } => "03 write",
+        Request::AsyncWrite { register: Register::SPEED, value: Value::Word(0) } => "04 speed 0",
+        Request::AsyncWrite { register: Register::SPEED, .. } => "04 speed",
+        Request::AsyncWrite { .. } => "04 write",
+        Request::Execute => "05 execute",
+        Request::Reset => "06 reset",
+        Request::Unknown { raw } if raw.command() == READ_MAGNETIC_ANGLE => return None,
+        Request::Unknown { .. } => "other",
+    })
+}
+
+#[cfg(test)]
+#[path = "d5_tests.rs"]
+mod tests;

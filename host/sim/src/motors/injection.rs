@@ -1,0 +1,56 @@
+//! What a test can break in a motor.
+
+use std::time::Duration;
+
+/// A fault to put into a motor, or to take out of it again. Each kind is independent of the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Injection {
+    /// Its transmitter is dead: it hears and obeys, and answers nothing.
+    Mute(bool),
+    /// Its cable is off the bus: it hears nothing and acknowledges nothing.
+    Unplugged(bool),
+    /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends on the motor.
+    FaultBits(u16),
+    /// It answers later than usual by this much.
+    LateReply(Duration),
+    /// The data of its answers are random bytes.
+    Garbage(bool),
+    /// Its answers have a wrong checksum. On CAN, where the protocol has none of its own, the frame's own checksum.
+    WrongChecksum(bool),
+    /// Its shaft cannot turn.
+    StuckRotor(bool),
+    /// It answers stop commands and does not stop.
+    IgnoreStop(bool),
+    /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
+    ResumeAfterTimeout(bool),
+}
+
+/// The faults that are in force in one motor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Injections {
+    pub(crate) mute: bool,
+    pub(crate) unplugged: bool,
+    pub(crate) fault_bits: u16,
+    pub(crate) late_reply: Duration,
+    pub(crate) garbage: bool,
+    pub(crate) wrong_checksum: bool,
+    pub(crate) stuck_rotor: bool,
+    pub(crate) ignore_stop: bool,
+    pub(crate) resume_after_timeout: bool,
+}
+
+impl Injections {
+    pub(crate) fn apply(&mut self, injection: Injection) {
+        match injection {
+            Injection::Mute(on) => self.mute = on,
+            Injection::Unplugged(on) => self.unplugged = on,
+            Injection::FaultBits(bits) => self.fault_bits = bits,
+            Injection::LateReply(delay) => self.late_reply = delay,
+            Injection::Garbage(on) => self.garbage = on,
+            Injection::WrongChecksum(on) => self.wrong_checksum = on,
+            Injection::StuckRotor(on) => self.stuck_rotor = on,
+            Injection::IgnoreStop(on) => self.ignore_stop = on,
+            Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! A simulated RMD servo motor (RMD V3.6), on CAN or RS485, with the habits observed on real ones.
+
+use std::time::Duration;
+
+use embedded_can::{Frame, Id};
+use host_protocol::CanFrame;
+use rmd::{
+    Celsius, Centiamps, Centidegrees, Decivolts, Degrees, DegreesPerSecond, Faults, Milliseconds, Motion,
+    Node, RawNotice, Reply, Request, command,
+};
+
+use super::counts::{to_i8, to_i16, to_i32, to_u16};
+use super::dynamics::{Characteristics, Drive, Plant};
+use super::log::MotorEvent;
+use super::model::{Context, Model};
+use super::stall::StallGuard;
+use crate::bus::{Wire, bit_time};
+
+/// CAN id on which every motor listens (RMD V3.6 §6).
+const BROADCAST_CAN_ID: u16 = 0x280;
+/// Frame id to which every motor listens on RS485 (RMD V3.6 §6).
+const BROADCAST_RS485_ID: u8 = 0xCD;
+/// A pause of this many bits ends a frame begun on RS485.
+const FRAME_GAP_BITS: u64 = 35;
+
+/// Time from a request to its answer.
+const REPLY_MIN: Duration = Duration::from_micros(100);
+const REPLY_MAX: Duration = Duration::from_micros(200);
+/// The brake takes this long to open, and only then is the command answered (observed).
+const RELEASE_MIN: Duration = Duration::from_millis(50);
+const RELEASE_MAX: Duration = Duration::from_millis(150);
+/// How often a motor in timeout says so.
+const NOTICE_EVERY: Duration = Duration::from_secs(1);
+
+/// A geared servo of a robot's joint, on 48 V.
+const CHARACTERISTICS: Characteristics = Characteristics {
+    max_speed_rad_s: 30.0,
+    max_current_a: 20.0,
+    speed_per_ampere: 5.0,
+    mechanical_s: 0.15,
+    speed_loop_s: 0.02,
+    position_gain: 12.0,
+    supply_v: 48.0,
+    supply_ohm: 0.1,
+    thermal_s: 120.0,
+    warming_per_a2: 0.4,
+    ambient_c: 25.0,
+};
+/// Acceleration limit of the speed loop, rad/s².
+const ACCELERATION: f64 = 200.0;
+
+/// How the motor is connected.
+pub(super) enum Interface {
+    Can,
+    Rs485 { deframer: rmd::rs485::Deframer, last_byte: Duration, gap: Duration },
+}
+
+impl Interface {
+    pub(super) fn rs485(baud: u32) -> Self {
+        let gap = bit_time(FRAME_GAP_BITS, baud);
+        Self::Rs485 { deframer: rmd::rs485::Deframer::new(), last_byte: Duration::ZERO, gap }
+    }
+}
+
+/// The motor's firmware.
+pub(super) struct Rmd {
+    node: Node,
+    interface: Interface,
+    plant: Plant,
+    /// What it was told to do. It returns to that when a fault heals by itself.
+    wanted: Drive,
+    /// Stored by 0xB3; zero = off.
+    timeout: Duration,
+    last_heard: Option<Duration>,
+    timed_out: bool,
+    /// The next command will be echoed and ignored.
+    deaf_once: bool,
+    /// The timeout has locked the brake.
+    locked_by_timeout: bool,
+    brake_released: bool,
+    release_at: Option<Duration>,
+    notice_at: Option<Duration>,
+    faults: Faults,
+    stall: StallGuard,
+}
+
+impl Rmd {
+    pub(super) fn new(node: Node, interface: Interface) -> Self {
+        Self {
+            node,
+            interface,
+            plant: Plant::new(CHARACTERISTICS),
+            wanted: Drive::Off,
+            timeout: Duration::ZERO,
+            last_heard: None,
+            timed_out: false,
+            deaf_once: false,
+            locked_by_timeout: false,
+            brake_released: true,
+            release_at: None,
+            notice_at: None,
+            faults: Faults::empty(),
+            stall: StallGuard::default(),
+        }
+    }
+
+    fn timeout_at(&self) -> Option<Duration> {
+        if self.timeout.is_zero() || self.timed_out {
+            return None;
+        }
+        Some(self.last_heard? + self.timeout)
+    }
+
+    /// Output cut and brake locked (RMD V3.6 §2.30.1).
+    fn strike_timeout(&mut self, cx: &mut Context<'_>) {
+        self.timed_out = true;
+        self.deaf_once = true;
+        self.wanted = Drive::Off;
+        self.notice_at = Some(cx.now + NOTICE_EVERY);
+        let after_ms = u32::try_from(self.timeout.as_millis()).unwrap_or(u32::MAX);
+        cx.log(MotorEvent::Timeout { after_ms });
+        if !self.is_locked() {
+            cx.log(MotorEvent::BrakeLocked);
+        }
+        self.locked_by_timeout = true;
+    }
+
+    fn is_locked(&self) -> bool {
+        !self.brake_released || self.locked_by_timeout
+    }
+
+    fn is_faulty(&self) -> bool {
+        !self.faults.is_empty()
+    }
+
+    /// Level 1 stays until a restart; the rest goes with its cause and the motor resumes (RMD V3.6 §8.1).
+    fn update_faults(&mut self, cx: &Context<'_>) {
+        let latched = self.faults & Faults::UNTIL_RESTART;
+        self.faults = latched | Faults::from_bits_retain(cx.injected.fault_bits);
+        if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
+            self.faults |= Faults::STALL;
+        }
+    }
+
+    fn apply_drive(&mut self) {
+        let drive = if self.is_locked() {
+            Drive::Locked
+        } else if self.is_faulty() || self.timed_out {
+            Drive::Off
+        } else {
+            self.wanted
+        };
+        self.plant.set_drive(drive);
+    }
+
+    fn hear(&mut self, cx: &mut Context<'_>, request: &Request) {
+        self.last_heard = Some(cx.now);
+        self.timed_out = false;
+        self.notice_at = None;
+        let is_read =
+            matches!(request, Request::ReadMultiTurnAngle | Request::ReadStatus1 | Request::ReadStatus2);
+        if is_read {
+            return self.carry_out(cx, request);
+        }
+        let name = name(request);
+        if matches!(request, Request::SetCommunicationTimeout { .. }) {
+            cx.command(name);
+            return self.carry_out(cx, request);
+        }
+        let is_motion = command::CLOSED_LOOP.contains(&request.command());
+        let is_stop = matches!(request, Request::Stop | Request::Shutdown);
+        let ignored = if std::mem::take(&mut self.deaf_once) {
+            Some("first after the timeout")
+        } else if is_motion && self.is_faulty() {
+            Some("fault")
+        } else if is_stop && cx.injected.ignore_stop {
+            Some("injected")
+        } else {
+            None
+        };
+        match ignored {
+            Some(because) => {
+                cx.ignored(name, because);
+                self.throw_back(cx, request);
+            }
+            None => {
+                cx.command(name);
+                self.carry_out(cx, request);
+            }
+        }
+        self.apply_drive();
+    }
+
+    /// Answers with the request's own bytes.
+    fn throw_back(&self, cx: &mut Context<'_>, request: &Request) {
+        // Request and reply of a command have the same code and length, so the bytes decode as a reply.
+        if let Ok(data) = request.encode()
+            && let Ok(reply) = Reply::decode(&data)
+        {
+            self.answer(cx, &reply);
+        }
+    }
+
+    fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) {
+        let wanted = match *request {
+            Request::Shutdown => Some(Drive::Off),
+            Request::Stop => Some(Drive::Speed { rad_s: 0.0, acceleration: ACCELERATION }),
+            Request::TorqueCurrent { current } => Some(Drive::Current(f64::from(current.0) / 100.0)),
+            Request::Velocity { speed } => {
+                let rad_s = (f64::from(speed.0) / 100.0).to_radians();
+                Some(Drive::Speed { rad_s, acceleration: ACCELERATION })
+            }
+            Request::AbsolutePosition { max_speed, angle } => {
+                let rad = (f64::from(angle.0) / 100.0).to_radians();
+                Some(Drive::Position { rad, max_speed: f64::from(max_speed.0).to_radians() })
+            }
+            _ => None,
+        };
+        self.wanted = wanted.unwrap_or(self.wanted);
+        let motion = self.motion();
+        let reply = match *request {
+            Request::ReadMultiTurnAngle => Reply::MultiTurnAngle { angle: self.angle() },
+            Request::ReadStatus1 => self.status_1(),
+            Request::ReadStatus2 => Reply::Status2 { motion },
+            Request::Shutdown => Reply::Shutdown,
+            Request::Stop => Reply::Stop,
+            Request::TorqueCurrent { .. } => Reply::TorqueCurrent { motion },
+            Request::Velocity { .. } => Reply::Velocity { motion },
+            Request::AbsolutePosition { .. } => Reply::AbsolutePosition { motion },
+            Request::ReleaseBrake => {
+                let takes = cx.random.between(RELEASE_MIN, RELEASE_MAX);
+                self.release_at = Some(cx.now + takes);
+                return self.answer_after(cx, takes, &Reply::BrakeReleased);
+            }
+            Request::LockBrake => {
+                self.release_at = None;
+                if !self.is_locked() {
+                    cx.log(MotorEvent::BrakeLocked);
+                }
+                self.brake_released = false;
+                Reply::BrakeLocked
+            }
+            Request::SetCommunicationTimeout { timeout } => {
+                self.timeout = Duration::from_millis(u64::from(timeout.0));
+                Reply::CommunicationTimeout { timeout: Milliseconds(timeout.0) }
+            }
+            Request::Unknown { .. } => return self.throw_back(cx, request),
+        };
+        if command::CLOSED_LOOP.contains(&request.command()) && std::mem::take(&mut self.locked_by_timeout) {
+            // Communication is back to normal, and so is the motor (RMD V3.6 §2.30.4).
+            cx.log(MotorEvent::BrakeReleased);
+        }
+        self.answer(cx, &reply);
+    }
+
+    fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
+        let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
+        self.answer_after(cx, delay, reply);
+    }
+
+    fn answer_after(&self, cx: &mut Context<'_>, delay: Duration, reply: &Reply) {
+        match self.interface {
+            Interface::Can => {
+                if let Ok(frame) = rmd::can::reply(self.node, reply) {
+                    cx.send(delay, Wire::Can(frame), false);
+                }
+            }
+            Interface::Rs485 { .. } => {
+                if let Ok(bytes) = rmd::rs485::reply(self.node, reply) {
+                    cx.send(delay, Wire::Serial(bytes.to_vec()), true);
+                }
+            }
+        }
+    }
+
+    fn angle(&self) -> Centidegrees {
+        Centidegrees(to_i32(self.plant.position_rad().to_degrees() * 100.0))
+    }
+
+    fn motion(&self) -> Motion {
+        Motion {
+            temperature: Celsius(to_i8(self.plant.motor_c())),
+            current: Centiamps(to_i16(self.plant.current_a() * 100.0)),
+            speed: DegreesPerSecond(to_i16(self.plant.speed_rad_s().to_degrees())),
+            // The manual's range is symmetric.
+            angle: Degrees(to_i16(self.plant.position_rad().to_degrees()).max(-i16::MAX)),
+        }
+    }
+
+    fn status_1(&self) -> Reply {
+        Reply::Status1 {
+            temperature: Celsius(to_i8(self.plant.motor_c())),
+            brake_released: !self.is_locked(),
+            voltage: Decivolts(to_u16(self.plant.voltage_v() * 10.0)),
+            faults: self.faults,
+        }
+    }
+}
+
+impl Model for Rmd {
+    fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
+        let broadcast = matches!(frame.id(), Id::Standard(id) if id.as_raw() == BROADCAST_CAN_ID);
+        if broadcast && !frame.is_remote_frame() {
+            if let Ok(data) = <&[u8; rmd::DATA_LEN]>::try_from(frame.data()) {
+                self.hear(cx, &Request::decode(data));
+            }
+        } else if let Ok((node, request)) = rmd::can::decode_request(frame)
+            && node == self.node
+        {
+            self.hear(cx, &request);
+        }
+    }
+
+    fn hear_byte(&mut self, cx: &mut Context<'_>, byte: u8) {
+        let Interface::Rs485 { deframer, last_byte, gap } = &mut self.interface else { return };
+        if cx.now.saturating_sub(*last_byte) > *gap {
+            deframer.reset();
+        }
+        *last_byte = cx.now;
+        let Some(frame) = deframer.push(byte) else { return };
+        let [_, id, _, data @ .., _, _] = &frame;
+        if *id == BROADCAST_RS485_ID {
+            self.hear(cx, &Request::decode(data));
+        } else if let Ok((node, request)) = rmd::rs485::decode_request(&frame)
+            && node == self.node
+        {
+            self.hear(cx, &request);
+        }
+    }
+
+    fn next_timer(&self) -> Option<Duration> {
+        let timers = [self.timeout_at(), self.release_at, self.notice_at, self.stall.strikes_at()];
+        timers.into_iter().flatten().min()
+    }
+
+    fn run(&mut self, cx: &mut Context<'_>) {
+        if self.timeout_at().is_some_and(|at| at <= cx.now) {
+            self.strike_timeout(cx);
+        }
+        if self.release_at.take_if(|at| *at <= cx.now).is_some() {
+            let was_locked = self.is_locked();
+            (self.brake_released, self.locked_by_timeout) = (true, false);
+            if was_locked {
+                cx.log(MotorEvent::BrakeReleased);
+            }
+        }
+        if let Some(at) = self.notice_at.filter(|at| *at <= cx.now) {
+            self.notice_at = Some(at + NOTICE_EVERY);
+            self.answer(cx, &Reply::TimeoutNotice { raw: RawNotice::default() });
+        }
+        self.update_faults(cx);
+        self.apply_drive();
+    }
+
+    fn fault_word(&self) -> u16 {
+        self.faults.bits()
+    }
+
+    fn own_timeout(&self) -> Option<Duration> {
+        (!self.timeout.is_zero()).then_some(self.timeout)
+    }
+
+    fn power_cycle(&mut self) {
+        self.wanted = Drive::Off;
+        self.last_heard = None;
+        (self.timed_out, self.deaf_once, self.locked_by_timeout) = (false, false, false);
+        (self.brake_released, self.release_at, self.notice_at) = (true, None, None);
+        (self.faults, self.stall) = (Faults::empty(), StallGuard::default());
+    }
+
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+}
+
+fn name(request: &Request) -> &'static str {
+    match request {
+        Request::ReadMultiTurnAngle => "0x92 read angle",
+        Request::ReadStatus1 => "0x9A read status 1",
+        Request::ReadStatus2 => "0x9C read status 2",
+        Request::Shutdown => "0x80 shutdown",
+        Request::Stop => "0x81 stop",
+        Request::TorqueCurrent { .. } => "0xA1 current",
+        Request::Velocity { .. } => "0xA2 velocity",
+        Request::AbsolutePosition { .. } => "0xA4 position",
+        Request::ReleaseBrake => "0x77 release brake",
+        Request::LockBrake => "0x78 lock brake",
+        Request::SetCommunicationTimeout { .. } => "0xB3 timeout",
+        Request::Unknown { .. } => "other",
+    }
+}
+
+#[cfg(test)]
+#[path = "rmd_tests.rs"]
+mod tests;

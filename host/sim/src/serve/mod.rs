@@ -1,0 +1,181 @@
+//! A simulated gateway that is served over TCP, in real time.
+
+mod connection;
+
+use std::io;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use self::connection::Connection;
+use crate::world::World;
+
+/// Longest pause between two looks at the connections.
+const TURN: Duration = Duration::from_micros(500);
+/// Simulated time computed at once; after a pause of the machine the world catches up in such steps.
+const CATCH_UP: Duration = Duration::from_millis(20);
+
+/// Bytes on their way to the gateway above which a client has to wait, as it would for a serial port.
+const BACKLOG: usize = 4_096;
+
+/// Serves a world until the process ends: the wall clock drives its time, every connection gets a host link.
+///
+/// Each line of the motors' logs, and each coming and going of a client, goes to `log`.
+///
+/// # Errors
+/// When the listener fails.
+pub fn serve(listener: TcpListener, world: World, mut log: impl FnMut(&str)) -> io::Result<()> {
+    let mut server = Server::new(listener, world)?;
+    let start = Instant::now();
+    loop {
+        server.turn(start.elapsed(), &mut log)?;
+        thread::sleep(TURN);
+    }
+}
+
+/// What [`serve()`] repeats, for callers who want to stop: one turn at a time.
+pub struct Server {
+    listener: TcpListener,
+    world: World,
+    /// Time of the world when the server began.
+    start: Duration,
+    connections: Vec<Connection>,
+    /// Lines of each motor's log that have been printed.
+    printed: Vec<usize>,
+}
+
+impl Server {
+    /// A server for this world. What the motors have logged before is not printed.
+    ///
+    /// # Errors
+    /// When the listener cannot be switched to non-blocking.
+    pub fn new(listener: TcpListener, mut world: World) -> io::Result<Self> {
+        listener.set_nonblocking(true)?;
+        world.trace();
+        let start = Duration::from_micros(world.now().as_micros());
+        let printed = world.motors().iter().map(|motor| motor.log().since(usize::MAX).1).collect();
+        Ok(Self { listener, world, start, connections: Vec::new(), printed })
+    }
+
+    /// Brings the world to `elapsed` after the start and passes bytes on, without waiting for anything.
+    ///
+    /// # Errors
+    /// When the listener fails.
+    pub fn turn(&mut self, elapsed: Duration, log: &mut impl FnMut(&str)) -> io::Result<()> {
+        self.accept(log)?;
+        let until = self.start + elapsed;
+        loop {
+            let now = Duration::from_micros(self.world.now().as_micros());
+            self.read(log);
+            self.world.run_for(until.saturating_sub(now).min(CATCH_UP));
+            self.write(log);
+            self.print_motor_logs(log);
+            if now + CATCH_UP >= until {
+                break;
+            }
+        }
+        // Nobody asks a served world for it.
+        self.world.trace();
+        Ok(())
+    }
+
+    /// The world being served.
+    pub fn world(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    fn accept(&mut self, log: &mut impl FnMut(&str)) -> io::Result<()> {
+        loop {
+            match self.listener.accept() {
+                Ok((stream, peer)) => self.connect(stream, peer, log),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                // The client has gone again, or the process has no descriptor left for now.
+                Err(error) if is_of_one_client(&error) => {
+                    log(&format!("a client could not connect: {error}"))
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    fn connect(&mut self, stream: TcpStream, peer: SocketAddr, log: &mut impl FnMut(&str)) {
+        let taken = |link: &u8| self.connections.iter().any(|connection| connection.link == *link);
+        let links = self.world.host_links();
+        let Some(link) = (0..links).find(|link| !taken(link)) else {
+            log(&format!("{peer} refused: all {links} host links are in use"));
+            return;
+        };
+        match Connection::new(stream, peer, link) {
+            Ok(connection) => {
+                self.world.host_reset(link);
+                self.connections.push(connection);
+                log(&format!("{peer} connected to host link {link}"));
+            }
+            Err(error) => log(&format!("{peer} could not connect: {error}")),
+        }
+    }
+
+    fn read(&mut self, log: &mut impl FnMut(&str)) {
+        let Self { connections, world, .. } = self;
+        connections.retain_mut(|connection| {
+            if world.host_backlog(connection.link) > BACKLOG {
+                return true;
+            }
+            match connection.read() {
+                Ok(bytes) => {
+                    world.host_send(connection.link, &bytes);
+                    true
+                }
+                Err(error) => {
+                    log(&gone(connection, &error));
+                    false
+                }
+            }
+        });
+    }
+
+    fn write(&mut self, log: &mut impl FnMut(&str)) {
+        let Self { connections, world, .. } = self;
+        connections.retain_mut(|connection| match connection.write(&world.host_receive(connection.link)) {
+            Ok(lost) => {
+                if lost && !connection.overflowed {
+                    log(&format!("{} does not read: what it is sent is lost", connection.peer));
+                }
+                connection.overflowed = lost;
+                true
+            }
+            Err(error) => {
+                log(&gone(connection, &error));
+                false
+            }
+        });
+    }
+
+    fn print_motor_logs(&mut self, log: &mut impl FnMut(&str)) {
+        let mut lines = Vec::new();
+        for (motor, printed) in self.world.motors().iter().zip(&mut self.printed) {
+            let (new, total) = motor.log().since(*printed);
+            *printed = total;
+            lines.extend(
+                new.map(|entry| (entry.time_us, format!("bus {}  {motor}  {}", motor.bus(), entry.what))),
+            );
+        }
+        lines.sort_by_key(|(time_us, _)| *time_us);
+        for (time_us, line) in lines {
+            log(&format!("t={}.{:06} s  {line}", time_us / 1_000_000, time_us % 1_000_000));
+        }
+    }
+}
+
+fn gone(connection: &Connection, error: &io::Error) -> String {
+    let Connection { peer, link, .. } = connection;
+    match error.kind() {
+        io::ErrorKind::ConnectionAborted => format!("{peer} has left host link {link}"),
+        _ => format!("{peer} has lost host link {link}: {error}"),
+    }
+}
+
+fn is_of_one_client(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionReset, Interrupted};
+    matches!(error.kind(), ConnectionAborted | ConnectionReset | Interrupted)
+}

@@ -1,0 +1,363 @@
+//! A gateway, its buses, its motors and its host links, in virtual time.
+//!
+//! Everything happens at instants of whole nanoseconds, in a fixed order within one instant: what is over on the
+//! buses, what the motors do by themselves, what has arrived from the hosts, the gateway's own deadline, and then what
+//! starts on the buses. So a run depends on wiring, seed and input only, not on how it is cut into pieces.
+
+mod host_link;
+mod port;
+mod trace;
+
+use std::time::Duration;
+
+use gateway::{Event, Gateway, Instant, MAX_LINKS};
+use host_protocol::{BusState, MAX_FRAME};
+
+pub use self::trace::TraceEntry;
+
+use self::host_link::HostLink;
+use self::port::{Medium, Port};
+use self::trace::{Trace, micros};
+use crate::bus::{BusFault, Station, Wire};
+use crate::can::CanOutcome;
+use crate::motors::{Injection, Motor};
+use crate::rs485::SerialOutcome;
+use crate::wiring::{Wiring, WiringError};
+
+/// The gateway's clock.
+const TICK: Duration = Duration::from_micros(1);
+
+/// A gateway and everything around it.
+pub struct World {
+    now: Duration,
+    gateway: Box<Gateway>,
+    ports: Vec<Port>,
+    motors: Vec<Motor>,
+    links: Vec<HostLink>,
+    trace: Trace,
+    /// A deadline that the gateway leaves in the past is due again only then, so that time goes on.
+    not_before: Duration,
+}
+
+impl World {
+    /// A world at time 0, with an unconfigured gateway.
+    ///
+    /// # Panics
+    /// If the wiring asks for what cannot be; [`World::try_new`] says so instead.
+    pub fn new(wiring: Wiring) -> Self {
+        Self::try_new(wiring).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// A world at time 0, with an unconfigured gateway.
+    ///
+    /// # Errors
+    /// If a motor cannot be connected as the wiring asks.
+    pub fn try_new(wiring: Wiring) -> Result<Self, WiringError> {
+        let Wiring { board, motors: wired, seed } = wiring;
+        let mut ports: Vec<Port> = board.buses.iter().map(|bus| Port::new(bus.kind)).collect();
+        let mut motors = Vec::new();
+        for (index, motor) in wired.into_iter().enumerate() {
+            let refused = WiringError::Bus { bus: motor.bus, buses: board.buses.len() };
+            let port = ports.get_mut(usize::from(motor.bus)).ok_or(refused)?;
+            port.connect_motor(Station::Motor(index), motor.bitrate);
+            let is_serial = matches!(port.medium, Medium::Serial { .. });
+            motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
+        }
+        let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
+        let gateway = Box::new(Gateway::new(board));
+        let (trace, not_before) = (Trace::default(), Duration::ZERO);
+        let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, not_before };
+        world.settle();
+        Ok(world)
+    }
+
+    /// The time, as the gateway counts it.
+    pub fn now(&self) -> Instant {
+        Instant::from_micros(micros(self.now))
+    }
+
+    /// When something will happen next, rounded up to a whole microsecond.
+    pub fn next_event(&self) -> Option<Instant> {
+        self.next_time().map(|at| Instant::from_micros(micros(at + TICK - Duration::from_nanos(1))))
+    }
+
+    /// Lets everything happen up to `until`, that instant included.
+    pub fn run_until(&mut self, until: Instant) {
+        self.run_to(Duration::from_micros(until.as_micros()));
+    }
+
+    /// Lets everything happen for a while.
+    pub fn run_for(&mut self, span: Duration) {
+        self.run_to(self.now + span);
+    }
+
+    /// Sends bytes to the gateway over a host link, at the pace of the link. A link that does not exist takes nothing.
+    pub fn host_send(&mut self, link: u8, bytes: &[u8]) {
+        let now = self.now;
+        if let Some(link) = self.links.get_mut(usize::from(link)) {
+            link.send(now, bytes);
+        }
+    }
+
+    /// What has arrived from the gateway over a host link since the last call.
+    pub fn host_receive(&mut self, link: u8) -> Vec<u8> {
+        self.links.get_mut(usize::from(link)).map(HostLink::take_received).unwrap_or_default()
+    }
+
+    /// How many bytes are still on their way to the gateway over a host link.
+    pub fn host_backlog(&self, link: u8) -> usize {
+        self.links.get(usize::from(link)).map_or(0, HostLink::backlog)
+    }
+
+    /// Forgets what is on its way over a host link in either direction, as when its cable is pulled.
+    pub fn host_reset(&mut self, link: u8) {
+        self.links.get_mut(usize::from(link)).into_iter().for_each(HostLink::reset);
+    }
+
+    /// How many host links there are.
+    pub fn host_links(&self) -> u8 {
+        u8::try_from(self.links.len()).unwrap_or(u8::MAX)
+    }
+
+    /// The motors, in the order of the wiring.
+    pub fn motors(&self) -> &[Motor] {
+        &self.motors
+    }
+
+    /// The motor with this index in the wiring.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn motor(&self, index: usize) -> &Motor {
+        &self.motors[index]
+    }
+
+    /// Puts a fault into a motor, or takes it out again.
+    ///
+    /// # Panics
+    /// If there is no such motor.
+    pub fn inject(&mut self, motor: usize, injection: Injection) {
+        let now = self.now;
+        self.motors[motor].inject(now, injection);
+        if let Injection::Unplugged(off) = injection
+            && let Some(port) = self.ports.get_mut(usize::from(self.motors[motor].bus()))
+        {
+            port.set_plugged(now, Station::Motor(motor), !off);
+        }
+    }
+
+    /// Switches a motor off and on again. Its shaft keeps its speed for that moment.
+    ///
+    /// # Panics
+    /// If there is no such motor.
+    pub fn power_cycle(&mut self, motor: usize) {
+        let now = self.now;
+        self.motors[motor].power_cycle(now);
+    }
+
+    /// Breaks the cable of a bus, or repairs it.
+    pub fn set_bus_fault(&mut self, bus: u8, fault: BusFault) {
+        let now = self.now;
+        if let Some(port) = self.ports.get_mut(usize::from(bus)) {
+            port.set_fault(now, fault);
+        }
+    }
+
+    /// What was on the buses since the last call, in the order of its end; at most the last 200 000 entries.
+    pub fn trace(&mut self) -> Vec<TraceEntry> {
+        self.trace.take()
+    }
+
+    fn next_time(&self) -> Option<Duration> {
+        let deadline = self.gateway.next_deadline();
+        let deadline = deadline.map(|at| Duration::from_micros(at.as_micros()).max(self.not_before));
+        let ports = self.ports.iter().filter_map(Port::next_event);
+        let motors = self.motors.iter().filter_map(Motor::next_event);
+        let links = self.links.iter().filter_map(HostLink::next_event);
+        deadline.into_iter().chain(ports).chain(motors).chain(links).min().map(|at| at.max(self.now))
+    }
+
+    fn run_to(&mut self, until: Duration) {
+        while let Some(at) = self.next_time().filter(|at| *at <= until) {
+            self.now = at;
+            self.step();
+        }
+        self.now = self.now.max(until);
+    }
+
+    /// Everything that is due at the present instant.
+    fn step(&mut self) {
+        let now = self.now;
+        for port in &mut self.ports {
+            port.finish(now);
+        }
+        self.settle();
+        self.run_motors();
+        for link in 0..self.links.len() {
+            self.run_link(link);
+        }
+        let deadline = self.gateway.next_deadline();
+        if deadline.is_some_and(|at| at <= self.now()) && self.not_before <= now {
+            self.not_before = now + TICK;
+            self.tell(Event::Tick);
+        }
+        self.settle();
+        for port in &mut self.ports {
+            port.arbitrate(now);
+        }
+    }
+
+    fn run_motors(&mut self) {
+        let now = self.now;
+        for (index, motor) in self.motors.iter_mut().enumerate() {
+            if motor.next_event().is_none_or(|at| at > now) {
+                continue;
+            }
+            motor.advance(now);
+            let Some(port) = self.ports.get_mut(usize::from(motor.bus())) else { continue };
+            while let Some(message) = motor.take_ready(now) {
+                port.send_motor(now, Station::Motor(index), message);
+            }
+        }
+    }
+
+    fn run_link(&mut self, index: usize) {
+        let now = self.now;
+        let number = u8::try_from(index).unwrap_or(u8::MAX);
+        if let Some(link) = self.links.get_mut(index) {
+            link.finish(now);
+        }
+        while let Some(bytes) = self.links.get_mut(index).and_then(|link| link.arrived(now)) {
+            self.tell(Event::HostBytes { link: number, bytes: &bytes });
+        }
+        self.poll_link(index);
+    }
+
+    /// Hands an event to the gateway and takes what it then wants to send.
+    fn tell(&mut self, event: Event<'_>) {
+        let now = self.now();
+        self.gateway.handle(now, event);
+        self.poll_gateway();
+    }
+
+    fn poll_gateway(&mut self) {
+        let now = self.now();
+        for (bus, port) in (0..).zip(&mut self.ports) {
+            let started = port.set_up(self.now, self.gateway.bus_setup(bus));
+            if started && matches!(port.medium, Medium::Serial { .. }) {
+                // A CAN bus reports its start by itself.
+                let (state, transmit_errors, receive_errors) = (BusState::Active, 0, 0);
+                self.gateway.handle(now, Event::BusState { bus, state, transmit_errors, receive_errors });
+            }
+            while port.takes_frames()
+                && let Some(transmit) = self.gateway.poll_transmit(now, bus)
+            {
+                port.take(self.now, transmit);
+            }
+        }
+        for link in 0..self.links.len() {
+            self.poll_link(link);
+        }
+    }
+
+    fn poll_link(&mut self, index: usize) {
+        let Some(link) = self.links.get_mut(index).filter(|link| link.is_free()) else { return };
+        let mut frame = [0; MAX_FRAME];
+        let number = u8::try_from(index).unwrap_or(u8::MAX);
+        if let Some(bytes) = self.gateway.poll_host(number, &mut frame).and_then(|len| frame.get(..len)) {
+            link.begin(self.now, bytes);
+        }
+    }
+
+    /// Tells everybody what has happened on the buses, until nothing more does at this instant.
+    fn settle(&mut self) {
+        self.poll_gateway();
+        loop {
+            let mut quiet = true;
+            for bus in 0..self.ports.len() {
+                while self.settle_one(bus) {
+                    quiet = false;
+                }
+            }
+            if quiet {
+                return;
+            }
+        }
+    }
+
+    /// Passes on one outcome of a bus; whether there was one.
+    fn settle_one(&mut self, index: usize) -> bool {
+        let Some(port) = self.ports.get_mut(index) else { return false };
+        let bus = u8::try_from(index).unwrap_or(u8::MAX);
+        match &mut port.medium {
+            Medium::Can(can) => match can.poll() {
+                Some(outcome) => self.pass_on_can(bus, outcome),
+                None => return false,
+            },
+            Medium::Serial { line, .. } => match line.poll() {
+                Some(outcome) => self.pass_on_serial(bus, outcome),
+                None => return false,
+            },
+        }
+        true
+    }
+
+    fn pass_on_can(&mut self, bus: u8, outcome: CanOutcome) {
+        match outcome {
+            CanOutcome::Sent { from, slot, frame, start, end, to } => {
+                self.trace.add(bus, from, Wire::Can(frame), start, end);
+                self.tell_motors(&to, |motor, now| motor.hear_frame(now, &frame));
+                if from == Station::Gateway {
+                    self.transmitted(bus, slot);
+                }
+                if to.contains(&Station::Gateway) {
+                    self.tell(Event::CanReceived { bus, frame });
+                }
+            }
+            CanOutcome::State { station: Station::Gateway, state, transmit, receive } => {
+                if state == BusState::BusOff
+                    && let Some(port) = self.ports.get_mut(usize::from(bus))
+                {
+                    port.release_all();
+                }
+                let (transmit_errors, receive_errors) = (transmit, receive);
+                self.tell(Event::BusState { bus, state, transmit_errors, receive_errors });
+            }
+            CanOutcome::State { .. } => {}
+        }
+    }
+
+    fn pass_on_serial(&mut self, bus: u8, outcome: SerialOutcome) {
+        match outcome {
+            SerialOutcome::Byte { value, to } => {
+                self.tell_motors(&to, |motor, now| motor.hear_byte(now, value));
+                if to.contains(&Station::Gateway) {
+                    self.tell(Event::SerialReceived { bus, bytes: &[value] });
+                }
+            }
+            SerialOutcome::Sent { from, slot, bytes, start, end } => {
+                self.trace.add(bus, from, Wire::Serial(bytes), start, end);
+                if from == Station::Gateway {
+                    self.transmitted(bus, slot);
+                }
+            }
+        }
+    }
+
+    fn transmitted(&mut self, bus: u8, slot: u8) {
+        let held = self.ports.get_mut(usize::from(bus)).is_some_and(|port| port.release(slot));
+        if held {
+            self.tell(Event::Transmitted { bus, slot });
+        }
+    }
+
+    fn tell_motors(&mut self, stations: &[Station], what: impl Fn(&mut Motor, Duration)) {
+        for station in stations {
+            if let Station::Motor(index) = station
+                && let Some(motor) = self.motors.get_mut(*index)
+            {
+                what(motor, self.now);
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The gateway's end of one bus, as its contract in the core asks for it.
+
+use std::time::Duration;
+
+use gateway::port::TRANSMIT_SLOTS;
+use gateway::{BusPortKind, BusSetup, Outgoing, Transmit};
+
+use crate::bus::{BusFault, Station, Wire};
+use crate::can::CanBus;
+use crate::motors::Outgoing as MotorMessage;
+use crate::rs485::SerialLine;
+
+/// The medium of a bus.
+#[derive(Debug)]
+pub(super) enum Medium {
+    Can(CanBus),
+    Serial { line: SerialLine, local_echo: bool },
+}
+
+/// A bus and what the gateway has handed to it.
+#[derive(Debug)]
+pub(super) struct Port {
+    pub(super) medium: Medium,
+    setup: Option<BusSetup>,
+    held: [bool; TRANSMIT_SLOTS],
+}
+
+impl Port {
+    pub(super) fn new(kind: BusPortKind) -> Self {
+        let medium = match kind {
+            BusPortKind::Can => Medium::Can(CanBus::default()),
+            BusPortKind::Rs485 { local_echo } => Medium::Serial { line: SerialLine::default(), local_echo },
+        };
+        Self { medium, setup: None, held: [false; TRANSMIT_SLOTS] }
+    }
+
+    pub(super) fn connect_motor(&mut self, motor: Station, bitrate: u32) {
+        match &mut self.medium {
+            Medium::Can(bus) => bus.start(Duration::ZERO, motor, bitrate),
+            Medium::Serial { line, .. } => line.start(motor, bitrate, false),
+        }
+    }
+
+    /// Starts the gateway's controller if the setup is new; whether it was.
+    pub(super) fn set_up(&mut self, now: Duration, setup: Option<BusSetup>) -> bool {
+        let Some(new) = setup.filter(|new| self.setup != Some(*new)) else { return false };
+        self.setup = setup;
+        self.held = [false; TRANSMIT_SLOTS];
+        match &mut self.medium {
+            Medium::Can(bus) => bus.start(now, Station::Gateway, new.bitrate),
+            Medium::Serial { line, local_echo } => line.start(Station::Gateway, new.bitrate, *local_echo),
+        }
+        true
+    }
+
+    /// Whether the gateway may hand a frame over.
+    pub(super) fn takes_frames(&self) -> bool {
+        let running = match &self.medium {
+            Medium::Can(bus) => bus.is_running(Station::Gateway),
+            Medium::Serial { .. } => true,
+        };
+        self.setup.is_some() && running
+    }
+
+    /// Takes a frame of the gateway.
+    ///
+    /// # Panics
+    /// If the core breaks the contract of its port: a slot still in use, or a frame for another kind of bus.
+    pub(super) fn take(&mut self, now: Duration, Transmit { slot, frame }: Transmit) {
+        let held = self.held.get_mut(usize::from(slot)).expect("the core used a slot that does not exist");
+        assert!(!std::mem::replace(held, true), "the core used slot {slot} while its frame had not left");
+        match (&mut self.medium, frame) {
+            (Medium::Can(bus), Outgoing::Can(frame)) => bus.send(Station::Gateway, slot, frame, false),
+            (Medium::Serial { line, .. }, Outgoing::Serial(bytes)) => {
+                line.send(now, Station::Gateway, slot, bytes.to_vec());
+            }
+            (_, frame) => panic!("the core sent {frame:?} to the wrong kind of bus"),
+        }
+    }
+
+    /// A frame of the gateway has left; whether it held one in that slot.
+    pub(super) fn release(&mut self, slot: u8) -> bool {
+        self.held.get_mut(usize::from(slot)).is_some_and(std::mem::take)
+    }
+
+    /// The controller has dropped every frame.
+    pub(super) fn release_all(&mut self) {
+        self.held = [false; TRANSMIT_SLOTS];
+    }
+
+    pub(super) fn send_motor(&mut self, now: Duration, motor: Station, message: MotorMessage) {
+        match (&mut self.medium, message.wire) {
+            (Medium::Can(bus), Wire::Can(frame)) => bus.send(motor, 0, frame, message.corrupt),
+            (Medium::Serial { line, .. }, Wire::Serial(bytes)) => line.send(now, motor, 0, bytes),
+            // A motor is made for the kind of bus that it is wired to.
+            _ => {}
+        }
+    }
+
+    pub(super) fn set_fault(&mut self, now: Duration, fault: BusFault) {
+        match &mut self.medium {
+            Medium::Can(bus) => bus.set_fault(now, fault),
+            Medium::Serial { line, .. } => line.set_fault(fault),
+        }
+    }
+
+    pub(super) fn set_plugged(&mut self, now: Duration, motor: Station, plugged: bool) {
+        match &mut self.medium {
+            Medium::Can(bus) => bus.set_plugged(now, motor, plugged),
+            Medium::Serial { line, .. } => line.set_plugged(motor, plugged),
+        }
+    }
+
+    pub(super) fn next_event(&self) -> Option<Duration> {
+        match &self.medium {
+            Medium::Can(bus) => bus.next_event(),
+            Medium::Serial { line, .. } => line.next_event(),
+        }
+    }
+
+    pub(super) fn finish(&mut self, now: Duration) {
+        match &mut self.medium {
+            Medium::Can(bus) => bus.finish(now),
+            Medium::Serial { line, .. } => line.finish(now),
+        }
+    }
+
+    /// Starts what may start, after everybody has handed over what they have at this instant.
+    pub(super) fn arbitrate(&mut self, now: Duration) {
+        if let Medium::Can(bus) = &mut self.medium {
+            bus.arbitrate(now);
+        }
+    }
+}
