@@ -1,0 +1,313 @@
+//! The command line.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Where `mgw sim` listens unless told otherwise.
+pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "mgw",
+    version,
+    about = "Talks to a motor gateway, real or simulated",
+    long_about = "Talks to a motor gateway, real or simulated.\n\n\
+        Without a command it shows a gateway with four simulated motors, from configuration to the stop after the host \
+        has gone quiet. It needs no hardware.",
+    after_help = EXAMPLES,
+    disable_help_subcommand = true
+)]
+pub struct Cli {
+    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE) or tcp:HOST:PORT
+    #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
+    pub port: Option<String>,
+
+    /// Print JSON: one object per command, one per line for streams; errors likewise on standard error
+    #[arg(long, global = true)]
+    pub json: bool,
+
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  mgw                                              the demonstration
+  mgw sim                                          serve a simulated gateway on tcp:127.0.0.1:7401
+  mgw --port tcp:127.0.0.1:7401 info               what it is and what it can do
+  mgw --port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3
+  mgw --port /dev/ttyACM0 configure --file four-motors.toml
+  MGW_PORT=/dev/ttyACM0 mgw state --json
+
+Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal; counter-clockwise is positive.
+Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show a gateway with four simulated motors, and how it stops them when the host goes quiet
+    Demo,
+
+    /// Serve a simulated gateway with four motors over TCP, and print what its motors do
+    #[command(
+        after_help = "Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, which is printed"
+    )]
+    Sim {
+        /// Address to listen on; port 0 takes a free one
+        #[arg(long, default_value = DEFAULT_LISTEN, value_name = "HOST:PORT")]
+        listen: SocketAddr,
+        /// Leave buses and axes unconfigured, as a board is after power-on
+        #[arg(long)]
+        unconfigured: bool,
+    },
+
+    /// Show what the gateway is: versions, board, buses, boot reason
+    Info,
+
+    /// List the axes with bus, protocol, node and state
+    Axes,
+
+    /// Configure buses, axes and the gateway; show an axis; program a motor's own timeout
+    #[command(
+        args_conflicts_with_subcommands = true,
+        arg_required_else_help = true,
+        after_help = "Examples:\n  \
+            mgw configure --file host/cli/examples/four-motors.toml\n  \
+            mgw configure bus 0 bitrate=1000000 protocols=rmd,thruster\n  \
+            mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold velocity_limit_rad_s=20\n  \
+            mgw configure gateway link_silence_us=250000\n  \
+            mgw configure timeout 0 200\n  \
+            mgw configure show 0"
+    )]
+    Configure(ConfigureArgs),
+
+    /// Arm axes and keep the link alive until Ctrl-C or --for, then disarm them
+    #[command(
+        after_help = "Authority ends with the process that holds it, so the axes stay armed only as long as this command runs.\n\n\
+            Examples:\n  mgw arm 0 1\n  mgw arm 2 --for 5"
+    )]
+    Arm {
+        /// The axes
+        #[arg(required = true, value_name = "AXIS")]
+        axes: Vec<u8>,
+        /// Seconds to stay armed; without it until Ctrl-C
+        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+        duration: Option<std::time::Duration>,
+    },
+
+    /// Arm an axis, hold a setpoint, then stop it and wait for the confirmed stop
+    #[command(after_help = "Examples:\n  mgw set 0 velocity 2 --for 3          2 rad/s for 3 s\n  \
+            mgw set 1 signal -0.05                -5 % until Ctrl-C\n  \
+            mgw set 0 position 1.57 --speed-limit 0.5 --for 4")]
+    Set(SetArgs),
+
+    /// Stop an axis, or all axes; needs no authority
+    #[command(after_help = "Examples:\n  mgw stop 0\n  mgw stop")]
+    Stop {
+        /// An axis, or `all`
+        #[arg(default_value = "all", value_name = "AXIS|all", value_parser = stop_target)]
+        target: host_protocol::StopTarget,
+    },
+
+    /// Stop everything and latch: nothing arms until `mgw clear gateway`; needs no authority
+    Estop,
+
+    /// Clear the trip of an axis, or the latched e-stop of the gateway; never arms
+    #[command(after_help = "Examples:\n  mgw clear 0\n  mgw clear gateway")]
+    Clear {
+        /// An axis, or `gateway`
+        #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
+        target: host_protocol::ClearTarget,
+    },
+
+    /// Show the state of one axis, or of all configured axes
+    State {
+        /// The axis; all configured ones without it
+        axis: Option<u8>,
+    },
+
+    /// Follow states and events; takes no authority
+    #[command(after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json")]
+    Watch {
+        /// The axes; all configured ones without any
+        #[arg(value_name = "AXIS")]
+        axes: Vec<u8>,
+        /// Milliseconds between two readings
+        #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
+        period: u64,
+        /// Readings of each axis; without it until Ctrl-C
+        #[arg(long, value_name = "N")]
+        count: Option<u64>,
+    },
+
+    /// Show configuration, state and counters of one bus, or of all
+    Bus {
+        /// The bus; all of the board without it
+        bus: Option<u8>,
+    },
+
+    /// Send and receive raw frames on a bus that has no armed axis
+    #[command(after_help = "Examples:\n  mgw raw 0 send 141#9A00000000000000\n  \
+            mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen --for 2")]
+    Raw {
+        /// The bus
+        bus: u8,
+        #[command(subcommand)]
+        action: RawAction,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct ConfigureArgs {
+    /// Apply a TOML file with buses, axes and motor timeouts
+    #[arg(long, value_name = "FILE")]
+    pub file: Option<PathBuf>,
+    #[command(subcommand)]
+    pub target: Option<ConfigureTarget>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ConfigureTarget {
+    /// Set a bus: bitrate=, protocols= (rmd,thruster,d5), wholly_ours=, reply_window_us=
+    Bus {
+        /// The bus
+        bus: u8,
+        /// NAME=VALUE
+        #[arg(required = true, value_name = "NAME=VALUE")]
+        assignments: Vec<String>,
+    },
+    /// Set parameters of an axis; `mgw configure show AXIS` lists them
+    Axis {
+        /// The axis
+        axis: u8,
+        /// NAME=VALUE, applied in this order
+        #[arg(required = true, value_name = "NAME=VALUE")]
+        assignments: Vec<String>,
+    },
+    /// Set parameters of the gateway: link_silence_us=
+    Gateway {
+        /// NAME=VALUE
+        #[arg(required = true, value_name = "NAME=VALUE")]
+        assignments: Vec<String>,
+    },
+    /// Write the motor's own communication timeout; it stays in the motor. 0 switches it off
+    Timeout {
+        /// The axis
+        axis: u8,
+        /// Milliseconds
+        milliseconds: u32,
+    },
+    /// Show every parameter of an axis with its value, unit and range
+    Show {
+        /// The axis
+        axis: u8,
+    },
+    /// Remove an axis from the configuration
+    Remove {
+        /// The axis
+        axis: u8,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct SetArgs {
+    /// The axis
+    pub axis: u8,
+    /// What is set
+    pub mode: Mode,
+    /// fraction -1 to 1, A, rad/s or rad
+    #[arg(allow_negative_numbers = true)]
+    pub value: f32,
+    /// Speed limit of a position, rad/s
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub speed_limit: Option<f32>,
+    /// Seconds to hold it; without it until Ctrl-C
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub duration: Option<std::time::Duration>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Fraction of full signal, -1 to 1
+    Signal,
+    /// Torque current, A
+    Current,
+    /// Shaft velocity, rad/s
+    Velocity,
+    /// Shaft angle, rad; needs --speed-limit
+    Position,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum RawAction {
+    /// Send a CAN frame, ID#DATA in hexadecimal (3 digits: standard id, 8: extended), and print what arrives
+    Send {
+        /// For example 141#9A00000000000000
+        frame: String,
+        /// Seconds to listen afterwards
+        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds)]
+        wait: std::time::Duration,
+    },
+    /// Send bytes on a serial bus, in hexadecimal, and print what arrives
+    SendHex {
+        /// For example 3E01089A00000000000000721A
+        bytes: String,
+        /// Seconds to listen afterwards
+        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds)]
+        wait: std::time::Duration,
+    },
+    /// Print what arrives
+    Listen {
+        /// Seconds to listen; without it until Ctrl-C
+        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+        duration: Option<std::time::Duration>,
+    },
+}
+
+fn seconds(text: &str) -> Result<std::time::Duration, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
+    std::time::Duration::try_from_secs_f64(value)
+        .map_err(|_| "must be a number of seconds that is not negative".to_owned())
+}
+
+fn axis_or(text: &str, word: &str) -> Result<Option<u8>, String> {
+    if text == word {
+        return Ok(None);
+    }
+    text.parse().map(Some).map_err(|_| format!("must be the number of an axis, or `{word}`"))
+}
+
+fn stop_target(text: &str) -> Result<host_protocol::StopTarget, String> {
+    Ok(axis_or(text, "all")?.map_or(host_protocol::StopTarget::All, host_protocol::StopTarget::Axis))
+}
+
+fn clear_target(text: &str) -> Result<host_protocol::ClearTarget, String> {
+    Ok(axis_or(text, "gateway")?
+        .map_or(host_protocol::ClearTarget::Gateway, host_protocol::ClearTarget::Axis))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_negative_value_is_a_value_and_not_an_option() {
+        let cli = Cli::parse_from(["mgw", "set", "1", "signal", "-0.05"]);
+        let Some(Command::Set(set)) = cli.command else { panic!("{cli:?}") };
+        assert_eq!((set.axis, set.mode, set.value), (1, Mode::Signal, -0.05));
+    }
+
+    #[test]
+    fn nan_is_passed_on_for_the_gateway_to_refuse() {
+        let cli = Cli::parse_from(["mgw", "set", "1", "velocity", "nan"]);
+        let Some(Command::Set(set)) = cli.command else { panic!("{cli:?}") };
+        assert!(set.value.is_nan());
+    }
+}

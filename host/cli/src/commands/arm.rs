@@ -1,0 +1,60 @@
+//! `mgw arm`
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::output::to_json;
+use crate::session::{Session, go_on, print_events};
+use crate::words;
+
+/// Arms axes, keeps them armed for a while, and disarms them.
+pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
+    interrupt::note();
+    let result = arm_and_hold(session, axes, duration);
+    // Whatever happened above: nothing that was armed here stays armed.
+    let disarmed = disarm(session, axes);
+    result.and(disarmed)
+}
+
+fn arm_and_hold(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
+    for axis in axes {
+        let armed = session.client.arm(*axis)?;
+        let timeout = words::motor_timeout(armed.motor_timeout);
+        session.out.either(
+            format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
+            &json!({ "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout) }),
+        )?;
+    }
+    if duration.is_none() {
+        session.out.text("Ctrl-C disarms")?;
+    }
+    hold_link(session, axes, duration.unwrap_or(Duration::MAX))
+}
+
+/// Keeps the link alive and prints events until the time is over, the user interrupts, or an axis trips.
+fn hold_link(session: &mut Session, axes: &[u8], duration: Duration) -> Result<(), Failure> {
+    let out = session.out;
+    let mut failure = None;
+    session.client.hold(duration, |client| {
+        failure = print_events(client, axes, out).unwrap_or_else(Some);
+        go_on(failure.as_ref())
+    })?;
+    failure.map_or(Ok(()), Err)
+}
+
+fn disarm(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
+    let mut result = Ok(());
+    for axis in axes {
+        let disarmed = session.client.disarm(*axis).map_err(Failure::from);
+        let stopped = disarmed.and_then(|()| session.await_stop(*axis)).map(drop);
+        // Every axis is tried; the first failure is told.
+        result = result.and(stopped);
+    }
+    if result.is_ok() {
+        session.out.text("disarmed")?;
+    }
+    result
+}

@@ -1,0 +1,46 @@
+//! `mgw axes`
+
+use host_protocol::{AxisSummary, parameters};
+use serde_json::{Value, json};
+
+use crate::failure::Failure;
+use crate::output::to_json;
+use crate::session::Session;
+use crate::table::Table;
+use crate::words::{self, NOTHING};
+
+/// Lists the axes that have at least one parameter.
+pub fn run(session: &mut Session) -> Result<(), Failure> {
+    let axes = session.client.list_axes()?;
+    session.out.object(&json!({ "axes": axes.iter().map(summary).collect::<Vec<_>>() }))?;
+    if axes.is_empty() {
+        return session.out.text(
+            "no axis is configured. Start with `mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold` or a file",
+        );
+    }
+    let mut table = Table::new(&[">axis", ">bus", "protocol", ">node", "state", "missing"]);
+    let or_nothing = |value: Option<u8>| value.map_or(NOTHING.to_owned(), |value| value.to_string());
+    for axis in &axes {
+        table.row([
+            axis.axis.to_string(),
+            or_nothing(axis.bus),
+            axis.protocol.map_or(NOTHING, host_protocol::Protocol::name).to_owned(),
+            or_nothing(axis.node),
+            words::axis_state(axis.state).to_owned(),
+            missing(axis).unwrap_or_default().to_owned(),
+        ]);
+    }
+    session.out.table(&table)
+}
+
+fn missing(axis: &AxisSummary) -> Option<&'static str> {
+    axis.missing
+        .map(|number| parameters::name(number).unwrap_or("a parameter that this program does not know"))
+}
+
+fn summary(axis: &AxisSummary) -> Value {
+    let mut value = to_json(axis);
+    value["protocol"] = json!(axis.protocol.map(host_protocol::Protocol::name));
+    value["missing"] = json!(missing(axis));
+    value
+}

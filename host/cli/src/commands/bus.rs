@@ -1,0 +1,92 @@
+//! `mgw bus`
+
+use host_protocol::replies::BusReport;
+use serde_json::{Value, json};
+
+use crate::failure::Failure;
+use crate::json;
+use crate::output::to_json;
+use crate::session::Session;
+use crate::table::Table;
+use crate::words::{self, NOTHING};
+
+/// Shows one bus, or all of the board.
+pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
+    let buses = match bus {
+        Some(bus) => vec![bus],
+        None => (0..).take(session.client.hello().buses.len()).collect(),
+    };
+    let mut reports = Vec::new();
+    for bus in buses {
+        reports.push((bus, session.client.bus_status(bus)?));
+    }
+    session.out.object(&json!({ "buses": reports.iter().map(object).collect::<Vec<_>>() }))?;
+    let mut setup = Table::new(&[
+        ">bus",
+        "state",
+        ">bit/s",
+        "protocols",
+        "wholly ours",
+        ">reply window µs",
+        ">TEC",
+        ">REC",
+        "raw",
+    ]);
+    let mut counters = Table::new(&[
+        ">bus",
+        ">sent",
+        ">received",
+        ">unmatched",
+        ">late",
+        ">rejected",
+        ">overflows",
+        ">no acknowledgement",
+        ">cancelled",
+        ">bus-off",
+    ]);
+    for (bus, report) in &reports {
+        setup.row(setup_row(*bus, report));
+        let count = &report.counters;
+        counters.row([
+            bus.to_string(),
+            count.sent.to_string(),
+            count.received.to_string(),
+            count.unmatched.to_string(),
+            count.late.to_string(),
+            count.rejected.to_string(),
+            count.receive_overflows.to_string(),
+            count.missed_acknowledgements.to_string(),
+            count.cancelled.to_string(),
+            count.bus_offs.to_string(),
+        ]);
+    }
+    session.out.table(&setup)?;
+    session.out.text("")?;
+    session.out.table(&counters)
+}
+
+fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
+    let config = report.config;
+    let or_nothing = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
+    let yes_or_no = |flag: bool| if flag { "yes" } else { "no" }.to_owned();
+    [
+        bus.to_string(),
+        format!("{:?}", report.state).to_lowercase(),
+        or_nothing(config.map(|config| config.bitrate.to_string())),
+        or_nothing(config.map(|config| words::protocols(config.protocols))),
+        or_nothing(config.map(|config| yes_or_no(config.wholly_ours))),
+        or_nothing(config.map(|config| config.reply_window_us.to_string())),
+        report.transmit_errors.to_string(),
+        report.receive_errors.to_string(),
+        if report.raw_open { "open" } else { "closed" }.to_owned(),
+    ]
+}
+
+fn object((bus, report): &(u8, BusReport)) -> Value {
+    let mut value = to_json(report);
+    value["bus"] = json!(bus);
+    if let Some(config) = report.config {
+        value["config"]["protocols"] = json::protocols(config.protocols);
+    }
+    value
+}

@@ -1,0 +1,54 @@
+//! `mgw info`
+
+use host_protocol::BusKind;
+use serde_json::Value;
+
+use crate::failure::Failure;
+use crate::json;
+use crate::output::to_json;
+use crate::session::Session;
+use crate::table::Table;
+use crate::words;
+
+/// Shows what the gateway said when the session was opened.
+pub fn run(session: &mut Session) -> Result<(), Failure> {
+    let hello = session.client.hello().clone();
+    let out = session.out;
+    let mut object = to_json(&hello);
+    if let Some(buses) = object.get_mut("buses").and_then(Value::as_array_mut) {
+        for (value, bus) in buses.iter_mut().zip(&hello.buses) {
+            value["protocols"] = json::protocols(bus.protocols);
+        }
+    }
+    out.object(&object)?;
+
+    let lines = [
+        ("board", hello.board.to_string()),
+        ("firmware", format!("{}  ({})", hello.firmware, hello.build_id)),
+        ("protocol", format!("{}.{}", hello.protocol_major, hello.protocol_minor)),
+        ("started", format!("{:?}, {} ago", hello.boot, words::seconds(hello.time_us))),
+        ("axes", format!("up to {}", hello.max_axes)),
+        ("message", format!("up to {} bytes", hello.max_message)),
+        (
+            "recorded",
+            format!("{} trips and resets, panic: {}", hello.trips_recorded, yes_or_no(hello.panic_recorded)),
+        ),
+    ];
+    for (name, text) in lines {
+        out.text(format!("{name:<10}{text}"))?;
+    }
+    let mut table = Table::new(&[">bus", "kind", "protocols", "bitrates"]);
+    for (number, bus) in hello.buses.iter().enumerate() {
+        let kind = match bus.kind {
+            BusKind::Can => "CAN",
+            BusKind::Rs485 => "RS485",
+        };
+        let bitrates: Vec<String> = bus.bitrates.iter().map(ToString::to_string).collect();
+        table.row([number.to_string(), kind.to_owned(), words::protocols(bus.protocols), bitrates.join(" ")]);
+    }
+    out.table(&table)
+}
+
+fn yes_or_no(flag: bool) -> &'static str {
+    if flag { "yes" } else { "no" }
+}

@@ -1,0 +1,59 @@
+//! The commands that talk to a gateway, one file for each kind.
+
+mod arm;
+mod axes;
+mod bus;
+mod configure;
+mod info;
+mod raw;
+mod set;
+mod stop;
+mod watch;
+
+use crate::args::Command;
+use crate::failure::Failure;
+use crate::session::Session;
+
+/// Runs a command in an open session, and gives authority back if it may have taken it.
+pub fn run(session: &mut Session, command: &Command) -> Result<(), Failure> {
+    let result = dispatch(session, command);
+    let in_command = matches!(
+        command,
+        Command::Configure(_)
+            | Command::Arm { .. }
+            | Command::Set(_)
+            | Command::Clear { .. }
+            | Command::Raw { .. }
+    );
+    let reachable = match &result {
+        Ok(()) => true,
+        Err(failure) => failure.is_from_gateway(),
+    };
+    if in_command && reachable {
+        // Refused when another host is in command, and that is well.
+        let _ = session.client.release_authority();
+    }
+    result
+}
+
+fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
+    match command {
+        // These two have no gateway to talk to; they never come here.
+        Command::Demo | Command::Sim { .. } => Ok(()),
+        Command::Info => info::run(session),
+        Command::Axes => axes::run(session),
+        Command::Configure(arguments) => configure::run(session, arguments),
+        Command::Arm { axes, duration } => arm::run(session, axes, *duration),
+        Command::Set(arguments) => set::run(session, arguments),
+        Command::Stop { target } => stop::stop(session, *target),
+        Command::Estop => stop::estop(session),
+        Command::Clear { target } => stop::clear(session, *target),
+        Command::State { axis } => {
+            let axes = session.axes_or_all(axis.as_slice())?;
+            session.print_states(&axes)
+        }
+        Command::Watch { axes, period, count } => watch::run(session, axes, *period, *count),
+        Command::Bus { bus } => bus::run(session, *bus),
+        Command::Raw { bus, action } => raw::run(session, *bus, action),
+    }
+}

@@ -1,0 +1,141 @@
+//! `mgw raw`
+
+use std::time::Duration;
+
+use host_protocol::{Bytes, CanFrame, MAX_SERIAL_FRAME, RawFrame, ReceivedFrame};
+use serde_json::json;
+
+use crate::args::RawAction;
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::json;
+use crate::session::Session;
+use crate::words;
+
+/// What stands between id and data.
+const ID_END: char = '#';
+/// Digits of a standard id; an extended one has more.
+const STANDARD_DIGITS: usize = 3;
+/// Between two fetches of what has arrived.
+const FETCH_EVERY: Duration = Duration::from_millis(20);
+
+/// Opens the bus, sends and listens, and closes it.
+pub fn run(session: &mut Session, bus: u8, action: &RawAction) -> Result<(), Failure> {
+    let (frame, duration) = match action {
+        RawAction::Send { frame, wait } => (Some(RawFrame::Can(can_frame(frame)?)), *wait),
+        RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
+        RawAction::Listen { duration } => (None, duration.unwrap_or(Duration::MAX)),
+    };
+    interrupt::note();
+    session.client.raw_open(bus)?;
+    let result = send_and_listen(session, bus, frame, duration);
+    // An open bus refuses arming, so it is closed whatever happened.
+    let closed = session.client.raw_close(bus);
+    result.and(closed.map_err(Failure::from))
+}
+
+fn send_and_listen(
+    session: &mut Session,
+    bus: u8,
+    frame: Option<RawFrame>,
+    duration: Duration,
+) -> Result<(), Failure> {
+    if let Some(frame) = frame {
+        session.client.raw_send(bus, frame)?;
+    }
+    let end = session.client.now().saturating_add(duration);
+    loop {
+        let received = session.client.raw_receive(bus)?;
+        for frame in &received.frames {
+            print(session, bus, frame)?;
+        }
+        if received.dropped > 0 {
+            session.out.either(
+                format!("{} frames were lost: more arrived than were fetched", received.dropped),
+                &json!({ "dropped": received.dropped }),
+            )?;
+        }
+        if session.client.now() >= end || interrupt::came() {
+            return Ok(());
+        }
+        if received.frames.is_empty() {
+            session.client.transport_mut().sleep(FETCH_EVERY);
+        }
+    }
+}
+
+fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Failure> {
+    let text = match &received.frame {
+        RawFrame::Can(frame) => frame.to_string(),
+        RawFrame::Serial(bytes) => words::hex(bytes),
+    };
+    let mut object = json::frame(&received.frame);
+    object["bus"] = json!(bus);
+    object["time_us"] = json!(received.time_us);
+    session.out.either(format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)), &object)
+}
+
+fn can_frame(text: &str) -> Result<CanFrame, Failure> {
+    let wrong = || {
+        Failure::Usage(format!(
+            "`{text}` is no CAN frame. Write ID#DATA in hexadecimal, 3 digits for a standard id, 8 for an extended one, \
+             at most 8 data bytes, for example 141#9A00000000000000"
+        ))
+    };
+    let (id, data) = text.split_once(ID_END).ok_or_else(wrong)?;
+    let data = bytes(data).ok_or_else(wrong)?;
+    let frame = if id.len() <= STANDARD_DIGITS {
+        u16::from_str_radix(id, 16).ok().and_then(|id| CanFrame::standard(id, &data))
+    } else {
+        u32::from_str_radix(id, 16).ok().and_then(|id| CanFrame::extended(id, &data))
+    };
+    frame.ok_or_else(wrong)
+}
+
+fn serial_frame(text: &str) -> Result<Bytes<MAX_SERIAL_FRAME>, Failure> {
+    let wrong = || {
+        Failure::Usage(format!(
+            "`{text}` is no sequence of bytes. Write 1 to {MAX_SERIAL_FRAME} bytes in hexadecimal, for example \
+             3E01089A00000000000000721A"
+        ))
+    };
+    let bytes = bytes(text).filter(|bytes| !bytes.is_empty()).ok_or_else(wrong)?;
+    Bytes::from_slice(&bytes).map_err(|_| wrong())
+}
+
+/// Pairs of hexadecimal digits; spaces, dots and colons between them are ignored.
+fn bytes(text: &str) -> Option<Vec<u8>> {
+    const HEX: u32 = 16;
+    let digits: Option<Vec<u8>> = text
+        .chars()
+        .filter(|character| !matches!(character, ' ' | '.' | ':'))
+        .map(|character| character.to_digit(HEX).and_then(|digit| u8::try_from(digit).ok()))
+        .collect();
+    let digits = digits?;
+    let (pairs, rest) = digits.as_chunks::<2>();
+    rest.is_empty().then(|| pairs.iter().map(|[high, low]| high << 4 | low).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_read_as_candump_writes_it() {
+        let frame = can_frame("141#9A00000000000000").unwrap();
+        assert_eq!(frame, CanFrame::standard(0x141, &[0x9A, 0, 0, 0, 0, 0, 0, 0]).unwrap());
+        assert_eq!(can_frame("00000141#").unwrap(), CanFrame::extended(0x141, &[]).unwrap());
+        for wrong in ["141", "141#9", "141#9A0000000000000000", "800#", "20000000#", "x#00", "#00"] {
+            assert!(can_frame(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn bytes_are_read_with_or_without_gaps() {
+        assert_eq!(serial_frame("3E 01:08.9c").unwrap(), [0x3E, 0x01, 0x08, 0x9C]);
+        for wrong in ["", "3", "3E0", "zz"] {
+            assert!(serial_frame(wrong).is_err(), "{wrong}");
+        }
+        assert!(serial_frame(&"00".repeat(65)).is_err());
+    }
+}

@@ -1,0 +1,45 @@
+//! `mgw stop`, `mgw estop`, `mgw clear`
+
+use host_protocol::{ClearTarget, StopTarget};
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::session::Session;
+
+/// Stops and waits for the confirmations.
+pub fn stop(session: &mut Session, target: StopTarget) -> Result<(), Failure> {
+    session.client.stop(target)?;
+    let axes = match target {
+        StopTarget::Axis(axis) => vec![axis],
+        StopTarget::All => session.axes_or_all(&[])?,
+    };
+    await_all(session, &axes)
+}
+
+/// Stops everything, latches the gateway, and waits for the confirmations.
+pub fn estop(session: &mut Session) -> Result<(), Failure> {
+    session.client.estop()?;
+    session.out.text("e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it")?;
+    let axes = session.axes_or_all(&[])?;
+    await_all(session, &axes)
+}
+
+/// Clears a trip or the e-stop.
+pub fn clear(session: &mut Session, target: ClearTarget) -> Result<(), Failure> {
+    session.client.clear(target)?;
+    let line = match target {
+        ClearTarget::Axis(axis) => format!("axis {axis} is cleared and idle"),
+        ClearTarget::Gateway => "the e-stop is cleared; tripped axes are cleared one by one".to_owned(),
+    };
+    session.out.either(line, &json!({ "done": true }))
+}
+
+fn await_all(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
+    let mut result = Ok(());
+    for axis in axes {
+        // Every axis is waited for; the first failure is told.
+        result = result.and(session.await_stop(*axis).map(drop));
+    }
+    session.print_states(axes)?;
+    result
+}

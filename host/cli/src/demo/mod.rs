@@ -1,0 +1,66 @@
+//! The demonstration: configure, arm, move, and then the host falls silent.
+
+mod moving;
+mod setup;
+mod silence;
+mod trace;
+
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::four_motors;
+use crate::output::Output;
+use moving::Motion;
+use trace::Trace;
+
+/// Shows it all; fails if any axis does not stop as it must.
+pub fn run(out: Output) -> Result<(), Failure> {
+    let world = four_motors::world();
+    let plan = four_motors::plan()?;
+    let mut trace = Trace::new(&plan);
+
+    out.text("A motor gateway with four simulated motors, in simulated time. The gateway is the very code of the firmware.")?;
+    let mut client = four_motors::connect(&world)?;
+    setup::introduce(&client, out)?;
+    setup::configure(&mut client, &plan, out)?;
+    let axes: Vec<u8> = plan.axes.iter().map(|axis| axis.axis).collect();
+    let epochs = setup::arm(&mut client, &axes, out)?;
+
+    trace.collect(&world);
+    let motions = moving::motions(&epochs);
+    moving::run(&mut client, &motions, &world, &mut trace, out)?;
+
+    let stops = silence::run(&mut client, &world, &mut trace, &axes, out)?;
+    finish(&motions, &stops, out)
+}
+
+fn finish(motions: &[Motion], stops: &[silence::Stop], out: Output) -> Result<(), Failure> {
+    let failed: Vec<String> =
+        stops.iter().filter(|stop| !stop.is_proven()).map(|stop| stop.axis.to_string()).collect();
+    out.object(
+        &json!({ "demonstration": { "axes": motions.len(), "stopped": stops.len() - failed.len() } }),
+    )?;
+    if !failed.is_empty() {
+        return Err(Failure::Demonstration(format!(
+            "no confirmed stop of axis {}: this must not happen; the frames above show how far it came",
+            failed.join(", ")
+        )));
+    }
+    out.text("")?;
+    out.text(format!("All {} axes tripped and stopped without the host.", stops.len()))?;
+    out.text("")?;
+    out.text("What to try next:")?;
+    for (command, effect) in [
+        ("cargo run -- sim", "serve this gateway on tcp:127.0.0.1:7401; then, in another window:"),
+        ("cargo run -- --port tcp:127.0.0.1:7401 info", "what it is"),
+        (
+            "cargo run -- --port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3",
+            "move an axis; kill it and see what happens",
+        ),
+        ("cargo run -- --port tcp:127.0.0.1:7401 watch", "states and events"),
+        ("cargo run -- --help", "every command"),
+    ] {
+        out.text(format!("  {command:<66} {effect}"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,112 @@
+//! The first part: what the gateway is, its configuration, arming.
+
+use std::time::Duration;
+
+use host_protocol::replies::AxisReport;
+use host_protocol::{AxisParameter, BusKind};
+use mgw_client::{Client, Transport};
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::json;
+use crate::output::{Output, to_json};
+use crate::parameters;
+use crate::plan::Plan;
+use crate::table::Table;
+use crate::words::{self, NOTHING};
+
+/// An axis that is armed.
+pub struct Epoch {
+    pub axis: u8,
+    pub epoch: u32,
+    pub ttl: Duration,
+}
+
+/// A heading of the demonstration.
+pub fn heading(out: Output, text: &str) -> Result<(), Failure> {
+    out.text("")?;
+    out.text(text)?;
+    out.text("-".repeat(text.chars().count()))
+}
+
+/// What the gateway said of itself.
+pub fn introduce<T: Transport>(client: &Client<T>, out: Output) -> Result<(), Failure> {
+    let hello = client.hello();
+    heading(out, "1. The gateway")?;
+    let kinds: Vec<&str> = hello
+        .buses
+        .iter()
+        .map(|bus| match bus.kind {
+            BusKind::Can => "CAN",
+            BusKind::Rs485 => "RS485",
+        })
+        .collect();
+    out.text(format!(
+        "board {}, firmware {}, protocol {}.{}, up to {} axes, buses: {}",
+        hello.board,
+        hello.firmware,
+        hello.protocol_major,
+        hello.protocol_minor,
+        hello.max_axes,
+        kinds.join(", ")
+    ))
+}
+
+/// Sends the configuration and shows it.
+pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output) -> Result<(), Failure> {
+    plan.apply(client)?;
+    heading(out, "2. Configuration (host/cli/examples/four-motors.toml)")?;
+    for bus in &plan.buses {
+        out.either(
+            format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),
+            &json!({ "bus": bus.bus, "bitrate": bus.bitrate, "protocols": json::protocols(bus.protocols) }),
+        )?;
+    }
+    let columns = [
+        AxisParameter::Bus,
+        AxisParameter::Protocol,
+        AxisParameter::Node,
+        AxisParameter::StopAction,
+        AxisParameter::TtlUs,
+    ];
+    let mut table = Table::new(&[
+        ">axis",
+        ">bus",
+        "protocol",
+        ">node",
+        "stop action",
+        ">setpoint lives µs",
+        "motor's own timeout",
+    ]);
+    for axis in &plan.axes {
+        let mut cells = vec![axis.axis.to_string()];
+        for parameter in columns {
+            let value = client.read_axis_parameter(axis.axis, parameter)?;
+            cells.push(value.map_or(NOTHING.to_owned(), |value| parameters::shown(parameter.info(), value)));
+        }
+        let report: AxisReport = client.read_state(axis.axis)?;
+        cells.push(words::motor_timeout(report.motor_timeout));
+        table.row(cells);
+    }
+    out.table(&table)
+}
+
+/// Arms every axis.
+pub fn arm<T: Transport>(client: &mut Client<T>, axes: &[u8], out: Output) -> Result<Vec<Epoch>, Failure> {
+    heading(out, "3. Arming: only an armed axis may move")?;
+    let mut epochs = Vec::new();
+    for axis in axes {
+        let armed = client.arm(*axis)?;
+        out.either(
+            format!(
+                "axis {axis} is armed, epoch {}; the motor's own timeout: {}",
+                armed.epoch,
+                words::motor_timeout(armed.motor_timeout)
+            ),
+            &json!({ "axis": axis, "armed": to_json(&armed) }),
+        )?;
+        let ttl = client.axis_ttl(*axis)?;
+        epochs.push(Epoch { axis: *axis, epoch: armed.epoch, ttl });
+    }
+    Ok(epochs)
+}

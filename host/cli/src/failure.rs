@@ -1,0 +1,144 @@
+//! Why a command failed, for people and for programs.
+
+use std::fmt;
+use std::io;
+
+use host_protocol::Error;
+use mgw_client::{ClientError, ConnectError};
+use serde_json::{Map, Value, json};
+
+use crate::output::{number, to_json};
+
+/// Exit code of a command that was refused or failed.
+const FAILED: u8 = 1;
+/// Exit code of wrong usage; clap uses the same.
+const WRONG_USAGE: u8 = 2;
+
+/// Why a command failed.
+#[derive(Debug)]
+pub enum Failure {
+    /// The gateway refused, or could not be reached.
+    Client(ClientError),
+    /// What was typed, or stands in a file, makes no sense.
+    Usage(String),
+    /// A file could not be read.
+    File { path: String, source: io::Error },
+    /// An axis tripped while it was to be held.
+    Tripped { axis: u8, reason: String },
+    /// The motor did not confirm its stop in time.
+    StopNotConfirmed { axis: u8 },
+    /// The demonstration did not end as it must.
+    Demonstration(String),
+    /// The server of the simulation could not start or go on.
+    Server { address: String, source: io::Error },
+    /// Nobody reads what is printed.
+    Output(io::Error),
+}
+
+impl Failure {
+    /// A name that programs can rely on: the gateway's own for its errors.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Client(ClientError::Gateway(error)) => error.name(),
+            Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
+            Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
+            Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
+            Self::Client(ClientError::TooLong { .. }) => "TooLong",
+            Self::Client(ClientError::Connect(_)) => "NoConnection",
+            Self::Client(ClientError::Transport(_)) => "ConnectionLost",
+            Self::Usage(_) => "Usage",
+            Self::File { .. } => "File",
+            Self::Tripped { .. } => "Tripped",
+            Self::StopNotConfirmed { .. } => "StopNotConfirmed",
+            Self::Demonstration(_) => "Demonstration",
+            Self::Server { .. } => "Server",
+            Self::Output(_) => "Output",
+        }
+    }
+
+    /// The object that `--json` prints on standard error.
+    pub fn to_json(&self) -> Value {
+        let mut error = json!({ "name": self.name(), "message": self.to_string() });
+        if let (Self::Client(ClientError::Gateway(cause)), Some(fields)) = (self, error.as_object_mut()) {
+            fields.insert("number".to_owned(), json!(cause.number()));
+            fields.extend(data(cause));
+        }
+        json!({ "error": error })
+    }
+
+    /// The exit code of the program.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => WRONG_USAGE,
+            // The reader of a pipe has seen enough: `mgw watch | head` is no failure.
+            Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => 0,
+            _ => FAILED,
+        }
+    }
+
+    /// Whether the gateway can still be talked to.
+    pub fn is_from_gateway(&self) -> bool {
+        match self {
+            Self::Client(error) => matches!(error, ClientError::Gateway(_)),
+            _ => true,
+        }
+    }
+
+    /// Whether there is somebody to tell.
+    pub fn is_silent(&self) -> bool {
+        matches!(self, Self::Output(_))
+    }
+}
+
+/// The data of those errors whose data a program may act on.
+fn data(error: &Error) -> Map<String, Value> {
+    let data = match error {
+        Error::OutOfRange { quantity, value, min, max } => json!({
+            "quantity": quantity.to_string(), "value": number(*value), "min": number(*min), "max": number(*max)
+        }),
+        Error::Tripped { axis, reason } | Error::CauseRemains { axis, reason } => {
+            json!({ "axis": axis, "reason": to_json(reason) })
+        }
+        Error::NotArmed { axis, state } => json!({ "axis": axis, "state": to_json(state) }),
+        Error::NotInCommand { holder } => json!({ "holder": holder }),
+        _ => Value::Null,
+    };
+    match data {
+        Value::Object(fields) => fields,
+        _ => Map::new(),
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Client(error) => error.fmt(f),
+            Self::Usage(text) | Self::Demonstration(text) => f.write_str(text),
+            Self::File { path, source } => write!(f, "cannot read {path} ({source}). Check the path"),
+            Self::Tripped { axis, reason } => write!(
+                f,
+                "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw state {axis}` shows the last values"
+            ),
+            Self::StopNotConfirmed { axis } => write!(
+                f,
+                "axis {axis} has not confirmed its stop; the gateway goes on stopping it. Cut its power if it turns, then look at `mgw state {axis}`"
+            ),
+            Self::Server { address, source } => {
+                write!(f, "cannot serve on {address} ({source}). Choose another port, or 0 for a free one")
+            }
+            Self::Output(error) => write!(f, "cannot print ({error})"),
+        }
+    }
+}
+
+impl From<ClientError> for Failure {
+    fn from(error: ClientError) -> Self {
+        Self::Client(error)
+    }
+}
+
+impl From<ConnectError> for Failure {
+    fn from(error: ConnectError) -> Self {
+        Self::Client(error.into())
+    }
+}

@@ -1,0 +1,173 @@
+//! Frames of a motor bus in words, read with the codecs of the gateway.
+
+use host_protocol::{Protocol, ProtocolSet};
+use mgw_sim::Wire;
+
+/// What a frame means.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Meaning {
+    /// The motor it is for or from, as `rmd 1`.
+    pub motor: String,
+    /// The command or reply with its values in the units of the manual.
+    pub text: String,
+    /// Whether it asks a motor to stop.
+    pub is_stop: bool,
+}
+
+/// Reads a frame of a bus that speaks `protocols`; `None` if none of them knows it.
+pub fn read(wire: &Wire, from_gateway: bool, protocols: ProtocolSet) -> Option<Meaning> {
+    protocols.iter().find_map(|protocol| match (protocol, from_gateway) {
+        (Protocol::Rmd, true) => rmd_request(wire),
+        (Protocol::Rmd, false) => rmd_reply(wire),
+        (Protocol::Thruster, true) => thruster_request(wire),
+        (Protocol::Thruster, false) => thruster_reply(wire),
+        (Protocol::D5, true) => d5_request(wire),
+        (Protocol::D5, false) => d5_reply(wire),
+    })
+}
+
+fn rmd_request(wire: &Wire) -> Option<Meaning> {
+    let (node, request) = match wire {
+        Wire::Can(frame) => rmd::can::decode_request(frame).ok()?,
+        Wire::Serial(bytes) => rmd::rs485::decode_request(bytes.as_slice().try_into().ok()?).ok()?,
+    };
+    let is_stop = matches!(request, rmd::Request::Stop | rmd::Request::Shutdown);
+    Some(Meaning { motor: format!("rmd {}", node.get()), text: format!("{request:?}"), is_stop })
+}
+
+fn rmd_reply(wire: &Wire) -> Option<Meaning> {
+    let (node, reply) = match wire {
+        Wire::Can(frame) => rmd::can::decode_reply(frame).ok()?,
+        Wire::Serial(bytes) => rmd::rs485::decode_reply(bytes.as_slice().try_into().ok()?).ok()?,
+    };
+    Some(Meaning { motor: format!("rmd {}", node.get()), text: format!("{reply:?}"), is_stop: false })
+}
+
+fn thruster_request(wire: &Wire) -> Option<Meaning> {
+    let Wire::Can(frame) = wire else { return None };
+    let (node, request) = thruster::can::decode_request(frame).ok()?;
+    let is_stop = matches!(request, thruster::Request::Signal { signal: thruster::Percent(0) });
+    Some(Meaning { motor: format!("thruster 0x{:02X}", node.get()), text: format!("{request:?}"), is_stop })
+}
+
+fn thruster_reply(wire: &Wire) -> Option<Meaning> {
+    let Wire::Can(frame) = wire else { return None };
+    let (node, reply) = thruster::can::decode_reply(frame).ok()?;
+    Some(Meaning {
+        motor: format!("thruster 0x{:02X}", node.get()),
+        text: format!("{reply:?}"),
+        is_stop: false,
+    })
+}
+
+fn d5_request(wire: &Wire) -> Option<Meaning> {
+    let Wire::Can(frame) = wire else { return None };
+    let (address, request) = d5::can::decode_request(frame).ok()?;
+    let motor = match address {
+        d5::Address::Node(node) => d5_name(node),
+        d5::Address::Broadcast => "every d5".to_owned(),
+    };
+    let text = match request {
+        d5::Request::Read { register, .. } => format!("Read {}", d5_register(register)),
+        d5::Request::Write { register, value } => {
+            format!("Write {} = {}", d5_register(register), d5_value(register, value))
+        }
+        d5::Request::AsyncWrite { register, value } => {
+            format!("AsyncWrite {} = {}", d5_register(register), d5_value(register, value))
+        }
+        other => format!("{other:?}"),
+    };
+    let is_stop = matches!(request, d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(raw) }
+        if d5::decode_speed(raw).0 == 0);
+    Some(Meaning { motor, text, is_stop })
+}
+
+fn d5_reply(wire: &Wire) -> Option<Meaning> {
+    let Wire::Can(frame) = wire else { return None };
+    let (node, reply) = d5::can::decode_reply(frame).ok()?;
+    let text = match reply {
+        d5::Reply::Read { register, value } => {
+            format!("Read {} = {}", d5_register(register), d5_value(register, value))
+        }
+        d5::Reply::Written { register, value } => {
+            format!("Written {} = {}", d5_register(register), d5_value(register, value))
+        }
+        other => format!("{other:?}"),
+    };
+    Some(Meaning { motor: d5_name(node), text, is_stop: false })
+}
+
+fn d5_name(node: d5::Node) -> String {
+    format!("d5 0x{:02X}", node.get())
+}
+
+/// A register by the name that the codec's table gives it.
+fn d5_register(register: d5::Register) -> String {
+    register.info().map_or_else(|| format!("{register:?}"), |info| info.name.to_owned())
+}
+
+fn d5_value(register: d5::Register, value: d5::Value) -> String {
+    match (register, value) {
+        (d5::Register::SPEED | d5::Register::CURRENT_SPEED, d5::Value::Word(raw)) => {
+            format!("{:?}", d5::decode_speed(raw))
+        }
+        (_, d5::Value::Byte(byte)) => format!("{byte:#04x}"),
+        (_, d5::Value::Word(word)) => format!("{word:#06x}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::CanFrame;
+
+    const RMD_AND_THRUSTER: ProtocolSet = ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]);
+
+    fn can(id: u16, data: &[u8]) -> Wire {
+        Wire::Can(CanFrame::standard(id, data).unwrap())
+    }
+
+    #[test]
+    fn a_shared_bus_is_told_apart_by_its_ids() {
+        let rmd = read(&can(0x141, &[0xA1, 0, 0, 0, 0x64, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap();
+        assert_eq!(
+            (rmd.motor.as_str(), rmd.text.as_str()),
+            ("rmd 1", "TorqueCurrent { current: Centiamps(100) }")
+        );
+        let thruster =
+            read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]), true, RMD_AND_THRUSTER).unwrap();
+        assert_eq!(
+            (thruster.motor.as_str(), thruster.text.as_str()),
+            ("thruster 0x0B", "Signal { signal: Percent(-5) }")
+        );
+    }
+
+    #[test]
+    fn each_protocols_stop_is_known() {
+        assert!(read(&can(0x141, &[0x81, 0, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap().is_stop);
+        assert!(read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap().is_stop);
+        let d5 = ProtocolSet::of(&[Protocol::D5]);
+        // Sum of 0B 05 03 20 00 00.
+        assert!(
+            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x00, 0x00, 0x33]), true, d5).unwrap().is_stop
+        );
+        let turning = read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8D]), true, d5).unwrap();
+        assert_eq!((turning.is_stop, turning.text.as_str()), (false, "Write speed = DegreesPerSecond(600)"));
+    }
+
+    #[test]
+    fn a_register_is_called_by_its_name() {
+        let d5 = ProtocolSet::of(&[Protocol::D5]);
+        // Sum of 0B 05 02 26 00 00, and of 0B 05 02 26 9E 01.
+        let request = read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
+        assert_eq!(request.text, "Read current speed");
+        let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5).unwrap();
+        assert_eq!(reply.text, "Read current speed = DegreesPerSecond(414)");
+    }
+
+    #[test]
+    fn what_no_protocol_of_the_bus_knows_has_no_meaning() {
+        assert_eq!(read(&can(0x7FF, &[]), true, RMD_AND_THRUSTER), None);
+        assert_eq!(read(&Wire::Serial(vec![0x3E, 0x01]), true, RMD_AND_THRUSTER), None);
+    }
+}

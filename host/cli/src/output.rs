@@ -1,0 +1,96 @@
+//! Standard output: text for people, or JSON for programs. Never panics when nobody reads it.
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::failure::Failure;
+use crate::table::Table;
+
+/// Where a command prints.
+#[derive(Debug, Clone, Copy)]
+pub struct Output {
+    json: bool,
+}
+
+impl Output {
+    /// Prints JSON if `json`, else text.
+    pub fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    /// Prints a line for people; nothing in JSON.
+    pub fn text(self, line: impl AsRef<str>) -> Result<(), Failure> {
+        if self.json { Ok(()) } else { print_line(line.as_ref()) }
+    }
+
+    /// Prints a table for people; nothing in JSON.
+    pub fn table(self, table: &Table) -> Result<(), Failure> {
+        table.lines().iter().try_for_each(|line| self.text(line))
+    }
+
+    /// Prints a line of JSON for programs; nothing in text.
+    pub fn object(self, value: &Value) -> Result<(), Failure> {
+        if self.json { print_line(&value.to_string()) } else { Ok(()) }
+    }
+
+    /// Prints either what `line` says, or `value`.
+    pub fn either(self, line: impl AsRef<str>, value: &Value) -> Result<(), Failure> {
+        self.text(line)?;
+        self.object(value)
+    }
+}
+
+fn print_line(line: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    // Flushed each time: whoever follows a stream wants each line when it is printed.
+    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Failure::Output)
+}
+
+/// A type of the wire as JSON, its numbers as short as they are precise.
+pub fn to_json(value: &impl Serialize) -> Value {
+    let mut value = serde_json::to_value(value).unwrap_or(Value::Null);
+    shorten(&mut value);
+    value
+}
+
+/// A single-precision number as JSON: 0.1 and not 0.10000000149011612; null where JSON has no such number.
+pub fn number(value: f32) -> Value {
+    value
+        .to_string()
+        .parse::<f64>()
+        .ok()
+        .and_then(serde_json::Number::from_f64)
+        .map_or(Value::Null, Value::Number)
+}
+
+fn shorten(value: &mut Value) {
+    match value {
+        Value::Number(wide) if wide.is_f64() => {
+            #[allow(clippy::cast_possible_truncation)]
+            let narrow = wide.as_f64().map(|wide| wide as f32);
+            *value = narrow.map_or(Value::Null, number);
+        }
+        Value::Array(items) => items.iter_mut().for_each(shorten),
+        Value::Object(fields) => fields.values_mut().for_each(shorten),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_precision_stays_short() {
+        #[derive(Serialize)]
+        struct Reading {
+            value: f32,
+            age_us: u32,
+        }
+        let json = to_json(&Some(Reading { value: 0.1, age_us: 7 }));
+        assert_eq!(json.to_string(), r#"{"age_us":7,"value":0.1}"#);
+        assert_eq!(number(f32::NAN), Value::Null);
+    }
+}

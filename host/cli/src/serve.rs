@@ -1,0 +1,44 @@
+//! `mgw sim`: a simulated gateway behind a TCP port.
+
+use std::net::{SocketAddr, TcpListener};
+use std::rc::Rc;
+
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::four_motors;
+use crate::output::Output;
+
+/// Serves until the process is ended.
+pub fn run(listen: SocketAddr, unconfigured: bool, out: Output) -> Result<(), Failure> {
+    let failed = |source| Failure::Server { address: listen.to_string(), source };
+    let listener = TcpListener::bind(listen).map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+
+    let world = four_motors::world();
+    if !unconfigured {
+        let mut client = four_motors::connect(&world)?;
+        four_motors::plan()?.apply(&mut client)?;
+        client.release_authority()?;
+    }
+    let world = Rc::into_inner(world).expect("the session that shared it has ended").into_inner();
+
+    out.object(&json!({ "listening": format!("tcp:{address}") }))?;
+    out.text(format!("listening on tcp:{address}"))?;
+    out.text(format!("try: mgw --port tcp:{address} info"))?;
+    if unconfigured {
+        out.text(format!(
+            "     mgw --port tcp:{address} configure --file host/cli/examples/four-motors.toml"
+        ))?;
+    }
+    out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;
+    out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
+
+    let mut print_failure = None;
+    mgw_sim::serve(listener, world, |line: &str| {
+        // A log that nobody reads is no reason to stop serving.
+        print_failure = out.either(line, &json!({ "log": line })).err();
+    })
+    .map_err(failed)?;
+    print_failure.map_or(Ok(()), Err)
+}

@@ -1,0 +1,115 @@
+//! A command's session with the gateway, and the output it prints to.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use host_protocol::replies::AxisReport;
+use host_protocol::{AxisState, Event, EventMessage};
+use mgw_client::{Client, ClientError, Transport, open};
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::json;
+use crate::output::{Output, to_json};
+use crate::states;
+use crate::words;
+
+/// How long a motor may take to confirm its stop before the command gives up waiting. The gateway does not.
+const STOP_PATIENCE: Duration = Duration::from_secs(5);
+/// Between two looks at an axis that is stopping.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
+
+/// A client on any transport, and where to print.
+pub struct Session {
+    pub client: Client<Box<dyn Transport>>,
+    pub out: Output,
+}
+
+impl Session {
+    /// Opens the port that the user named.
+    pub fn open(port: Option<&str>, out: Output) -> Result<Self, Failure> {
+        let port = port.ok_or_else(|| {
+            Failure::Usage(
+                "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set MGW_PORT. `mgw sim` starts a simulated one"
+                    .to_owned(),
+            )
+        })?;
+        Ok(Self { client: Client::connect(open(port)?)?, out })
+    }
+
+    /// The axes that were named, or all configured ones.
+    pub fn axes_or_all(&mut self, named: &[u8]) -> Result<Vec<u8>, Failure> {
+        if !named.is_empty() {
+            return Ok(named.to_vec());
+        }
+        Ok(self.client.list_axes()?.iter().map(|axis| axis.axis).collect())
+    }
+
+    /// Prints the events that wait, and returns the trip of one of `axes`, if there is one among them.
+    pub fn print_events(&mut self, axes: &[u8]) -> Result<Option<Failure>, Failure> {
+        print_events(&mut self.client, axes, self.out)
+    }
+
+    /// Prints the states of these axes.
+    pub fn print_states(&mut self, axes: &[u8]) -> Result<(), Failure> {
+        let mut reports = Vec::new();
+        for axis in axes {
+            reports.push(self.client.read_state(*axis)?);
+        }
+        self.out.table(&states::table(&reports))?;
+        self.out.object(&json!({ "axes": reports.iter().map(to_json).collect::<Vec<_>>() }))
+    }
+
+    /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive meanwhile.
+    pub fn await_stop(&mut self, axis: u8) -> Result<AxisReport, Failure> {
+        let end = self.client.now() + STOP_PATIENCE;
+        loop {
+            let report = self.client.read_state(axis)?;
+            if !is_stopping(report.state) {
+                return Ok(report);
+            }
+            if self.client.now() >= end {
+                return Err(Failure::StopNotConfirmed { axis });
+            }
+            self.client.transport_mut().sleep(LOOK_AGAIN);
+        }
+    }
+}
+
+/// Prints an event.
+pub fn print_event(event: &EventMessage, out: Output) -> Result<(), Failure> {
+    out.either(words::event(event), &json::event(event))
+}
+
+/// Prints the events that wait, and returns the trip of one of `axes`, if there is one among them.
+pub fn print_events<T: Transport>(
+    client: &mut Client<T>,
+    axes: &[u8],
+    out: Output,
+) -> Result<Option<Failure>, Failure> {
+    let mut tripped = None;
+    while let Some(event) = client.poll_event(Duration::ZERO)? {
+        print_event(&event, out)?;
+        if let Event::Tripped { axis, trip } = &event.event
+            && axes.contains(axis)
+        {
+            tripped.get_or_insert(Failure::Tripped { axis: *axis, reason: words::trip_reason(&trip.reason) });
+        }
+    }
+    Ok(tripped)
+}
+
+/// Whether the gateway is still at work to stop it.
+fn is_stopping(state: AxisState) -> bool {
+    matches!(state, AxisState::Stopping | AxisState::Tripped { confirmed: false })
+}
+
+/// How the rounds of a hold go on: until the user or an earlier failure ends it.
+pub fn go_on(failure: Option<&Failure>) -> Result<ControlFlow<()>, ClientError> {
+    Ok(if failure.is_some() || interrupt::came() {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
+    })
+}

@@ -1,0 +1,127 @@
+//! States, reasons and events in words. The names of reasons and events are those of PROTOCOL.md.
+
+use host_protocol::{AxisState, Event, EventMessage, MotorTimeout, ProtocolSet, Reading, TripReason};
+
+/// What stands in a table where nothing is known.
+pub const NOTHING: &str = "-";
+
+const MICROSECONDS_PER_SECOND: f64 = 1e6;
+const MICROSECONDS_PER_MILLISECOND: f64 = 1e3;
+
+/// The state of an axis.
+pub fn axis_state(state: AxisState) -> &'static str {
+    match state {
+        AxisState::Unconfigured => "unconfigured",
+        AxisState::Idle => "idle",
+        AxisState::Arming => "arming",
+        AxisState::Armed => "armed",
+        AxisState::Active => "active",
+        AxisState::Stopping => "stopping",
+        AxisState::Tripped { confirmed: true } => "tripped, stop confirmed",
+        AxisState::Tripped { confirmed: false } => "tripped, stop not confirmed",
+    }
+}
+
+/// Why an axis tripped: the name, and its data.
+pub fn trip_reason(reason: &TripReason) -> String {
+    match reason {
+        TripReason::MotorFault { faults } => format!("MotorFault {faults:#06x}"),
+        TripReason::CommandRefused { faults: Some(faults) } => {
+            format!("CommandRefused, faults {faults:#06x}")
+        }
+        TripReason::CommandRefused { faults: None } => "CommandRefused".to_owned(),
+        TripReason::LimitExceeded { quantity, value, limit } => {
+            format!("LimitExceeded: {quantity} {value} {unit}, limit {limit} {unit}", unit = quantity.unit())
+        }
+        TripReason::Internal { code } => format!("Internal {code}"),
+        plain => format!("{plain:?}"),
+    }
+}
+
+/// What is known of a motor's own timeout.
+pub fn motor_timeout(timeout: MotorTimeout) -> String {
+    match timeout {
+        MotorTimeout::Unknown => "unknown".to_owned(),
+        MotorTimeout::Off => "off".to_owned(),
+        MotorTimeout::Written { timeout_ms } => format!("{timeout_ms} ms, written by the gateway"),
+        MotorTimeout::Verified => "on, read back".to_owned(),
+    }
+}
+
+/// The protocols of a bus.
+pub fn protocols(set: ProtocolSet) -> String {
+    let names: Vec<&str> = set.iter().map(|protocol| protocol.name()).collect();
+    if names.is_empty() { NOTHING.to_owned() } else { names.join(",") }
+}
+
+/// A reading with so many digits after the point.
+pub fn reading(reading: Option<Reading>, digits: usize) -> String {
+    reading.map_or(NOTHING.to_owned(), |reading| format!("{:.digits$}", reading.value))
+}
+
+/// Gateway time in seconds.
+pub fn seconds(time_us: u64) -> String {
+    #[allow(clippy::cast_precision_loss)]
+    let time = time_us as f64 / MICROSECONDS_PER_SECOND;
+    format!("{time:.6} s")
+}
+
+/// A span in milliseconds.
+pub fn milliseconds(span_us: u32) -> String {
+    format!("{:.3} ms", f64::from(span_us) / MICROSECONDS_PER_MILLISECOND)
+}
+
+/// An event as one line.
+pub fn event(message: &EventMessage) -> String {
+    let what = event_in_words(&message.event);
+    let lost = if message.dropped == 0 {
+        String::new()
+    } else {
+        format!("  ({} events before it were lost)", message.dropped)
+    };
+    format!("t={}  {what}{lost}", seconds(message.time_us))
+}
+
+fn event_in_words(event: &Event) -> String {
+    match event {
+        Event::Tripped { axis, trip } => format!("axis {axis} tripped: {}", trip_reason(&trip.reason)),
+        Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => format!(
+            "axis {axis} stop confirmed: first stop on the bus after {}, confirmed after {}{}",
+            milliseconds(*reaction_us),
+            milliseconds(*elapsed_us),
+            match standstill {
+                Some(true) => ", standing still",
+                Some(false) => ", still turning",
+                None => "",
+            }
+        ),
+        Event::StateChanged { axis, state } => format!("axis {axis} is {}", axis_state(*state)),
+        Event::AuthorityLost { reason } => format!("authority lost: {reason:?}"),
+        Event::EStopLatched {} => "e-stop latched".to_owned(),
+        Event::EStopCleared {} => "e-stop cleared".to_owned(),
+        Event::FrameRejected { reason, count } => {
+            let name = host_protocol::FrameError::ALL
+                .iter()
+                .find(|(number, _)| number == reason)
+                .map(|(_, name)| *name);
+            format!("{count} frames from this host were rejected: {}", name.unwrap_or("unknown reason"))
+        }
+        Event::BusStateChanged { bus, state } => format!("bus {bus} is {state:?}"),
+        Event::MotorNotice { axis, data, length } => {
+            let data = data.get(..usize::from(*length)).unwrap_or(data);
+            format!("axis {axis}: the motor sent {} unasked", hex(data))
+        }
+        Event::AxisUnreachable { axis } => {
+            format!("axis {axis} is unreachable and may be turning: cut its power")
+        }
+        Event::RequestDropped { count } => format!("{count} requests of this host were dropped"),
+        Event::Unknown { number } => {
+            format!("event {number:#06x}, which this program does not know: update it")
+        }
+    }
+}
+
+/// Bytes in hexadecimal, without spaces.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}

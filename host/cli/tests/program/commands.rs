@@ -1,0 +1,178 @@
+//! Every command against a simulated gateway.
+
+use crate::support::{Process, Sim, mgw};
+
+#[test]
+fn info_tells_board_and_buses() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["info"]).success();
+    assert!(text.contains("simulated") && text.contains("RS485"), "{text}");
+    let json = sim.mgw(&["--json", "info"]).json_lines();
+    assert_eq!(json.len(), 1);
+    assert_eq!(json[0]["board"], "simulated");
+    assert_eq!(json[0]["protocol_major"], 1);
+    assert_eq!(json[0]["buses"].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn axes_lists_the_four_that_sim_configures() {
+    let sim = Sim::start();
+    let json = &sim.mgw(&["axes", "--json"]).json_lines()[0];
+    let axes = json["axes"].as_array().unwrap();
+    let protocols: Vec<_> = axes.iter().map(|axis| axis["protocol"].as_str().unwrap()).collect();
+    assert_eq!(protocols, ["rmd", "thruster", "d5", "rmd"]);
+    assert!(axes.iter().all(|axis| axis["state"] == "Idle" && axis["missing"].is_null()), "{json}");
+    assert!(sim.mgw(&["axes"]).success().contains("thruster"));
+}
+
+#[test]
+fn an_unconfigured_gateway_is_configured_by_hand() {
+    let sim = Sim::with(&["--unconfigured"]);
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
+    sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    let axes = &sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"];
+    assert_eq!((&axes[0]["state"], &axes[0]["missing"]), (&"Unconfigured".into(), &"stop_action".into()));
+    sim.mgw(&["configure", "axis", "0", "stop_action=hold", "velocity_limit_rad_s=12.5"]).success();
+    sim.mgw(&["configure", "gateway", "link_silence_us=300000"]).success();
+    assert!(sim.mgw(&["configure", "timeout", "0", "300"]).success().contains("300 ms"));
+    let shown = &sim.mgw(&["--json", "configure", "show", "0"]).json_lines()[0]["parameters"];
+    assert_eq!(shown["protocol"], "rmd");
+    assert_eq!(shown["velocity_limit_rad_s"], 12.5);
+    assert_eq!(shown["ttl_us"], 100_000);
+    assert!(shown["current_limit_a"].is_null());
+    assert!(sim.mgw(&["configure", "show", "0"]).success().contains("stop_action"));
+    let bus = &sim.mgw(&["--json", "bus", "0"]).json_lines()[0]["buses"][0];
+    assert_eq!(bus["config"]["bitrate"], 1_000_000);
+    assert_eq!(bus["config"]["protocols"], serde_json::json!(["rmd", "thruster"]));
+    sim.mgw(&["configure", "remove", "0"]).success();
+    assert_eq!(sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"], serde_json::json!([]));
+}
+
+#[test]
+fn a_file_configures_everything_at_once() {
+    let sim = Sim::with(&["--unconfigured"]);
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+    let text = sim.mgw(&["configure", "--file", file]).success();
+    assert_eq!(text, "configured 3 buses and 4 axes\n");
+    let json = &sim.mgw(&["axes", "--json"]).json_lines()[0];
+    assert!(json["axes"].as_array().unwrap().iter().all(|axis| axis["state"] == "Idle"), "{json}");
+}
+
+#[test]
+fn arm_holds_and_disarms() {
+    let sim = Sim::patient();
+    let text = sim.mgw(&["arm", "0", "2", "--for", "0.5"]).success();
+    assert!(text.contains("axis 0 is armed") && text.contains("axis 2 is armed"), "{text}");
+    assert!(text.ends_with("disarmed\n"), "{text}");
+    assert_eq!(sim.await_state("0", |_| true)["state"], "Idle");
+    sim.mgw(&["--json", "arm", "3", "--for", "0.2"]).json_lines();
+}
+
+#[test]
+fn set_moves_each_axis_and_stops_it() {
+    let sim = Sim::patient();
+    let cases: [(&[&str], &str); 4] = [
+        (&["set", "0", "velocity", "2"], "velocity_rad_s"),
+        (&["set", "1", "signal", "-0.05"], "velocity_rad_s"),
+        (&["set", "2", "velocity", "-3"], "velocity_rad_s"),
+        (&["set", "3", "position", "5", "--speed-limit", "2"], "velocity_rad_s"),
+    ];
+    for (arguments, measured) in cases {
+        let lines = sim.mgw(&[&["--json"], arguments, &["--for", "1"]].concat()).json_lines();
+        let moved =
+            lines.iter().any(|line| line[measured]["value"].as_f64().is_some_and(|value| value.abs() > 0.5));
+        assert!(moved, "{arguments:?}: {lines:?}");
+        assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{arguments:?}: {lines:?}");
+        assert_eq!(lines.last().unwrap()["state"], "Idle", "{arguments:?}");
+    }
+    let text = sim.mgw(&["set", "0", "current", "0.2", "--for", "0.5"]).success();
+    assert!(text.contains("velocity rad/s") && text.contains("axis 0 is idle"), "{text}");
+}
+
+#[test]
+fn ctrl_c_stops_and_disarms_first() {
+    let sim = Sim::patient();
+    for arguments in [&["arm", "0"][..], &["set", "0", "velocity", "2"]] {
+        let mut host = Process::start(&[&["--port", &sim.port], arguments].concat());
+        host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+        assert_eq!(host.interrupt(), Some(0), "{arguments:?}");
+        assert_eq!(sim.await_state("0", |_| true)["state"], "Idle", "{arguments:?}");
+    }
+}
+
+#[test]
+fn state_and_stop_and_bus_print_tables() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["state"]).success();
+    assert_eq!(text.lines().count(), 5, "{text}");
+    assert!(text.contains("velocity rad/s"), "{text}");
+    let json = &sim.mgw(&["state", "1", "--json"]).json_lines()[0];
+    assert_eq!(json["axes"][0]["axis"], 1);
+    assert!(sim.mgw(&["stop"]).success().contains("idle"));
+    sim.mgw(&["stop", "0", "--json"]).json_lines();
+    let text = sim.mgw(&["bus"]).success();
+    assert!(text.contains("rmd,thruster") && text.contains("210526") && text.contains("115200"), "{text}");
+}
+
+#[test]
+fn watch_follows_for_as_many_readings_as_asked() {
+    let sim = Sim::start();
+    let lines = sim.mgw(&["--json", "watch", "0", "1", "--period", "50", "--count", "3"]).json_lines();
+    assert_eq!(lines.iter().filter(|line| line.get("voltage_v").is_some()).count(), 6, "{lines:?}");
+    assert!(sim.mgw(&["watch", "--count", "1"]).success().contains("position rad"));
+}
+
+#[test]
+fn an_emergency_stop_latches_until_it_is_cleared() {
+    let sim = Sim::patient();
+    assert!(sim.mgw(&["estop"]).success().contains("latched"));
+    let text = sim.mgw(&["set", "0", "velocity", "1"]).failure(1);
+    assert!(text.contains("e-stop") || text.contains("EStop") || text.contains("emergency"), "{text}");
+    sim.mgw(&["clear", "gateway"]).success();
+    for axis in ["0", "1", "2", "3"] {
+        // Only axes that tripped with it have something to clear.
+        let state = sim.await_state(axis, |_| true);
+        if state["state"] != "Idle" {
+            sim.mgw(&["clear", axis]).success();
+        }
+    }
+    sim.mgw(&["set", "0", "velocity", "1", "--for", "0.3"]).success();
+}
+
+#[test]
+fn raw_frames_go_out_and_answers_come_back() {
+    let sim = Sim::patient();
+    let text = sim.mgw(&["raw", "0", "send", "141#9A00000000000000"]).success();
+    assert!(text.contains("241#9A"), "{text}");
+    let lines = sim.mgw(&["--json", "raw", "0", "send", "30B#5156"]).json_lines();
+    assert!(lines.iter().all(|line| line["bus"] == 0), "{lines:?}");
+    // RMD V3.6 §2.13 over RS485, whose bytes may come in pieces.
+    let lines = sim.mgw(&["--json", "raw", "2", "send-hex", "3E01089C00000000000000F230"]).json_lines();
+    let received: String = lines.iter().filter_map(|line| line["data"].as_str()).collect();
+    assert!(received.starts_with("3E01089C"), "{lines:?}");
+    sim.mgw(&["raw", "1", "listen", "--for", "0.1"]).success();
+    // The bus is closed again: arming works.
+    sim.mgw(&["arm", "0", "--for", "0.1"]).success();
+}
+
+#[test]
+fn the_port_may_come_from_the_environment() {
+    let sim = Sim::start();
+    let program = std::process::Command::new(env!("CARGO_BIN_EXE_mgw"))
+        .args(["--json", "info"])
+        .env("MGW_PORT", &sim.port)
+        .output()
+        .unwrap();
+    assert!(program.status.success(), "{program:?}");
+}
+
+#[test]
+fn help_shows_examples() {
+    let text = mgw(&["--help"]).success();
+    assert!(text.contains("Examples:") && text.contains("mgw sim"), "{text}");
+    for command in ["sim", "configure", "arm", "set", "stop", "clear", "watch", "raw"] {
+        let text = mgw(&[command, "--help"]).success();
+        assert!(text.contains("Examples:") && text.contains(&format!("mgw {command}")), "{text}");
+    }
+}

@@ -1,0 +1,51 @@
+//! The host dies in mid-motion, without a word.
+
+use serde_json::Value;
+
+use crate::support::{Process, Sim};
+
+/// Moves an axis with a process of its own, kills that, and returns the state in which the axis ends.
+fn kill_while_moving(sim: &Sim, axis: &str, motor: &str, setpoint: &[&str]) -> Value {
+    let mut host =
+        Process::start(&[&["--port", &sim.port, "--json", "set", axis], setpoint, &["--for", "60"]].concat());
+    host.wait_for("motion", |line| {
+        let state: Value = serde_json::from_str(line).ok()?;
+        state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
+    });
+    host.kill();
+    // What the motor itself says, not the gateway.
+    sim.process.wait_for("the motor's stop", |line| {
+        (line.starts_with("t=") && line.contains(motor) && line.contains("stopped")).then_some(())
+    });
+    sim.await_state(axis, |state| state["state"] == serde_json::json!({ "Tripped": { "confirmed": true } }))
+}
+
+/// Long enough for a process that this machine holds up, in µs.
+const PATIENCE_US: u32 = 10_000_000;
+/// What the test waits for, in µs.
+const LIMIT_US: u32 = 1_500_000;
+
+#[test]
+fn an_axis_stops_when_its_setpoint_expires() {
+    let sim = Sim::with_times(LIMIT_US, PATIENCE_US);
+    let state = kill_while_moving(&sim, "0", "bus 0  rmd 1", &["velocity", "2"]);
+    assert_eq!(state["trip"]["reason"], "SetpointExpired");
+    assert!(sim.mgw(&["state", "0"]).success().contains("tripped, stop confirmed"));
+    sim.mgw_once_in_command(&["clear", "0"]).success();
+    sim.mgw(&["set", "0", "velocity", "1", "--for", "0.3"]).success();
+}
+
+#[test]
+fn every_kind_of_motor_stops_when_the_link_is_silent() {
+    let sim = Sim::with_times(PATIENCE_US, LIMIT_US);
+    for (axis, motor, setpoint) in [
+        ("0", "bus 0  rmd 1", ["velocity", "2"]),
+        ("1", "thruster", ["signal", "0.3"]),
+        ("2", "d5", ["velocity", "5"]),
+        ("3", "bus 2  rmd 1", ["velocity", "-2"]),
+    ] {
+        let state = kill_while_moving(&sim, axis, motor, &setpoint);
+        assert_eq!(state["trip"]["reason"], "HostSilent");
+        sim.mgw_once_in_command(&["clear", axis]).success();
+    }
+}

@@ -1,0 +1,134 @@
+//! What must not work, and what is said then.
+
+use std::net::TcpListener;
+
+use serde_json::Value;
+
+use crate::support::{Outcome, Process, Sim, mgw};
+
+/// The error that `--json` prints.
+fn error(outcome: Outcome, code: i32) -> Value {
+    let text = outcome.failure(code);
+    let value: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
+    value["error"].clone()
+}
+
+#[test]
+fn a_port_that_does_not_exist() {
+    // A port that was just free: bound to learn its number, then closed.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    drop(listener);
+    let text = mgw(&["--port", &port, "info"]).failure(1);
+    assert!(text.starts_with("mgw: no gateway at tcp:127.0.0.1:") && text.contains("mgw sim"), "{text}");
+    assert_eq!(error(mgw(&["--json", "--port", &port, "info"]), 1)["name"], "NoConnection");
+    let text = mgw(&["--port", "/dev/no-such-gateway", "info"]).failure(1);
+    assert!(text.contains("/dev/no-such-gateway") && text.contains("plugged in"), "{text}");
+}
+
+#[test]
+fn a_server_that_is_no_gateway() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    let text = mgw(&["--port", &port, "info"]).failure(1);
+    assert!(text.contains("no gateway answered"), "{text}");
+}
+
+#[test]
+fn no_port_at_all() {
+    let text = mgw(&["info"]).failure(2);
+    assert!(text.contains("--port") && text.contains("mgw sim"), "{text}");
+}
+
+#[test]
+fn wrong_usage_has_exit_code_2() {
+    for arguments in [
+        &["fly"][..],
+        &["set", "0", "velocity"],
+        &["set", "0", "velocity", "fast"],
+        &["stop", "some"],
+        &["watch", "--period", "0"],
+        &["configure"],
+        &["sim", "--listen", "here"],
+    ] {
+        mgw(arguments).failure(2);
+    }
+}
+
+#[test]
+fn the_gateway_refuses_each_bad_value_by_name() {
+    let sim = Sim::start();
+    let cases: [(&[&str], &str); 8] = [
+        (&["state", "77"], "UnknownAxis"),
+        (&["bus", "9"], "UnknownBus"),
+        (&["set", "0", "velocity", "nan", "--for", "1"], "NotANumber"),
+        (&["set", "0", "velocity", "1000", "--for", "1"], "OutOfRange"),
+        (&["set", "1", "position", "1", "--speed-limit", "1", "--for", "1"], "Unsupported"),
+        (&["configure", "axis", "0", "ttl_us=4999"], "OutOfRange"),
+        (&["configure", "axis", "0", "node=254"], "OutOfRange"),
+        (&["clear", "77"], "UnknownAxis"),
+    ];
+    for (arguments, name) in cases {
+        let error = error(sim.mgw(&[&["--json"], arguments].concat()), 1);
+        assert_eq!(error["name"], name, "{arguments:?}: {error}");
+        assert!(
+            error["number"].is_u64() && error["message"].as_str().is_some_and(|text| text.len() > 20),
+            "{error}"
+        );
+    }
+    // No axis was left armed or moved.
+    for axis in ["0", "1"] {
+        assert_eq!(sim.await_state(axis, |state| state["state"] != "Stopping")["state"], "Idle");
+    }
+}
+
+#[test]
+fn an_axis_without_a_stop_action_does_not_arm() {
+    let sim = Sim::with(&["--unconfigured"]);
+    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd"]).success();
+    sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    let error = error(sim.mgw(&["--json", "arm", "0"]), 1);
+    assert_eq!(error["name"], "NotConfigured");
+    assert!(error["message"].as_str().unwrap().contains("stop_action"), "{error}");
+}
+
+#[test]
+fn slips_of_the_pen_are_answered_with_what_is_allowed() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["configure", "axis", "0", "stop_action=halt"]).failure(2);
+    assert!(text.contains("coast, hold, brake"), "{text}");
+    let text = sim.mgw(&["configure", "axis", "0", "speed=3"]).failure(2);
+    assert!(text.contains("velocity_limit_rad_s"), "{text}");
+    let text = sim.mgw(&["configure", "bus", "0", "bitrate=1000000"]).failure(2);
+    assert!(text.contains("protocols="), "{text}");
+    let text = sim.mgw(&["set", "0", "position", "1"]).failure(2);
+    assert!(text.contains("--speed-limit"), "{text}");
+    let text = sim.mgw(&["raw", "0", "send", "141"]).failure(2);
+    assert!(text.contains("141#9A00000000000000"), "{text}");
+    let text = sim.mgw(&["configure", "--file", "/no/such/file.toml"]).failure(1);
+    assert!(text.contains("/no/such/file.toml"), "{text}");
+}
+
+#[test]
+fn a_second_host_is_not_in_command() {
+    let sim = Sim::patient();
+    let first = Process::start(&["--port", &sim.port, "arm", "0"]);
+    first.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+    let error = error(sim.mgw_once_connected(&["--json", "set", "2", "velocity", "1"]), 1);
+    assert_eq!(error["name"], "NotInCommand");
+    // Reading and stopping need no authority.
+    sim.mgw_once_connected(&["state"]).success();
+    sim.mgw_once_connected(&["stop", "0"]).success();
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_panic() {
+    let sim = Sim::start();
+    let script = format!("\"$0\" --port {} watch --period 10 | head -n 3", sim.port);
+    let output = std::process::Command::new("sh")
+        .args(["-c", &script, env!("CARGO_BIN_EXE_mgw")])
+        .output()
+        .expect("there is a shell");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 3);
+    assert!(output.stderr.is_empty(), "{output:?}");
+}

@@ -1,0 +1,207 @@
+//! The program as a user runs it: its output, its exit code, and a simulated gateway beside it.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// No test waits longer than this for anything.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// What a run of the program left behind.
+#[derive(Debug)]
+pub struct Outcome {
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl Outcome {
+    /// Asserts success and returns standard output.
+    pub fn success(self) -> String {
+        assert_eq!(self.code, Some(0), "{self:?}");
+        self.stdout
+    }
+
+    /// Asserts success and reads each line as JSON.
+    pub fn json_lines(self) -> Vec<Value> {
+        self.success()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
+            .collect()
+    }
+
+    /// Asserts that it failed with this exit code, printed nothing of a panic, and returns standard error.
+    pub fn failure(self, code: i32) -> String {
+        assert_eq!(self.code, Some(code), "{self:?}");
+        assert!(!self.stderr.contains("panicked"), "{self:?}");
+        assert!(!self.stderr.is_empty(), "{self:?}");
+        self.stderr
+    }
+}
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mgw"));
+    command
+        .args(arguments)
+        .env_remove("MGW_PORT")
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+/// Runs the program to its end.
+pub fn mgw(arguments: &[&str]) -> Outcome {
+    let mut child = Running(command(arguments).spawn().expect("the program starts"));
+    let stdout = read_to_end(child.0.stdout.take().unwrap());
+    let stderr = read_to_end(child.0.stderr.take().unwrap());
+    let text = |pipe: Receiver<String>| {
+        pipe.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("{arguments:?} does not end"))
+    };
+    let (stdout, stderr) = (text(stdout), text(stderr));
+    let code = child.0.wait().expect("it has ended").code();
+    Outcome { code, stdout, stderr }
+}
+
+fn read_to_end(mut pipe: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, receiver) = channel();
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = pipe.read_to_end(&mut bytes);
+        sender.send(String::from_utf8_lossy(&bytes).into_owned())
+    });
+    receiver
+}
+
+/// A process that ends with its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A process whose lines are read while it runs.
+pub struct Process {
+    running: Running,
+    lines: Receiver<String>,
+}
+
+impl Process {
+    pub fn start(arguments: &[&str]) -> Self {
+        let mut child = command(arguments).stderr(Stdio::inherit()).spawn().expect("the program starts");
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        let (sender, lines) = channel();
+        thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        Self { running: Running(child), lines }
+    }
+
+    /// The next line for which `find` finds something, and that.
+    pub fn wait_for<T>(&self, what: &str, find: impl Fn(&str) -> Option<T>) -> T {
+        let end = Instant::now() + LIMIT;
+        let mut seen = Vec::new();
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let Ok(line) = self.lines.recv_timeout(left) else {
+                panic!("{what} was never printed; these were:\n{}", seen.join("\n"));
+            };
+            if let Some(found) = find(&line) {
+                return found;
+            }
+            seen.push(line);
+        }
+    }
+
+    /// SIGINT, as Ctrl-C sends it, and the exit code that follows.
+    pub fn interrupt(&mut self) -> Option<i32> {
+        let id = self.running.0.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().expect("there is kill").success());
+        // Its output ends when it does.
+        while self.lines.recv_timeout(LIMIT).is_ok() {}
+        self.running.0.wait().expect("it ends").code()
+    }
+
+    /// SIGKILL: the process has no time for anything.
+    pub fn kill(&mut self) {
+        self.running.0.kill().expect("it runs");
+        self.running.0.wait().expect("it was killed");
+    }
+}
+
+/// `mgw sim` on a port of its own.
+pub struct Sim {
+    pub process: Process,
+    pub port: String,
+}
+
+impl Sim {
+    pub fn start() -> Self {
+        Self::with(&[])
+    }
+
+    /// One whose axes and link bear that this machine holds a process up for a while.
+    pub fn patient() -> Self {
+        Self::with_times(10_000_000, 10_000_000)
+    }
+
+    /// One with these times to live of setpoints, and this silence of the link that ends authority, in µs.
+    pub fn with_times(ttl_us: u32, link_silence_us: u32) -> Self {
+        let sim = Self::start();
+        sim.mgw(&["configure", "gateway", &format!("link_silence_us={link_silence_us}")]).success();
+        for axis in ["0", "1", "2", "3"] {
+            sim.mgw_once_in_command(&["configure", "axis", axis, &format!("ttl_us={ttl_us}")]).success();
+        }
+        sim
+    }
+
+    pub fn with(arguments: &[&str]) -> Self {
+        let process = Process::start(&[&["sim", "--listen", "127.0.0.1:0"], arguments].concat());
+        let port = process.wait_for("the port", |line| line.strip_prefix("listening on ").map(str::to_owned));
+        assert!(port.starts_with("tcp:127.0.0.1:") && !port.ends_with(":0"), "{port}");
+        Self { process, port }
+    }
+
+    /// Runs the program against it.
+    pub fn mgw(&self, arguments: &[&str]) -> Outcome {
+        mgw(&[&["--port", &self.port], arguments].concat())
+    }
+
+    /// Repeats a command that needs authority until a host that has gone no longer holds it.
+    pub fn mgw_once_in_command(&self, arguments: &[&str]) -> Outcome {
+        self.mgw_despite("is in command", arguments)
+    }
+
+    /// Repeats a command until one of the two host links is free for it.
+    pub fn mgw_once_connected(&self, arguments: &[&str]) -> Outcome {
+        self.mgw_despite("the connection to the gateway failed", arguments)
+    }
+
+    fn mgw_despite(&self, passing: &str, arguments: &[&str]) -> Outcome {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let outcome = self.mgw(arguments);
+            if !outcome.stderr.contains(passing) || Instant::now() >= end {
+                return outcome;
+            }
+        }
+    }
+
+    /// Repeats `mgw state AXIS --json` until `is` holds, and returns the state.
+    pub fn await_state(&self, axis: &str, is: impl Fn(&Value) -> bool) -> Value {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let lines = self.mgw(&["--json", "state", axis]).json_lines();
+            let state = lines[0]["axes"][0].clone();
+            if is(&state) {
+                return state;
+            }
+            assert!(Instant::now() < end, "axis {axis} stays {state}");
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! The requests as methods: one line each, with the deadline that fits.
+
+use std::time::Duration;
+
+use host_protocol::replies::{Armed, AxisReport, BusReport, HelloReply, RawFrames};
+use host_protocol::requests as ask;
+use host_protocol::{
+    AxisParameter, AxisSummary, ClearTarget, Error, GatewayParameter, MotorTimeout, ProtocolSet, RawFrame,
+    Setpoint, StopTarget, Value,
+};
+
+use crate::client::Client;
+use crate::error::ClientError;
+use crate::transport::Transport;
+
+/// Arming and provisioning talk with the motor, brake release and its confirmation included.
+pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
+
+impl<T: Transport> Client<T> {
+    /// Says hello again, in the session that is open, and returns what the gateway says of itself now. The gateway
+    /// forgets which requests it has seen; authority and axes stay as they are.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn info(&mut self) -> Result<HelloReply, ClientError> {
+        self.say_hello()
+    }
+
+    /// Takes the right to command, if it is free. Commands that need it do so by themselves.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request); `NotInCommand` when another host link holds it.
+    pub fn take_authority(&mut self) -> Result<(), ClientError> {
+        self.request(&ask::TakeAuthority {}).map(drop)
+    }
+
+    /// Gives the right to command back.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn release_authority(&mut self) -> Result<(), ClientError> {
+        self.request(&ask::ReleaseAuthority {}).map(drop)
+    }
+
+    /// Sets a parameter of the gateway.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn configure_gateway(
+        &mut self,
+        parameter: GatewayParameter,
+        value: Value,
+    ) -> Result<(), ClientError> {
+        self.request(&ask::ConfigureGateway { parameter: parameter.number(), value }).map(drop)
+    }
+
+    /// Starts a bus, or restarts it differently. `reply_window` is how long a reply is awaited, 100 µs to 200 ms.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn configure_bus(
+        &mut self,
+        bus: u8,
+        bitrate: u32,
+        protocols: ProtocolSet,
+        wholly_ours: bool,
+        reply_window: Duration,
+    ) -> Result<(), ClientError> {
+        // Too long for the field is too long for the gateway, which then names the limits.
+        let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
+        self.request(&ask::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us }).map(drop)
+    }
+
+    /// How a bus is.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn bus_status(&mut self, bus: u8) -> Result<BusReport, ClientError> {
+        self.request(&ask::BusStatus { bus })
+    }
+
+    /// Sets a parameter of an axis.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn configure_axis(
+        &mut self,
+        axis: u8,
+        parameter: AxisParameter,
+        value: Value,
+    ) -> Result<(), ClientError> {
+        self.request(&ask::ConfigureAxis { axis, parameter: parameter.number(), value }).map(drop)
+    }
+
+    /// A parameter of an axis: the value in force, `None` where none is set and there is no default.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn read_axis_parameter(
+        &mut self,
+        axis: u8,
+        parameter: AxisParameter,
+    ) -> Result<Option<Value>, ClientError> {
+        self.request(&ask::ReadAxisParameter { axis, parameter: parameter.number() }).map(|reply| reply.value)
+    }
+
+    /// How long a setpoint of this axis may be valid: its parameter `ttl_us`.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn axis_ttl(&mut self, axis: u8) -> Result<Duration, ClientError> {
+        let parameter = AxisParameter::TtlUs;
+        match self.read_axis_parameter(axis, parameter)?.or(parameter.info().default) {
+            Some(Value::Unsigned(ttl_us)) => Ok(Duration::from_micros(ttl_us.into())),
+            _ => Err(Error::WrongType { parameter: parameter.number() }.into()),
+        }
+    }
+
+    /// Forgets an axis and its parameters.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn remove_axis(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request(&ask::RemoveAxis { axis }).map(drop)
+    }
+
+    /// Every axis that has at least one parameter set.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn list_axes(&mut self) -> Result<Vec<AxisSummary>, ClientError> {
+        let mut axes = Vec::new();
+        let mut first = 0;
+        loop {
+            let page = self.request(&ask::ListAxes { first })?;
+            axes.extend(page.axes.iter().copied());
+            match page.next {
+                // A list that does not advance would never end.
+                Some(next) if next > first => first = next,
+                _ => return Ok(axes),
+            }
+        }
+    }
+
+    /// Programs the motor's own timeout; it stays in the motor.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn provision_motor_timeout(
+        &mut self,
+        axis: u8,
+        timeout_ms: u32,
+    ) -> Result<MotorTimeout, ClientError> {
+        let request = ask::ProvisionMotorTimeout { axis, timeout_ms };
+        self.request_within(&request, MOTOR_DEADLINE).map(|reply| reply.timeout)
+    }
+
+    /// Allows an axis to move. The epoch in the reply goes into every setpoint.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn arm(&mut self, axis: u8) -> Result<Armed, ClientError> {
+        self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE)
+    }
+
+    /// Ends an axis' permission to move, through its stop action. Needs no authority.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn disarm(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request(&ask::Disarm { axis }).map(drop)
+    }
+
+    /// Runs the stop action of one axis or of all. Needs no authority.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn stop(&mut self, target: StopTarget) -> Result<(), ClientError> {
+        self.request(&ask::Stop { target }).map(drop)
+    }
+
+    /// Emergency stop: trips every axis and latches the gateway. Needs no authority.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn estop(&mut self) -> Result<(), ClientError> {
+        self.request(&ask::EStop {}).map(drop)
+    }
+
+    /// Clears the trip of an axis, or the latched e-stop. Never arms.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn clear(&mut self, target: ClearTarget) -> Result<(), ClientError> {
+        self.request(&ask::Clear { target }).map(drop)
+    }
+
+    /// Says what an armed axis should do from now on, for `ttl` at most; it has to be said again before that.
+    /// The reply is awaited as long as the setpoint is valid. Twice a second a ping comes first, which measures the clock
+    /// that the expiry is derived from.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn set(
+        &mut self,
+        axis: u8,
+        epoch: u32,
+        setpoint: Setpoint,
+        ttl: Duration,
+    ) -> Result<(), ClientError> {
+        self.refresh_clock()?;
+        let request = ask::Setpoint { axis, epoch, expires_at_us: self.expiry(ttl), setpoint };
+        self.request_within(&request, ttl).map(drop)
+    }
+
+    /// How an axis is.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn read_state(&mut self, axis: u8) -> Result<AxisReport, ClientError> {
+        self.request(&ask::ReadState { axis })
+    }
+
+    /// Opens a bus for raw frames.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn raw_open(&mut self, bus: u8) -> Result<(), ClientError> {
+        self.request(&ask::RawOpen { bus }).map(drop)
+    }
+
+    /// Sends a raw frame on an open bus.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn raw_send(&mut self, bus: u8, frame: RawFrame) -> Result<(), ClientError> {
+        self.request(&ask::RawSend { bus, frame }).map(drop)
+    }
+
+    /// Fetches frames that were received on an open bus; as many as fit, so ask until there are none.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn raw_receive(&mut self, bus: u8) -> Result<RawFrames, ClientError> {
+        self.request(&ask::RawReceive { bus })
+    }
+
+    /// Closes a bus for raw frames.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn raw_close(&mut self, bus: u8) -> Result<(), ClientError> {
+        self.request(&ask::RawClose { bus }).map(drop)
+    }
+}

@@ -1,0 +1,118 @@
+//! Why the client could not do what it was asked for.
+
+use std::fmt;
+use std::io;
+use std::time::Duration;
+
+use crate::port::ConnectError;
+
+/// Why a request has no result.
+#[derive(Debug)]
+pub enum ClientError {
+    /// The gateway refused it, or could not do it; the error names the cause and what to do.
+    Gateway(host_protocol::Error),
+    /// No reply came in time, though the request was repeated. Whether it was executed is not known.
+    NoAnswer {
+        /// Name of the request.
+        request: &'static str,
+        /// How long a reply was awaited.
+        after: Duration,
+    },
+    /// The gateway and this library speak different major versions of the host protocol.
+    Incompatible {
+        /// Major version of the gateway.
+        gateway: u16,
+        /// Major version of this library.
+        host: u16,
+    },
+    /// A reply with a right checksum that is none to this request: one side does not keep to the protocol.
+    UnreadableReply {
+        /// Name of the request.
+        request: &'static str,
+        /// Number of the reply.
+        number: u16,
+    },
+    /// The request is longer than a message may be.
+    TooLong {
+        /// Name of the request.
+        request: &'static str,
+    },
+    /// The port could not be opened.
+    Connect(ConnectError),
+    /// The connection failed.
+    Transport(io::Error),
+}
+
+impl fmt::Display for ClientError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Gateway(error) => error.fmt(f),
+            Self::NoAnswer { request: "Hello", after } => write!(
+                f,
+                "no gateway answered within {} ms. Check that the port leads to a gateway, that it has power, and its bit rate",
+                after.as_millis()
+            ),
+            Self::NoAnswer { request, after } => write!(
+                f,
+                "the gateway did not answer {request} within {} ms; it may have been executed. Check the cable, then read the state",
+                after.as_millis()
+            ),
+            Self::Incompatible { gateway, host } => {
+                write!(
+                    f,
+                    "the gateway speaks version {gateway} of the host protocol, this program version {host}. "
+                )?;
+                if gateway > host {
+                    write!(f, "Update this program")
+                } else {
+                    write!(f, "Update the gateway's firmware")
+                }
+            }
+            Self::UnreadableReply { request, number } => write!(
+                f,
+                "the gateway answered {request} with a message {number:#06x} that does not belong to it. Update this program and the firmware to the same version"
+            ),
+            Self::TooLong { request } => write!(
+                f,
+                "{request} is longer than the {} bytes of a message. Send less at once",
+                host_protocol::MAX_MESSAGE
+            ),
+            Self::Connect(error) => error.fmt(f),
+            Self::Transport(error) => {
+                write!(
+                    f,
+                    "the connection to the gateway failed ({error}). Check the cable or the server, then connect again"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for ClientError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Gateway(error) => Some(error),
+            Self::Connect(error) => Some(error),
+            Self::Transport(error) => Some(error),
+            _ => None,
+        }
+    }
+}
+
+impl From<host_protocol::Error> for ClientError {
+    fn from(error: host_protocol::Error) -> Self {
+        Self::Gateway(error)
+    }
+}
+
+impl From<ConnectError> for ClientError {
+    fn from(error: ConnectError) -> Self {
+        Self::Connect(error)
+    }
+}
+
+impl From<io::Error> for ClientError {
+    fn from(error: io::Error) -> Self {
+        Self::Transport(error)
+    }
+}

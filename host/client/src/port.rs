@@ -1,0 +1,177 @@
+//! The name of a port, as a user types it, and how it is opened.
+
+use std::fmt;
+use std::io;
+
+use crate::serial::{DEFAULT_BAUD, SerialTransport};
+use crate::tcp::TcpTransport;
+use crate::transport::Transport;
+
+/// What a TCP port's name begins with.
+const TCP_PREFIX: &str = "tcp:";
+/// What stands between a serial device and its bit rate.
+const BAUD_SEPARATOR: char = '@';
+
+/// Opens the port of that name: `tcp:HOST:PORT`, or a serial device such as `/dev/ttyACM0` or `COM5`, which runs at
+/// 921600 bit/s unless the name ends in `@` and another rate.
+///
+/// # Errors
+/// When the name makes no sense or the port cannot be opened; the error says which and what to do.
+pub fn open(port: &str) -> Result<Box<dyn Transport>, ConnectError> {
+    if let Some(address) = port.strip_prefix(TCP_PREFIX) {
+        let complete = address
+            .rsplit_once(':')
+            .is_some_and(|(host, number)| !host.is_empty() && number.parse::<u16>().is_ok());
+        if !complete {
+            return Err(ConnectError::BadAddress { port: port.to_owned() });
+        }
+        return match TcpTransport::connect(address) {
+            Ok(transport) => Ok(Box::new(transport)),
+            Err(source) => Err(ConnectError::Tcp { address: address.to_owned(), source }),
+        };
+    }
+    let (device, baud) = match port.rsplit_once(BAUD_SEPARATOR) {
+        Some((device, rate)) => match rate.parse::<u32>() {
+            Ok(baud) if baud > 0 => (device, baud),
+            _ => return Err(ConnectError::BadBaud { port: port.to_owned() }),
+        },
+        None => (port, DEFAULT_BAUD),
+    };
+    if device.is_empty() {
+        return Err(ConnectError::NoPort);
+    }
+    match SerialTransport::open(device, baud) {
+        Ok(transport) => Ok(Box::new(transport)),
+        Err(source) => Err(ConnectError::Serial { device: device.to_owned(), baud, source }),
+    }
+}
+
+/// Why a port could not be opened.
+#[derive(Debug)]
+pub enum ConnectError {
+    /// The name is empty.
+    NoPort,
+    /// A `tcp:` name without host and port number.
+    BadAddress {
+        /// What was given.
+        port: String,
+    },
+    /// What follows the `@` is no bit rate.
+    BadBaud {
+        /// What was given.
+        port: String,
+    },
+    /// No TCP connection.
+    Tcp {
+        /// `HOST:PORT`.
+        address: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The serial device could not be opened.
+    Serial {
+        /// Its name.
+        device: String,
+        /// Bits per second.
+        baud: u32,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+impl fmt::Display for ConnectError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoPort => {
+                write!(f, "the port has no name. Name a serial device such as /dev/ttyACM0, or tcp:HOST:PORT")
+            }
+            Self::BadAddress { port } => {
+                write!(f, "`{port}` is no TCP port. Write tcp:HOST:PORT, for example tcp:127.0.0.1:7401")
+            }
+            Self::BadBaud { port } => {
+                write!(
+                    f,
+                    "`{port}` names no bit rate. Write DEVICE or DEVICE@RATE, for example /dev/ttyACM0@921600"
+                )
+            }
+            Self::Tcp { address, source } => {
+                write!(f, "no gateway at tcp:{address} ({source}). ")?;
+                match source.kind() {
+                    io::ErrorKind::ConnectionRefused => {
+                        write!(f, "Nothing listens there: start the gateway, or `mgw sim --listen {address}`")
+                    }
+                    io::ErrorKind::TimedOut => write!(f, "Check the address and that a network leads there"),
+                    _ => write!(f, "Check the host name and the port number"),
+                }
+            }
+            Self::Serial { device, baud, source } => {
+                write!(f, "cannot open {device} at {baud} bit/s ({source}). ")?;
+                match source.kind() {
+                    io::ErrorKind::NotFound => write!(
+                        f,
+                        "Check that the board is plugged in and which name it has (Linux: ls /dev/ttyACM* /dev/ttyUSB*)"
+                    ),
+                    io::ErrorKind::PermissionDenied => {
+                        write!(
+                            f,
+                            "Give your user the right to open it (Linux: join the group that owns it, often dialout)"
+                        )
+                    }
+                    _ => {
+                        write!(f, "Check that no other program has it open and that it can run at that rate")
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl std::error::Error for ConnectError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Tcp { source, .. } | Self::Serial { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(port: &str) -> ConnectError {
+        match open(port) {
+            Ok(_) => panic!("`{port}` must not open"),
+            Err(error) => error,
+        }
+    }
+
+    #[test]
+    fn names_that_make_no_sense_are_told_apart() {
+        assert!(matches!(refused(""), ConnectError::NoPort));
+        assert!(matches!(refused("@9600"), ConnectError::NoPort));
+        for port in ["tcp:", "tcp:localhost", "tcp::7401", "tcp:localhost:70000", "tcp:localhost:x"] {
+            assert!(matches!(refused(port), ConnectError::BadAddress { .. }), "{port}");
+        }
+        for port in ["/dev/ttyACM0@", "/dev/ttyACM0@fast", "/dev/ttyACM0@0"] {
+            assert!(matches!(refused(port), ConnectError::BadBaud { .. }), "{port}");
+        }
+    }
+
+    #[test]
+    fn a_device_that_does_not_exist_is_named_with_a_next_step() {
+        let text = refused("/dev/no-such-gateway").to_string();
+        assert!(text.contains("/dev/no-such-gateway at 921600 bit/s"), "{text}");
+        assert!(text.contains("plugged in"), "{text}");
+    }
+
+    #[test]
+    fn a_tcp_port_nobody_listens_on_says_how_to_start_one() {
+        // A port that was just free: bound to learn its number, then closed.
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        drop(listener);
+        let text = refused(&format!("tcp:{address}")).to_string();
+        assert!(text.contains(&format!("`mgw sim --listen {address}`")), "{text}");
+    }
+}

@@ -1,0 +1,5 @@
+//! The client against a gateway that is a script, in virtual time.
+
+mod hold;
+mod line;
+mod session;
