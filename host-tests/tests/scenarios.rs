@@ -28,6 +28,7 @@ macro_rules! scenarios {
 scenarios! {
     a_cut_bus_trips_for_want_of_acknowledgement
     a_fault_bit_trips_and_clears_only_when_it_is_gone
+    a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
     a_late_reply_after_retry_is_ignored
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
     a_mute_motor_trips_and_is_stopped_although_it_answers_nothing

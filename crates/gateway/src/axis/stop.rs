@@ -73,6 +73,8 @@ pub(crate) struct Stop {
     standstill_since: Instant,
     /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes known.
     read_after_repeat: bool,
+    /// How often a motor that holds must hear something to go on holding.
+    hold_poll: Option<Duration>,
 }
 
 impl Stop {
@@ -90,6 +92,7 @@ impl Stop {
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
             read_after_repeat: false,
+            hold_poll: None,
         }
     }
 
@@ -127,7 +130,9 @@ impl Stop {
             Phase::LockBrake => Some(Exchange::LockBrake),
             Phase::VerifyBrake => Some(Exchange::Faults),
             Phase::OutputOff => Some(Exchange::OutputOff),
-            Phase::Confirmed => self.read_after_repeat.then_some(Exchange::Velocity),
+            Phase::Confirmed => {
+                (self.read_after_repeat || self.hold_poll.is_some()).then_some(Exchange::Velocity)
+            }
         };
         let repeat = self.repeats().then_some((Exchange::Stop, self.repeat_at));
         let of_phase = of_phase.map(|exchange| (exchange, self.next_at));
@@ -157,7 +162,7 @@ impl Stop {
                 self.read_after_repeat = self.phase == Phase::Confirmed;
             }
             Exchange::Velocity => {
-                self.next_at = now + CONFIRM_POLL;
+                self.next_at = now + self.hold_poll.unwrap_or(CONFIRM_POLL);
                 self.read_after_repeat = false;
             }
             _ => self.next_at = now,
@@ -267,6 +272,7 @@ impl Axis {
             return;
         }
         stop.unreachable = true;
+        stop.hold_poll = None;
         stop.acknowledged = false;
         stop.go(now, Phase::Command);
         stop.next_at = now + repeat;
@@ -348,8 +354,10 @@ impl Axis {
             self.enter(AxisState::Idle, now, out);
         } else {
             let repeat_at = now + self.config.stop_repeat();
+            let hold_poll = self.must_hold().then(|| self.refresh());
             if let Some(stop) = &mut self.stop {
                 stop.repeat_at = repeat_at;
+                stop.hold_poll = hold_poll;
             }
             self.enter(AxisState::Tripped { confirmed: true }, now, out);
         }

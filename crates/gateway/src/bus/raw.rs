@@ -1,8 +1,9 @@
 //! Raw access to a bus: frames from and to the host as they are.
 
+use crate::time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
-use host_protocol::{RawFrame, ReceivedFrame};
+use host_protocol::{Bytes, RawFrame, ReceivedFrame};
 
 /// Frames waiting to be sent.
 const SEND_QUEUE: usize = 4;
@@ -14,11 +15,13 @@ pub(crate) struct Raw {
     to_send: Deque<RawFrame, SEND_QUEUE>,
     received: Deque<ReceivedFrame, RECEIVE_QUEUE>,
     dropped: u32,
+    /// When the latest bytes of a serial line came.
+    heard_at: Instant,
 }
 
 impl Raw {
     pub const fn new() -> Self {
-        Self { to_send: Deque::new(), received: Deque::new(), dropped: 0 }
+        Self { to_send: Deque::new(), received: Deque::new(), dropped: 0, heard_at: Instant::from_micros(0) }
     }
 
     /// Queues a frame; `false` if the queue is full.
@@ -28,6 +31,26 @@ impl Raw {
 
     pub fn next_to_send(&mut self) -> Option<RawFrame> {
         self.to_send.pop_front()
+    }
+
+    /// Keeps received bytes for the host: they join the latest ones unless the line was idle in between.
+    pub fn keep_bytes(&mut self, now: Instant, bytes: &[u8], idle: Duration) {
+        let mut joins = self.heard_at + idle > now;
+        self.heard_at = now;
+        for byte in bytes {
+            let joined = match self.received.back_mut() {
+                Some(ReceivedFrame { frame: RawFrame::Serial(latest), .. }) if joins => {
+                    latest.push(*byte).is_ok()
+                }
+                _ => false,
+            };
+            if !joined {
+                let mut first = Bytes::new();
+                let _ = first.push(*byte);
+                self.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Serial(first) });
+                joins = true;
+            }
+        }
     }
 
     /// Keeps a received frame for the host; when the queue is full it is dropped and counted.

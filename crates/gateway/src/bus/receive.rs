@@ -8,6 +8,9 @@ use crate::time::Instant;
 use host_protocol::{BusKind, CanFrame, Event, RawFrame, ReceivedFrame};
 use rmd::rs485::FRAME_LEN;
 
+/// Bits of silence between bytes that belong to different raw frames: two bytes' time.
+const RAW_IDLE_BITS: u64 = 20;
+
 impl Bus {
     /// A frame has arrived on a CAN bus.
     pub fn can_received(&mut self, now: Instant, frame: CanFrame, axes: &mut [Axis], out: &mut Outbox<'_>) {
@@ -36,12 +39,9 @@ impl Bus {
         if self.kind() != BusKind::Rs485 || self.config.is_none() {
             return;
         }
+        let idle = self.bit_time(RAW_IDLE_BITS);
         if let Some(raw) = &mut self.raw {
-            for chunk in bytes.chunks(host_protocol::MAX_SERIAL_FRAME) {
-                if let Ok(bytes) = chunk.try_into() {
-                    raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Serial(bytes) });
-                }
-            }
+            raw.keep_bytes(now, bytes, idle);
         }
         for byte in bytes {
             if let Some(frame) = self.line.receive(now, *byte) {

@@ -62,18 +62,20 @@ impl Server {
     /// # Errors
     /// When the listener fails.
     pub fn turn(&mut self, elapsed: Duration, log: &mut impl FnMut(&str)) -> io::Result<()> {
-        self.accept(log)?;
         let until = self.start + elapsed;
         loop {
             let now = Duration::from_micros(self.world.now().as_micros());
-            self.read(log);
+            // The world is brought to the present before it is given what has arrived by now.
             self.world.run_for(until.saturating_sub(now).min(CATCH_UP));
+            self.read(log);
             self.write(log);
             self.print_motor_logs(log);
             if now + CATCH_UP >= until {
                 break;
             }
         }
+        // After reading, so that whoever has left has given its link back.
+        self.accept(log)?;
         // Nobody asks a served world for it.
         self.world.trace();
         Ok(())
