@@ -1,0 +1,250 @@
+//! NUCLEO-H743ZI and NUCLEO-H743ZI2: two FDCANs, one RS485 port, host links on the ST-LINK's virtual COM port and on
+//! the header.
+//!
+//! | Function | Pins | |
+//! |---|---|---|
+//! | bus 0, CAN | PD0 RX, PD1 TX | FDCAN1, to a transceiver |
+//! | bus 1, CAN | PB5 RX, PB6 TX | FDCAN2, to a transceiver |
+//! | bus 2, RS485 | PD6 RX, PD5 TX, PD4 DE | USART2, to a transceiver with RE# tied to ground |
+//! | host link 0 | PD9 RX, PD8 TX | USART3, the virtual COM port |
+//! | host link 1 | PG9 RX, PG14 TX | USART6, on the header |
+//! | light | PB0 | LD1, blinks while the firmware runs |
+
+use embassy_executor::Spawner;
+use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
+use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::peripherals::{
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PB5, PB6, PD0, PD1, USART2,
+    USART3, USART6,
+};
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
+    VoltageScale, frequency, mux,
+};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::usart::{self, Uart};
+use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac};
+use gateway::{Board, BusPort, BusPortKind};
+use host_protocol::BootReason;
+use static_cell::{ConstStaticCell, StaticCell};
+
+use super::{BUILD_ID, FIRMWARE};
+use crate::fdcan::{self, CanPort, FdcanPort, Timing};
+use crate::line::{self, Receiver, Sender};
+use crate::shared_gateway::SharedGateway;
+use crate::tasks;
+
+/// CAN buses, numbered first.
+pub const CAN_BUSES: usize = 2;
+/// RS485 buses, numbered after them.
+pub const RS485_BUSES: usize = 1;
+/// Host links on UARTs.
+pub const HOST_UARTS: usize = 2;
+
+/// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
+const HSE_HZ: u32 = 8_000_000;
+/// PLL1: 8 MHz × 100 = 800 MHz. The processor gets half of it, 400 MHz, the most at voltage scale 1.
+const PLL1_VCO_HZ: u32 = HSE_HZ * 100;
+/// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN registers.
+const CAN_KERNEL_HZ: u32 = PLL1_VCO_HZ / 10;
+
+/// Bitrate of the host links.
+const HOST_BITS_PER_SECOND: u32 = 921_600;
+/// Bytes of each host link's DMA ring: 5.5 ms at 921600 baud.
+const HOST_RING: usize = 512;
+/// Bytes of the RS485 DMA ring: 1.28 ms at 2 Mbaud.
+const RS485_RING: usize = 256;
+/// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.
+const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
+
+/// 80 MHz, and 20 time quanta per bit for every bitrate: sample point (1 + 16) / 20 = 85 %, so that
+/// prescaler = 80 MHz / 20 / bitrate = 4 MHz / bitrate.
+pub static CAN_TIMINGS: [Timing; 8] = CAN_TIMING_TABLE;
+const CAN_TIMING_TABLE: [Timing; 8] = [
+    can_timing(1_000_000, 4), // 4 MHz / 4
+    can_timing(800_000, 5),   // 4 MHz / 5
+    can_timing(500_000, 8),   // 4 MHz / 8
+    can_timing(250_000, 16),  // 4 MHz / 16
+    can_timing(210_526, 19),  // 4 MHz / 19 = 210526.3
+    can_timing(125_000, 32),  // 4 MHz / 32
+    can_timing(100_000, 40),  // 4 MHz / 40
+    can_timing(50_000, 80),   // 4 MHz / 80
+];
+
+const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
+    Timing::checked(CAN_KERNEL_HZ, bitrate, prescaler, 16, 3)
+}
+
+/// From the 100 MHz of APB1: 100 MHz / 868 = 115207, / 200, / 100, / 67 = 1.493 M (−0.5 %), / 50.
+const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+
+const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+const RS485_BUS: BusPort =
+    BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
+
+bind_interrupts!(struct Irqs {
+    FDCAN1_IT1 => fdcan::InterruptHandler<FDCAN1>, IT1InterruptHandler<FDCAN1>;
+    FDCAN2_IT1 => fdcan::InterruptHandler<FDCAN2>, IT1InterruptHandler<FDCAN2>;
+    USART2 => line::InterruptHandler<USART2>, usart::InterruptHandler<USART2>;
+    USART3 => line::InterruptHandler<USART3>, usart::InterruptHandler<USART3>;
+    USART6 => line::InterruptHandler<USART6>, usart::InterruptHandler<USART6>;
+    DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
+    DMA1_STREAM1 => dma::InterruptHandler<DMA1_CH1>;
+    DMA1_STREAM2 => dma::InterruptHandler<DMA1_CH2>;
+    DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
+    DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
+    DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
+});
+
+// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
+// controller. So the driver's handler for it stays out of the image, 4 KiB; were it raised, the board would restart.
+unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
+
+fdcan::instance!(FDCAN1);
+fdcan::instance!(FDCAN2);
+line::instance!(USART2);
+line::instance!(USART3);
+line::instance!(USART6);
+
+/// The ports of the board, set up and not yet served.
+pub struct Ports {
+    can_0: FdcanPort<FDCAN1, PD0, PD1, Irqs>,
+    can_1: FdcanPort<FDCAN2, PB5, PB6, Irqs>,
+    rs485: (Receiver, Sender),
+    host_0: (Receiver, Sender),
+    host_1: (Receiver, Sender),
+    light: Output<'static>,
+}
+
+/// Sets clocks, pins and UARTs up.
+pub fn start() -> (Board, Ports) {
+    if let Some(mut core) = cortex_m::Peripherals::take() {
+        // Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
+        core.SCB.enable_icache();
+    }
+    let mut config = Config::default();
+    set_clocks(&mut config.rcc);
+    let p = embassy_stm32::init(config);
+    defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
+
+    let uart = uart_config(HOST_BITS_PER_SECOND);
+    let host_0 = defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
+    let host_1 = defmt::unwrap!(Uart::new(p.USART6, p.PG9, p.PG14, p.DMA1_CH3, p.DMA1_CH2, Irqs, uart));
+    let [first_bitrate, ..] = RS485_BITRATES;
+    let uart = uart_config(first_bitrate);
+    let rs485 =
+        defmt::unwrap!(Uart::new_with_de(p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart));
+    let ports = Ports {
+        can_0: FdcanPort { controller: p.FDCAN1, rx: p.PD0, tx: p.PD1, irqs: Irqs },
+        can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
+        rs485: {
+            static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
+            let (sender, receiver) = rs485.split();
+            let receiver = receiver.into_ring_buffered(RING.take());
+            (Receiver::new::<USART2>(receiver), Sender::new::<USART2>(sender, first_bitrate))
+        },
+        host_0: {
+            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+            host_line::<USART3>(host_0, RING.take())
+        },
+        host_1: {
+            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+            host_line::<USART6>(host_1, RING.take())
+        },
+        light: Output::new(p.PB0, Level::Low, Speed::Low),
+    };
+    (description(), ports)
+}
+
+impl Ports {
+    /// Starts a task for every port.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+        static CAN_0: StaticCell<FdcanPort<FDCAN1, PD0, PD1, Irqs>> = StaticCell::new();
+        static CAN_1: StaticCell<FdcanPort<FDCAN2, PB5, PB6, Irqs>> = StaticCell::new();
+        let can: [&'static mut dyn CanPort; CAN_BUSES] = [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
+        for (bus, port) in (0..).zip(can) {
+            spawner.spawn(defmt::unwrap!(tasks::can::can(gateway, bus, port)));
+        }
+        let (receiver, sender) = self.rs485;
+        spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 2, receiver, sender)));
+        for (link, (receiver, sender)) in (0..).zip([self.host_0, self.host_1]) {
+            spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
+            spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
+        }
+        spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
+    }
+}
+
+fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
+    rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Bypass });
+    rcc.pll1 = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV1,
+        mul: PllMul::MUL100,
+        fracn: None,
+        divp: Some(PllDiv::DIV2),  // 800 MHz / 2 = 400 MHz: processor
+        divq: Some(PllDiv::DIV10), // 800 MHz / 10 = 80 MHz: FDCAN kernel
+        divr: None,
+    });
+    rcc.hsi48 = None;
+    rcc.voltage_scale = VoltageScale::Scale1;
+    rcc.sys = Sysclk::PLL1_P;
+    rcc.ahb_pre = AHBPrescaler::DIV2; // 200 MHz
+    rcc.apb1_pre = APBPrescaler::DIV2; // 100 MHz: USART2, USART3, FDCAN registers
+    rcc.apb2_pre = APBPrescaler::DIV2; // 100 MHz: USART6
+    rcc.apb3_pre = APBPrescaler::DIV2; // 100 MHz
+    rcc.apb4_pre = APBPrescaler::DIV2; // 100 MHz
+    rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
+}
+
+fn uart_config(bits_per_second: u32) -> usart::Config {
+    let mut config = usart::Config::default();
+    config.baudrate = bits_per_second;
+    // An open input reads as an idle line.
+    config.rx_pull = Pull::Up;
+    config.de_assertion_time = DRIVER_ENABLE_SIXTEENTHS;
+    config.de_deassertion_time = DRIVER_ENABLE_SIXTEENTHS;
+    config
+}
+
+fn host_line<T: line::Instance>(
+    uart: Uart<'static, embassy_stm32::mode::Async>,
+    ring: &'static mut [u8; HOST_RING],
+) -> (Receiver, Sender) {
+    let (sender, receiver) = uart.split();
+    let receiver = receiver.into_ring_buffered(ring);
+    (Receiver::with_delimiters::<T>(receiver), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
+}
+
+/// What the core must know of this board.
+fn description() -> Board {
+    Board {
+        name: "nucleo-h743zi",
+        firmware: FIRMWARE,
+        build_id: BUILD_ID,
+        boot: take_boot_reason(),
+        buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
+        links: 2,
+    }
+}
+
+/// Reads why the chip was reset, and clears it for the next time. Several flags may be set: the rarer cause counts.
+fn take_boot_reason() -> BootReason {
+    let flags = pac::RCC.rsr().read();
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    if flags.porrstf() {
+        BootReason::PowerOn
+    } else if flags.borrstf() {
+        BootReason::Brownout
+    } else if flags.iwdg1rstf() || flags.wwdg1rstf() {
+        BootReason::Watchdog
+    } else if flags.sftrstf() {
+        BootReason::Software
+    } else if flags.pinrstf() {
+        BootReason::Pin
+    } else {
+        BootReason::Unknown
+    }
+}

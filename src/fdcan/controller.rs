@@ -1,0 +1,179 @@
+//! A running controller: frames in by slot, happenings out, error state, withdrawal and recovery.
+
+use embassy_stm32::can::Can;
+use embassy_stm32::pac;
+use embassy_stm32::pac::can::Fdcan;
+use embassy_time::{Duration, Instant, Timer};
+use gateway::port::TRANSMIT_SLOTS;
+use host_protocol::{BusState, CanFrame};
+
+use super::element;
+use super::happenings::{Happening, Happenings, PLACE_WORDS};
+
+/// How long the controller may take to give a frame back.
+const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
+/// How often that is looked at.
+const WITHDRAWAL_POLL: Duration = Duration::from_micros(20);
+/// How often a bit is read that the controller sets within a few of its clocks; a bound, not a measure of time.
+const REGISTER_POLLS: usize = 1000;
+/// Transmit places that the driver sets up; one bit each in the registers.
+const TRANSMIT_PLACES: usize = 3;
+
+/// Error state and counters.
+#[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
+pub struct ErrorState {
+    /// The state.
+    pub state: BusState,
+    /// Transmit error counter, TEC.
+    pub transmit_errors: u16,
+    /// Receive error counter, REC.
+    pub receive_errors: u16,
+}
+
+/// A controller on its bus. Off the bus again when dropped.
+pub struct Controller<'d> {
+    registers: Fdcan,
+    happenings: &'static Happenings,
+    /// Holds the clock and the pins.
+    _driver: Can<'d>,
+    /// The frames in the controller, by slot.
+    held: [Option<CanFrame>; TRANSMIT_SLOTS],
+    /// A frame that may not join them yet.
+    waiting: Option<(u8, CanFrame)>,
+}
+
+impl<'d> Controller<'d> {
+    pub(super) fn new(registers: Fdcan, happenings: &'static Happenings, driver: Can<'d>) -> Self {
+        Self { registers, happenings, _driver: driver, held: [None; TRANSMIT_SLOTS], waiting: None }
+    }
+
+    /// Waits for the next happening; the slot of a sent frame is free again when it has returned.
+    pub async fn next(&mut self) -> Happening {
+        loop {
+            let happening = self.happenings.next().await;
+            match happening {
+                Happening::Transmitted(slot) if !self.release(slot) => continue,
+                happening => return happening,
+            }
+        }
+    }
+
+    /// How many received frames were lost since the last call.
+    pub fn take_lost(&self) -> u32 {
+        self.happenings.take_lost()
+    }
+
+    /// Whether a frame can be taken over.
+    pub fn has_room(&self) -> bool {
+        self.waiting.is_none()
+    }
+
+    /// Sends a frame as soon as the bus allows.
+    pub fn send(&mut self, slot: u8, frame: CanFrame) {
+        self.waiting = Some((slot, frame));
+        self.send_waiting();
+    }
+
+    /// Moves the waiting frame into the controller unless its slot is taken or a frame of the same id is there: the
+    /// controller might send the later one first, and so a setpoint after the stop that replaces it.
+    fn send_waiting(&mut self) {
+        let Some((slot, frame)) = self.waiting else { return };
+        let status = self.registers.txfqs().read();
+        let overtakes = self.held.iter().flatten().any(|held| held.id() == frame.id());
+        match self.held.get_mut(usize::from(slot)) {
+            Some(held @ None) if !overtakes && !status.tfqf() => *held = Some(frame),
+            _ => return,
+        }
+        self.waiting = None;
+        let place = usize::from(status.tfqpi());
+        let start = usize::from(self.registers.txbc().read().tbsa()) + place * PLACE_WORDS;
+        for (offset, word) in element::to_send(&frame, slot).into_iter().enumerate() {
+            pac::FDCANRAM.ram(start + offset).write_value(word);
+        }
+        self.registers.txbar().write(|w| w.set_ar(place, true));
+    }
+
+    /// Frees the slot of a sent frame; false if it held none, as after a withdrawal.
+    fn release(&mut self, slot: u8) -> bool {
+        let held = self.held.get_mut(usize::from(slot)).and_then(Option::take).is_some();
+        self.send_waiting();
+        held
+    }
+
+    /// Takes every frame back that has not been sent. Afterwards none is reported as sent any more.
+    pub async fn withdraw_all(&mut self) {
+        self.waiting = None;
+        self.held = [None; TRANSMIT_SLOTS];
+        self.registers.txbcr().write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cr(place, true)));
+        let deadline = Instant::now() + WITHDRAWAL_DEADLINE;
+        while self.registers.txbrp().read().0 != 0 && Instant::now() < deadline {
+            Timer::after(WITHDRAWAL_POLL).await;
+        }
+        if self.registers.txbrp().read().0 != 0 {
+            defmt::debug!("the CAN controller kept frames; they are wiped");
+            self.wipe();
+        }
+    }
+
+    /// Takes the controller off the bus.
+    fn leave_bus(&mut self) {
+        self.registers.cccr().modify(|w| w.set_init(true));
+        // INIT crosses clock domains; nothing that depends on it may be written before it reads back.
+        for _ in 0..REGISTER_POLLS {
+            if self.registers.cccr().read().init() {
+                break;
+            }
+        }
+    }
+
+    /// Resets the transmit queue and the FIFOs: the effect of CCE, which needs INIT (RM0433, FDCAN chapter, software
+    /// initialisation). The controller is off the bus afterwards.
+    fn wipe(&mut self) {
+        self.leave_bus();
+        self.registers.cccr().modify(|w| w.set_cce(true));
+        for _ in 0..REGISTER_POLLS {
+            if self.registers.txbrp().read().0 == 0 {
+                break;
+            }
+        }
+        self.registers.cccr().modify(|w| w.set_cce(false));
+    }
+
+    /// The error state now. A controller that stopped after a failed access to its message RAM counts as off the bus.
+    pub fn error_state(&self) -> ErrorState {
+        let status = self.registers.psr().read();
+        let counters = self.registers.ecr().read();
+        let state = if status.bo() || self.registers.cccr().read().asm() {
+            BusState::BusOff
+        } else if status.ep() {
+            BusState::Passive
+        } else if status.ew() {
+            BusState::Warning
+        } else {
+            BusState::Active
+        };
+        ErrorState { state, transmit_errors: counters.tec().into(), receive_errors: counters.rec().into() }
+    }
+
+    /// Whether the controller has stopped and waits for [`Self::rejoin`].
+    pub fn is_stopped(&self) -> bool {
+        let control = self.registers.cccr().read();
+        control.init() || control.asm()
+    }
+
+    /// Lets a stopped controller join the bus again; it then waits for 129 times 11 recessive bits.
+    pub fn rejoin(&mut self) {
+        self.registers.cccr().modify(|w| {
+            w.set_asm(false);
+            w.set_init(false);
+        });
+    }
+}
+
+impl Drop for Controller<'_> {
+    fn drop(&mut self) {
+        // Two controllers share one clock gate: with the other one running this one would go on.
+        self.registers.ie().write_value(pac::can::regs::Ie(0));
+        self.leave_bus();
+    }
+}

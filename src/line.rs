@@ -1,0 +1,143 @@
+//! What a serial line reports beside the driver: a delimiter arrived, the last bit left.
+//!
+//! The driver's receiver wakes on an idle line or a half-full ring, so a stop in the middle of a stream would wait for
+//! the bytes behind it. And its `flush` may never return, because its receiver clears the flag that `flush` waits for.
+
+use core::marker::PhantomData;
+
+use embassy_stm32::interrupt::typelevel::Handler;
+use embassy_stm32::mode::Async;
+use embassy_stm32::pac::usart::Usart;
+use embassy_stm32::usart::{self, RingBufferedUartRx, UartTx};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, TimeoutError, with_timeout};
+
+/// Bits of a byte on the line: start, 8 data, stop.
+const BITS_PER_BYTE: u64 = 10;
+/// Bits that the driver-enable may add: its lead and its tail.
+const DRIVER_ENABLE_BITS: u64 = 4;
+/// What a transmission may take longer than its bits before it counts as hung.
+const MARGIN: Duration = Duration::from_millis(2);
+
+/// What happened on one line.
+pub struct LineEvents {
+    delimiter: Signal<CriticalSectionRawMutex, ()>,
+    sent: Signal<CriticalSectionRawMutex, ()>,
+}
+
+impl LineEvents {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self { delimiter: Signal::new(), sent: Signal::new() }
+    }
+
+    /// Waits for the byte 0x00. For one task per line.
+    pub async fn delimiter(&self) {
+        self.delimiter.wait().await;
+    }
+}
+
+/// A USART of the chip whose line events are kept.
+pub trait Instance: usart::Instance {
+    /// Its registers.
+    fn registers() -> Usart;
+    /// Its events.
+    fn events() -> &'static LineEvents;
+}
+
+/// Makes a USART of the chip an [`Instance`].
+macro_rules! instance {
+    ($name:ident) => {
+        impl $crate::line::Instance for embassy_stm32::peripherals::$name {
+            fn registers() -> embassy_stm32::pac::usart::Usart {
+                embassy_stm32::pac::$name
+            }
+            fn events() -> &'static $crate::line::LineEvents {
+                static EVENTS: $crate::line::LineEvents = $crate::line::LineEvents::new();
+                &EVENTS
+            }
+        }
+    };
+}
+pub(crate) use instance;
+
+/// Serves the interrupt of a USART. To be bound before the driver's handler, which clears flags of others.
+pub struct InterruptHandler<T: Instance> {
+    usart: PhantomData<T>,
+}
+
+impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
+    unsafe fn on_interrupt() {
+        let usart = T::registers();
+        let flags = usart.isr().read();
+        let enabled = usart.cr1().read();
+        if flags.cmf() && enabled.cmie() {
+            usart.icr().write(|w| w.set_cmf(true));
+            T::events().delimiter.signal(());
+        }
+        if flags.tc() && enabled.tcie() {
+            usart.cr1().modify(|w| w.set_tcie(false));
+            T::events().sent.signal(());
+        }
+    }
+}
+
+/// The receiving half of a line.
+pub struct Receiver {
+    /// The driver.
+    pub bytes: RingBufferedUartRx<'static>,
+    /// What else happens on the line.
+    pub events: &'static LineEvents,
+}
+
+impl Receiver {
+    /// A receiver that also reports each byte 0x00.
+    pub fn with_delimiters<T: Instance>(bytes: RingBufferedUartRx<'static>) -> Self {
+        // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host protocol.
+        T::registers().cr1().modify(|w| w.set_cmie(true));
+        Self { bytes, events: T::events() }
+    }
+
+    /// A receiver alone.
+    pub fn new<T: Instance>(bytes: RingBufferedUartRx<'static>) -> Self {
+        Self { bytes, events: T::events() }
+    }
+}
+
+/// The sending half of a line.
+pub struct Sender {
+    driver: UartTx<'static, Async>,
+    registers: Usart,
+    events: &'static LineEvents,
+    bits_per_second: u32,
+}
+
+impl Sender {
+    /// Of a USART that was set up with this bitrate.
+    pub fn new<T: Instance>(driver: UartTx<'static, Async>, bits_per_second: u32) -> Self {
+        Self { driver, registers: T::registers(), events: T::events(), bits_per_second }
+    }
+
+    /// Changes the bitrate of the line, for the receiver too.
+    pub fn set_bits_per_second(&mut self, bits_per_second: u32) -> Result<(), usart::ConfigError> {
+        self.driver.set_baudrate(bits_per_second)?;
+        self.bits_per_second = bits_per_second;
+        Ok(())
+    }
+
+    /// Sends, and returns when the last stop bit has left.
+    pub async fn send(&mut self, bytes: &[u8]) -> Result<(), TimeoutError> {
+        let bits = BITS_PER_BYTE * bytes.len() as u64 + DRIVER_ENABLE_BITS;
+        let duration = Duration::from_micros(bits * 1_000_000 / u64::from(self.bits_per_second.max(1)));
+        with_timeout(duration + MARGIN, async {
+            self.registers.icr().write(|w| w.set_tc(true));
+            self.events.sent.reset();
+            self.registers.cr1().modify(|w| w.set_tcie(true));
+            // The result is always Ok: this driver's write reports nothing.
+            let _ = self.driver.write(bytes).await;
+            self.events.sent.wait().await;
+        })
+        .await
+    }
+}

@@ -1,0 +1,43 @@
+//! Firmware of the motor gateway: it carries bytes and frames between the board's ports and the core, [`gateway`].
+//!
+//! Built for a board with `cargo fw`; on the host this is an empty program.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod board;
+#[cfg(target_os = "none")]
+mod fault;
+#[cfg(target_os = "none")]
+mod fdcan;
+#[cfg(target_os = "none")]
+mod line;
+#[cfg(target_os = "none")]
+mod shared_gateway;
+#[cfg(target_os = "none")]
+mod tasks;
+
+#[cfg(target_os = "none")]
+#[embassy_executor::main]
+async fn main(spawner: embassy_executor::Spawner) {
+    use defmt_rtt as _;
+    use shared_gateway::SharedGateway;
+
+    let (description, ports) = board::start();
+    defmt::info!(
+        "motor gateway {=str}, build {=str}, on {=str}, started by {}",
+        description.firmware,
+        description.build_id,
+        description.name,
+        description.boot
+    );
+    let gateway = SharedGateway::place(description);
+    spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
+    ports.spawn(spawner, gateway);
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!(
+        "This is the firmware of a board: build it with `cargo fw`. `cargo run` starts the demonstration."
+    );
+}

@@ -1,0 +1,7 @@
+//! The tasks: each waits for its port or for the core, carries bytes or frames between the two, and decides nothing.
+
+pub mod can;
+pub mod deadline;
+pub mod host;
+pub mod life;
+pub mod rs485;

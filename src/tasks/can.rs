@@ -1,0 +1,128 @@
+//! One CAN bus: starts the controller as the core wants it, and carries frames and error states.
+
+use embassy_futures::select::{Either3, select3};
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Instant, Ticker};
+use gateway::{BusSetup, Event, Outgoing, Transmit};
+use host_protocol::BusState;
+
+use crate::board;
+use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
+use crate::shared_gateway::SharedGateway;
+
+/// How often the error state is read when nothing says that it changed.
+const STATE_POLL: Duration = Duration::from_millis(10);
+/// How long a controller that went bus-off stays off the bus.
+const BUS_OFF_PAUSE: Duration = Duration::from_millis(100);
+
+/// For ever: run the bus as configured, start it again when the configuration changes.
+#[embassy_executor::task(pool_size = board::CAN_BUSES)]
+pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dyn CanPort) -> ! {
+    let mut current = None;
+    loop {
+        current = gateway.other_bus_setup(bus, current).await;
+        let Some(setup) = current else { continue };
+        let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == setup.bitrate) else {
+            defmt::warn!("bus {=u8}: no timing for {=u32} bit/s", bus, setup.bitrate);
+            continue;
+        };
+        defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
+        CanBus { gateway, bus, controller: port.start(timing), reported: None, rejoin: None }
+            .run(setup)
+            .await;
+    }
+}
+
+/// A bus while it runs with one setup.
+struct CanBus<'d> {
+    gateway: &'static SharedGateway,
+    bus: u8,
+    controller: Controller<'d>,
+    /// The error state that the core knows.
+    reported: Option<ErrorState>,
+    /// When the controller, being bus-off, may join the bus again.
+    rejoin: Option<Instant>,
+}
+
+impl CanBus<'_> {
+    /// Until the setup changes.
+    async fn run(mut self, setup: BusSetup) {
+        let mut state_poll = Ticker::every(STATE_POLL);
+        self.follow_error_state().await;
+        while self.gateway.bus_setup(self.bus) == Some(setup) {
+            self.send();
+            let happened =
+                select3(self.controller.next(), self.gateway.bus_changed(self.bus), state_poll.next()).await;
+            let bus = self.bus;
+            match happened {
+                Either3::First(Happening::Transmitted(slot)) => {
+                    self.gateway.handle(Event::Transmitted { bus, slot })
+                }
+                Either3::First(Happening::Received(frame)) => {
+                    self.gateway.handle(Event::CanReceived { bus, frame })
+                }
+                Either3::First(Happening::ErrorState) | Either3::Third(()) => self.follow_error_state().await,
+                Either3::Second(()) => {}
+            }
+            self.report_losses();
+            // A full queue must not keep the other tasks waiting.
+            yield_now().await;
+        }
+    }
+
+    /// Hands over what the core wants sent, as long as the controller is on the bus and has room.
+    fn send(&mut self) {
+        let off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
+        while !off && self.controller.has_room() {
+            match self.gateway.poll_transmit(self.bus) {
+                Some(Transmit { slot, frame: Outgoing::Can(frame) }) => self.controller.send(slot, frame),
+                Some(Transmit { frame: Outgoing::Serial(_), .. }) => {
+                    defmt::error!("bus {=u8}: bytes for a CAN bus", self.bus);
+                }
+                None => break,
+            }
+        }
+    }
+
+    /// Reports a changed error state. Bus-off: takes all frames back first, and joins the bus again after a pause.
+    async fn follow_error_state(&mut self) {
+        if self.controller.is_stopped() {
+            match self.rejoin {
+                None => {
+                    self.controller.withdraw_all().await;
+                    self.rejoin = Some(Instant::now() + BUS_OFF_PAUSE);
+                }
+                Some(due) if Instant::now() >= due => {
+                    self.controller.rejoin();
+                    self.rejoin = None;
+                    defmt::info!("bus {=u8}: joins the bus again", self.bus);
+                }
+                Some(_) => {}
+            }
+        }
+        let now = self.controller.error_state();
+        if self.reported == Some(now) {
+            return;
+        }
+        self.log_state(now);
+        self.reported = Some(now);
+        let ErrorState { state, transmit_errors, receive_errors } = now;
+        self.gateway.handle(Event::BusState { bus: self.bus, state, transmit_errors, receive_errors });
+    }
+
+    fn log_state(&self, now: ErrorState) {
+        match (self.reported.map(|reported| reported.state), now.state) {
+            (Some(before), state) if before == state => {}
+            (_, BusState::Active) => defmt::info!("bus {=u8}: {}", self.bus, now),
+            _ => defmt::warn!("bus {=u8}: {}", self.bus, now),
+        }
+    }
+
+    fn report_losses(&self) {
+        let lost = self.controller.take_lost();
+        if lost > 0 {
+            defmt::warn!("bus {=u8}: {=u32} received frames lost", self.bus, lost);
+            self.gateway.handle(Event::ReceiveOverflow { bus: self.bus, lost });
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! One host link on a UART: bytes in, frames out.
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Timer};
+use gateway::Event;
+use host_protocol::MAX_FRAME;
+
+use crate::board;
+use crate::line::{Receiver, Sender};
+use crate::shared_gateway::SharedGateway;
+
+/// Bytes given to the core at once.
+const CHUNK: usize = 128;
+/// Rest after a line error, so that a floating or noisy line does not take the processor.
+const ERROR_PAUSE: Duration = Duration::from_micros(100);
+
+/// For ever: bytes from the host to the core.
+#[embassy_executor::task(pool_size = board::HOST_UARTS)]
+pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
+    let mut chunk = [0; CHUNK];
+    let mut errors: u32 = 0;
+    loop {
+        match select(line.bytes.read(&mut chunk), line.events.delimiter()).await {
+            Either::First(Ok(length)) => {
+                let bytes = chunk.get(..length).unwrap_or_default();
+                gateway.handle(Event::HostBytes { link, bytes });
+            }
+            Either::First(Err(error)) => {
+                errors = errors.saturating_add(1);
+                // At 1, 2, 4, 8, …: a line that only makes noise must not fill the log.
+                if errors.is_power_of_two() {
+                    defmt::warn!("host link {=u8}: {}, {=u32} errors so far", link, error, errors);
+                }
+                Timer::after(ERROR_PAUSE).await;
+            }
+            // A whole frame may lie in the ring: read again at once.
+            Either::Second(()) => {}
+        }
+    }
+}
+
+/// For ever: frames from the core to the host.
+#[embassy_executor::task(pool_size = board::HOST_UARTS)]
+pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -> ! {
+    let mut frame = [0; MAX_FRAME];
+    loop {
+        let Some(length) = gateway.poll_host(link, &mut frame) else {
+            gateway.link_changed(link).await;
+            continue;
+        };
+        if line.send(frame.get(..length).unwrap_or_default()).await.is_err() {
+            defmt::warn!("host link {=u8}: a frame of {=usize} bytes did not leave in time", link, length);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! One RS485 bus: carries bytes both ways and reports when the last bit of a frame has left.
+
+use embassy_futures::select::select;
+use embassy_futures::yield_now;
+use gateway::{BusSetup, Event, Outgoing, Transmit};
+use host_protocol::BusState;
+
+use crate::board;
+use crate::line::{Receiver, Sender};
+use crate::shared_gateway::SharedGateway;
+
+/// Bytes given to the core at once.
+const CHUNK: usize = 64;
+
+/// For ever: run the bus as configured, start it again when the configuration changes or the transmitter hangs.
+#[embassy_executor::task(pool_size = board::RS485_BUSES)]
+pub async fn rs485(
+    gateway: &'static SharedGateway,
+    bus: u8,
+    mut receiver: Receiver,
+    mut sender: Sender,
+) -> ! {
+    let mut current = None;
+    loop {
+        current = gateway.other_bus_setup(bus, current).await;
+        let Some(setup) = current else { continue };
+        if let Err(error) = sender.set_bits_per_second(setup.bitrate) {
+            defmt::warn!("bus {=u8}: {=u32} baud: {}", bus, setup.bitrate, error);
+            continue;
+        }
+        defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
+        gateway.handle(Event::BusState {
+            bus,
+            state: BusState::Active,
+            transmit_errors: 0,
+            receive_errors: 0,
+        });
+        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup)).await;
+    }
+}
+
+/// Bytes from the bus to the core, our own echo included.
+async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
+    let mut chunk = [0; CHUNK];
+    let mut errors: u32 = 0;
+    loop {
+        match receiver.bytes.read(&mut chunk).await {
+            Ok(length) => {
+                let bytes = chunk.get(..length).unwrap_or_default();
+                gateway.handle(Event::SerialReceived { bus, bytes });
+            }
+            Err(error) => {
+                errors = errors.saturating_add(1);
+                // At 1, 2, 4, 8, …: a line that only makes noise must not fill the log.
+                if errors.is_power_of_two() {
+                    defmt::warn!("bus {=u8}: {}, {=u32} errors so far", bus, error, errors);
+                }
+                // Any error stops the reception until the next read; what had arrived is lost.
+                gateway.handle(Event::ReceiveOverflow { bus, lost: 1 });
+            }
+        }
+        yield_now().await;
+    }
+}
+
+/// Frames from the core to the bus, until the setup changes or a frame does not leave.
+async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusSetup) {
+    while gateway.bus_setup(bus) == Some(setup) {
+        match gateway.poll_transmit(bus) {
+            Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
+                if sender.send(&bytes).await.is_err() {
+                    defmt::warn!("bus {=u8}: {=usize} bytes did not leave in time", bus, bytes.len());
+                    return;
+                }
+                gateway.handle(Event::Transmitted { bus, slot });
+            }
+            Some(Transmit { frame: Outgoing::Can(_), .. }) => {
+                defmt::error!("bus {=u8}: a CAN frame for RS485", bus)
+            }
+            None => gateway.bus_changed(bus).await,
+        }
+    }
+}
