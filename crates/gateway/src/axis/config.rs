@@ -1,13 +1,19 @@
 //! The configuration of one axis: the values set, and what each means to the core.
 
 use crate::time::Duration;
-use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value};
+use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind};
 
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct AxisConfig {
-    values: [Option<Value>; AxisParameter::ALL.len()],
+    /// The values as bits; the parameter table says which kind each is.
+    values: [u32; PARAMETERS],
+    /// Which of them are set: bit 0 for the first parameter.
+    set: u32,
 }
+
+const PARAMETERS: usize = AxisParameter::ALL.len();
+const _: () = assert!(PARAMETERS <= u32::BITS as usize, "one bit for each parameter");
 
 /// Where and what an axis is; exists once the required parameters are set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,21 +25,27 @@ pub(crate) struct Address {
 
 impl AxisConfig {
     pub const fn new() -> Self {
-        Self { values: [None; AxisParameter::ALL.len()] }
+        Self { values: [0; PARAMETERS], set: 0 }
     }
 
     /// Sets a parameter after checking type and range.
     pub fn set(&mut self, parameter: AxisParameter, value: Value) -> Result<(), Error> {
         parameter.check(value)?;
-        if let Some(slot) = self.values.get_mut(Self::index(parameter)) {
-            *slot = Some(value);
+        let index = Self::index(parameter);
+        if let Some(slot) = self.values.get_mut(index) {
+            *slot = to_bits(value);
+            self.set |= 1 << index;
         }
         Ok(())
     }
 
     /// The value in force: the one set, else the default.
     pub fn get(&self, parameter: AxisParameter) -> Option<Value> {
-        self.values.get(Self::index(parameter)).copied().flatten().or(parameter.info().default)
+        let (index, info) = (Self::index(parameter), parameter.info());
+        match self.values.get(index) {
+            Some(bits) if self.set & (1 << index) != 0 => Some(from_bits(info.kind, *bits)),
+            _ => info.default,
+        }
     }
 
     /// The first required parameter that is not set.
@@ -43,7 +55,7 @@ impl AxisConfig {
 
     /// Whether nothing has been set.
     pub fn is_empty(&self) -> bool {
-        self.values.iter().all(Option::is_none)
+        self.set == 0
     }
 
     pub fn bus(&self) -> Option<u8> {
@@ -140,5 +152,54 @@ impl AxisConfig {
     fn index(parameter: AxisParameter) -> usize {
         // Parameters are numbered from 1 without gaps; the table's own test holds it so.
         usize::from(parameter.number()).saturating_sub(1)
+    }
+}
+
+fn to_bits(value: Value) -> u32 {
+    match value {
+        Value::Bool(value) => u32::from(value),
+        Value::Unsigned(value) => value,
+        Value::Signed(value) => value.cast_unsigned(),
+        Value::Float(value) => value.to_bits(),
+    }
+}
+
+fn from_bits(kind: ValueKind, bits: u32) -> Value {
+    match kind {
+        ValueKind::Bool => Value::Bool(bits != 0),
+        ValueKind::Unsigned => Value::Unsigned(bits),
+        ValueKind::Signed => Value::Signed(bits.cast_signed()),
+        ValueKind::Float => Value::Float(f32::from_bits(bits)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_every_kind_come_back() {
+        let mut config = AxisConfig::new();
+        let values = [
+            (AxisParameter::Node, Value::Unsigned(253)),
+            (AxisParameter::Direction, Value::Signed(-1)),
+            (AxisParameter::PositionMinRad, Value::Float(-2.5)),
+            (AxisParameter::UnsafeInfiniteTtl, Value::Bool(true)),
+        ];
+        for (parameter, value) in values {
+            config.set(parameter, value).unwrap();
+            assert_eq!(config.get(parameter), Some(value));
+        }
+        assert_eq!(config.get(AxisParameter::TtlUs), Some(Value::Unsigned(100_000))); // the default
+        assert_eq!(config.get(AxisParameter::VelocityLimitRadS), None);
+        assert_eq!(config.missing(), Some(AxisParameter::Bus));
+    }
+
+    #[test]
+    fn a_refused_value_changes_nothing() {
+        let mut config = AxisConfig::new();
+        assert!(config.set(AxisParameter::TtlUs, Value::Unsigned(4_999)).is_err());
+        assert!(config.set(AxisParameter::TtlUs, Value::Float(5_000.0)).is_err());
+        assert!(config.is_empty());
     }
 }

@@ -6,9 +6,9 @@ use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
 use host_protocol::{Bytes, RawFrame, ReceivedFrame};
 
 /// Frames waiting to be sent.
-const SEND_QUEUE: usize = 4;
+const SEND_QUEUE: usize = 2;
 /// Frames waiting to be read by the host.
-const RECEIVE_QUEUE: usize = 16;
+const RECEIVE_QUEUE: usize = 8;
 
 /// An open raw access.
 pub(crate) struct Raw {
