@@ -1,87 +1,161 @@
 //! SI units against the manuals' units: the only place that knows both.
 //!
-//! Rounding is to the nearest wire unit, ties away from zero, once: products are taken in f64, because multi-turn counts
-//! exceed the 24 bits that f32 keeps. A value that the wire cannot carry gives `None`, never a clamped value; NaN and
-//! infinities give `None`. The axis's direction is applied by the callers in `motor`.
+//! Rounding is to the nearest wire unit, ties away from zero, once. A value that the wire cannot carry gives `None`,
+//! never a clamped value; NaN and infinities give `None`. The axis's direction is applied by the callers in `motor`.
+//!
+//! Multi-turn counts exceed the 24 bits that f32 keeps, and the boards' processors compute f64 in software or not at
+//! all; so the products are integers of 64 bits, and f64 is left to the compiler.
 
 use core::f64::consts::PI;
 
-/// Degrees in one radian.
-const DEGREES: f64 = 180.0 / PI;
-/// Revolutions per minute in one rad/s.
-const RPM: f64 = 60.0 / (2.0 * PI);
-
-/// Wire units for `value` SI units at `per_si` wire units each; `None` where an `i32` cannot hold them.
-fn to_wire(value: f32, per_si: f64) -> Option<i32> {
-    let count = libm::round(f64::from(value) * per_si);
-    if count >= f64::from(i32::MIN) && count <= f64::from(i32::MAX) {
-        // In range by the comparison above, which NaN fails.
-        #[allow(clippy::cast_possible_truncation)]
-        return Some(count as i32);
-    }
-    None
+/// A positive factor, `mantissa` × 2^`exponent`.
+#[derive(Debug, Clone, Copy)]
+struct Factor {
+    mantissa: u64,
+    exponent: i32,
 }
 
-/// SI units for `count` wire units at `per_si` wire units each.
-fn from_wire(count: i32, per_si: f64) -> f32 {
-    #[allow(clippy::cast_possible_truncation)]
-    let value = (f64::from(count) / per_si) as f32;
-    value
+impl Factor {
+    /// `value` with a mantissa of `bits` bits, at most 51.
+    const fn new(value: f64, bits: u32) -> Self {
+        assert!(value > 0.0 && bits <= 51);
+        let limit = (1u64 << bits) as f64;
+        let (mut mantissa, mut exponent) = (value, 0);
+        while mantissa < limit / 2.0 {
+            mantissa *= 2.0;
+            exponent -= 1;
+        }
+        while mantissa >= limit {
+            mantissa /= 2.0;
+            exponent += 1;
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        Self { mantissa: (mantissa + 0.5) as u64, exponent }
+    }
+}
+
+/// How many wire units one SI unit is.
+struct Scale {
+    /// 40 bits: with the 24 of an f32 the product fills a u64.
+    per_si: Factor,
+    /// 32 bits: with the 31 of a wire count the product stays below a u64.
+    in_si: Factor,
+}
+
+impl Scale {
+    const fn new(per_si: f64) -> Self {
+        Self { per_si: Factor::new(per_si, 40), in_si: Factor::new(1.0 / per_si, 32) }
+    }
+}
+
+/// Degrees in one radian.
+const DEGREES_PER_RAD: f64 = 180.0 / PI;
+const DEGREES: Scale = Scale::new(DEGREES_PER_RAD);
+const DECIDEGREES: Scale = Scale::new(DEGREES_PER_RAD * 10.0);
+const CENTIDEGREES: Scale = Scale::new(DEGREES_PER_RAD * 100.0);
+/// Revolutions per minute in one rad/s.
+const RPM: Scale = Scale::new(60.0 / (2.0 * PI));
+const TENTHS: Scale = Scale::new(10.0);
+const HUNDREDTHS: Scale = Scale::new(100.0);
+
+/// The parts of an f32: bits of its fraction, what its exponent is counted from, and the exponent of NaN and infinity.
+const FRACTION_BITS: u32 = 23;
+const EXPONENT_BIAS: i32 = 127;
+const EXPONENT_MASK: u32 = 0xFF;
+
+/// Wire units for `value` SI units; `None` where an `i32` cannot hold them.
+fn to_wire(value: f32, scale: &Scale) -> Option<i32> {
+    let bits = value.to_bits();
+    let exponent = (bits >> FRACTION_BITS) & EXPONENT_MASK;
+    let fraction = bits & ((1 << FRACTION_BITS) - 1);
+    if exponent == EXPONENT_MASK {
+        return None;
+    }
+    // Subnormal numbers have the exponent of the smallest normal ones, without the leading 1.
+    let mantissa = if exponent == 0 { fraction } else { fraction | 1 << FRACTION_BITS };
+    let exponent = exponent.max(1).cast_signed() - EXPONENT_BIAS - FRACTION_BITS.cast_signed();
+    let product = u64::from(mantissa) * scale.per_si.mantissa;
+    let magnitude = round_shift(product, exponent + scale.per_si.exponent)?;
+    let count = i64::try_from(magnitude).ok()?;
+    i32::try_from(if value.is_sign_negative() { -count } else { count }).ok()
+}
+
+/// `product` × 2^`exponent`, rounded half up; `None` where that exceeds a u64.
+fn round_shift(product: u64, exponent: i32) -> Option<u64> {
+    if product == 0 {
+        return Some(0);
+    }
+    if exponent >= 0 {
+        return product.checked_shl(exponent.unsigned_abs()).filter(|shifted| shifted >> exponent == product);
+    }
+    let half = exponent.unsigned_abs() - 1;
+    // Halves and whole units below the point: one bit more than the result.
+    let halves = product.checked_shr(half).unwrap_or(0);
+    Some(halves / 2 + halves % 2)
+}
+
+/// SI units for `count` wire units.
+fn from_wire(count: i32, scale: &Scale) -> f32 {
+    let product = u64::from(count.unsigned_abs()) * scale.in_si.mantissa;
+    let power = (scale.in_si.exponent + EXPONENT_BIAS).cast_unsigned() << FRACTION_BITS;
+    #[allow(clippy::cast_precision_loss)]
+    let magnitude = product as f32 * f32::from_bits(power);
+    if count < 0 { -magnitude } else { magnitude }
 }
 
 /// rad → 0.01° (RMD positions), and rad/s → 0.01 °/s (RMD 0xA2).
 pub(crate) fn rad_to_centidegrees(rad: f32) -> Option<i32> {
-    to_wire(rad, DEGREES * 100.0)
+    to_wire(rad, &CENTIDEGREES)
 }
 
 /// 0.01° → rad.
 pub(crate) fn centidegrees_to_rad(centidegrees: i32) -> f32 {
-    from_wire(centidegrees, DEGREES * 100.0)
+    from_wire(centidegrees, &CENTIDEGREES)
 }
 
 /// rad → 0.1° (thruster positions).
 pub(crate) fn rad_to_decidegrees(rad: f32) -> Option<i32> {
-    to_wire(rad, DEGREES * 10.0)
+    to_wire(rad, &DECIDEGREES)
 }
 
 /// 0.1° → rad.
 pub(crate) fn decidegrees_to_rad(decidegrees: i32) -> f32 {
-    from_wire(decidegrees, DEGREES * 10.0)
+    from_wire(decidegrees, &DECIDEGREES)
 }
 
 /// rad → °, and rad/s → °/s (RMD speed limits, D5 speeds).
 pub(crate) fn rad_to_degrees(rad: f32) -> Option<i32> {
-    to_wire(rad, DEGREES)
+    to_wire(rad, &DEGREES)
 }
 
 /// ° → rad, and °/s → rad/s.
 pub(crate) fn degrees_to_rad(degrees: i32) -> f32 {
-    from_wire(degrees, DEGREES)
+    from_wire(degrees, &DEGREES)
 }
 
 /// rad/s → rpm.
 pub(crate) fn rad_s_to_rpm(rad_s: f32) -> Option<i32> {
-    to_wire(rad_s, RPM)
+    to_wire(rad_s, &RPM)
 }
 
 /// rpm → rad/s.
 pub(crate) fn rpm_to_rad_s(rpm: i32) -> f32 {
-    from_wire(rpm, RPM)
+    from_wire(rpm, &RPM)
 }
 
 /// A → 0.01 A, and fractions of full signal → percent.
 pub(crate) fn to_hundredths(value: f32) -> Option<i32> {
-    to_wire(value, 100.0)
+    to_wire(value, &HUNDREDTHS)
 }
 
 /// 0.01 A → A.
 pub(crate) fn from_hundredths(count: i32) -> f32 {
-    from_wire(count, 100.0)
+    from_wire(count, &HUNDREDTHS)
 }
 
 /// 0.1 A → A, 0.1 V → V.
 pub(crate) fn from_tenths(count: i32) -> f32 {
-    from_wire(count, 10.0)
+    from_wire(count, &TENTHS)
 }
 
 #[cfg(test)]
@@ -108,6 +182,41 @@ mod tests {
         assert_eq!(to_hundredths(f32::NEG_INFINITY), None);
         assert_eq!(rad_to_centidegrees(4.0e5), None); // 2.29e9 hundredths of a degree: beyond i32
         assert_eq!(rad_to_centidegrees(-3.7e5), Some(-2_119_943_842));
+    }
+
+    #[test]
+    fn the_ends_of_the_wire_and_of_f32_are_exact() {
+        assert_eq!(to_hundredths(f32::MIN_POSITIVE / 2.0), Some(0));
+        assert_eq!(to_hundredths(f32::MAX), None);
+        assert_eq!(to_hundredths(-0.0), Some(0));
+        assert_eq!(to_hundredths(0.005), Some(0)); // the f32 lies below the tie
+        assert_eq!(to_hundredths(21_474_836.0), Some(2_147_483_600));
+        assert_eq!(to_hundredths(21_474_838.0), None);
+        assert_eq!(to_hundredths(-21_474_836.0), Some(-2_147_483_600));
+        assert_eq!(to_wire(0.5, &Scale::new(1.0)), Some(1)); // ties go away from zero
+        assert_eq!(to_wire(-0.5, &Scale::new(1.0)), Some(-1));
+        assert_eq!(to_wire(-2_147_483_648.0, &Scale::new(1.0)), Some(i32::MIN));
+        assert_eq!(to_wire(2_147_483_648.0, &Scale::new(1.0)), None);
+    }
+
+    #[test]
+    fn agrees_with_f64_over_the_whole_range() {
+        let mut bits = 0x9E37_79B9u32;
+        for _ in 0..200_000 {
+            bits ^= bits << 13;
+            bits ^= bits >> 17;
+            bits ^= bits << 5;
+            let count = bits.cast_signed();
+            #[allow(clippy::cast_possible_truncation)]
+            let expected = (f64::from(count) / (DEGREES_PER_RAD * 100.0)) as f32;
+            let rad = centidegrees_to_rad(count);
+            assert!((rad - expected).abs() <= expected.abs() * f32::EPSILON, "{count}: {rad} {expected}");
+            let exact = f64::from(rad) * (DEGREES_PER_RAD * 100.0);
+            match rad_to_centidegrees(rad) {
+                Some(back) => assert!((f64::from(back) - exact).abs() <= 0.505, "{rad}: {back} {exact}"),
+                None => assert!(exact.abs() >= f64::from(i32::MAX), "{rad}: {exact}"),
+            }
+        }
     }
 
     #[test]

@@ -104,7 +104,7 @@ impl Gateway {
             axis.expire_pending(now, &mut out);
         }
         for bus in buses {
-            bus.recover(now);
+            bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
         }
     }

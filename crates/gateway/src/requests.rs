@@ -1,16 +1,16 @@
 //! What each request of a host does.
 
-use crate::MAX_AXES_WIRE;
 use crate::axis::{Axis, JobKind};
 use crate::bus::{Bus, Raw};
 use crate::gateway::Gateway;
 use crate::link::Incoming;
 use crate::outbox::Ticket;
 use crate::time::Instant;
+use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, RawFrame, Reply, Request, StopTarget,
-    Text, TripReason, Vec, replies, requests,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Quantity, RawFrame, Reply, Request,
+    StopTarget, Text, TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
@@ -253,10 +253,22 @@ impl Gateway {
                 if let (AxisState::Unconfigured, Some(missing)) = (axis.state, axis.config.missing()) {
                     return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
                 }
+                if axis.state == AxisState::Idle {
+                    self.ready_bus(axis)?;
+                }
                 self.with_axis(now, index, |axis, out| axis.stop(now, out))
             }
             StopTarget::All => {
-                self.each_axis(now, |axis, out| axis.stop(now, out));
+                // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
+                let ready: [bool; MAX_AXES] = core::array::from_fn(|index| {
+                    self.axes.get(index).is_some_and(|axis| self.ready_bus(axis).is_ok())
+                });
+                self.each_axis(now, |axis, out| {
+                    let can_stop = ready.get(usize::from(axis.index)) == Some(&true);
+                    if can_stop || axis.state != AxisState::Idle {
+                        axis.stop(now, out);
+                    }
+                });
                 Ok(())
             }
         }
@@ -303,6 +315,10 @@ impl Gateway {
         match (&request.frame, kind) {
             (RawFrame::Can(_), BusKind::Can) | (RawFrame::Serial(_), BusKind::Rs485) => {}
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
+        }
+        if matches!(&request.frame, RawFrame::Serial(bytes) if bytes.is_empty()) {
+            let max = f32::from(host_protocol::MAX_SERIAL_FRAME as u8);
+            return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
         }
         if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }
     }

@@ -98,15 +98,9 @@ impl Axis {
         }
     }
 
-    /// Nobody has acknowledged the frame in `slot` in time; it may still leave later.
+    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later.
     pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
-        let Some(pending) = &self.pending else { return };
-        if pending.slot != slot || pending.until.is_some() {
-            return;
-        }
-        if self.is_armed() && pending.exchange == Exchange::Motion {
-            self.trip(now, TripReason::NotAcknowledged, out);
-        } else {
+        if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {
             self.give_up_pending(now, out);
         }
     }
@@ -145,7 +139,7 @@ impl Axis {
         }
     }
 
-    /// Closes windows that have passed.
+    /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self.displaced.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
             self.displaced = None;
@@ -153,6 +147,8 @@ impl Axis {
         if self.pending.as_ref().and_then(Pending::deadline).is_some_and(|until| until <= now) {
             self.give_up_pending(now, out);
         }
+        self.expire_job(now, out);
+        self.expire_stop(now, out);
     }
 
     /// Makes room for a stop. What was under way may still be answered, and is then not taken for the stop's reply.
@@ -173,15 +169,21 @@ impl Axis {
 
     fn give_up_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(pending) = self.pending.take() else { return };
-        // A late reply must find nothing identical under way: ordinary requests wait another window.
+        // A late reply must find nothing identical under way: ordinary requests wait another window, and what a stop may
+        // be mistaken for is remembered as long.
         self.quiet_until = now + pending.window;
+        if pending.exchange != Exchange::Stop && self.displaced.is_none() && pending.until.is_some() {
+            let until = Some(now + pending.window);
+            self.displaced = Some(Displaced { command: pending.command, slot: pending.slot, until });
+        }
         if self.silence.missed == 0 {
             self.silence.since = now - pending.window;
         }
         self.silence.missed = self.silence.missed.saturating_add(1);
         let silent = self.silence.missed >= self.config.missed_replies()
             && now.since(self.silence.since) >= Silence::SHORTEST;
-        if self.is_armed() && silent {
+        let unread = pending.exchange == Exchange::Faults && self.faults_stay_unread();
+        if self.is_armed() && (silent || unread) {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
@@ -199,12 +201,23 @@ impl Axis {
     }
 
     fn refused(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
+        if self.is_armed() && pending.exchange == Exchange::Faults && self.faults_stay_unread() {
+            self.trip(now, TripReason::MotorSilent, out);
+            return;
+        }
         if self.is_armed() && pending.exchange == Exchange::Motion {
             self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
             return;
         }
         self.stop_refused(now, pending.exchange, out);
         self.job_refused(now, pending.exchange, out);
+    }
+
+    /// Counts a request for the fault word that told nothing, and says whether there were too many: motion replies do not
+    /// carry faults, so a motor that answers everything else is as good as silent.
+    fn faults_stay_unread(&mut self) -> bool {
+        self.faults_unread = self.faults_unread.saturating_add(1);
+        self.faults_unread >= self.config.missed_replies()
     }
 
     /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal (PROTOCOL-NOTES R20, R30).

@@ -5,7 +5,7 @@
 use super::{Axis, Observation};
 use crate::motor::{self, Exchange};
 use crate::outbox::{Outbox, Ticket};
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport};
 use host_protocol::{
     AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, TripReason,
@@ -19,7 +19,14 @@ pub(crate) struct Job {
     step: usize,
     /// Requests of this step that were not answered.
     unanswered: u8,
+    /// When the step began, or its latest request ended.
+    since: Instant,
+    /// The holding brake has been freed.
+    brake_freed: bool,
 }
+
+/// How long a step may wait until the bus takes its request.
+const TAKEN_WITHIN: Duration = Duration::from_millis(250);
 
 /// What the job is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,7 +69,7 @@ impl Axis {
             out.answer(ticket, &Err(Error::Busy { axis: self.index }));
             return;
         }
-        self.job = Some(Job { kind, ticket, step: 0, unanswered: 0 });
+        self.job = Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false });
         if matches!(kind, JobKind::Arm { .. }) {
             self.holding = false;
             self.enter(AxisState::Arming, now, out);
@@ -84,7 +91,8 @@ impl Axis {
     /// Passes over the steps that this motor has no command for; at the end the job is done.
     fn pass_over_steps(&mut self, now: Instant, out: &mut Outbox<'_>) {
         while let Some(exchange) = self.job_exchange() {
-            if motor::command(exchange, &self.config).is_some() {
+            let needless = exchange == Exchange::OverwritePending && !self.write_waits;
+            if !needless && motor::command(exchange, &self.config).is_some() {
                 return;
             }
             if let Some(job) = &mut self.job {
@@ -111,6 +119,7 @@ impl Axis {
         if let Some(job) = &mut self.job {
             job.step += 1;
             job.unanswered = 0;
+            job.since = now;
         }
         self.pass_over_steps(now, out);
     }
@@ -122,6 +131,7 @@ impl Axis {
         let tries = self.config.missed_replies();
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
+        job.since = now;
         if job.unanswered >= tries {
             let hint = match exchange {
                 // A D5 motor at acknowledgement level 0 answers nothing, not even this (D12).
@@ -139,6 +149,27 @@ impl Axis {
         }
     }
 
+    /// The bus has taken an exchange of the job.
+    pub(super) fn job_handed(&mut self, exchange: Exchange) {
+        if let Some(job) = &mut self.job {
+            job.brake_freed |= exchange == Exchange::ReleaseBrake;
+        }
+    }
+
+    /// When the job is given up if the bus has not taken its next request.
+    pub(super) fn job_stalls_at(&self) -> Option<Instant> {
+        let waiting = self.job.as_ref().filter(|_| self.pending.is_none())?;
+        Some(waiting.since.max(self.quiet_until) + TAKEN_WITHIN)
+    }
+
+    /// Gives up a job whose next request the bus does not take: every request has a result.
+    pub(super) fn expire_job(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.job_stalls_at().is_some_and(|at| at <= now) {
+            let hint = NoReplyHint::NotAcknowledged;
+            self.fail(now, Error::NoReply { axis: self.index, hint }, out);
+        }
+    }
+
     /// Ends the job because a stop needs the motor. Who only reads is told what is known.
     pub(super) fn interrupt(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         if self.job.as_ref().is_some_and(|job| job.kind == JobKind::ReadState) {
@@ -148,11 +179,17 @@ impl Axis {
         }
     }
 
-    /// Ends the job with an error. An arming that fails leaves the axis idle: it has only been sent stops.
-    pub(super) fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
+    /// Ends the job with an error. An arming that fails leaves the axis idle, as it has only been sent stops; one that
+    /// has freed the brake leaves it through the stop action.
+    pub fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         let Some(job) = self.job.take() else { return };
         if self.state == AxisState::Arming {
-            self.enter(AxisState::Idle, now, out);
+            if job.brake_freed {
+                self.stop(now, out);
+            } else {
+                self.hold_at_rest(now);
+                self.enter(AxisState::Idle, now, out);
+            }
         }
         out.answer(job.ticket, &Err(error));
     }
@@ -165,9 +202,17 @@ impl Axis {
                 (Some(faults), ..) if faults != 0 => {
                     Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
                 }
-                (_, Some(_), Some(trip)) => self.check_limit_cause(trip.reason),
+                (_, Some(velocity), Some(_)) if self.must_stand() && !self.is_standstill(velocity) => {
+                    Err(Error::StopNotConfirmed { axis })
+                }
+                (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
                 _ => Ok(()),
             },
+            Some(JobKind::Provision { timeout_ms })
+                if seen.timeout_on.is_some_and(|on| on == (timeout_ms == 0)) =>
+            {
+                Err(Error::Refused { axis, faults: self.measured.fault_word() })
+            }
             _ => Ok(()),
         }
     }
@@ -179,6 +224,10 @@ impl Axis {
         }
         if let Some(on) = seen.timeout_on {
             self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
+        }
+        if seen.commanded_zero == Some(false) {
+            // The motor has acknowledged speed 0 and keeps another one.
+            return Err(Error::CannotConfirm { axis });
         }
         if let Some(faults) = seen.faults
             && faults != 0
@@ -235,7 +284,7 @@ impl Axis {
             JobKind::Clear => {
                 self.trip = None;
                 self.stop = None;
-                self.holding = self.must_hold();
+                self.hold_at_rest(now);
                 self.enter(AxisState::Idle, now, out);
                 Ok(Reply::Clear(Done {}))
             }
@@ -275,7 +324,7 @@ impl Axis {
         self.motion = None;
         self.not_executed = false;
         self.fault_poll_at = now + self.config.fault_poll();
-        self.state_poll_at = now + self.config.state_poll();
+        self.state_poll_at = now + self.state_poll();
         self.enter(AxisState::Armed, now, out);
     }
 }

@@ -33,6 +33,12 @@ impl Axis {
     /// Takes in what a reply tells, and trips an armed axis on a fault or a limit.
     pub(super) fn observe(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
         self.measured.update(now, seen);
+        if seen.faults.is_some() {
+            self.faults_unread = 0;
+        }
+        if let Some(waits) = seen.write_pending {
+            self.write_waits = waits;
+        }
         if !self.is_armed() {
             return;
         }
@@ -45,16 +51,11 @@ impl Axis {
         }
     }
 
-    /// Whether a trip for a limit still has its cause.
-    pub(super) fn check_limit_cause(&self, reason: TripReason) -> Result<(), Error> {
-        let TripReason::LimitExceeded { quantity, .. } = reason else { return Ok(()) };
-        let seen = Observation {
-            velocity_rad_s: self.measured.velocity_rad_s(),
-            current_a: self.measured.current_a(),
-            position_rad: self.measured.position_rad(),
-            ..Observation::default()
-        };
-        match self.exceeded(&seen) {
+    /// Whether what has just been read still is what the axis tripped for. A position stays where it is until somebody
+    /// moves it, so it bars nothing: the next arming watches it again.
+    pub(super) fn check_limit_cause(&self, tripped: TripReason, seen: &Observation) -> Result<(), Error> {
+        let TripReason::LimitExceeded { quantity, .. } = tripped else { return Ok(()) };
+        match self.exceeded(&Observation { position_rad: None, ..*seen }) {
             Some(reason @ TripReason::LimitExceeded { quantity: still, .. }) if still == quantity => {
                 Err(Error::CauseRemains { axis: self.index, reason })
             }
@@ -70,15 +71,22 @@ impl Axis {
             let limit = if value > max { max } else { min };
             (value > max || value < min).then_some(TripReason::LimitExceeded { quantity, value, limit })
         };
+        // A limit of zero has a margin too.
+        let slack = |limit: f32| if limit.is_finite() { limit.abs().max(1.0) * margin } else { 0.0 };
         let velocity = self.limit(AxisParameter::VelocityLimitRadS) * (1.0 + margin);
         let current = self.limit(AxisParameter::CurrentLimitA) * (1.0 + margin);
         let hottest = self.limit(AxisParameter::TemperatureLimitC);
         let (lowest, highest) = self.position_range();
-        // Half an infinite range is no margin at all.
-        let slack = if (highest - lowest).is_finite() { (highest - lowest) * margin } else { 0.0 };
         beyond(Quantity::Velocity, seen.velocity_rad_s, -velocity, velocity)
             .or_else(|| beyond(Quantity::Current, seen.current_a, -current, current))
-            .or_else(|| beyond(Quantity::Position, seen.position_rad, lowest - slack, highest + slack))
+            .or_else(|| {
+                beyond(
+                    Quantity::Position,
+                    seen.position_rad,
+                    lowest - slack(lowest),
+                    highest + slack(highest),
+                )
+            })
             .or_else(|| beyond(Quantity::Temperature, seen.motor_temperature_c, f32::NEG_INFINITY, hottest))
             .or_else(|| beyond(Quantity::Temperature, seen.driver_temperature_c, f32::NEG_INFINITY, hottest))
     }

@@ -21,7 +21,7 @@ pub(crate) use measured::Observation;
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
-use crate::motor::Command;
+use crate::motor::{self, Command};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
@@ -32,6 +32,9 @@ use motion::Motion;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
 const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
+
+/// Longest time between refreshes where the motor's own timeout is not known (GUARANTEES G2).
+const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 
 /// One axis of the gateway.
 pub(crate) struct Axis {
@@ -60,6 +63,10 @@ pub(crate) struct Axis {
     not_executed: bool,
     /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
     holding: bool,
+    /// Requests in a row for the fault word that told nothing.
+    faults_unread: u8,
+    /// D5: an asynchronous write waited in the motor when it was last asked.
+    write_waits: bool,
 }
 
 impl Axis {
@@ -85,6 +92,8 @@ impl Axis {
             motion_had_its_turn: false,
             not_executed: false,
             holding: false,
+            faults_unread: 0,
+            write_waits: false,
         }
     }
 
@@ -103,9 +112,9 @@ impl Axis {
         self.stop.as_ref().is_some_and(Stop::is_unsent)
     }
 
-    /// Whether the axis waits for a reply of its motor.
+    /// Whether the axis waits for a reply of its motor that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        self.pending.as_ref().is_some_and(Pending::is_waiting)
+        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(p.exchange).is_none())
     }
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it.
@@ -140,7 +149,7 @@ impl Axis {
         let configured = self.config.refresh();
         match self.programmed_timeout() {
             Some(timeout) => configured.min(timeout.part(REFRESHES_IN_TIMEOUT)),
-            None => configured,
+            None => configured.min(REFRESH_UNKNOWN),
         }
     }
 
@@ -194,8 +203,10 @@ impl Axis {
         let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
         let pending = self.pending.as_ref().and_then(Pending::deadline);
         let expiry = self.motion.as_ref().and_then(Motion::deadline);
-        let want = if pending.is_none() { self.next_want_at(after) } else { None };
-        [displaced, pending, expiry, want].into_iter().flatten().filter(|at| *at > after).min()
+        let want = if self.pending.is_none() { self.next_want_at(after) } else { None };
+        let stalled = [self.job_stalls_at(), self.stop.as_ref().and_then(Stop::stalls_at)];
+        let all = [displaced, pending, expiry, want].into_iter().chain(stalled);
+        all.flatten().filter(|at| *at > after).min()
     }
 
     fn is_pending(&self, command: &Command) -> bool {

@@ -88,10 +88,18 @@ impl Axis {
         }
     }
 
+    /// How often the state is polled: a holding motor without a setpoint must hear something as often as a setpoint would
+    /// tell it.
+    pub(super) fn state_poll(&self) -> Duration {
+        let configured = self.config.state_poll();
+        if self.must_hold() && self.motion.is_none() { configured.min(self.refresh()) } else { configured }
+    }
+
     /// Plans what comes after an exchange that the bus has just taken.
     pub(super) fn note_handed(&mut self, now: Instant, exchange: Exchange) {
         let refresh = self.refresh();
         self.motion_had_its_turn = exchange == Exchange::Motion;
+        self.job_handed(exchange);
         match exchange {
             Exchange::Motion => {
                 if let Some(motion) = &mut self.motion {
@@ -104,8 +112,7 @@ impl Axis {
         if let Some(stop) = &mut self.stop {
             stop.handed(now, exchange, &self.config);
         } else if self.job.is_none() && exchange != Exchange::Motion && exchange != Exchange::Faults {
-            let period = if self.holding { refresh } else { self.config.state_poll() };
-            self.state_poll_at = now + period;
+            self.state_poll_at = now + self.state_poll();
             self.poll_turn = self.poll_turn.wrapping_add(1);
         }
     }

@@ -18,6 +18,8 @@ const CONFIRM_POLL: Duration = Duration::from_millis(5);
 const UNCONFIRMED_REPEAT: Duration = Duration::from_millis(50);
 /// Pause before a stop that was refused is sent again.
 const REFUSED_PAUSE: Duration = Duration::from_millis(20);
+/// A stop that has not led to standstill for so long has failed, although the motor answers it.
+const STANDSTILL_WITHIN: Duration = Duration::from_millis(5_000);
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 
@@ -71,6 +73,10 @@ pub(crate) struct Stop {
     repeat_at: Instant,
     /// When the phase of reading the speed began.
     standstill_since: Instant,
+    /// When something of the stop last went on: taken by the bus, answered, or given up.
+    moved_at: Instant,
+    /// The brake is locked and the output off.
+    braked: bool,
     /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes known.
     read_after_repeat: bool,
     /// How often a motor that holds must hear something to go on holding.
@@ -91,6 +97,8 @@ impl Stop {
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
+            moved_at: now,
+            braked: false,
             read_after_repeat: false,
             hold_poll: None,
         }
@@ -120,7 +128,7 @@ impl Stop {
     /// What the stop wants next, and from when on.
     pub fn next(&self) -> Option<(Exchange, Instant)> {
         let of_phase = match self.phase {
-            Phase::Command => return Some((Exchange::Stop, self.next_at)),
+            Phase::Command => return Some((self.command(), self.next_at)),
             Phase::RefusedFaults => Some(Exchange::Faults),
             Phase::RefusedVelocity | Phase::Standstill => Some(Exchange::Velocity),
             Phase::ReadBack => Some(Exchange::CommandedSpeed),
@@ -134,12 +142,28 @@ impl Stop {
                 (self.read_after_repeat || self.hold_poll.is_some()).then_some(Exchange::Velocity)
             }
         };
-        let repeat = self.repeats().then_some((Exchange::Stop, self.repeat_at));
+        let repeat = self.repeats().then_some((self.command(), self.repeat_at));
         let of_phase = of_phase.map(|exchange| (exchange, self.next_at));
         match (repeat, of_phase) {
             (Some(repeat), Some(next)) => Some(if repeat.1 <= next.1 { repeat } else { next }),
             (repeat, next) => repeat.or(next),
         }
+    }
+
+    /// What is repeated: behind a locked brake the stop command would switch the output on again.
+    fn command(&self) -> Exchange {
+        if self.braked { Exchange::OutputOff } else { Exchange::Stop }
+    }
+
+    /// The motor has not come to rest in good time.
+    pub fn is_overdue(&self, now: Instant) -> bool {
+        self.phase != Phase::Confirmed && now.since(self.since) >= STANDSTILL_WITHIN
+    }
+
+    /// When an unconfirmed stop counts as one that came to nothing, because the bus has not taken it.
+    pub fn stalls_at(&self) -> Option<Instant> {
+        let waits = self.phase != Phase::Confirmed && !self.unreachable;
+        waits.then(|| self.moved_at.max(self.next_at) + UNCONFIRMED_REPEAT)
     }
 
     /// Once the brake is being locked the stop command would switch the output on again.
@@ -154,7 +178,12 @@ impl Stop {
         } else {
             UNCONFIRMED_REPEAT
         };
+        self.moved_at = now;
         match exchange {
+            Exchange::OutputOff if self.phase != Phase::OutputOff => {
+                self.repeat_at = now + repeat;
+                self.read_after_repeat = self.phase == Phase::Confirmed;
+            }
             Exchange::Stop => {
                 self.handed = self.handed.saturating_add(1);
                 self.repeat_at = now + repeat;
@@ -179,6 +208,7 @@ impl Stop {
     fn go(&mut self, now: Instant, phase: Phase) {
         self.phase = phase;
         self.next_at = now;
+        self.moved_at = now;
         if phase == Phase::Standstill {
             self.standstill_since = now;
             self.standstill_readings = 0;
@@ -195,13 +225,15 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let Some(stop) = &mut self.stop else { return };
-        if matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
+        stop.moved_at = now;
+        let answered = motor::is_answered(&pending.command, &self.config);
+        if answered && matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed) {
             stop.unconfirmed = 0;
         }
-        let was_unreachable = core::mem::replace(&mut stop.unreachable, false);
+        let was_unreachable = answered && core::mem::replace(&mut stop.unreachable, false);
         match (stop.phase, pending.exchange) {
             (Phase::Command, Exchange::Stop) => {
-                if motor::is_answered(&pending.command, &self.config) {
+                if answered {
                     stop.acknowledged |= pending.unambiguous;
                     self.command_sent(now);
                 } else {
@@ -226,11 +258,19 @@ impl Axis {
             },
             (Phase::Standstill, Exchange::Velocity) => self.speed_read(now, seen),
             (Phase::LockBrake, Exchange::LockBrake) => stop.go(now, Phase::VerifyBrake),
-            (Phase::VerifyBrake, Exchange::Faults) => {
-                let next = if seen.brake_locked == Some(true) { Phase::OutputOff } else { Phase::LockBrake };
-                stop.go(now, next);
+            (Phase::VerifyBrake, Exchange::Faults) if seen.brake_locked == Some(true) => {
+                stop.go(now, Phase::OutputOff);
             }
-            (Phase::OutputOff, Exchange::OutputOff) => stop.go(now, Phase::Confirmed),
+            (Phase::VerifyBrake, Exchange::Faults) => {
+                stop.go(now, Phase::LockBrake);
+                stop.next_at = now + REFUSED_PAUSE;
+                self.count_unconfirmed(now, out);
+            }
+            (Phase::OutputOff, Exchange::OutputOff) => {
+                stop.braked = true;
+                stop.go(now, Phase::Standstill);
+            }
+            (Phase::Confirmed, Exchange::Velocity) => self.watch_confirmed(now, seen, out),
             _ => {}
         }
         if was_unreachable && let Some(trip) = &mut self.trip {
@@ -251,13 +291,15 @@ impl Axis {
     pub(super) fn stop_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
         let Some(stop) = &mut self.stop else { return };
         match stop.phase {
-            // Nothing of these is needed for the stop itself.
+            // Nothing of these is needed for the stop itself, and confirmed it is already.
+            Phase::Confirmed => {}
             Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
             // Past the wait the brake is locked even if the speed cannot be read.
             Phase::Standstill => self.lock_when_overdue(now),
             _ => {}
         }
-        if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed | Exchange::LockBrake) {
+        // A poll that is lost while the speed is read is made up for by the stop command, which is repeated.
+        if self.job_exchange() != Some(exchange) && exchange != Exchange::Velocity {
             self.count_unconfirmed(now, out);
         }
     }
@@ -267,6 +309,7 @@ impl Axis {
         let enough = self.config.stops_before_unreachable();
         let repeat = self.config.stop_repeat();
         let Some(stop) = &mut self.stop else { return };
+        stop.moved_at = now;
         stop.unconfirmed = stop.unconfirmed.saturating_add(1);
         if stop.unconfirmed < enough || stop.unreachable {
             return;
@@ -318,7 +361,7 @@ impl Axis {
         let Some(stop) = &mut self.stop else { return };
         stop.standstill_readings = if still { stop.standstill_readings + 1 } else { 0 };
         if stop.standstill_readings >= STANDSTILL_READINGS {
-            stop.go(now, if brakes { Phase::LockBrake } else { Phase::Confirmed });
+            stop.go(now, if brakes && !stop.braked { Phase::LockBrake } else { Phase::Confirmed });
         } else {
             self.lock_when_overdue(now);
         }
@@ -328,9 +371,29 @@ impl Axis {
         let brakes = self.config.stop_action() == Some(StopAction::Brake);
         if let Some(stop) = &mut self.stop
             && brakes
+            && !stop.braked
             && now.since(stop.standstill_since) >= BRAKE_WAIT
         {
             stop.go(now, Phase::LockBrake);
+        }
+    }
+
+    /// A confirmed stop is watched: a motor that turns again is not stopped, and the stop begins anew.
+    fn watch_confirmed(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
+        let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
+        if turns && self.must_stand() && matches!(self.state, AxisState::Tripped { .. }) {
+            self.stop = Some(Stop::new(now));
+            self.enter(AxisState::Tripped { confirmed: false }, now, out);
+        }
+    }
+
+    /// Notices a stop that the bus does not take, or that does not bring the motor to rest.
+    pub(super) fn expire_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(stop) = &self.stop else { return };
+        if stop.is_overdue(now) && self.state == AxisState::Stopping {
+            self.trip(now, TripReason::StopUnconfirmed, out);
+        } else if self.pending.is_none() && stop.stalls_at().is_some_and(|at| at <= now) {
+            self.count_unconfirmed(now, out);
         }
     }
 
@@ -350,7 +413,7 @@ impl Axis {
         });
         if self.state == AxisState::Stopping {
             self.stop = None;
-            self.holding = self.must_hold();
+            self.hold_at_rest(now);
             self.enter(AxisState::Idle, now, out);
         } else {
             let repeat_at = now + self.config.stop_repeat();

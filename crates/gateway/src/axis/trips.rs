@@ -61,9 +61,11 @@ impl Axis {
         }
     }
 
-    /// Leaves a trip whose stop nobody has confirmed. Unsafe: the motor may be turning.
+    /// Leaves a trip whose stop the motor does not confirm. Unsafe: it may be turning.
     pub fn clear_unreachable(&mut self, now: Instant, out: &mut Outbox<'_>) -> Result<(), Error> {
-        if !self.trip.as_ref().is_some_and(|trip| trip.unreachable) {
+        let unreachable = self.trip.as_ref().is_some_and(|trip| trip.unreachable);
+        let turns_on = self.stop.as_ref().is_some_and(|stop| stop.is_overdue(now));
+        if self.trip.is_none() || !(unreachable || turns_on) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.trip = None;
@@ -79,6 +81,17 @@ impl Axis {
             self.state = state;
             self.announce(out);
         }
+    }
+
+    /// From now on at rest, and kept polled if the motor needs that to hold.
+    pub(super) fn hold_at_rest(&mut self, now: Instant) {
+        self.holding = self.must_hold();
+        self.state_poll_at = now;
+    }
+
+    /// Whether a stop of this axis is confirmed only at standstill.
+    pub(super) fn must_stand(&self) -> bool {
+        self.config.stop_action() != Some(StopAction::Coast)
     }
 
     /// Whether the motor must be kept polled at rest: an RMD holds only while it hears something (0xB3).

@@ -58,7 +58,7 @@ impl Axis {
             let next = stop.next();
             return match (next, job) {
                 // A confirmed stop is only repeated: whoever clears it comes between.
-                (Some((_, at)), Some(_)) if at > now => self.earliest([job, None, None]),
+                (Some((_, at)), Some(_)) if at > now => self.earliest([job, next, None]),
                 (None, Some(_)) => self.earliest([job, None, None]),
                 (Some((Exchange::Stop, at)), _) => Some((Exchange::Stop, at)),
                 (next, _) => self.earliest([next, None, None]),

@@ -15,6 +15,8 @@ pub(super) struct Line {
     local_echo: bool,
     /// What we have sent and not yet heard back.
     echo: Deque<u8, MAX_SERIAL>,
+    /// The frame that we have sent, as long as its echo may still come behind bytes that are not ours.
+    sent_frame: Option<[u8; FRAME_LEN]>,
     deframer: Deframer,
     /// When the last byte was sent or heard.
     active_at: Instant,
@@ -33,6 +35,7 @@ impl Line {
         Self {
             local_echo,
             echo: Deque::new(),
+            sent_frame: None,
             deframer: Deframer::new(),
             active_at: Instant::from_micros(0),
             awaited: None,
@@ -41,6 +44,7 @@ impl Line {
 
     pub fn restart(&mut self) {
         self.echo.clear();
+        self.sent_frame = None;
         self.deframer.reset();
         self.awaited = None;
     }
@@ -60,7 +64,9 @@ impl Line {
         self.awaited = None;
         self.deframer.reset();
         self.echo.clear();
+        self.sent_frame = None;
         if self.local_echo {
+            self.sent_frame = bytes.try_into().ok();
             for byte in bytes {
                 // The echo queue holds the longest transmission.
                 let _ = self.echo.push_back(*byte);
@@ -85,13 +91,22 @@ impl Line {
         match self.echo.front() {
             Some(expected) if *expected == byte => {
                 self.echo.pop_front();
+                if self.echo.is_empty() {
+                    self.sent_frame = None;
+                }
                 return None;
             }
-            // Something else than what was sent: a collision or a line without echo. It is not ours any more.
+            // Noise, a collision, or a line without echo: from here on only the whole frame is known as ours.
             Some(_) => self.echo.clear(),
             None => {}
         }
-        self.deframer.push(byte)
+        let frame = self.deframer.push(byte)?;
+        if self.sent_frame == Some(frame) {
+            // 0x80 and 0x81 are answered by the same bytes: taken for the answer, our own echo would confirm a stop.
+            self.sent_frame = None;
+            return None;
+        }
+        Some(frame)
     }
 
     /// Bytes that belonged to no frame, since the start.

@@ -15,7 +15,7 @@ use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::replies::BusReport;
-use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Event, TripReason};
+use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
 use line::Line;
 
 /// Pause before a bus that is off is started again.
@@ -97,21 +97,21 @@ impl Bus {
     /// Takes a configuration that has been checked. The port restarts the bus.
     pub fn configure(&mut self, now: Instant, config: BusConfig, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.config = Some(config);
-        self.restart();
-        self.empty(now, axes, out);
+        self.restart(now, axes, out);
     }
 
-    /// Has the port start the bus again.
-    fn restart(&mut self) {
+    /// Has the port start the bus again; it drops what it holds.
+    fn restart(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.generation = self.generation.wrapping_add(1);
         self.restart_at = None;
         self.line.restart();
+        self.empty(now, axes, out);
     }
 
     /// Starts a bus again that has been off for long enough.
-    pub fn recover(&mut self, now: Instant) {
+    pub fn recover(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         if self.restart_at.is_some_and(|at| at <= now) {
-            self.restart();
+            self.restart(now, axes, out);
         }
     }
 
@@ -141,6 +141,12 @@ impl Bus {
         out: &mut Outbox<'_>,
     ) {
         (self.transmit_errors, self.receive_errors) = errors;
+        if state == BusState::BusOff {
+            // Also for a bus that is still off after it was started again.
+            self.restart_at.get_or_insert(now + BUS_OFF_PAUSE);
+        } else {
+            self.restart_at = None;
+        }
         if state == self.state {
             return;
         }
@@ -150,9 +156,9 @@ impl Bus {
             return;
         }
         self.counters.bus_offs = self.counters.bus_offs.saturating_add(1);
-        self.restart_at = Some(now + BUS_OFF_PAUSE);
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
             axis.trip(now, TripReason::BusOff, out);
+            axis.fail(now, Error::BusOff { bus: self.index }, out);
         }
         self.empty(now, axes, out);
     }

@@ -9,9 +9,9 @@ use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use heapless::Vec;
-use host_protocol::{BusKind, RawFrame, TripReason};
+use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
 
-/// Requests outstanding on one CAN bus; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
+/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
 const MAX_OUTSTANDING: usize = 4;
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
@@ -66,6 +66,12 @@ impl Bus {
             };
             in_flight.overdue = true;
             self.counters.missed_acknowledgements = self.counters.missed_acknowledgements.saturating_add(1);
+            // What is behind it cannot leave either: whatever is armed on this bus is out of reach.
+            for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+                if axis.is_armed() {
+                    axis.trip(now, TripReason::NotAcknowledged, out);
+                }
+            }
             if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
                 axis.unacknowledged(now, slot, out);
             }
@@ -109,7 +115,7 @@ impl Bus {
     fn may_send_ordinary(&self, now: Instant, outstanding: usize) -> bool {
         let free = self.in_flight.iter().all(Option::is_none);
         match self.kind() {
-            BusKind::Can => free && outstanding < MAX_OUTSTANDING,
+            BusKind::Can => free && (outstanding < MAX_OUTSTANDING || !self.carries(Protocol::Thruster)),
             BusKind::Rs485 => free && self.line.ready_at(false, self.bit_time(GAP_BITS)) <= now,
         }
     }
@@ -125,6 +131,10 @@ impl Bus {
                     && self.line.ready_at(true, self.bit_time(GAP_BITS)) <= now
             }
         }
+    }
+
+    fn carries(&self, protocol: Protocol) -> bool {
+        self.config.as_ref().is_some_and(|config| config.protocols.contains(protocol))
     }
 
     fn free_slot(&self) -> Option<u8> {

@@ -14,6 +14,7 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::Faults,
         Exchange::PendingWrite,
         Exchange::Stop,
+        Exchange::OverwritePending,
         Exchange::CommandedSpeed,
         Exchange::Velocity,
     ],
@@ -25,7 +26,13 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::MotorTemperature,
     ],
     polls: &[Exchange::Velocity, Exchange::Position],
-    clearing: &[Exchange::ClearFaults, Exchange::Faults, Exchange::Velocity],
+    clearing: &[
+        Exchange::ClearFaults,
+        Exchange::Faults,
+        Exchange::Velocity,
+        Exchange::DriverTemperature,
+        Exchange::MotorTemperature,
+    ],
 };
 
 /// Speed 0 in register 0x20.

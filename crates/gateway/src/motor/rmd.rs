@@ -21,7 +21,7 @@ pub(super) const SEQUENCES: Sequences = Sequences {
     state: &[Exchange::Velocity, Exchange::Position, Exchange::Faults],
     polls: &[Exchange::Velocity, Exchange::Position],
     // There is no command that clears a fault (§8).
-    clearing: &[Exchange::Faults, Exchange::Velocity],
+    clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
 };
 
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {

@@ -19,7 +19,14 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::Position,
     ],
     polls: &[Exchange::Velocity, Exchange::Current],
-    clearing: &[Exchange::ClearFaults, Exchange::Faults, Exchange::Velocity],
+    clearing: &[
+        Exchange::ClearFaults,
+        Exchange::Faults,
+        Exchange::Velocity,
+        Exchange::Current,
+        Exchange::MotorTemperature,
+        Exchange::DriverTemperature,
+    ],
 };
 
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
