@@ -5,6 +5,7 @@
 
 use core::ops::Range;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
@@ -28,30 +29,39 @@ unsafe extern "C" {
 /// `addr2line -fie target/thumbv7em-none-eabihf/firmware/motor-gateway 0x08…`
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
-    cortex_m::interrupt::disable();
-    defmt::error!("panic; addresses on the stack, latest first:");
-    log_return_addresses();
-    restart()
+    restart_after(|| {
+        defmt::error!("panic; addresses on the stack, latest first:");
+        log_return_addresses();
+    })
 }
 
+/// Panics of the logger's own macros have logged their message already.
 #[defmt::panic_handler]
 fn defmt_panic() -> ! {
-    // The message is in the log already.
-    cortex_m::interrupt::disable();
-    log_return_addresses();
-    restart()
+    restart_after(log_return_addresses)
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    defmt::error!("hard fault at {=u32:#010x}, called from {=u32:#010x}", frame.pc(), frame.lr());
-    restart()
+    restart_after(|| {
+        defmt::error!("hard fault at {=u32:#010x}, called from {=u32:#010x}", frame.pc(), frame.lr());
+    })
 }
 
 #[exception]
 unsafe fn DefaultHandler(interrupt: i16) {
-    defmt::error!("interrupt {=i16} that nothing serves", interrupt);
-    restart()
+    restart_after(|| defmt::error!("interrupt {=i16} that nothing serves", interrupt))
+}
+
+/// Logs and starts again; without the log if that is where the fault came from.
+fn restart_after(log: impl FnOnce()) -> ! {
+    static FAULTED: AtomicBool = AtomicBool::new(false);
+    cortex_m::interrupt::disable();
+    if !FAULTED.swap(true, Ordering::Relaxed) {
+        log();
+        cortex_m::asm::delay(LOG_GRACE_CYCLES);
+    }
+    SCB::sys_reset()
 }
 
 /// Logs the words of the stack that can be return addresses: odd, as Thumb code has them, and inside the code.
@@ -70,9 +80,4 @@ fn log_return_addresses() {
 
 fn code() -> Range<usize> {
     &raw const __stext as usize..&raw const __etext as usize
-}
-
-fn restart() -> ! {
-    cortex_m::asm::delay(LOG_GRACE_CYCLES);
-    SCB::sys_reset()
 }

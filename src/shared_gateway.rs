@@ -16,7 +16,8 @@ type Guard = ThreadModeRawMutex;
 /// "The core has changed: poll again."
 type Changed = Signal<Guard, ()>;
 
-/// The one gateway of the board.
+/// The one gateway of the board. What reaches into the core is never inlined: several tasks call it, and the core's
+/// code would be in the image as often.
 pub struct SharedGateway {
     core: Mutex<Guard, RefCell<Gateway>>,
     buses: [Changed; MAX_BUSES],
@@ -26,6 +27,7 @@ pub struct SharedGateway {
 
 impl SharedGateway {
     /// Puts the gateway of this board in its place; once.
+    #[inline(never)]
     pub fn place(board: Board) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
@@ -56,6 +58,7 @@ impl SharedGateway {
     }
 
     /// The next frame for a bus.
+    #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {
         let transmit = self.with(|core, now| core.poll_transmit(now, bus));
         if transmit.is_some() {
@@ -66,11 +69,13 @@ impl SharedGateway {
     }
 
     /// The next frame for a host link: its length in `out`.
+    #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.with(|core, _| core.poll_host(link, out))
     }
 
     /// How a bus must be running.
+    #[inline(never)]
     pub fn bus_setup(&self, bus: u8) -> Option<BusSetup> {
         self.with(|core, _| core.bus_setup(bus))
     }
@@ -87,6 +92,7 @@ impl SharedGateway {
     }
 
     /// When the core wants to be told of the time.
+    #[inline(never)]
     pub fn next_deadline(&self) -> Option<Instant> {
         self.with(|core, _| core.next_deadline())
     }

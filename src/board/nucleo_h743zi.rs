@@ -51,8 +51,8 @@ const CAN_KERNEL_HZ: u32 = PLL1_VCO_HZ / 10;
 
 /// Bitrate of the host links.
 const HOST_BITS_PER_SECOND: u32 = 921_600;
-/// Bytes of each host link's DMA ring: 5.5 ms at 921600 baud.
-const HOST_RING: usize = 512;
+/// Bytes of each host link's DMA ring: 2.8 ms at 921600 baud.
+const HOST_RING: usize = 256;
 /// Bytes of the RS485 DMA ring: 1.28 ms at 2 Mbaud.
 const RS485_RING: usize = 256;
 /// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.

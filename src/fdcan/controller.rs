@@ -1,9 +1,10 @@
-//! A running controller: frames in by slot, happenings out, error state, withdrawal and recovery.
+//! A running controller: frames in by slot, happenings out, error state, withdrawal.
 
 use embassy_stm32::can::Can;
 use embassy_stm32::pac;
 use embassy_stm32::pac::can::Fdcan;
 use embassy_time::{Duration, Instant, Timer};
+use embedded_can::Id;
 use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::{BusState, CanFrame};
 
@@ -36,8 +37,8 @@ pub struct Controller<'d> {
     happenings: &'static Happenings,
     /// Holds the clock and the pins.
     _driver: Can<'d>,
-    /// The frames in the controller, by slot.
-    held: [Option<CanFrame>; TRANSMIT_SLOTS],
+    /// The ids of the frames in the controller, by slot.
+    held: [Option<Id>; TRANSMIT_SLOTS],
     /// A frame that may not join them yet.
     waiting: Option<(u8, CanFrame)>,
 }
@@ -79,9 +80,9 @@ impl<'d> Controller<'d> {
     fn send_waiting(&mut self) {
         let Some((slot, frame)) = self.waiting else { return };
         let status = self.registers.txfqs().read();
-        let overtakes = self.held.iter().flatten().any(|held| held.id() == frame.id());
+        let overtakes = self.held.iter().flatten().any(|held| *held == frame.id());
         match self.held.get_mut(usize::from(slot)) {
-            Some(held @ None) if !overtakes && !status.tfqf() => *held = Some(frame),
+            Some(held @ None) if !overtakes && !status.tfqf() => *held = Some(frame.id()),
             _ => return,
         }
         self.waiting = None;
@@ -155,18 +156,10 @@ impl<'d> Controller<'d> {
         ErrorState { state, transmit_errors: counters.tec().into(), receive_errors: counters.rec().into() }
     }
 
-    /// Whether the controller has stopped and waits for [`Self::rejoin`].
+    /// Whether the controller has stopped: it takes part in the bus again once it has been started again.
     pub fn is_stopped(&self) -> bool {
         let control = self.registers.cccr().read();
         control.init() || control.asm()
-    }
-
-    /// Lets a stopped controller join the bus again; it then waits for 129 times 11 recessive bits.
-    pub fn rejoin(&mut self) {
-        self.registers.cccr().modify(|w| {
-            w.set_asm(false);
-            w.set_init(false);
-        });
     }
 }
 

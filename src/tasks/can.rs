@@ -2,7 +2,7 @@
 
 use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Ticker};
 use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
@@ -12,8 +12,6 @@ use crate::shared_gateway::SharedGateway;
 
 /// How often the error state is read when nothing says that it changed.
 const STATE_POLL: Duration = Duration::from_millis(10);
-/// How long a controller that went bus-off stays off the bus.
-const BUS_OFF_PAUSE: Duration = Duration::from_millis(100);
 
 /// For ever: run the bus as configured, start it again when the configuration changes.
 #[embassy_executor::task(pool_size = board::CAN_BUSES)]
@@ -27,7 +25,7 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
             continue;
         };
         defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
-        CanBus { gateway, bus, controller: port.start(timing), reported: None, rejoin: None }
+        CanBus { gateway, bus, controller: port.start(timing), reported: None }
             .run(setup)
             .await;
     }
@@ -40,8 +38,6 @@ struct CanBus<'d> {
     controller: Controller<'d>,
     /// The error state that the core knows.
     reported: Option<ErrorState>,
-    /// When the controller, being bus-off, may join the bus again.
-    rejoin: Option<Instant>,
 }
 
 impl CanBus<'_> {
@@ -84,25 +80,14 @@ impl CanBus<'_> {
         }
     }
 
-    /// Reports a changed error state. Bus-off: takes all frames back first, and joins the bus again after a pause.
+    /// Reports a changed error state. Bus-off: takes all frames back first; the core then has the bus started again.
     async fn follow_error_state(&mut self) {
-        if self.controller.is_stopped() {
-            match self.rejoin {
-                None => {
-                    self.controller.withdraw_all().await;
-                    self.rejoin = Some(Instant::now() + BUS_OFF_PAUSE);
-                }
-                Some(due) if Instant::now() >= due => {
-                    self.controller.rejoin();
-                    self.rejoin = None;
-                    defmt::info!("bus {=u8}: joins the bus again", self.bus);
-                }
-                Some(_) => {}
-            }
-        }
         let now = self.controller.error_state();
         if self.reported == Some(now) {
             return;
+        }
+        if self.controller.is_stopped() {
+            self.controller.withdraw_all().await;
         }
         self.log_state(now);
         self.reported = Some(now);

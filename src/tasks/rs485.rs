@@ -20,23 +20,22 @@ pub async fn rs485(
     mut receiver: Receiver,
     mut sender: Sender,
 ) -> ! {
-    let mut current = None;
     loop {
-        current = gateway.other_bus_setup(bus, current).await;
-        let Some(setup) = current else { continue };
+        let Some(setup) = gateway.other_bus_setup(bus, None).await else { continue };
         if let Err(error) = sender.set_bits_per_second(setup.bitrate) {
             defmt::warn!("bus {=u8}: {=u32} baud: {}", bus, setup.bitrate, error);
+            gateway.other_bus_setup(bus, Some(setup)).await;
             continue;
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
-        gateway.handle(Event::BusState {
-            bus,
-            state: BusState::Active,
-            transmit_errors: 0,
-            receive_errors: 0,
-        });
+        report(gateway, bus, BusState::Active);
         select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup)).await;
     }
+}
+
+/// A serial port has no error counters.
+fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
+    gateway.handle(Event::BusState { bus, state, transmit_errors: 0, receive_errors: 0 });
 }
 
 /// Bytes from the bus to the core, our own echo included.
@@ -70,6 +69,8 @@ async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusS
             Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
                 if sender.send(&bytes).await.is_err() {
                     defmt::warn!("bus {=u8}: {=usize} bytes did not leave in time", bus, bytes.len());
+                    // The frame is lost: the core stops what was armed here and starts the bus again.
+                    report(gateway, bus, BusState::BusOff);
                     return;
                 }
                 gateway.handle(Event::Transmitted { bus, slot });
