@@ -1,17 +1,31 @@
 //! CAN frames: standard ids, data frames, DLC 8 (RMD V3.6 §1.1.2).
+//!
+//! A single motor is addressed as 0x140 + node and answers as 0x240 + node; motion mode has ids of its own. Frames to
+//! every motor at once are 0x280 and, for the CAN id, 0x300.
 
 use embedded_can::{Frame, Id, StandardId};
 
+use crate::bus_id::{self, Access};
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
+use crate::motion_mode::{MotionCommand, MotionFeedback};
 use crate::node::Node;
 use crate::reply::Reply;
 use crate::request::Request;
+use crate::target::Target;
 
 /// Request id of a motor = this + node: 0x141..=0x160 (RMD V3.6 §1.1.2).
 pub const REQUEST_BASE: u16 = 0x140;
 /// Reply id of a motor = this + node: 0x241..=0x260 (RMD V3.6 §1.1.2).
 pub const REPLY_BASE: u16 = 0x240;
+/// Id of requests to every motor (RMD V3.6 §3). Only motors without their CAN-id filter hear it (§2.33.4).
+pub const BROADCAST_ID: u16 = 0x280;
+/// Id of the commands that read and set the CAN id, and of their replies (RMD V3.6 §4).
+pub const CAN_ID_ID: u16 = 0x300;
+/// Motion-mode request id of a motor = this + node: 0x401..=0x420 (RMD V3.6 §5).
+pub const MOTION_REQUEST_BASE: u16 = 0x400;
+/// Motion-mode reply id of a motor = this + node: 0x501..=0x520 (RMD V3.6 §5.4).
+pub const MOTION_REPLY_BASE: u16 = 0x500;
 
 /// Id on which the motor listens.
 pub fn request_id(node: Node) -> StandardId {
@@ -23,39 +37,125 @@ pub fn reply_id(node: Node) -> StandardId {
     id::<REPLY_BASE>(node)
 }
 
-/// The motor that sends with this id, if any does.
-pub fn node_of_reply_id(id: Id) -> Option<Node> {
-    match id {
-        Id::Standard(id) => node_above(REPLY_BASE, id),
-        Id::Extended(_) => None,
-    }
+/// Id on which the motor listens for motion mode.
+pub fn motion_request_id(node: Node) -> StandardId {
+    id::<MOTION_REQUEST_BASE>(node)
 }
 
-/// The frame that carries a request to a motor.
+/// Id on which the motor answers motion mode.
+pub fn motion_reply_id(node: Node) -> StandardId {
+    id::<MOTION_REPLY_BASE>(node)
+}
+
+/// The motor that sends with this id, if any does.
+pub fn node_of_reply_id(id: Id) -> Option<Node> {
+    let Id::Standard(id) = id else { return None };
+    node_above(REPLY_BASE, id).or_else(|| node_above(MOTION_REPLY_BASE, id))
+}
+
+/// The frame that carries a request to a motor. The commands that read and set the CAN id go to every motor on the
+/// bus, whatever the node.
 pub fn request<F: Frame>(node: Node, request: &Request) -> Result<F, EncodeError> {
-    F::new(request_id(node), &request.encode()?).ok_or(EncodeError::Frame)
+    let id = match request {
+        Request::MotionMode { .. } => motion_request_id(node),
+        _ => request_id(node),
+    };
+    frame(id, request)
+}
+
+/// The frame that carries a request to every motor; refused for motion mode.
+pub fn broadcast<F: Frame>(request: &Request) -> Result<F, EncodeError> {
+    if let Request::MotionMode { .. } = request {
+        return Err(not_here(request.command(), "motion mode addresses one motor"));
+    }
+    frame(fixed::<BROADCAST_ID>(), request)
 }
 
 /// The motor addressed by a frame and the request in it.
 pub fn decode_request<F: Frame>(frame: &F) -> Result<(Node, Request), DecodeError> {
-    let node = sender_or_target(frame, REQUEST_BASE)?;
-    let data = frame.data();
-    let data = <&[u8; DATA_LEN]>::try_from(data)
-        .map_err(|_| DecodeError::Length { got: data.len(), expected: DATA_LEN })?;
-    Ok((node, Request::decode(data)))
+    match decode_any_request(frame)? {
+        (Target::Node(node), request) => Ok((node, request)),
+        (Target::All, _) => Err(DecodeError::WrongId { id: standard(frame)?.as_raw() }),
+    }
+}
+
+/// The motor or motors addressed by a frame and the request in it.
+pub fn decode_any_request<F: Frame>(frame: &F) -> Result<(Target, Request), DecodeError> {
+    let id = standard(frame)?;
+    if let Some(node) = node_above(REQUEST_BASE, id) {
+        return Ok((Target::Node(node), Request::decode(data(frame)?)));
+    }
+    if let Some(node) = node_above(MOTION_REQUEST_BASE, id) {
+        let command = MotionCommand::decode(data(frame)?);
+        return Ok((Target::Node(node), Request::MotionMode { command }));
+    }
+    match id.as_raw() {
+        BROADCAST_ID => Ok((Target::All, Request::decode(data(frame)?))),
+        CAN_ID_ID => {
+            let data = data(frame)?;
+            let request = match bus_id::access(data).ok_or(DecodeError::WrongId { id: CAN_ID_ID })? {
+                Access::Read => Request::ReadCanId,
+                Access::Write => Request::SetCanId { id: bus_id::written(data) },
+            };
+            Ok((Target::All, request))
+        }
+        other => Err(DecodeError::WrongId { id: other }),
+    }
 }
 
 /// The frame that carries a reply from a motor. A timeout notice has as many bytes as it was received with.
 pub fn reply<F: Frame>(node: Node, reply: &Reply) -> Result<F, EncodeError> {
+    let id = match reply {
+        Reply::MotionMode { .. } => motion_reply_id(node),
+        Reply::CanId { .. } | Reply::CanIdSet { .. } => fixed::<CAN_ID_ID>(),
+        Reply::Rs485Id { .. } | Reply::Rs485IdSet { .. } => return Err(rs485_only(reply.command())),
+        _ => reply_id(node),
+    };
     let data = reply.encode()?;
     let data = data.get(..reply.frame_len()).unwrap_or(&data);
-    F::new(reply_id(node), data).ok_or(EncodeError::Frame)
+    F::new(id, data).ok_or(EncodeError::Frame)
 }
 
-/// The motor that sent a frame and the reply in it.
+/// The motor that sent a frame and the reply in it. A reply about the CAN id names its motor in the data: the new id
+/// once that is set.
 pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
-    let node = sender_or_target(frame, REPLY_BASE)?;
-    Ok((node, Reply::decode(frame.data())?))
+    let id = standard(frame)?;
+    if let Some(node) = node_above(REPLY_BASE, id) {
+        return Ok((node, Reply::decode(frame.data())?));
+    }
+    if let Some(node) = node_above(MOTION_REPLY_BASE, id) {
+        return Ok((node, Reply::MotionMode { feedback: MotionFeedback::decode(data(frame)?) }));
+    }
+    let wrong = DecodeError::WrongId { id: id.as_raw() };
+    if id.as_raw() != CAN_ID_ID {
+        return Err(wrong);
+    }
+    let data = data(frame)?;
+    match bus_id::access(data).ok_or(wrong)? {
+        Access::Read => bus_id::can_node(data).map(|id| (id, Reply::CanId { id })),
+        Access::Write => bus_id::written_node(data).map(|id| (id, Reply::CanIdSet { id })),
+    }
+}
+
+/// The frame of a request under an id, unless the request has an id of its own or none on CAN.
+fn frame<F: Frame>(id: StandardId, request: &Request) -> Result<F, EncodeError> {
+    let id = match request {
+        Request::ReadCanId | Request::SetCanId { .. } => fixed::<CAN_ID_ID>(),
+        Request::ReadRs485Id | Request::SetRs485Id { .. } => return Err(rs485_only(request.command())),
+        _ => id,
+    };
+    if let Request::SetBaudRate { code } = request {
+        code.check_on_can()?;
+    }
+    F::new(id, &request.encode()?).ok_or(EncodeError::Frame)
+}
+
+fn rs485_only(command: u8) -> EncodeError {
+    not_here(command, "this command is for RS485")
+}
+
+fn not_here(command: u8, reason: &'static str) -> EncodeError {
+    EncodeError::Forbidden { field: "command", value: i64::from(command), reason }
 }
 
 fn id<const BASE: u16>(node: Node) -> StandardId {
@@ -64,12 +164,22 @@ fn id<const BASE: u16>(node: Node) -> StandardId {
     StandardId::new(BASE + u16::from(node.get())).unwrap_or(StandardId::MAX)
 }
 
+fn fixed<const ID: u16>() -> StandardId {
+    const {
+        match StandardId::new(ID) {
+            Some(id) => id,
+            None => panic!("11 bits"),
+        }
+    }
+}
+
 fn node_above(base: u16, id: StandardId) -> Option<Node> {
     let node = u8::try_from(id.as_raw().checked_sub(base)?).ok()?;
     Node::new(node).ok()
 }
 
-fn sender_or_target<F: Frame>(frame: &F, base: u16) -> Result<Node, DecodeError> {
+/// The standard id of a data frame.
+fn standard<F: Frame>(frame: &F) -> Result<StandardId, DecodeError> {
     let id = match frame.id() {
         Id::Standard(id) => id,
         Id::Extended(id) => return Err(DecodeError::ExtendedId { id: id.as_raw() }),
@@ -77,96 +187,13 @@ fn sender_or_target<F: Frame>(frame: &F, base: u16) -> Result<Node, DecodeError>
     if frame.is_remote_frame() {
         return Err(DecodeError::RemoteFrame);
     }
-    node_above(base, id).ok_or(DecodeError::WrongId { id: id.as_raw() })
+    Ok(id)
+}
+
+fn data<F: Frame>(frame: &F) -> Result<&[u8; DATA_LEN], DecodeError> {
+    let data = frame.data();
+    <&[u8; DATA_LEN]>::try_from(data).map_err(|_| DecodeError::Length { got: data.len(), expected: DATA_LEN })
 }
 
 #[cfg(test)]
-mod tests {
-    use embedded_can::ExtendedId;
-
-    use super::*;
-    use crate::notice::RawNotice;
-    use crate::test_frame::CanFrame;
-    use crate::units::Centiamps;
-
-    fn node(node: u8) -> Node {
-        Node::new(node).expect("1..=32")
-    }
-
-    fn standard(id: u16, data: &[u8]) -> CanFrame {
-        CanFrame::new(StandardId::new(id).expect("11 bits"), data).expect("at most 8 bytes")
-    }
-
-    /// RMD V3.6 §1.1.2. Ids from 0x280 up belong to broadcast, configuration and other protocols.
-    #[test]
-    fn ids_of_the_first_and_last_motor() {
-        assert_eq!(request_id(node(1)).as_raw(), 0x141);
-        assert_eq!(request_id(node(32)).as_raw(), 0x160);
-        assert_eq!(reply_id(node(1)).as_raw(), 0x241);
-        assert_eq!(reply_id(node(32)).as_raw(), 0x260);
-    }
-
-    #[test]
-    fn only_reply_ids_name_a_node() {
-        let of = |id| node_of_reply_id(Id::Standard(StandardId::new(id).expect("11 bits")));
-        assert_eq!(of(0x241), Some(node(1)));
-        assert_eq!(of(0x260), Some(node(32)));
-        for id in [0x000, 0x141, 0x240, 0x261, 0x280, 0x281, 0x300, 0x341, 0x7FF] {
-            assert_eq!(of(id), None, "{id:#05x}");
-        }
-        assert_eq!(node_of_reply_id(Id::Extended(ExtendedId::new(0x241).expect("29 bits"))), None);
-    }
-
-    /// RMD V3.6 §2.17.4: 1 A to node 1, and the reply.
-    #[test]
-    fn torque_current_to_node_1() {
-        let sent = standard(0x141, &[0xA1, 0x00, 0x00, 0x00, 0x64, 0x00, 0x00, 0x00]);
-        let torque = Request::TorqueCurrent { current: Centiamps(100) };
-        assert_eq!(request(node(1), &torque), Ok(sent));
-        assert_eq!(decode_request(&sent), Ok((node(1), torque)));
-
-        let received = standard(0x241, &[0xA1, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-        let (from, decoded) = decode_reply(&received).expect("a reply");
-        assert_eq!(from, node(1));
-        assert_eq!(reply(from, &decoded), Ok(received));
-    }
-
-    #[test]
-    fn a_short_notice_stays_short() {
-        for payload in [&[][..], &[0x00], &[1, 2, 3, 4, 5, 6, 7]] {
-            let notice = Reply::TimeoutNotice { raw: RawNotice::new(payload).expect("at most 7 bytes") };
-            let frame: CanFrame = reply(node(2), &notice).expect("a frame");
-            assert_eq!(frame.dlc(), 1 + payload.len());
-            assert_eq!(decode_reply(&frame), Ok((node(2), notice)));
-        }
-        assert_eq!(
-            reply(node(2), &Reply::TimeoutNotice { raw: RawNotice::default() }),
-            Ok(standard(0x242, &[0xF1]))
-        );
-    }
-
-    #[test]
-    fn frames_of_others_are_refused() {
-        let stop = [0x81, 0, 0, 0, 0, 0, 0, 0];
-        for id in [0x140, 0x161, 0x241, 0x280, 0x300] {
-            assert_eq!(decode_request(&standard(id, &stop)), Err(DecodeError::WrongId { id }));
-        }
-        for id in [0x141, 0x240, 0x261, 0x281, 0x300] {
-            assert_eq!(decode_reply(&standard(id, &stop)), Err(DecodeError::WrongId { id }));
-        }
-        let extended = CanFrame::new(ExtendedId::new(0x241).expect("29 bits"), &stop).expect("a frame");
-        assert_eq!(decode_reply(&extended), Err(DecodeError::ExtendedId { id: 0x241 }));
-        let remote = CanFrame::new_remote(StandardId::new(0x241).expect("11 bits"), 8).expect("a frame");
-        assert_eq!(decode_reply(&remote), Err(DecodeError::RemoteFrame));
-    }
-
-    #[test]
-    fn short_frames_are_refused() {
-        assert_eq!(
-            decode_request(&standard(0x141, &[0x81])),
-            Err(DecodeError::Length { got: 1, expected: 8 })
-        );
-        assert_eq!(decode_request(&standard(0x141, &[])), Err(DecodeError::Length { got: 0, expected: 8 }));
-        assert_eq!(decode_reply(&standard(0x241, &[0x81])), Err(DecodeError::Length { got: 1, expected: 8 }));
-    }
-}
+mod tests;

@@ -88,6 +88,11 @@ pub enum DecodeError {
         /// The id byte received.
         node: u8,
     },
+    /// The data of an id reply name no motor (RMD V3.6 §4.3, §7.3).
+    BusId {
+        /// The id in the data: the last byte of a written id, the last two of a read one.
+        word: u16,
+    },
 }
 
 impl fmt::Display for DecodeError {
@@ -106,6 +111,7 @@ impl fmt::Display for DecodeError {
                 write!(f, "first byte {got:#04x} instead of {expected:#04x}")
             }
             DecodeError::Node { node } => write!(f, "id {node:#04x} names no single motor"),
+            DecodeError::BusId { word } => write!(f, "{word:#06x} is no motor's id"),
         }
     }
 }

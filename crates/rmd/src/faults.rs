@@ -27,11 +27,67 @@ bitflags::bitflags! {
     }
 }
 
+/// How a motor gets rid of a fault (RMD V3.6 §8.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FaultLevel {
+    /// Level 2: the motor resumes by itself once the cause is gone.
+    Recovers,
+    /// Level 1: only after its cause is removed and the motor restarted.
+    UntilRestart,
+}
+
+/// One bit of the error word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FaultInfo {
+    /// The bit.
+    pub fault: Faults,
+    /// Its name in snake_case.
+    pub name: &'static str,
+    /// Its level.
+    pub level: FaultLevel,
+}
+
+/// Every bit the manual lists, the lowest first.
+pub const FAULTS: &[FaultInfo] = &[
+    info(Faults::STALL, "stall"),
+    info(Faults::UNDER_VOLTAGE, "under_voltage"),
+    info(Faults::OVER_VOLTAGE, "over_voltage"),
+    info(Faults::PHASE_OVER_CURRENT, "phase_over_current"),
+    info(Faults::OVER_POWER, "over_power"),
+    info(Faults::CALIBRATION, "calibration"),
+    info(Faults::OVER_SPEED, "over_speed"),
+    info(Faults::MOTOR_OVER_TEMPERATURE, "motor_over_temperature"),
+    info(Faults::ENCODER_CALIBRATION, "encoder_calibration"),
+];
+
+const fn info(fault: Faults, name: &'static str) -> FaultInfo {
+    let until_restart = Faults::UNTIL_RESTART.contains(fault);
+    let level = if until_restart { FaultLevel::UntilRestart } else { FaultLevel::Recovers };
+    FaultInfo { fault, name, level }
+}
+
 impl Faults {
     /// Level 1: these faults stay until the motor restarts. From every other listed one the motor resumes by itself
     /// (RMD V3.6 §8.1, §8.2).
     pub const UNTIL_RESTART: Faults =
         Faults::STALL.union(Faults::PHASE_OVER_CURRENT).union(Faults::CALIBRATION);
+
+    /// The table's row of every listed bit that is set, the lowest first.
+    pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
+        FAULTS.iter().filter(move |info| self.contains(info.fault))
+    }
+
+    /// The worst level of the listed bits that are set.
+    pub fn level(self) -> Option<FaultLevel> {
+        self.infos().map(|info| info.level).max()
+    }
+
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
+        let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
+        listed.for_each(|info| visit(info.name));
+    }
 }
 
 #[cfg(feature = "defmt")]
@@ -43,29 +99,45 @@ impl defmt::Format for Faults {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
     use super::*;
 
-    /// RMD V3.6 §2.12.3, table of error values.
+    /// RMD V3.6 §2.12.3, table of error values, with the levels of §8.2.
     #[test]
-    fn every_listed_bit_has_its_name() {
-        let listed: [(u16, &str); 9] = [
-            (0x0002, "STALL"),
-            (0x0004, "UNDER_VOLTAGE"),
-            (0x0008, "OVER_VOLTAGE"),
-            (0x0010, "PHASE_OVER_CURRENT"),
-            (0x0040, "OVER_POWER"),
-            (0x0080, "CALIBRATION"),
-            (0x0100, "OVER_SPEED"),
-            (0x1000, "MOTOR_OVER_TEMPERATURE"),
-            (0x2000, "ENCODER_CALIBRATION"),
+    fn every_listed_bit_has_its_name_and_level() {
+        use FaultLevel::{Recovers, UntilRestart};
+        let listed: [(u16, &str, FaultLevel); 9] = [
+            (0x0002, "stall", UntilRestart),
+            (0x0004, "under_voltage", Recovers),
+            (0x0008, "over_voltage", Recovers),
+            (0x0010, "phase_over_current", UntilRestart),
+            (0x0040, "over_power", Recovers),
+            (0x0080, "calibration", UntilRestart),
+            (0x0100, "over_speed", Recovers),
+            (0x1000, "motor_over_temperature", Recovers),
+            (0x2000, "encoder_calibration", Recovers),
         ];
-        let named = Faults::all().iter_names().map(|(name, fault)| (fault.bits(), name));
-        assert!(named.eq(listed));
+        assert!(FAULTS.iter().map(|info| (info.fault.bits(), info.name, info.level)).eq(listed));
+        let named = Faults::all().iter_names().map(|(name, fault)| (fault, name.to_ascii_lowercase()));
+        assert!(named.eq(FAULTS.iter().map(|info| (info.fault, info.name.into()))));
     }
 
     /// RMD V3.6 §8.2: the level 1 rows that have a bit.
     #[test]
     fn level_1_is_stall_phase_current_and_calibration() {
         assert_eq!(Faults::UNTIL_RESTART.bits(), 0x0092);
+        assert_eq!(Faults::from_bits_retain(0x0104).level(), Some(FaultLevel::Recovers));
+        assert_eq!(Faults::from_bits_retain(0x0106).level(), Some(FaultLevel::UntilRestart));
+        assert_eq!(Faults::from_bits_retain(0x8000).level(), None);
+    }
+
+    #[test]
+    fn names_of_a_word() {
+        let mut names = Vec::new();
+        Faults::visit_names(0x0001_9013, &mut |name| names.push(name));
+        assert_eq!(names, ["stall", "phase_over_current", "motor_over_temperature"]);
     }
 }

@@ -1,9 +1,12 @@
 //! Codec for MyActuator RMD servo motors: "Servo Motor Control Protocol V3.6", cited here as "RMD V3.6 §…".
 //!
-//! Requests and replies, both encoded and decoded, over CAN ([`can`]) and RS485 ([`rs485`]). Covered are angle and
-//! status reading (0x92, 0x9A, 0x9C), shutdown and stop (0x80, 0x81), torque current, velocity and absolute position
-//! (0xA1, 0xA2, 0xA4), the brake (0x77, 0x78), the motor's communication timeout (0xB3) and its notice (0xF1). Every
-//! other command comes back as `Unknown` with its bytes, so that nothing read from a wire is lost.
+//! Requests and replies, both encoded and decoded, over CAN ([`can`]) and RS485 ([`rs485`]): every single-motor
+//! command of §2, commands to all motors (§3, §6), the commands that read and set a motor's id (§4, §7) and motion mode
+//! (§5), which is CAN only. What the manual does not list comes back as `Unknown` with its bytes, so that nothing read
+//! from a wire is lost.
+//!
+//! Tools reach every command by its name in [`COMMANDS`]: [`Request::build`], [`Request::visit_fields`] and
+//! [`Reply::visit_fields`].
 //!
 //! Units are the manual's own ([`Centiamps`], [`Centidegrees`], …); signs are the motor's.
 //!
@@ -23,29 +26,49 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod baud;
+mod bus_id;
 pub mod can;
+pub mod command;
 mod error;
 mod faults;
 mod field;
+mod function;
 mod matching;
+mod model;
+mod motion_mode;
 mod node;
 mod notice;
+mod pid;
+mod ramp;
 mod reply;
 mod request;
 pub mod rs485;
+mod run_mode;
+mod table;
+mod target;
 mod units;
 
+pub use baud::BaudCode;
 pub use error::{DecodeError, EncodeError};
-pub use faults::Faults;
-pub use field::{DATA_LEN, command};
-pub use matching::{Answer, answer};
+pub use faults::{FAULTS, FaultInfo, FaultLevel, Faults};
+pub use field::DATA_LEN;
+pub use function::Function;
+pub use matching::{Answer, answer, answer_on_line};
+pub use model::Model;
+pub use motion_mode::{MotionCommand, MotionFeedback, MotionRanges, MotionState, MotionTarget, Span};
 pub use node::Node;
 pub use notice::RawNotice;
+pub use pid::PidGains;
+pub use ramp::Ramp;
 pub use reply::{Motion, Reply};
 pub use request::Request;
+pub use run_mode::RunMode;
+pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use target::Target;
 pub use units::{
-    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Degrees, DegreesPerSecond,
-    Milliseconds, SpeedLimit,
+    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
+    DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
 };
 
 #[cfg(test)]

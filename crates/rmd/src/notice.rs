@@ -1,7 +1,8 @@
 //! The data of the 0xF1 notice, which no manual describes.
 
+use crate::command;
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, check_range, command};
+use crate::field::{DATA_LEN, check_range};
 
 /// Most bytes that can follow the command byte.
 const MAX_PAYLOAD: usize = DATA_LEN - 1;

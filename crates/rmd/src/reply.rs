@@ -1,24 +1,25 @@
 //! What the motor sends: the data bytes of each reply and of the timeout notice.
 
-use crate::error::{DecodeError, EncodeError};
-use crate::faults::Faults;
-use crate::field::{self, DATA_LEN, check_range, command, reply};
-use crate::notice::RawNotice;
-use crate::units::{Celsius, Centiamps, Centidegrees, Decivolts, Degrees, DegreesPerSecond, Milliseconds};
+mod bytes;
+mod fields;
+mod motion;
 
-/// State in the replies to 0x9C and to the closed-loop commands (RMD V3.6 §2.13.3, §2.17.3).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Motion {
-    /// Motor temperature.
-    pub temperature: Celsius,
-    /// Measured torque current.
-    pub current: Centiamps,
-    /// Measured speed of the output shaft.
-    pub speed: DegreesPerSecond,
-    /// Angle of the output shaft from the zero point, −32767..=32767.
-    pub angle: Degrees,
-}
+pub use self::motion::Motion;
+use crate::command;
+use crate::faults::Faults;
+use crate::field::DATA_LEN;
+use crate::function::Function;
+use crate::model::Model;
+use crate::motion_mode::MotionFeedback;
+use crate::node::Node;
+use crate::notice::RawNotice;
+use crate::pid::PidGains;
+use crate::ramp::Ramp;
+use crate::run_mode::RunMode;
+use crate::units::{
+    Celsius, Centiamps, Centidegrees, Decivolts, Deciwatts, DegreesPerSecondSquared, EncoderPulses,
+    Milliseconds, VersionDate,
+};
 
 /// One frame from one motor.
 ///
@@ -26,6 +27,58 @@ pub struct Motion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reply {
+    /// 0x30: the gains (RMD V3.6 §2.1.3).
+    Pid {
+        /// All six gains.
+        gains: PidGains,
+    },
+    /// 0x31 received; an echo (RMD V3.6 §2.2.3).
+    PidRamWritten {
+        /// The gains echoed.
+        gains: PidGains,
+    },
+    /// 0x32 received; an echo (RMD V3.6 §2.3.3).
+    PidRomWritten {
+        /// The gains echoed.
+        gains: PidGains,
+    },
+    /// 0x42: the acceleration (RMD V3.6 §2.4.3).
+    Acceleration {
+        /// 100..=60000 by the manual; kept as received.
+        acceleration: DegreesPerSecondSquared,
+    },
+    /// 0x43 received; an echo (RMD V3.6 §2.5.3).
+    AccelerationWritten {
+        /// Which of the four.
+        ramp: Ramp,
+        /// The acceleration echoed.
+        acceleration: DegreesPerSecondSquared,
+    },
+    /// 0x60: the multi-turn encoder position, the offset taken off (RMD V3.6 §2.6.3).
+    EncoderPosition {
+        /// Position from the zero point.
+        position: EncoderPulses,
+    },
+    /// 0x61: the multi-turn encoder position as it is (RMD V3.6 §2.7.3).
+    EncoderRawPosition {
+        /// Position before the offset is taken off.
+        position: EncoderPulses,
+    },
+    /// 0x62: the multi-turn encoder offset (RMD V3.6 §2.8.3).
+    EncoderOffset {
+        /// The zero point.
+        offset: EncoderPulses,
+    },
+    /// 0x63 received; an echo (RMD V3.6 §2.9.3).
+    EncoderOffsetWritten {
+        /// The offset echoed.
+        offset: EncoderPulses,
+    },
+    /// 0x64 carried out (RMD V3.6 §2.10.3).
+    PositionWrittenAsZero {
+        /// The offset written.
+        offset: EncoderPulses,
+    },
     /// 0x92: the multi-turn angle (RMD V3.6 §2.11.3).
     MultiTurnAngle {
         /// Angle of the output shaft from the zero point.
@@ -47,6 +100,17 @@ pub enum Reply {
         /// The state read.
         motion: Motion,
     },
+    /// 0x9D: temperature and phase currents (RMD V3.6 §2.14.3).
+    Status3 {
+        /// Motor temperature.
+        temperature: Celsius,
+        /// Current of phase A.
+        phase_a: Centiamps,
+        /// Current of phase B.
+        phase_b: Centiamps,
+        /// Current of phase C.
+        phase_c: Centiamps,
+    },
     /// 0x80 received; an echo (RMD V3.6 §2.15.3).
     Shutdown,
     /// 0x81 received; an echo that proves receipt, not standstill (RMD V3.6 §2.16.3).
@@ -61,19 +125,94 @@ pub enum Reply {
         /// The state at that moment.
         motion: Motion,
     },
+    /// 0xA3 received (RMD V3.6 §2.19.3).
+    PositionTracking {
+        /// The state at that moment.
+        motion: Motion,
+    },
     /// 0xA4 received (RMD V3.6 §2.20.3).
     AbsolutePosition {
         /// The state at that moment.
         motion: Motion,
     },
+    /// 0xA5 received (RMD V3.6 §2.21.3).
+    LimitedPositionTracking {
+        /// The state at that moment.
+        motion: Motion,
+    },
+    /// 0xA8 received (RMD V3.6 §2.22.3).
+    IncrementalPosition {
+        /// The state at that moment.
+        motion: Motion,
+    },
+    /// 0x70: the run mode (RMD V3.6 §2.23.3).
+    RunMode {
+        /// The control loop that runs.
+        mode: RunMode,
+    },
+    /// 0x71: the motor power (RMD V3.6 §2.24.3).
+    Power {
+        /// Power at that moment.
+        power: Deciwatts,
+    },
     /// 0x77 received; an echo, 50 to 150 ms after the request on observed motors (RMD V3.6 §2.26.3).
     BrakeReleased,
     /// 0x78 received; an echo (RMD V3.6 §2.27.3).
     BrakeLocked,
+    /// 0xB1: the time since the motor started (RMD V3.6 §2.28.3).
+    RunTime {
+        /// Time since start or reset.
+        time: Milliseconds,
+    },
+    /// 0xB2: the date of the motor's firmware (RMD V3.6 §2.29.3).
+    VersionDate {
+        /// The date as a decimal number.
+        date: VersionDate,
+    },
     /// 0xB3 received. §2.30.3 says echo, example 2 of §2.30.4 prints all zero: both occur.
     CommunicationTimeout {
         /// The timeout echoed, or 0.
         timeout: Milliseconds,
+    },
+    /// What comes back after 0xB4, if anything: random by the manual (RMD V3.6 §2.31.3). Answers nothing.
+    BaudRateSet {
+        /// The bytes after the command byte.
+        raw: [u8; DATA_LEN - 1],
+    },
+    /// 0xB5: the motor model (RMD V3.6 §2.32.3).
+    Model {
+        /// Seven characters.
+        model: Model,
+    },
+    /// 0x20 received; an echo (RMD V3.6 §2.33.3).
+    Function {
+        /// The function echoed.
+        function: Function,
+    },
+    /// 0x79 under CAN id 0x300: the CAN id (RMD V3.6 §4.3).
+    CanId {
+        /// Id of the motor that answers.
+        id: Node,
+    },
+    /// 0x79 under CAN id 0x300 received; an echo with the new id (RMD V3.6 §4.3).
+    CanIdSet {
+        /// The new id.
+        id: Node,
+    },
+    /// Motion mode, under a CAN id of its own (RMD V3.6 §5.3).
+    MotionMode {
+        /// The words of the frame; [`MotionRanges`](crate::MotionRanges) gives them their meaning.
+        feedback: MotionFeedback,
+    },
+    /// 0x79 under RS485 id 0xCD: the RS485 id (RMD V3.6 §7.3).
+    Rs485Id {
+        /// Id of the motor that answers.
+        id: Node,
+    },
+    /// 0x79 under RS485 id 0xCD received; an echo with the new id (RMD V3.6 §7.3).
+    Rs485IdSet {
+        /// The new id.
+        id: Node,
     },
     /// 0xF1: an event some motors send every second after their communication timeout has struck. Answers nothing.
     TimeoutNotice {
@@ -87,315 +226,58 @@ pub enum Reply {
     },
 }
 
-impl Motion {
-    fn decode(data: &[u8; DATA_LEN]) -> Motion {
-        Motion {
-            temperature: Celsius(i8::from_le_bytes(reply::TEMPERATURE.get(data))),
-            current: Centiamps(i16::from_le_bytes(reply::CURRENT.get(data))),
-            speed: DegreesPerSecond(i16::from_le_bytes(reply::SPEED.get(data))),
-            angle: Degrees(i16::from_le_bytes(reply::ANGLE.get(data))),
-        }
-    }
-
-    fn put(self, data: &mut [u8; DATA_LEN]) {
-        reply::TEMPERATURE.put(data, self.temperature.0.to_le_bytes());
-        reply::CURRENT.put(data, self.current.0.to_le_bytes());
-        reply::SPEED.put(data, self.speed.0.to_le_bytes());
-        reply::ANGLE.put(data, self.angle.0.to_le_bytes());
-    }
-
-    fn check(&self) -> Result<(), EncodeError> {
-        let angle = i64::from(self.angle.0);
-        check_range("angle", angle, i64::from(reply::ANGLE_MIN), i64::from(reply::ANGLE_MAX))
-    }
-}
-
 impl Reply {
-    /// The command code: data byte 0.
+    /// The command code: data byte 0, except for motion mode, which has none ([`command::MOTION_MODE`]).
     pub const fn command(&self) -> u8 {
         match self {
+            Reply::Pid { .. } => command::READ_PID,
+            Reply::PidRamWritten { .. } => command::WRITE_PID_RAM,
+            Reply::PidRomWritten { .. } => command::WRITE_PID_ROM,
+            Reply::Acceleration { .. } => command::READ_ACCELERATION,
+            Reply::AccelerationWritten { .. } => command::WRITE_ACCELERATION,
+            Reply::EncoderPosition { .. } => command::READ_ENCODER_POSITION,
+            Reply::EncoderRawPosition { .. } => command::READ_ENCODER_RAW_POSITION,
+            Reply::EncoderOffset { .. } => command::READ_ENCODER_OFFSET,
+            Reply::EncoderOffsetWritten { .. } => command::WRITE_ENCODER_OFFSET,
+            Reply::PositionWrittenAsZero { .. } => command::WRITE_POSITION_AS_ZERO,
             Reply::MultiTurnAngle { .. } => command::READ_MULTI_TURN_ANGLE,
             Reply::Status1 { .. } => command::READ_STATUS_1,
             Reply::Status2 { .. } => command::READ_STATUS_2,
+            Reply::Status3 { .. } => command::READ_STATUS_3,
             Reply::Shutdown => command::SHUTDOWN,
             Reply::Stop => command::STOP,
             Reply::TorqueCurrent { .. } => command::TORQUE_CURRENT,
             Reply::Velocity { .. } => command::VELOCITY,
+            Reply::PositionTracking { .. } => command::POSITION_TRACKING,
             Reply::AbsolutePosition { .. } => command::ABSOLUTE_POSITION,
+            Reply::LimitedPositionTracking { .. } => command::LIMITED_POSITION_TRACKING,
+            Reply::IncrementalPosition { .. } => command::INCREMENTAL_POSITION,
+            Reply::RunMode { .. } => command::READ_RUN_MODE,
+            Reply::Power { .. } => command::READ_POWER,
             Reply::BrakeReleased => command::RELEASE_BRAKE,
             Reply::BrakeLocked => command::LOCK_BRAKE,
+            Reply::RunTime { .. } => command::READ_RUN_TIME,
+            Reply::VersionDate { .. } => command::READ_VERSION_DATE,
             Reply::CommunicationTimeout { .. } => command::SET_COMMUNICATION_TIMEOUT,
+            Reply::BaudRateSet { .. } => command::SET_BAUD_RATE,
+            Reply::Model { .. } => command::READ_MODEL,
+            Reply::Function { .. } => command::FUNCTION,
+            Reply::CanId { .. }
+            | Reply::CanIdSet { .. }
+            | Reply::Rs485Id { .. }
+            | Reply::Rs485IdSet { .. } => command::BUS_ID,
+            Reply::MotionMode { .. } => command::MOTION_MODE,
             Reply::TimeoutNotice { .. } => command::TIMEOUT_NOTICE,
             Reply::Unknown { data: [command, ..] } => *command,
         }
     }
 
-    /// The eight data bytes; a short timeout notice is filled up with zeros.
-    ///
-    /// Refused are a motion angle of −32768 and a [`Reply::Unknown`] whose command has a variant of its own.
-    pub fn encode(&self) -> Result<[u8; DATA_LEN], EncodeError> {
-        match self {
-            Reply::Status2 { motion }
-            | Reply::TorqueCurrent { motion }
-            | Reply::Velocity { motion }
-            | Reply::AbsolutePosition { motion } => motion.check()?,
-            Reply::Unknown { data } if !matches!(Reply::decode_full(data), Reply::Unknown { .. }) => {
-                return Err(EncodeError::Forbidden {
-                    field: "command",
-                    value: i64::from(self.command()),
-                    reason: "this command has a reply of its own",
-                });
-            }
-            _ => {}
-        }
-        Ok(self.to_bytes())
-    }
-
-    /// The reply that a frame's data bytes hold: eight of them, except that a timeout notice may be shorter.
-    pub fn decode(data: &[u8]) -> Result<Reply, DecodeError> {
-        if let Ok(data) = <&[u8; DATA_LEN]>::try_from(data) {
-            return Ok(Reply::decode_full(data));
-        }
-        if let [command::TIMEOUT_NOTICE, payload @ ..] = data
-            && let Ok(raw) = RawNotice::new(payload)
-        {
-            return Ok(Reply::TimeoutNotice { raw });
-        }
-        Err(DecodeError::Length { got: data.len(), expected: DATA_LEN })
-    }
-
-    /// The reply that eight data bytes hold.
-    pub(crate) fn decode_full(data: &[u8; DATA_LEN]) -> Reply {
-        let [command, payload @ ..] = data;
-        match *command {
-            command::READ_MULTI_TURN_ANGLE => Reply::MultiTurnAngle {
-                angle: Centidegrees(i32::from_le_bytes(reply::MULTI_TURN_ANGLE.get(data))),
-            },
-            command::READ_STATUS_1 => Reply::Status1 {
-                temperature: Celsius(i8::from_le_bytes(reply::TEMPERATURE.get(data))),
-                brake_released: reply::BRAKE.get(data) != [reply::BRAKE_LOCKED],
-                voltage: Decivolts(u16::from_le_bytes(reply::VOLTAGE.get(data))),
-                faults: Faults::from_bits_retain(u16::from_le_bytes(reply::FAULTS.get(data))),
-            },
-            command::READ_STATUS_2 => Reply::Status2 { motion: Motion::decode(data) },
-            command::SHUTDOWN => Reply::Shutdown,
-            command::STOP => Reply::Stop,
-            command::TORQUE_CURRENT => Reply::TorqueCurrent { motion: Motion::decode(data) },
-            command::VELOCITY => Reply::Velocity { motion: Motion::decode(data) },
-            command::ABSOLUTE_POSITION => Reply::AbsolutePosition { motion: Motion::decode(data) },
-            command::RELEASE_BRAKE => Reply::BrakeReleased,
-            command::LOCK_BRAKE => Reply::BrakeLocked,
-            command::SET_COMMUNICATION_TIMEOUT => Reply::CommunicationTimeout {
-                timeout: Milliseconds(u32::from_le_bytes(field::request::TIMEOUT.get(data))),
-            },
-            command::TIMEOUT_NOTICE => match RawNotice::new(payload) {
-                Ok(raw) => Reply::TimeoutNotice { raw },
-                Err(_) => Reply::Unknown { data: *data },
-            },
-            _ => Reply::Unknown { data: *data },
-        }
-    }
-
-    /// The data bytes, whether or not they may be sent.
-    pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
-        let mut data = [self.command(), 0, 0, 0, 0, 0, 0, 0];
-        match self {
-            Reply::Shutdown | Reply::Stop | Reply::BrakeReleased | Reply::BrakeLocked => {}
-            Reply::MultiTurnAngle { angle } => reply::MULTI_TURN_ANGLE.put(&mut data, angle.0.to_le_bytes()),
-            Reply::Status1 { temperature, brake_released, voltage, faults } => {
-                let brake = if brake_released { reply::BRAKE_RELEASED } else { reply::BRAKE_LOCKED };
-                reply::TEMPERATURE.put(&mut data, temperature.0.to_le_bytes());
-                reply::BRAKE.put(&mut data, [brake]);
-                reply::VOLTAGE.put(&mut data, voltage.0.to_le_bytes());
-                reply::FAULTS.put(&mut data, faults.bits().to_le_bytes());
-            }
-            Reply::Status2 { motion }
-            | Reply::TorqueCurrent { motion }
-            | Reply::Velocity { motion }
-            | Reply::AbsolutePosition { motion } => motion.put(&mut data),
-            Reply::CommunicationTimeout { timeout } => {
-                field::request::TIMEOUT.put(&mut data, timeout.0.to_le_bytes());
-            }
-            Reply::TimeoutNotice { raw } => data = raw.to_bytes(),
-            Reply::Unknown { data: received } => data = received,
-        }
-        data
-    }
-
-    /// Data bytes of this frame on CAN.
-    pub(crate) fn frame_len(&self) -> usize {
-        match self {
-            Reply::TimeoutNotice { raw } => raw.frame_len(),
-            _ => DATA_LEN,
-        }
+    /// Whether nobody has asked for it. A [`Reply::Status1`] may be an event too (RMD V3.6 §2.33.4); only the pending
+    /// request tells, as [`answer`](crate::answer) does.
+    pub const fn is_event(&self) -> bool {
+        matches!(self, Reply::TimeoutNotice { .. })
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[track_caller]
-    fn both_ways(reply: Reply, data: [u8; 8]) {
-        assert_eq!(reply.encode(), Ok(data));
-        assert_eq!(Reply::decode(&data), Ok(reply));
-    }
-
-    const FORWARD: Motion = Motion {
-        temperature: Celsius(50),
-        current: Centiamps(100),
-        speed: DegreesPerSecond(500),
-        angle: Degrees(45),
-    };
-    const BACKWARD: Motion = Motion {
-        temperature: Celsius(50),
-        current: Centiamps(-100),
-        speed: DegreesPerSecond(-500),
-        angle: Degrees(-45),
-    };
-
-    /// RMD V3.6 §2.11.4: 360°; then a negative angle.
-    #[test]
-    fn multi_turn_angle() {
-        both_ways(
-            Reply::MultiTurnAngle { angle: Centidegrees(36_000) },
-            [0x92, 0, 0, 0, 0xA0, 0x8C, 0x00, 0x00],
-        );
-        both_ways(Reply::MultiTurnAngle { angle: Centidegrees(-1) }, [0x92, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]);
-    }
-
-    /// RMD V3.6 §2.12.4: 50 °C, released, 48.5 V, low voltage.
-    #[test]
-    fn status_1() {
-        both_ways(
-            Reply::Status1 {
-                temperature: Celsius(50),
-                brake_released: true,
-                voltage: Decivolts(485),
-                faults: Faults::UNDER_VOLTAGE,
-            },
-            [0x9A, 0x32, 0x00, 0x01, 0xE5, 0x01, 0x04, 0x00],
-        );
-    }
-
-    /// Bits of the error word that RMD V3.6 §2.12.3 does not list survive, beside several that it does.
-    #[test]
-    fn unlisted_fault_bits_are_kept() {
-        both_ways(
-            Reply::Status1 {
-                temperature: Celsius(-5),
-                brake_released: false,
-                voltage: Decivolts(0xFFFF),
-                faults: Faults::from_bits_retain(0xFFFF),
-            },
-            [0x9A, 0xFB, 0x00, 0x00, 0xFF, 0xFF, 0xFF, 0xFF],
-        );
-    }
-
-    /// RMD V3.6 §2.12.3 lists 0 and 1; anything but 0 must not pass for a locked brake. Byte 2 is NULL there and a
-    /// temperature in newer manuals.
-    #[test]
-    fn only_zero_is_a_locked_brake() {
-        let reply = Reply::decode(&[0x9A, 0x32, 0x28, 0x02, 0xE5, 0x01, 0x00, 0x00]);
-        assert!(matches!(reply, Ok(Reply::Status1 { brake_released: true, .. })));
-    }
-
-    /// RMD V3.6 §2.13.4, §2.17.4, §2.18.4, §2.20.4.
-    #[test]
-    fn motion_replies() {
-        both_ways(Reply::Status2 { motion: FORWARD }, [0x9C, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-        both_ways(Reply::TorqueCurrent { motion: FORWARD }, [0xA1, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-        both_ways(
-            Reply::TorqueCurrent { motion: BACKWARD },
-            [0xA1, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF],
-        );
-        both_ways(Reply::Velocity { motion: FORWARD }, [0xA2, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-        both_ways(Reply::Velocity { motion: BACKWARD }, [0xA2, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF]);
-        both_ways(
-            Reply::AbsolutePosition { motion: FORWARD },
-            [0xA4, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
-        );
-        both_ways(
-            Reply::AbsolutePosition { motion: BACKWARD },
-            [0xA4, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF],
-        );
-    }
-
-    /// RMD V3.6 §2.13.3: the angle ends at ±32767. Received, −32768 is reported as it is.
-    #[test]
-    fn the_angle_is_symmetric() {
-        let data = [0x9C, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x00, 0x80];
-        let reply = Reply::Status2 { motion: Motion { angle: Degrees(i16::MIN), ..FORWARD } };
-        assert_eq!(Reply::decode(&data), Ok(reply));
-        assert_eq!(
-            reply.encode(),
-            Err(EncodeError::OutOfRange { field: "angle", value: -32768, min: -32767, max: 32767 })
-        );
-        both_ways(
-            Reply::Status2 { motion: Motion { angle: Degrees(-32767), ..FORWARD } },
-            [0x9C, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x01, 0x80],
-        );
-    }
-
-    /// RMD V3.6 §3.2 (0x80), §2.16.3, §2.26.3, §2.27.3.
-    #[test]
-    fn echoes() {
-        both_ways(Reply::Shutdown, [0x80, 0, 0, 0, 0, 0, 0, 0]);
-        both_ways(Reply::Stop, [0x81, 0, 0, 0, 0, 0, 0, 0]);
-        both_ways(Reply::BrakeReleased, [0x77, 0, 0, 0, 0, 0, 0, 0]);
-        both_ways(Reply::BrakeLocked, [0x78, 0, 0, 0, 0, 0, 0, 0]);
-    }
-
-    /// RMD V3.6 §2.30.3 (echo) and §2.30.4 example 2 (all zero).
-    #[test]
-    fn communication_timeout_echoed_or_zero() {
-        both_ways(
-            Reply::CommunicationTimeout { timeout: Milliseconds(1000) },
-            [0xB3, 0, 0, 0, 0xE8, 0x03, 0x00, 0x00],
-        );
-        both_ways(Reply::CommunicationTimeout { timeout: Milliseconds(0) }, [0xB3, 0, 0, 0, 0, 0, 0, 0]);
-    }
-
-    /// Observed on motors: the notice comes without data. No other reply may be short.
-    #[test]
-    fn only_the_timeout_notice_may_be_short() {
-        let bare = Reply::TimeoutNotice { raw: RawNotice::default() };
-        assert_eq!(Reply::decode(&[0xF1]), Ok(bare));
-        assert_eq!(bare.encode(), Ok([0xF1, 0, 0, 0, 0, 0, 0, 0]));
-
-        let full = [0xF1, 1, 2, 3, 4, 5, 6, 7];
-        let reply =
-            Reply::TimeoutNotice { raw: RawNotice::new(&[1, 2, 3, 4, 5, 6, 7]).expect("seven bytes") };
-        both_ways(reply, full);
-
-        assert_eq!(Reply::decode(&[]), Err(DecodeError::Length { got: 0, expected: 8 }));
-        assert_eq!(Reply::decode(&[0x80]), Err(DecodeError::Length { got: 1, expected: 8 }));
-        assert_eq!(Reply::decode(&[0xF1; 9]), Err(DecodeError::Length { got: 9, expected: 8 }));
-        assert_eq!(
-            RawNotice::new(&[0; 8]),
-            Err(EncodeError::OutOfRange { field: "notice length", value: 8, min: 0, max: 7 })
-        );
-    }
-
-    /// RMD V3.6 §2.14.4 (0x9D): a reply without a variant keeps every byte.
-    #[test]
-    fn other_replies_keep_their_bytes() {
-        let data = [0x9D, 0x32, 0xC2, 0x0B, 0x10, 0xFA, 0xC0, 0xF9];
-        both_ways(Reply::Unknown { data }, data);
-    }
-
-    #[test]
-    fn unknown_cannot_carry_a_known_command() {
-        for command in [0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0x9C, 0xA1, 0xA2, 0xA4, 0xB3, 0xF1] {
-            let reply = Reply::Unknown { data: [command, 0, 0, 0, 0, 0, 0, 0] };
-            assert_eq!(
-                reply.encode(),
-                Err(EncodeError::Forbidden {
-                    field: "command",
-                    value: i64::from(command),
-                    reason: "this command has a reply of its own"
-                })
-            );
-        }
-    }
-}
+mod tests;

@@ -5,15 +5,19 @@
 //! the echo that confirms a stop.
 
 mod deframer;
+mod scan;
 
 use crc::{CRC_16_MODBUS, Crc, Table};
 
 pub use self::deframer::Deframer;
+pub use self::scan::{Piece, Scan};
+use crate::bus_id::{self, Access};
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
 use crate::node::Node;
 use crate::reply::Reply;
 use crate::request::Request;
+use crate::target::Target;
 
 /// Header, id, length, data and checksum.
 pub const FRAME_LEN: usize = HEADER_LEN + DATA_LEN + CHECKSUM_LEN;
@@ -30,37 +34,95 @@ const _: () = assert!(LENGTH as usize == DATA_LEN);
 /// The manual says "CRC16" only. Two proven frames (see the tests) settle it as CRC-16/MODBUS over all bytes before it.
 static CHECKSUM: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_MODBUS);
 
-/// The frame that carries a request to a motor.
+/// Id byte of frames to every motor, and of the commands that read and set the RS485 id (RMD V3.6 §6, §7).
+pub const BROADCAST_ID: u8 = 0xCD;
+
+/// The frame that carries a request to a motor. The commands that read and set the RS485 id go to every motor on the
+/// line, whatever the node.
 pub fn request(node: Node, request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
-    Ok(frame(node, request.encode()?))
+    request_frame(node.get(), request)
+}
+
+/// The frame that carries a request to every motor. Their replies collide, so it counts as unanswered
+/// (RMD V3.6 §6.2).
+pub fn broadcast(request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
+    request_frame(BROADCAST_ID, request)
 }
 
 /// The frame that carries a reply from a motor.
 pub fn reply(node: Node, reply: &Reply) -> Result<[u8; FRAME_LEN], EncodeError> {
-    Ok(frame(node, reply.encode()?))
+    let id = match reply {
+        Reply::Rs485Id { .. } | Reply::Rs485IdSet { .. } => BROADCAST_ID,
+        Reply::CanId { .. } | Reply::CanIdSet { .. } | Reply::MotionMode { .. } => {
+            return Err(can_only(reply.command()));
+        }
+        _ => node.get(),
+    };
+    Ok(frame(id, reply.encode()?))
 }
 
 /// The motor addressed by a frame and the request in it.
 pub fn decode_request(frame: &[u8; FRAME_LEN]) -> Result<(Node, Request), DecodeError> {
-    let (node, data) = open(frame)?;
-    Ok((node, Request::decode(data)))
+    match decode_any_request(frame)? {
+        (Target::Node(node), request) => Ok((node, request)),
+        (Target::All, _) => Err(DecodeError::Node { node: BROADCAST_ID }),
+    }
 }
 
-/// The motor that sent a frame and the reply in it.
+/// The motor or motors addressed by a frame and the request in it.
+pub fn decode_any_request(frame: &[u8; FRAME_LEN]) -> Result<(Target, Request), DecodeError> {
+    let (id, data) = open(frame)?;
+    if id != BROADCAST_ID {
+        return Ok((Target::Node(Node::received(id)?), Request::decode(data)));
+    }
+    let request = match bus_id::access(data) {
+        Some(Access::Read) => Request::ReadRs485Id,
+        Some(Access::Write) => Request::SetRs485Id { id: bus_id::written(data) },
+        None => Request::decode(data),
+    };
+    Ok((Target::All, request))
+}
+
+/// The motor that sent a frame and the reply in it. A reply about the RS485 id names its motor in the data: the new
+/// id once that is set.
 pub fn decode_reply(frame: &[u8; FRAME_LEN]) -> Result<(Node, Reply), DecodeError> {
-    let (node, data) = open(frame)?;
-    Ok((node, Reply::decode_full(data)))
+    let (id, data) = open(frame)?;
+    if id != BROADCAST_ID {
+        return Ok((Node::received(id)?, Reply::decode_full(data)));
+    }
+    match bus_id::access(data).ok_or(DecodeError::Node { node: id })? {
+        Access::Read => bus_id::rs485_node(data).map(|id| (id, Reply::Rs485Id { id })),
+        Access::Write => bus_id::written_node(data).map(|id| (id, Reply::Rs485IdSet { id })),
+    }
 }
 
-fn frame(node: Node, data: [u8; DATA_LEN]) -> [u8; FRAME_LEN] {
+/// The frame of a request under an id, unless the request has an id of its own or none on RS485.
+fn request_frame(id: u8, request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
+    let id = match request {
+        Request::ReadRs485Id | Request::SetRs485Id { .. } => BROADCAST_ID,
+        Request::ReadCanId | Request::SetCanId { .. } | Request::MotionMode { .. } => {
+            return Err(can_only(request.command()));
+        }
+        _ => id,
+    };
+    Ok(frame(id, request.encode()?))
+}
+
+fn can_only(command: u8) -> EncodeError {
+    let reason = "this command is for CAN";
+    EncodeError::Forbidden { field: "command", value: i64::from(command), reason }
+}
+
+fn frame(id: u8, data: [u8; DATA_LEN]) -> [u8; FRAME_LEN] {
     let [d0, d1, d2, d3, d4, d5, d6, d7] = data;
-    let body = [HEADER, node.get(), LENGTH, d0, d1, d2, d3, d4, d5, d6, d7];
+    let body = [HEADER, id, LENGTH, d0, d1, d2, d3, d4, d5, d6, d7];
     let [low, high] = CHECKSUM.checksum(&body).to_le_bytes();
-    [HEADER, node.get(), LENGTH, d0, d1, d2, d3, d4, d5, d6, d7, low, high]
+    [HEADER, id, LENGTH, d0, d1, d2, d3, d4, d5, d6, d7, low, high]
 }
 
-fn open(frame: &[u8; FRAME_LEN]) -> Result<(Node, &[u8; DATA_LEN]), DecodeError> {
-    let [header, node, length, data @ .., _, _] = frame;
+/// The id byte and the data of a frame that is whole.
+fn open(frame: &[u8; FRAME_LEN]) -> Result<(u8, &[u8; DATA_LEN]), DecodeError> {
+    let [header, id, length, data @ .., _, _] = frame;
     if *header != HEADER {
         return Err(DecodeError::Header { got: *header, expected: HEADER });
     }
@@ -68,7 +130,7 @@ fn open(frame: &[u8; FRAME_LEN]) -> Result<(Node, &[u8; DATA_LEN]), DecodeError>
         return Err(DecodeError::Length { got: usize::from(*length), expected: DATA_LEN });
     }
     check(frame)?;
-    Ok((Node::received(*node)?, data))
+    Ok((*id, data))
 }
 
 fn check(frame: &[u8; FRAME_LEN]) -> Result<(), DecodeError> {
@@ -79,68 +141,4 @@ fn check(frame: &[u8; FRAME_LEN]) -> Result<(), DecodeError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::reply::Motion;
-    use crate::units::{Celsius, Centiamps, Degrees, DegreesPerSecond};
-
-    const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
-    const REPLY: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
-
-    fn node(node: u8) -> Node {
-        Node::new(node).expect("1..=32")
-    }
-
-    /// Proven frame; layout RMD V3.6 §2.13.4.
-    #[test]
-    fn request_frame() {
-        assert_eq!(request(node(1), &Request::ReadStatus2), Ok(REQUEST));
-        assert_eq!(decode_request(&REQUEST), Ok((node(1), Request::ReadStatus2)));
-    }
-
-    /// Proven frame; layout RMD V3.6 §2.13.4.
-    #[test]
-    fn reply_frame() {
-        let status = Reply::Status2 {
-            motion: Motion {
-                temperature: Celsius(25),
-                current: Centiamps(0x1234),
-                speed: DegreesPerSecond(-100),
-                angle: Degrees(0x5678),
-            },
-        };
-        assert_eq!(reply(node(1), &status), Ok(REPLY));
-        assert_eq!(decode_reply(&REPLY), Ok((node(1), status)));
-    }
-
-    #[test]
-    fn wrong_header_length_and_checksum() {
-        let mut frame = REQUEST;
-        frame[0] = 0x3D;
-        assert_eq!(decode_request(&frame), Err(DecodeError::Header { got: 0x3D, expected: 0x3E }));
-        let mut frame = REQUEST;
-        frame[2] = 0x07;
-        assert_eq!(decode_request(&frame), Err(DecodeError::Length { got: 7, expected: 8 }));
-        let mut frame = REQUEST;
-        frame[11] = 0xF3;
-        assert_eq!(decode_reply(&frame), Err(DecodeError::Checksum { got: 0x30F3, expected: 0x30F2 }));
-    }
-
-    /// High byte first is not the protocol's order (RMD V3.6 §1.2.2).
-    #[test]
-    fn the_checksum_has_its_low_byte_first() {
-        let frame = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0x30, 0xF2];
-        assert_eq!(decode_request(&frame), Err(DecodeError::Checksum { got: 0xF230, expected: 0x30F2 }));
-    }
-
-    /// Broadcast and out-of-range ids with a valid checksum (computed apart from this crate) name no single motor.
-    #[test]
-    fn ids_outside_1_to_32() {
-        let broadcast = [0x3E, 0xCD, 0x08, 0x80, 0, 0, 0, 0, 0, 0, 0, 0x36, 0x6A];
-        assert_eq!(decode_reply(&broadcast), Err(DecodeError::Node { node: 0xCD }));
-        let zero = [0x3E, 0x00, 0x08, 0x80, 0, 0, 0, 0, 0, 0, 0, 0xA2, 0xAC];
-        assert_eq!(decode_request(&zero), Err(DecodeError::Node { node: 0 }));
-        let above = [0x3E, 0x21, 0x08, 0x80, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x03];
-        assert_eq!(decode_request(&above), Err(DecodeError::Node { node: 33 }));
-    }
-}
+mod tests;

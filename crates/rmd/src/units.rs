@@ -50,3 +50,26 @@ unit! {
     /// Time, 1 ms per count (RMD V3.6 §2.30.1).
     Milliseconds(u32)
 }
+unit! {
+    /// Highest output-shaft speed of a tracking move, 0.01 degree per second per count, on the wire half the width of
+    /// [`CentidegreesPerSecond`] (RMD V3.6 §2.21.1).
+    FineSpeedLimit(u16)
+}
+unit! {
+    /// Acceleration or deceleration of the output shaft, 1 degree per second squared per count (RMD V3.6 §2.4.3).
+    DegreesPerSecondSquared(u32)
+}
+unit! {
+    /// Position of the multi-turn encoder, in its pulses (RMD V3.6 §2.6.3).
+    EncoderPulses(i32)
+}
+unit! {
+    /// Power, 0.1 W per count (RMD V3.6 §2.24.3).
+    Deciwatts(u16)
+}
+unit! {
+    /// Date of the motor's firmware as the decimal number year, month, day (RMD V3.6 §2.29.3).
+    ///
+    /// Motors also send ten digits, so it is not taken apart.
+    VersionDate(u32)
+}

@@ -1,90 +1,23 @@
 //! What holds for every value and every byte string.
 
 mod frame;
+mod values;
+
+use std::collections::BTreeMap;
 
 use embedded_can::{Frame, StandardId};
 use frame::CanFrame;
 use proptest::prelude::*;
-use rmd::rs485::{self, Deframer, FRAME_LEN};
-use rmd::{
-    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, DecodeError, Degrees,
-    DegreesPerSecond, Faults, Milliseconds, Motion, Node, RawNotice, Reply, Request, SpeedLimit, answer, can,
-};
-
-fn node() -> impl Strategy<Value = Node> {
-    (Node::MIN..=Node::MAX).prop_map(|node| Node::new(node).expect("1..=32"))
-}
-
-/// Eight bytes whose command has no variant.
-fn unknown() -> impl Strategy<Value = [u8; 8]> {
-    let commands =
-        prop::sample::select(vec![0x00, 0x20, 0x60, 0x70, 0x76, 0x79, 0x9D, 0xA3, 0xA5, 0xA8, 0xB4, 0xFF]);
-    (commands, any::<[u8; 7]>())
-        .prop_map(|(command, [b1, b2, b3, b4, b5, b6, b7])| [command, b1, b2, b3, b4, b5, b6, b7])
-}
-
-fn request() -> impl Strategy<Value = Request> {
-    prop_oneof![
-        prop::sample::select(vec![
-            Request::ReadMultiTurnAngle,
-            Request::ReadStatus1,
-            Request::ReadStatus2,
-            Request::Shutdown,
-            Request::Stop,
-            Request::ReleaseBrake,
-            Request::LockBrake,
-        ]),
-        any::<i16>().prop_map(|raw| Request::TorqueCurrent { current: Centiamps(raw) }),
-        any::<i32>().prop_map(|raw| Request::Velocity { speed: CentidegreesPerSecond(raw) }),
-        any::<(u16, i32)>().prop_map(|(max_speed, angle)| Request::AbsolutePosition {
-            max_speed: SpeedLimit(max_speed),
-            angle: Centidegrees(angle),
-        }),
-        any::<u32>().prop_map(|raw| Request::SetCommunicationTimeout { timeout: Milliseconds(raw) }),
-        unknown().prop_map(|data| Request::Unknown { data }),
-    ]
-}
-
-fn motion() -> impl Strategy<Value = Motion> {
-    (any::<i8>(), any::<i16>(), any::<i16>(), -32767..=32767_i16).prop_map(
-        |(temperature, current, speed, angle)| Motion {
-            temperature: Celsius(temperature),
-            current: Centiamps(current),
-            speed: DegreesPerSecond(speed),
-            angle: Degrees(angle),
-        },
-    )
-}
-
-fn reply() -> impl Strategy<Value = Reply> {
-    prop_oneof![
-        prop::sample::select(vec![Reply::Shutdown, Reply::Stop, Reply::BrakeReleased, Reply::BrakeLocked]),
-        any::<i32>().prop_map(|raw| Reply::MultiTurnAngle { angle: Centidegrees(raw) }),
-        any::<(i8, bool, u16, u16)>().prop_map(|(temperature, brake_released, voltage, faults)| {
-            Reply::Status1 {
-                temperature: Celsius(temperature),
-                brake_released,
-                voltage: Decivolts(voltage),
-                faults: Faults::from_bits_retain(faults),
-            }
-        }),
-        motion().prop_map(|motion| Reply::Status2 { motion }),
-        motion().prop_map(|motion| Reply::TorqueCurrent { motion }),
-        motion().prop_map(|motion| Reply::Velocity { motion }),
-        motion().prop_map(|motion| Reply::AbsolutePosition { motion }),
-        any::<u32>().prop_map(|raw| Reply::CommunicationTimeout { timeout: Milliseconds(raw) }),
-        // On RS485 a notice always has eight bytes; shorter ones are covered beside the CAN code.
-        any::<[u8; 7]>()
-            .prop_map(|payload| Reply::TimeoutNotice { raw: RawNotice::new(&payload).expect("7 bytes") }),
-        unknown().prop_map(|data| Reply::Unknown { data }),
-    ]
-}
+use rmd::rs485::{self, Deframer, FRAME_LEN, Piece, Scan};
+use rmd::{DecodeError, EncodeError, FieldValue, Reply, Request, Target, answer, answer_on_line, can};
+use values::{node, reply, request, special_reply, special_request};
 
 /// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of one.
 fn line() -> impl Strategy<Value = Vec<u8>> {
     let piece = prop_oneof![
         (node(), request())
             .prop_map(|(node, value)| rs485::request(node, &value).expect("encodable").to_vec()),
+        request().prop_map(|value| rs485::broadcast(&value).expect("encodable").to_vec()),
         (node(), reply(), 0..FRAME_LEN).prop_map(|(node, value, len)| {
             rs485::reply(node, &value).expect("encodable")[..len].to_vec()
         }),
@@ -98,13 +31,78 @@ fn line() -> impl Strategy<Value = Vec<u8>> {
 fn frames_of(mut line: &[u8]) -> Vec<[u8; FRAME_LEN]> {
     let mut frames = Vec::new();
     while let Some(frame) = line.first_chunk::<FRAME_LEN>() {
-        let valid = matches!(rs485::decode_reply(frame), Ok(_) | Err(DecodeError::Node { .. }));
-        if valid {
+        let damaged = matches!(
+            rs485::decode_reply(frame),
+            Err(DecodeError::Header { .. } | DecodeError::Length { .. } | DecodeError::Checksum { .. })
+        );
+        if !damaged {
             frames.push(*frame);
         }
-        line = &line[if valid { FRAME_LEN } else { 1 }..];
+        line = &line[if damaged { 1 } else { FRAME_LEN }..];
     }
     frames
+}
+
+/// A request's data without the bytes that mean nothing, by the tables of RMD V3.6 §2.
+fn meaning(data: [u8; 8]) -> [u8; 8] {
+    let mask: [u8; 8] = match data[0] {
+        0x31 | 0x32 => [1, 0, 1, 1, 1, 1, 1, 1],
+        0x20 | 0x43 => [1, 1, 0, 0, 1, 1, 1, 1],
+        0x63 | 0xA2 | 0xA3 | 0xB3 => [1, 0, 0, 0, 1, 1, 1, 1],
+        0xA1 => [1, 0, 0, 0, 1, 1, 0, 0],
+        0xA4 | 0xA5 | 0xA8 => [1, 0, 1, 1, 1, 1, 1, 1],
+        0xB4 => [1, 0, 0, 0, 0, 0, 0, 1],
+        0x30
+        | 0x42
+        | 0x60..=0x62
+        | 0x64
+        | 0x70
+        | 0x71
+        | 0x76..=0x78
+        | 0x80
+        | 0x81
+        | 0x92
+        | 0x9A
+        | 0x9C
+        | 0x9D
+        | 0xB1
+        | 0xB2
+        | 0xB5 => [1, 0, 0, 0, 0, 0, 0, 0],
+        _ => [1; 8],
+    };
+    std::array::from_fn(|at| data[at] * mask[at])
+}
+
+/// The same of replies, where the brake byte of 0x9A counts as locked or not.
+fn reply_meaning(data: [u8; 8]) -> [u8; 8] {
+    let mask: [u8; 8] = match data[0] {
+        0x30..=0x32 => [1, 0, 1, 1, 1, 1, 1, 1],
+        0x20 | 0x43 => [1, 1, 0, 0, 1, 1, 1, 1],
+        0x42 | 0x60..=0x64 | 0x92 | 0xB1..=0xB3 => [1, 0, 0, 0, 1, 1, 1, 1],
+        0x9A => [1, 1, 0, 1, 1, 1, 1, 1],
+        0x70 => [1, 0, 0, 0, 0, 0, 0, 1],
+        0x71 => [1, 0, 0, 0, 0, 0, 1, 1],
+        0x77 | 0x78 | 0x80 | 0x81 => [1, 0, 0, 0, 0, 0, 0, 0],
+        _ => [1; 8],
+    };
+    let mut kept: [u8; 8] = std::array::from_fn(|at| data[at] * mask[at]);
+    if data[0] == 0x9A {
+        kept[3] = kept[3].min(1);
+    }
+    kept
+}
+
+fn is_range_error(error: EncodeError) -> bool {
+    matches!(error, EncodeError::OutOfRange { .. })
+}
+
+/// Eight bytes that begin with a command more often than not.
+fn data() -> impl Strategy<Value = [u8; 8]> {
+    let commands = rmd::COMMANDS.iter().filter_map(|info| u8::try_from(info.code).ok()).collect::<Vec<_>>();
+    let command = prop_oneof![prop::sample::select(commands), any::<u8>()];
+    let small = prop_oneof![any::<u8>(), 0..5_u8];
+    (command, small, any::<[u8; 2]>(), prop_oneof![any::<[u8; 4]>(), Just([1, 0, 0, 0])])
+        .prop_map(|(command, b1, [b2, b3], [b4, b5, b6, b7])| [command, b1, b2, b3, b4, b5, b6, b7])
 }
 
 proptest! {
@@ -115,6 +113,8 @@ proptest! {
 
         let frame: CanFrame = can::request(node, &request).expect("encodable");
         prop_assert_eq!(can::decode_request(&frame), Ok((node, request)));
+        let frame: CanFrame = can::broadcast(&request).expect("encodable");
+        prop_assert_eq!(can::decode_any_request(&frame), Ok((Target::All, request)));
         let frame: CanFrame = can::reply(node, &reply).expect("encodable");
         prop_assert_eq!(can::decode_reply(&frame), Ok((node, reply)));
 
@@ -125,29 +125,108 @@ proptest! {
     }
 
     #[test]
-    fn no_bytes_panic(
-        id in 0..0x800_u16,
-        data in prop::collection::vec(any::<u8>(), 0..=8),
-        sent in any::<[u8; 8]>(),
-        frame in any::<[u8; FRAME_LEN]>(),
+    fn values_under_ids_of_their_own_survive(
+        node in node(),
+        request in special_request(),
+        (from, reply) in special_reply(),
     ) {
-        let request = Request::decode(&sent);
-        prop_assert_eq!(Request::decode(&request.encode().expect("decoded requests can be sent")), request);
-        if let Ok(reply) = Reply::decode(&data) {
-            let _ = (reply.encode(), answer(&request, &reply));
+        let on_can = can::request::<CanFrame>(node, &request).map(|frame| can::decode_any_request(&frame));
+        let on_rs485 = rs485::request(node, &request).map(|frame| rs485::decode_any_request(&frame));
+        prop_assert!(on_can.is_ok() != on_rs485.is_ok());
+        let target = match request {
+            Request::MotionMode { .. } => Target::Node(node),
+            _ => Target::All,
+        };
+        prop_assert_eq!(on_can.or(on_rs485), Ok(Ok((target, request))));
+
+        let on_can = can::reply::<CanFrame>(from, &reply).map(|frame| can::decode_reply(&frame));
+        let on_rs485 = rs485::reply(from, &reply).map(|frame| rs485::decode_reply(&frame));
+        prop_assert!(on_can.is_ok() != on_rs485.is_ok());
+        prop_assert_eq!(on_can.or(on_rs485), Ok(Ok((from, reply))));
+    }
+
+    /// Decoded and encoded again, every bit with a meaning is still there; only values out of range are not encoded.
+    #[test]
+    fn meaning_survives(data in data()) {
+        match Request::decode(&data).encode() {
+            Ok(again) => prop_assert_eq!(again, meaning(data)),
+            Err(error) => prop_assert!(is_range_error(error), "{}", error),
         }
-        let can_frame = CanFrame::new(StandardId::new(id).expect("11 bits"), &data).expect("at most 8 bytes");
-        let _ = (can::decode_request(&can_frame), can::decode_reply(&can_frame));
-        let _ = (rs485::decode_request(&frame), rs485::decode_reply(&frame));
+        match Reply::decode(&data).expect("eight bytes").encode() {
+            Ok(again) => prop_assert_eq!(again, reply_meaning(data)),
+            Err(error) => prop_assert!(is_range_error(error), "{}", error),
+        }
+    }
+
+    /// What a tool shows of a request builds that request again. Motion mode is left out: its words are converted by
+    /// other divisors one way than the other (RMD V3.6 §5.4).
+    #[test]
+    fn shown_fields_build_the_request(request in prop_oneof![request(), special_request()]) {
+        let mut fields = BTreeMap::new();
+        request.visit_fields(&mut |name, value| {
+            let number = match value {
+                FieldValue::Integer(value) => value as f64,
+                FieldValue::Physical(value) => value,
+                FieldValue::Bool(value) => f64::from(u8::from(value)),
+                _ => return,
+            };
+            fields.insert(name, number);
+        });
+        if !matches!(request, Request::Unknown { .. } | Request::MotionMode { .. }) {
+            prop_assert_eq!(Request::build(request.name(), &|name| fields.get(name).copied()), Ok(request));
+        }
     }
 
     #[test]
-    fn the_deframer_finds_what_a_search_finds(line in line()) {
+    fn no_bytes_panic(
+        id in 0..0x800_u16,
+        data in prop::collection::vec(any::<u8>(), 0..=8),
+        sent in data(),
+        frame in any::<[u8; FRAME_LEN]>(),
+    ) {
+        let request = Request::decode(&sent);
+        if let Ok(reply) = Reply::decode(&data) {
+            let _ = (reply.encode(), answer(&request, &reply), answer_on_line(&request, &reply, true));
+            reply.visit_fields(&mut |_, _| ());
+        }
+        request.visit_fields(&mut |_, _| ());
+        let can_frame = CanFrame::new(StandardId::new(id).expect("11 bits"), &data).expect("at most 8 bytes");
+        if let Ok((_, request)) = can::decode_any_request(&can_frame) {
+            request.visit_fields(&mut |_, _| ());
+        }
+        if let Ok((_, reply)) = can::decode_reply(&can_frame) {
+            let _ = answer(&request, &reply);
+            reply.visit_fields(&mut |_, _| ());
+        }
+        let _ = (rs485::decode_any_request(&frame), rs485::decode_reply(&frame));
+    }
+
+    #[test]
+    fn the_deframer_and_the_scan_find_what_a_search_finds(line in line(), cut in any::<prop::sample::Index>()) {
         let mut deframer = Deframer::new();
         let frames: Vec<_> = deframer.push_slice(&line).collect();
         prop_assert_eq!(&frames, &frames_of(&line));
         let dropped = usize::try_from(deframer.rejected()).expect("small");
         prop_assert!(deframer.pending() < FRAME_LEN);
         prop_assert_eq!(frames.len() * FRAME_LEN + dropped + deframer.pending(), line.len());
+
+        let mut scan = Scan::new(&line);
+        let (mut scanned, mut garbage) = (Vec::new(), 0);
+        for piece in scan.by_ref() {
+            match piece {
+                Piece::Frame(frame) => scanned.push(*frame),
+                Piece::Garbage(bytes) => garbage += bytes.len(),
+            }
+        }
+        prop_assert_eq!(&scanned, &frames);
+        prop_assert_eq!((garbage, scan.rest().len()), (dropped, deframer.pending()));
+
+        // The same bytes in two parts: what the first leaves goes in front of the second.
+        let (first, second) = line.split_at(cut.index(line.len() + 1));
+        let mut scan = Scan::new(first);
+        let count = scan.by_ref().filter(|piece| matches!(piece, Piece::Frame(_))).count();
+        let second = [scan.rest(), second].concat();
+        let count = count + Scan::new(&second).filter(|piece| matches!(piece, Piece::Frame(_))).count();
+        prop_assert_eq!(count, frames.len());
     }
 }

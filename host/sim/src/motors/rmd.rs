@@ -244,7 +244,8 @@ impl Rmd {
                 self.timeout = Duration::from_millis(u64::from(timeout.0));
                 Reply::CommunicationTimeout { timeout: Milliseconds(timeout.0) }
             }
-            Request::Unknown { .. } => return self.throw_back(cx, request),
+            // Commands that are not simulated are echoed.
+            _ => return self.throw_back(cx, request),
         };
         if command::CLOSED_LOOP.contains(&request.command()) && std::mem::take(&mut self.locked_by_timeout) {
             // Communication is back to normal, and so is the motor (RMD V3.6 §2.30.4).
@@ -306,6 +307,8 @@ impl Model for Rmd {
             }
         } else if let Ok((node, request)) = rmd::can::decode_request(frame)
             && node == self.node
+            // Motion mode is not simulated: this motor does not know it.
+            && !matches!(request, Request::MotionMode { .. })
         {
             self.hear(cx, &request);
         }
@@ -390,7 +393,7 @@ fn name(request: &Request) -> &'static str {
         Request::ReleaseBrake => "0x77 release brake",
         Request::LockBrake => "0x78 lock brake",
         Request::SetCommunicationTimeout { .. } => "0xB3 timeout",
-        Request::Unknown { .. } => "other",
+        _ => "other",
     }
 }
 

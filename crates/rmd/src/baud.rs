@@ -1,0 +1,92 @@
+//! Rates of the two buses.
+
+use crate::error::EncodeError;
+use crate::field::check_range;
+
+/// Code of 0xB4. One code sets the rate of RS485 and of CAN (RMD V3.6 §2.31); unlisted codes are kept as received.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaudCode(pub u8);
+
+/// RS485 rates, bit/s, by code.
+const RS485: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+/// CAN rates, bit/s, by code; higher codes set nothing (RMD V3.6 §2.31.4 example 3).
+const CAN: [u32; 2] = [500_000, 1_000_000];
+
+impl BaudCode {
+    /// Lowest code.
+    pub const MIN: u8 = 0;
+    /// Highest code on RS485.
+    pub const MAX: u8 = 4;
+    /// Highest code on CAN.
+    pub const MAX_ON_CAN: u8 = 1;
+
+    /// The code that sets RS485 to this rate in bit/s.
+    pub fn for_rs485(bit_s: u32) -> Option<BaudCode> {
+        BaudCode::of(&RS485, bit_s)
+    }
+
+    /// The code that sets CAN to this rate in bit/s.
+    pub fn for_can(bit_s: u32) -> Option<BaudCode> {
+        BaudCode::of(&CAN, bit_s)
+    }
+
+    /// The rate of RS485 under this code, bit/s.
+    pub fn rs485(self) -> Option<u32> {
+        RS485.get(usize::from(self.0)).copied()
+    }
+
+    /// The rate of CAN under this code, bit/s.
+    pub fn can(self) -> Option<u32> {
+        CAN.get(usize::from(self.0)).copied()
+    }
+
+    pub(crate) fn check(self) -> Result<(), EncodeError> {
+        self.check_up_to(BaudCode::MAX)
+    }
+
+    pub(crate) fn check_on_can(self) -> Result<(), EncodeError> {
+        self.check_up_to(BaudCode::MAX_ON_CAN)
+    }
+
+    fn check_up_to(self, max: u8) -> Result<(), EncodeError> {
+        check_range("baud_code", i64::from(self.0), i64::from(BaudCode::MIN), i64::from(max))
+    }
+
+    fn of(rates: &[u32], bit_s: u32) -> Option<BaudCode> {
+        let code = rates.iter().position(|rate| *rate == bit_s)?;
+        u8::try_from(code).ok().map(BaudCode)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RMD V3.6 §2.31.1.
+    #[test]
+    fn codes_of_the_manual() {
+        let rs485 = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+        assert_eq!(rs485.map(BaudCode::for_rs485), [0, 1, 2, 3, 4].map(|code| Some(BaudCode(code))));
+        assert_eq!([0, 1, 2, 3, 4].map(|code| BaudCode(code).rs485()), rs485.map(Some));
+        assert_eq!([500_000, 1_000_000].map(BaudCode::for_can), [Some(BaudCode(0)), Some(BaudCode(1))]);
+        assert_eq!([0, 1, 2].map(|code| BaudCode(code).can()), [Some(500_000), Some(1_000_000), None]);
+        assert_eq!(BaudCode::for_can(115_200), None);
+        assert_eq!(BaudCode::for_rs485(9600), None);
+        assert_eq!(BaudCode(5).rs485(), None);
+    }
+
+    #[test]
+    fn codes_beyond_a_bus_are_refused() {
+        assert_eq!(BaudCode(4).check(), Ok(()));
+        assert_eq!(
+            BaudCode(5).check(),
+            Err(EncodeError::OutOfRange { field: "baud_code", value: 5, min: 0, max: 4 })
+        );
+        assert_eq!(BaudCode(1).check_on_can(), Ok(()));
+        assert_eq!(
+            BaudCode(2).check_on_can(),
+            Err(EncodeError::OutOfRange { field: "baud_code", value: 2, min: 0, max: 1 })
+        );
+    }
+}

@@ -1,0 +1,132 @@
+//! The data of 0x79, which reads and sets the motor's id on CAN (RMD V3.6 §4) and on RS485 (§7).
+//!
+//! It has an id of its own on either bus, and every motor there obeys.
+
+use crate::can::REPLY_BASE;
+use crate::command;
+use crate::error::DecodeError;
+use crate::field::{DATA_LEN, Field};
+use crate::node::Node;
+
+/// Read or write flag (RMD V3.6 §4.2).
+const ACCESS: Field<2, 1> = Field;
+const WRITE: u8 = 0;
+const READ: u8 = 1;
+/// Id in requests and in the echo of a write (RMD V3.6 §4.2).
+const ID: Field<7, 1> = Field;
+/// Id in the reply to a read: a little-endian word (RMD V3.6 §4.3).
+const WORD: Field<6, 2> = Field;
+
+/// Whether a frame reads, and the id it carries.
+pub(crate) enum Access {
+    Read,
+    Write,
+}
+
+/// Data bytes of a read.
+pub(crate) fn read() -> [u8; DATA_LEN] {
+    with_access(READ)
+}
+
+/// Data bytes of a write, which are those of its reply too.
+pub(crate) fn write(id: u8) -> [u8; DATA_LEN] {
+    let mut data = with_access(WRITE);
+    ID.put(&mut data, [id]);
+    data
+}
+
+/// Data bytes of the reply to a read on CAN: the CAN id with which the motor answers (RMD V3.6 §4.4 example 2).
+pub(crate) fn can_reply(id: Node) -> [u8; DATA_LEN] {
+    let mut data = with_access(READ);
+    WORD.put(&mut data, (REPLY_BASE + u16::from(id.get())).to_le_bytes());
+    data
+}
+
+/// Data bytes of the reply to a read on RS485: the id in the last byte (RMD V3.6 §7.4 example 2).
+pub(crate) fn rs485_reply(id: Node) -> [u8; DATA_LEN] {
+    let mut data = with_access(READ);
+    ID.put(&mut data, [id.get()]);
+    data
+}
+
+/// Whether these are the data of an id command, and which access; the flag is a bool, so all but 0 reads.
+pub(crate) fn access(data: &[u8; DATA_LEN]) -> Option<Access> {
+    let [command::BUS_ID, ..] = data else { return None };
+    Some(if ACCESS.get(data) == [WRITE] { Access::Write } else { Access::Read })
+}
+
+/// The id in the data of a write.
+pub(crate) fn written(data: &[u8; DATA_LEN]) -> u8 {
+    let [id] = ID.get(data);
+    id
+}
+
+/// The motor in the echo of a write.
+pub(crate) fn written_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
+    let id = written(data);
+    Node::new(id).map_err(|_| DecodeError::BusId { word: u16::from(id) })
+}
+
+/// The motor in the reply to a read on CAN: a word above the base of reply ids is such an id, any other the bare id.
+pub(crate) fn can_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
+    let word = u16::from_le_bytes(WORD.get(data));
+    let id = word.checked_sub(REPLY_BASE).filter(|id| *id > 0).unwrap_or(word);
+    node(id, word)
+}
+
+/// The motor in the reply to a read on RS485. The table of §7.3 has the id in byte 6, the example of §7.4 in byte 7.
+pub(crate) fn rs485_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
+    let [sixth, seventh] = WORD.get(data);
+    let id = if seventh == 0 { sixth } else { seventh };
+    node(u16::from(id), u16::from_le_bytes([sixth, seventh]))
+}
+
+fn node(id: u16, word: u16) -> Result<Node, DecodeError> {
+    let id = u8::try_from(id).ok().and_then(|id| Node::new(id).ok());
+    id.ok_or(DecodeError::BusId { word })
+}
+
+fn with_access(access: u8) -> [u8; DATA_LEN] {
+    let mut data = [command::BUS_ID, 0, 0, 0, 0, 0, 0, 0];
+    ACCESS.put(&mut data, [access]);
+    data
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motor(id: u8) -> Node {
+        Node::new(id).expect("1..=32")
+    }
+
+    /// RMD V3.6 §4.4 and §7.4.
+    #[test]
+    fn printed_data() {
+        assert_eq!(write(2), [0x79, 0, 0x00, 0, 0, 0, 0, 0x02]);
+        assert_eq!(read(), [0x79, 0, 0x01, 0, 0, 0, 0, 0]);
+        assert_eq!(can_reply(motor(2)), [0x79, 0, 0x01, 0, 0, 0, 0x42, 0x02]);
+        assert_eq!(rs485_reply(motor(2)), [0x79, 0, 0x01, 0, 0, 0, 0x00, 0x02]);
+    }
+
+    /// RMD V3.6 §4.3 and §4.4 leave open whether the word is the bare id or the id of replies: both are read.
+    #[test]
+    fn both_forms_of_the_id_on_can() {
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x42, 0x02]), Ok(motor(2)));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x60, 0x02]), Ok(motor(32)));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x02, 0x00]), Ok(motor(2)));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x40, 0x02]), Err(DecodeError::BusId { word: 0x240 }));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x61, 0x02]), Err(DecodeError::BusId { word: 0x261 }));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]), Err(DecodeError::BusId { word: 0 }));
+        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x02]), Err(DecodeError::BusId { word: 0x200 }));
+    }
+
+    /// RMD V3.6 §7.3 against §7.4.
+    #[test]
+    fn both_places_of_the_id_on_rs485() {
+        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x02]), Ok(motor(2)));
+        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x02, 0x00]), Ok(motor(2)));
+        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]), Err(DecodeError::BusId { word: 0 }));
+        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x21]), Err(DecodeError::BusId { word: 0x2100 }));
+    }
+}

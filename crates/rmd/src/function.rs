@@ -1,0 +1,168 @@
+//! The functions behind 0x20.
+
+use crate::error::EncodeError;
+use crate::field::{DATA_LEN, check_range, request as field};
+use crate::table::{self, CommandInfo, Visit, field as f};
+
+/// One function of 0x20 (RMD V3.6 §2.33.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Function {
+    /// Index 1: clear the multi-turn value, take the present position as zero and store it; acts after a restart.
+    ClearMultiTurn,
+    /// Index 2: hear only frames with the motor's own CAN id; stored in flash. 0x280 needs it off.
+    CanIdFilter {
+        /// Whether the filter is on.
+        enabled: bool,
+    },
+    /// Index 3: send 0x9A unasked every 100 ms while a fault stands.
+    ErrorReporting {
+        /// Whether the motor reports.
+        enabled: bool,
+    },
+    /// Index 4: store the multi-turn value before power is lost.
+    MultiTurnSaving {
+        /// Whether the motor stores it.
+        enabled: bool,
+    },
+    /// An index or a value that the manual does not list. Never encoded.
+    Other {
+        /// Index as received.
+        index: u8,
+        /// Value as received.
+        value: u32,
+    },
+}
+
+impl Function {
+    const CLEAR_MULTI_TURN: u8 = 1;
+    const CAN_ID_FILTER: u8 = 2;
+    const ERROR_REPORTING: u8 = 3;
+    const MULTI_TURN_SAVING: u8 = 4;
+
+    const OFF: u32 = 0;
+    const ON: u32 = 1;
+
+    /// Index on the wire.
+    pub const fn index(self) -> u8 {
+        match self {
+            Function::ClearMultiTurn => Function::CLEAR_MULTI_TURN,
+            Function::CanIdFilter { .. } => Function::CAN_ID_FILTER,
+            Function::ErrorReporting { .. } => Function::ERROR_REPORTING,
+            Function::MultiTurnSaving { .. } => Function::MULTI_TURN_SAVING,
+            Function::Other { index, .. } => index,
+        }
+    }
+
+    /// Value on the wire.
+    pub const fn value(self) -> u32 {
+        match self {
+            Function::ClearMultiTurn => Function::OFF,
+            Function::CanIdFilter { enabled }
+            | Function::ErrorReporting { enabled }
+            | Function::MultiTurnSaving { enabled } => {
+                if enabled {
+                    Function::ON
+                } else {
+                    Function::OFF
+                }
+            }
+            Function::Other { value, .. } => value,
+        }
+    }
+
+    fn of(index: u8, value: u32) -> Function {
+        let enabled = value == Function::ON;
+        match (index, value) {
+            (Function::CLEAR_MULTI_TURN, Function::OFF) => Function::ClearMultiTurn,
+            (Function::CAN_ID_FILTER, Function::OFF | Function::ON) => Function::CanIdFilter { enabled },
+            (Function::ERROR_REPORTING, Function::OFF | Function::ON) => Function::ErrorReporting { enabled },
+            (Function::MULTI_TURN_SAVING, Function::OFF | Function::ON) => {
+                Function::MultiTurnSaving { enabled }
+            }
+            _ => Function::Other { index, value },
+        }
+    }
+
+    pub(crate) fn decode(data: &[u8; DATA_LEN]) -> Function {
+        let [index] = field::INDEX.get(data);
+        Function::of(index, u32::from_le_bytes(field::FUNCTION_VALUE.get(data)))
+    }
+
+    pub(crate) fn put(self, data: &mut [u8; DATA_LEN]) {
+        field::INDEX.put(data, [self.index()]);
+        field::FUNCTION_VALUE.put(data, self.value().to_le_bytes());
+    }
+
+    pub(crate) fn check(self) -> Result<(), EncodeError> {
+        let Function::Other { index, value } = self else { return Ok(()) };
+        let (first, last) = (Function::CLEAR_MULTI_TURN, Function::MULTI_TURN_SAVING);
+        check_range("function_index", i64::from(index), i64::from(first), i64::from(last))?;
+        let highest = if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
+        check_range("value", i64::from(value), i64::from(Function::OFF), i64::from(highest))?;
+        Err(EncodeError::Forbidden {
+            field: "function_index",
+            value: i64::from(index),
+            reason: "this function has a variant of its own",
+        })
+    }
+
+    pub(crate) fn visit(self, visit: &mut Visit<'_>) {
+        match self {
+            Function::ClearMultiTurn => {}
+            Function::CanIdFilter { enabled }
+            | Function::ErrorReporting { enabled }
+            | Function::MultiTurnSaving { enabled } => f::ENABLED.visit_bool(visit, enabled),
+            Function::Other { index, value } => {
+                f::FUNCTION_INDEX.visit_integer(visit, index);
+                f::FUNCTION_VALUE.visit_integer(visit, value);
+            }
+        }
+    }
+
+    /// The command of the table that sends this function.
+    pub(crate) const fn info(self) -> Option<&'static CommandInfo> {
+        match self {
+            Function::ClearMultiTurn => Some(&table::CLEAR_MULTI_TURN),
+            Function::CanIdFilter { .. } => Some(&table::SET_CAN_ID_FILTER),
+            Function::ErrorReporting { .. } => Some(&table::SET_ERROR_REPORTING),
+            Function::MultiTurnSaving { .. } => Some(&table::SET_MULTI_TURN_SAVING),
+            Function::Other { .. } => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn refused(index: u8, value: u32) -> EncodeError {
+        Function::Other { index, value }.check().expect_err("not in the manual")
+    }
+
+    /// RMD V3.6 §2.33.4: four functions, switched with 0 and 1.
+    #[test]
+    fn what_the_manual_does_not_list_is_kept_and_not_sent() {
+        for data in [
+            [0x20, 0x00, 0, 0, 0, 0, 0, 0],
+            [0x20, 0x05, 0, 0, 1, 0, 0, 0],
+            [0x20, 0x01, 0, 0, 1, 0, 0, 0],
+            [0x20, 0x02, 0, 0, 2, 0, 0, 0],
+            [0x20, 0x04, 0, 0, 0, 0, 0, 1],
+        ] {
+            let function = Function::decode(&data);
+            assert!(matches!(function, Function::Other { .. }), "{data:02X?}");
+            let mut again = [0x20, 0, 0, 0, 0, 0, 0, 0];
+            function.put(&mut again);
+            assert_eq!(again, data);
+        }
+        assert_eq!(
+            refused(5, 0),
+            EncodeError::OutOfRange { field: "function_index", value: 5, min: 1, max: 4 }
+        );
+        assert_eq!(refused(1, 1), EncodeError::OutOfRange { field: "value", value: 1, min: 0, max: 0 });
+        assert_eq!(refused(2, 2), EncodeError::OutOfRange { field: "value", value: 2, min: 0, max: 1 });
+        assert!(matches!(refused(3, 1), EncodeError::Forbidden { field: "function_index", value: 3, .. }));
+    }
+}

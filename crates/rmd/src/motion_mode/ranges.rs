@@ -1,0 +1,212 @@
+//! What the words of motion mode mean on a given motor.
+
+use super::{MotionCommand, MotionFeedback};
+use crate::table::{BuildError, count};
+
+/// Highest position word.
+pub(crate) const RAW_16_MAX: u16 = u16::MAX;
+/// Highest word of the 12-bit fields.
+pub(crate) const RAW_12_MAX: u16 = 0xFFF;
+
+/// Divisor with which the manual reads the position word (RMD V3.6 §5.4).
+const POSITION_DIVISOR: f64 = 65536.0;
+/// Divisor with which the manual reads the 12-bit words (RMD V3.6 §5.4).
+const WORD_DIVISOR: f64 = 4095.0;
+
+/// The physical values that a word's lower and upper end stand for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Span {
+    /// Value of the word 0.
+    pub min: f64,
+    /// Value of the upper end; above `min`.
+    pub max: f64,
+}
+
+/// The ranges of one motor. Newer motors than those of the manual have others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionRanges {
+    /// Position of the output shaft, rad.
+    pub position_rad: Span,
+    /// Velocity of the output shaft, rad/s.
+    pub velocity_rad_s: Span,
+    /// Gain of the position error, N·m/rad.
+    pub kp: Span,
+    /// Gain of the velocity error, N·m·s/rad.
+    pub kd: Span,
+    /// Torque, N·m.
+    pub torque_nm: Span,
+}
+
+/// A motion-mode request in physical values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionTarget {
+    /// Desired position of the output shaft, rad.
+    pub position_rad: f64,
+    /// Desired velocity of the output shaft, rad/s.
+    pub velocity_rad_s: f64,
+    /// Gain of the position error, N·m/rad.
+    pub kp: f64,
+    /// Gain of the velocity error, N·m·s/rad.
+    pub kd: f64,
+    /// Torque in addition, N·m.
+    pub torque_nm: f64,
+}
+
+/// A motion-mode reply in physical values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionState {
+    /// Position of the output shaft, rad.
+    pub position_rad: f64,
+    /// Velocity of the output shaft, rad/s.
+    pub velocity_rad_s: f64,
+    /// Torque, N·m.
+    pub torque_nm: f64,
+}
+
+impl Span {
+    /// A span between two ends.
+    pub const fn new(min: f64, max: f64) -> Span {
+        Span { min, max }
+    }
+
+    /// `round((value − min) · 2ⁿ / (max − min))`, the upper end as the highest word: reproduces the printed request.
+    fn to_raw(self, field: &'static str, value: f64, last: u16) -> Result<u16, BuildError> {
+        let Span { min, max } = self;
+        let refused = BuildError::OutOfRange { field, value, min, max };
+        // NaN lies in no range.
+        if !(min..=max).contains(&value) {
+            return Err(refused);
+        }
+        let steps = f64::from(last) + 1.0;
+        let raw = count((value - min) * steps / (max - min)).min(i64::from(last));
+        u16::try_from(raw).map_err(|_| refused)
+    }
+
+    fn to_physical(self, raw: u16, divisor: f64) -> f64 {
+        f64::from(raw) / divisor * (self.max - self.min) + self.min
+    }
+}
+
+impl MotionRanges {
+    /// The ranges of the manual (RMD V3.6 §5.1).
+    pub const DEFAULT: MotionRanges = MotionRanges {
+        position_rad: Span::new(-12.5, 12.5),
+        velocity_rad_s: Span::new(-45.0, 45.0),
+        kp: Span::new(0.0, 500.0),
+        kd: Span::new(0.0, 5.0),
+        torque_nm: Span::new(-24.0, 24.0),
+    };
+
+    /// The words nearest to a target; values outside their range are refused by name.
+    pub fn command(&self, target: &MotionTarget) -> Result<MotionCommand, BuildError> {
+        Ok(MotionCommand {
+            position: self.position_rad.to_raw("position_rad", target.position_rad, RAW_16_MAX)?,
+            velocity: self.velocity_rad_s.to_raw("velocity_rad_s", target.velocity_rad_s, RAW_12_MAX)?,
+            kp: self.kp.to_raw("kp", target.kp, RAW_12_MAX)?,
+            kd: self.kd.to_raw("kd", target.kd, RAW_12_MAX)?,
+            torque: self.torque_nm.to_raw("torque_nm", target.torque_nm, RAW_12_MAX)?,
+        })
+    }
+
+    /// What a request's words ask for.
+    pub fn target(&self, command: &MotionCommand) -> MotionTarget {
+        MotionTarget {
+            position_rad: self.position_rad.to_physical(command.position, POSITION_DIVISOR),
+            velocity_rad_s: self.velocity_rad_s.to_physical(command.velocity, WORD_DIVISOR),
+            kp: self.kp.to_physical(command.kp, WORD_DIVISOR),
+            kd: self.kd.to_physical(command.kd, WORD_DIVISOR),
+            torque_nm: self.torque_nm.to_physical(command.torque, WORD_DIVISOR),
+        }
+    }
+
+    /// What a reply's words report.
+    pub fn state(&self, feedback: &MotionFeedback) -> MotionState {
+        MotionState {
+            position_rad: self.position_rad.to_physical(feedback.position, POSITION_DIVISOR),
+            velocity_rad_s: self.velocity_rad_s.to_physical(feedback.velocity, WORD_DIVISOR),
+            torque_nm: self.torque_nm.to_physical(feedback.torque, WORD_DIVISOR),
+        }
+    }
+}
+
+impl Default for MotionRanges {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RANGES: MotionRanges = MotionRanges::DEFAULT;
+    const PRINTED: MotionTarget =
+        MotionTarget { position_rad: 10.0, velocity_rad_s: 1.0, kp: 10.0, kd: 1.0, torque_nm: 10.0 };
+
+    /// RMD V3.6 §5.4: 10 rad, 1 rad/s, 10, 1, 10 N·m.
+    #[test]
+    fn the_printed_request_comes_from_its_values() {
+        let command = RANGES.command(&PRINTED).expect("in range");
+        assert_eq!(command.to_bytes(), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
+    }
+
+    /// RMD V3.6 §5.4 prints 9.99, 1.021, 10.012, 1 and 10.004 for these words.
+    #[test]
+    fn the_printed_words_mean_the_printed_values() {
+        let target =
+            RANGES.target(&MotionCommand { position: 58982, velocity: 2094, kp: 82, kd: 819, torque: 2901 });
+        let near = |value: f64, printed: f64| (value - printed).abs() < 0.001;
+        assert!(near(target.position_rad, 9.9998));
+        assert!(near(target.velocity_rad_s, 1.021));
+        assert!(near(target.kp, 10.012));
+        assert!(near(target.kd, 1.0));
+        assert!(near(target.torque_nm, 10.004));
+        let feedback = MotionFeedback { id: 1, position: 0xE665, velocity: 0x82E, torque: 0xB55 };
+        let state = RANGES.state(&feedback);
+        assert!(near(state.position_rad, 9.9994));
+        assert!(near(state.velocity_rad_s, 1.021));
+        assert!(near(state.torque_nm, 10.004));
+    }
+
+    #[test]
+    fn the_ends_of_every_range() {
+        let low =
+            MotionTarget { position_rad: -12.5, velocity_rad_s: -45.0, kp: 0.0, kd: 0.0, torque_nm: -24.0 };
+        assert_eq!(RANGES.command(&low).map(MotionCommand::to_bytes), Ok([0; 8]));
+        let high =
+            MotionTarget { position_rad: 12.5, velocity_rad_s: 45.0, kp: 500.0, kd: 5.0, torque_nm: 24.0 };
+        assert_eq!(RANGES.command(&high).map(MotionCommand::to_bytes), Ok([0xFF; 8]));
+        let rest = MotionTarget { position_rad: 0.0, velocity_rad_s: 0.0, kp: 0.0, kd: 0.0, torque_nm: 0.0 };
+        assert_eq!(RANGES.command(&rest), Ok(MotionCommand::NEUTRAL));
+    }
+
+    #[test]
+    fn values_outside_their_range_are_refused_by_name() {
+        assert_eq!(
+            RANGES.command(&MotionTarget { position_rad: 12.6, ..PRINTED }),
+            Err(BuildError::OutOfRange { field: "position_rad", value: 12.6, min: -12.5, max: 12.5 })
+        );
+        assert_eq!(
+            RANGES.command(&MotionTarget { kd: -0.1, ..PRINTED }),
+            Err(BuildError::OutOfRange { field: "kd", value: -0.1, min: 0.0, max: 5.0 })
+        );
+        for torque_nm in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(matches!(
+                RANGES.command(&MotionTarget { torque_nm, ..PRINTED }),
+                Err(BuildError::OutOfRange { field: "torque_nm", .. })
+            ));
+        }
+    }
+
+    /// A newer motor: the same word stands for another value.
+    #[test]
+    fn other_ranges() {
+        let ranges = MotionRanges { torque_nm: Span::new(-240.0, 240.0), ..RANGES };
+        let command = ranges.command(&MotionTarget { torque_nm: 100.0, ..PRINTED }).expect("in range");
+        assert_eq!(command.to_bytes(), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
+    }
+}

@@ -1,0 +1,81 @@
+//! The control loop a motor runs.
+
+use crate::error::EncodeError;
+
+/// Run mode of 0x70. The manual speaks of four and lists three (RMD V3.6 §2.23.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RunMode {
+    /// Current loop.
+    Current,
+    /// Speed loop.
+    Velocity,
+    /// Position loop.
+    Position,
+    /// Any other value.
+    Unknown(u8),
+}
+
+impl RunMode {
+    const CURRENT: u8 = 1;
+    const VELOCITY: u8 = 2;
+    const POSITION: u8 = 3;
+
+    /// The mode of a wire value.
+    pub const fn from_code(code: u8) -> RunMode {
+        match code {
+            RunMode::CURRENT => RunMode::Current,
+            RunMode::VELOCITY => RunMode::Velocity,
+            RunMode::POSITION => RunMode::Position,
+            other => RunMode::Unknown(other),
+        }
+    }
+
+    /// The value on the wire.
+    pub const fn code(self) -> u8 {
+        match self {
+            RunMode::Current => RunMode::CURRENT,
+            RunMode::Velocity => RunMode::VELOCITY,
+            RunMode::Position => RunMode::POSITION,
+            RunMode::Unknown(code) => code,
+        }
+    }
+
+    /// Name of the three the manual lists.
+    pub const fn name(self) -> Option<&'static str> {
+        match self {
+            RunMode::Current => Some("current"),
+            RunMode::Velocity => Some("velocity"),
+            RunMode::Position => Some("position"),
+            RunMode::Unknown(_) => None,
+        }
+    }
+
+    pub(crate) fn check(self) -> Result<(), EncodeError> {
+        if RunMode::from_code(self.code()) == self {
+            return Ok(());
+        }
+        Err(EncodeError::Forbidden {
+            field: "run_mode",
+            value: i64::from(self.code()),
+            reason: "this mode has a name of its own",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RMD V3.6 §2.23.3.
+    #[test]
+    fn listed_modes_have_names() {
+        let modes = [1, 2, 3].map(RunMode::from_code);
+        assert_eq!(modes, [RunMode::Current, RunMode::Velocity, RunMode::Position]);
+        assert_eq!(modes.map(RunMode::code), [1, 2, 3]);
+        assert_eq!(RunMode::from_code(0), RunMode::Unknown(0));
+        assert_eq!(RunMode::from_code(4).name(), None);
+        assert!(RunMode::Unknown(4).check().is_ok());
+        assert!(RunMode::Unknown(3).check().is_err());
+    }
+}
