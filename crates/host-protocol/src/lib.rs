@@ -58,7 +58,7 @@ pub use frame::{
     CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
 };
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
-pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ValueKind};
+pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ParameterText, ValueKind};
 pub use protocol::{Protocol, ProtocolSet, StopAction, UnknownNumber};
 pub use replies::BootReason;
 pub use size::MaxSize;

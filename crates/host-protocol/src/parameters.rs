@@ -34,17 +34,13 @@ impl ValueKind {
     }
 }
 
-/// Everything fixed about a parameter.
+/// What a parameter can be; all that a gateway needs to know of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterInfo {
     /// The number on the wire.
     pub number: u16,
-    /// The name for people, with its unit.
-    pub name: &'static str,
     /// The kind of value it takes.
     pub kind: ValueKind,
-    /// The unit; empty where it has none.
-    pub unit: &'static str,
     /// The value in force until one is set.
     pub default: Option<Value>,
     /// The smallest value allowed.
@@ -53,6 +49,15 @@ pub struct ParameterInfo {
     pub max: Value,
     /// Whether the axis stays `Unconfigured` without it.
     pub required: bool,
+}
+
+/// What people call a parameter. Apart from [`ParameterInfo`], so that no firmware carries the texts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ParameterText {
+    /// The name, with its unit.
+    pub name: &'static str,
+    /// The unit; empty where it has none.
+    pub unit: &'static str,
     /// What it means.
     pub doc: &'static str,
 }
@@ -157,23 +162,35 @@ macro_rules! parameters {
                 match name { $($text => Some(Self::$variant),)+ _ => None }
             }
 
-            /// Everything fixed about it.
+            /// What it can be.
             #[must_use]
             pub const fn info(self) -> &'static ParameterInfo {
                 match self {
                     $(Self::$variant => {
                         const INFO: &ParameterInfo = &ParameterInfo {
                             number: $number,
-                            name: $text,
                             kind: ValueKind::$kind,
-                            unit: $unit,
                             default: default_of!($kind $default),
                             min: Value::$kind($min),
                             max: Value::$kind($max),
                             required: is_required!($default),
-                            doc: concat!($($doc),+).trim_ascii(),
                         };
                         INFO
+                    })+
+                }
+            }
+
+            /// What people call it.
+            #[must_use]
+            pub const fn text(self) -> &'static ParameterText {
+                match self {
+                    $(Self::$variant => {
+                        const TEXT: &ParameterText = &ParameterText {
+                            name: $text,
+                            unit: $unit,
+                            doc: concat!($($doc),+).trim_ascii(),
+                        };
+                        TEXT
                     })+
                 }
             }
@@ -189,7 +206,7 @@ macro_rules! parameters {
 
         impl fmt::Display for $name {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.pad(self.info().name)
+                f.pad(self.text().name)
             }
         }
     };
@@ -269,16 +286,21 @@ fn find(number: u16) -> Option<&'static ParameterInfo> {
     axis.or_else(|| GatewayParameter::from_number(number).map(GatewayParameter::info))
 }
 
+fn text(number: u16) -> Option<&'static ParameterText> {
+    let axis = AxisParameter::from_number(number).map(AxisParameter::text);
+    axis.or_else(|| GatewayParameter::from_number(number).map(GatewayParameter::text))
+}
+
 /// The name of the parameter with this number, of an axis or of the gateway.
 #[must_use]
 pub fn name(number: u16) -> Option<&'static str> {
-    find(number).map(|info| info.name)
+    text(number).map(|text| text.name)
 }
 
 /// The unit of the parameter with this number, of an axis or of the gateway.
 #[must_use]
 pub fn unit(number: u16) -> Option<&'static str> {
-    find(number).map(|info| info.unit)
+    text(number).map(|text| text.unit)
 }
 
 /// The kind of value that the parameter with this number takes.
@@ -300,7 +322,8 @@ mod tests {
     fn numbers_and_names_are_unique() {
         for (index, info) in every_parameter().enumerate() {
             assert_eq!(find(info.number), Some(info));
-            assert!(every_parameter().take(index).all(|other| other.name != info.name), "{}", info.name);
+            let is_other = |other: &ParameterInfo| name(other.number) != name(info.number);
+            assert!(every_parameter().take(index).all(is_other), "{:?}", name(info.number));
         }
     }
 
@@ -308,9 +331,9 @@ mod tests {
     fn every_default_and_both_bounds_pass_the_check() {
         for info in every_parameter() {
             for value in info.default.into_iter().chain([info.min, info.max]) {
-                assert_eq!(info.check(value), Ok(()), "{}", info.name);
+                assert_eq!(info.check(value), Ok(()), "{:?}", name(info.number));
             }
-            assert!(!info.required || info.default.is_none(), "{}", info.name);
+            assert!(!info.required || info.default.is_none(), "{:?}", name(info.number));
         }
     }
 
@@ -343,6 +366,6 @@ mod tests {
 
     #[test]
     fn the_text_of_a_parameter_is_its_documentation() {
-        assert_eq!(AxisParameter::PositionDevice.info().doc, "Thruster protocol: the device has an encoder.");
+        assert_eq!(AxisParameter::PositionDevice.text().doc, "Thruster protocol: the device has an encoder.");
     }
 }

@@ -7,7 +7,8 @@ use std::fmt::Debug;
 
 use host_protocol::{
     AxisParameter, ERRORS, EVENTS, FrameError, GatewayParameter, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
-    MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, Protocol, REQUESTS, Request, requests::Ping,
+    MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, ParameterText, Protocol, REQUESTS, Request,
+    requests::Ping,
 };
 use serde::de::DeserializeOwned;
 
@@ -210,14 +211,16 @@ fn types_are_those_of_the_code() {
 
 #[test]
 fn parameters_are_those_of_the_code() {
-    let axis: Vec<_> = AxisParameter::ALL.iter().map(|parameter| row(parameter.info())).collect();
+    let axis: Vec<_> =
+        AxisParameter::ALL.iter().map(|parameter| row(parameter.info(), parameter.text())).collect();
     assert_eq!(rows("Axis parameters"), axis);
-    let gateway: Vec<_> = GatewayParameter::ALL.iter().map(|parameter| row(parameter.info())).collect();
+    let gateway: Vec<_> =
+        GatewayParameter::ALL.iter().map(|parameter| row(parameter.info(), parameter.text())).collect();
     assert_eq!(rows("Gateway parameters"), gateway);
 }
 
 /// A parameter's row as it has to stand in the reference.
-fn row(info: &ParameterInfo) -> Vec<String> {
+fn row(info: &ParameterInfo, text: &ParameterText) -> Vec<String> {
     let default = match info.default {
         Some(value) => value.to_string(),
         None => if info.required { "required" } else { "none" }.to_string(),
@@ -225,7 +228,7 @@ fn row(info: &ParameterInfo) -> Vec<String> {
     let range = format!("{} to {}", info.min, info.max);
     let number = info.number.to_string();
     let (name, kind, unit, meaning) =
-        (info.name.to_string(), info.kind.name().to_string(), info.unit.to_string(), info.doc.to_string());
+        (text.name.to_string(), info.kind.name().to_string(), text.unit.to_string(), text.doc.to_string());
     vec![number, name, kind, unit, range, default, meaning]
 }
 

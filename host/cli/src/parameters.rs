@@ -17,13 +17,13 @@ pub fn split(assignment: &str) -> Result<(&str, &str), Failure> {
 
 /// The axis parameter of that name.
 pub fn axis_parameter(name: &str) -> Result<AxisParameter, Failure> {
-    let names = AxisParameter::ALL.iter().map(|parameter| parameter.info().name);
+    let names = AxisParameter::ALL.iter().map(|parameter| parameter.text().name);
     AxisParameter::from_name(name).ok_or_else(|| unknown("an axis", name, names))
 }
 
 /// The gateway parameter of that name.
 pub fn gateway_parameter(name: &str) -> Result<GatewayParameter, Failure> {
-    let names = GatewayParameter::ALL.iter().map(|parameter| parameter.info().name);
+    let names = GatewayParameter::ALL.iter().map(|parameter| parameter.text().name);
     GatewayParameter::from_name(name).ok_or_else(|| unknown("the gateway", name, names))
 }
 
@@ -42,7 +42,8 @@ pub fn value(info: &ParameterInfo, text: &str) -> Result<Value, Failure> {
         ValueKind::Float => text.parse().ok().map(Value::Float),
     };
     parsed.ok_or_else(|| {
-        Failure::Usage(format!("`{text}` is no value for {}. It takes {}", info.name, allowed(info)))
+        let name = host_protocol::parameters::name(info.number).unwrap_or_default();
+        Failure::Usage(format!("`{text}` is no value for {name}. It takes {}", allowed(info)))
     })
 }
 
@@ -64,7 +65,8 @@ pub fn allowed(info: &ParameterInfo) -> String {
         // The only signed parameter is a direction: one of two values.
         ValueKind::Signed => format!("{} or {}", info.min, info.max),
         ValueKind::Unsigned | ValueKind::Float => {
-            format!("{} to {} {}", info.min, info.max, info.unit).trim_end().to_owned()
+            let unit = host_protocol::parameters::unit(info.number).unwrap_or_default();
+            format!("{} to {} {unit}", info.min, info.max).trim_end().to_owned()
         }
     }
 }

@@ -85,11 +85,11 @@ fn show(session: &mut Session, axis: u8) -> Result<(), Failure> {
     let mut table = Table::new(&["parameter", ">value", "allowed", "meaning"]);
     let mut object = serde_json::Map::new();
     for parameter in AxisParameter::ALL {
-        let info = parameter.info();
+        let (info, text) = (parameter.info(), parameter.text());
         let value = session.client.read_axis_parameter(axis, *parameter)?;
         let shown = value.map(|value| parameters::shown(info, value));
         object.insert(
-            info.name.to_owned(),
+            text.name.to_owned(),
             match value {
                 None => serde_json::Value::Null,
                 // As people write it: by name, where the number has one.
@@ -102,10 +102,10 @@ fn show(session: &mut Session, axis: u8) -> Result<(), Failure> {
         );
         let nothing = if info.required { "missing" } else { NOTHING };
         table.row([
-            info.name.to_owned(),
+            text.name.to_owned(),
             shown.unwrap_or_else(|| nothing.to_owned()),
             parameters::allowed(info),
-            info.doc.to_owned(),
+            text.doc.to_owned(),
         ]);
     }
     session.out.table(&table)?;
