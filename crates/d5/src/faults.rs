@@ -21,6 +21,48 @@ bitflags::bitflags! {
     }
 }
 
+/// One bit of the fault byte.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FaultInfo {
+    /// The bit.
+    pub fault: Faults,
+    /// Its name in snake_case.
+    pub name: &'static str,
+    /// Whether a 1 to register 0x19 clears it (D5 manual, register 0x19). How the others end is not given.
+    pub is_clearable: bool,
+}
+
+/// Every bit the manual lists, the lowest first (D5 manual, error states at address 0x12).
+pub const FAULTS: &[FaultInfo] = &[
+    info(Faults::BOARD_HOT, "board_hot"),
+    info(Faults::OVER_CURRENT, "over_current"),
+    info(Faults::OVER_VOLTAGE, "over_voltage"),
+    info(Faults::UNDER_VOLTAGE, "under_voltage"),
+    info(Faults::STALL, "stall"),
+    info(Faults::MOTOR_HOT, "motor_hot"),
+];
+
+const fn info(fault: Faults, name: &'static str) -> FaultInfo {
+    FaultInfo { fault, name, is_clearable: Faults::CLEARABLE.contains(fault) }
+}
+
+impl Faults {
+    /// What a 1 to register 0x19 clears (D5 manual, register 0x19).
+    pub const CLEARABLE: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
+
+    /// The table's row of every listed bit that is set, the lowest first.
+    pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
+        FAULTS.iter().filter(move |info| self.contains(info.fault))
+    }
+
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
+        let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
+        listed.for_each(|info| visit(info.name));
+    }
+}
+
 #[cfg(feature = "defmt")]
 impl defmt::Format for Faults {
     fn format(&self, f: defmt::Formatter<'_>) {
@@ -38,5 +80,14 @@ mod tests {
         assert_eq!(Faults::from_bits_retain(0x42), Faults::STALL | Faults::OVER_CURRENT);
         assert_eq!(Faults::from_bits_retain(0x8D), Faults::all() - Faults::STALL - Faults::OVER_CURRENT);
         assert_eq!(Faults::from_bits_retain(0x31).bits(), 0x31);
+    }
+
+    /// D5 manual, register 0x19 and error states at address 0x12: every named bit has one row.
+    #[test]
+    fn every_fault_has_a_row() {
+        assert!(Faults::all().iter().eq(FAULTS.iter().map(|info| info.fault)));
+        let clearable = FAULTS.iter().filter(|info| info.is_clearable).map(|info| info.name);
+        assert!(clearable.eq(["over_current", "stall"]));
+        assert!(Faults::from_bits_retain(0x30).infos().next().is_none());
     }
 }

@@ -39,10 +39,18 @@ pub mod command {
     pub const EXECUTE: u8 = 0x05;
     /// Reset to factory settings, the id included (D5 manual, table row 6).
     pub const RESET: u8 = 0x06;
+    /// Read the magnetic angle (D5 manual, table row 14).
+    pub const READ_MAGNETIC_ANGLE: u8 = 0xD4;
+    /// Self test (D5 manual, table rows 3 to 5).
+    pub const SELF_TEST: u8 = 0xCF;
+    /// The self test with a command that no motor knows, to see its error (D5 manual, table row 4).
+    pub const FAULTY_SELF_TEST: u8 = 0xCE;
     /// In the reply to a reset: the command state is cleared (D5 manual, table row 6).
     pub const RESET_DONE: u8 = 0x00;
 }
 
+/// Address and data bytes of a self test (D5 manual, table rows 3 to 5).
+pub(crate) const SELF_TEST_BYTES: [u8; 3] = [0x12, 0x34, 0x56];
 /// Address and data bytes of the reply to an id query (D5 manual, table row 1).
 pub(crate) const ID_MARK: u8 = 0xCC;
 /// Address and data bytes of the reply to a reset (D5 manual, table row 6).

@@ -1,11 +1,37 @@
 //! The eight-byte frame: header, id, the five bytes of a [`Payload`], checksum.
 
 use crate::error::{DecodeError, EncodeError};
-use crate::field::{FRAME_LEN, REPLY_HEADER, REQUEST_HEADER};
+use crate::field::{FRAME_LEN, ONE_DATA_BYTE, REPLY_HEADER, REQUEST_HEADER, TWO_DATA_BYTES};
 use crate::node::{Address, Node};
 use crate::payload::Payload;
 use crate::reply::Reply;
 use crate::request::Request;
+
+/// What a frame of either direction carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Message {
+    /// To a motor, or to all.
+    Request(Address, Request),
+    /// From a motor.
+    Reply(Node, Reply),
+}
+
+/// The message of a frame; its header says which way it goes.
+pub fn decode_frame(frame: &[u8; FRAME_LEN]) -> Result<Message, DecodeError> {
+    let [header, ..] = *frame;
+    if header == REPLY_HEADER {
+        return decode_reply_frame(frame).map(|(node, reply)| Message::Reply(node, reply));
+    }
+    decode_request_frame(frame).map(|(address, request)| Message::Request(address, request))
+}
+
+/// Whether a frame begins with the header of either direction, has a length byte and the right checksum.
+pub(crate) fn is_well_formed(frame: &[u8; FRAME_LEN]) -> bool {
+    let [header, _, length, ..] = *frame;
+    let has_length = matches!(length, ONE_DATA_BYTE | TWO_DATA_BYTES);
+    has_length && matches!(header, REQUEST_HEADER | REPLY_HEADER) && disassemble(header, frame).is_ok()
+}
 
 /// The frame of a request. A broadcast is refused unless it is a query, an execute or a reset.
 pub fn request_frame(address: Address, request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
@@ -124,6 +150,11 @@ mod tests {
         assert_eq!(decode_reply_frame(&request), Err(DecodeError::Header { got: 0xD5, expected: 0x5D }));
         let reply = [0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75];
         assert_eq!(decode_request_frame(&reply), Err(DecodeError::Header { got: 0x5D, expected: 0xD5 }));
+        let message = Message::Request(Address::Node(node(0x0B)), Request::QueryId);
+        assert_eq!(decode_frame(&request), Ok(message));
+        assert_eq!(decode_frame(&reply), Ok(Message::Reply(node(0x0B), Reply::Id)));
+        let neither = [0x3E, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75];
+        assert_eq!(decode_frame(&neither), Err(DecodeError::Header { got: 0x3E, expected: 0xD5 }));
     }
 
     /// D5 manual, table row 1 and quick start (1), (4): query, execute and reset for all.
@@ -142,8 +173,10 @@ mod tests {
     /// The manual prints no broadcast of any other command.
     #[test]
     fn other_requests_are_not_broadcast() {
-        let raw = Payload([0x05, 0xD4, 0x00, 0x00, 0x00]);
+        let raw = Payload([0x05, 0xAA, 0x00, 0x00, 0x00]);
         for request in [
+            Request::ReadMagneticAngle,
+            Request::SelfTest,
             Request::Read { register: Register::STATUS, width: Width::Byte },
             Request::Write { register: Register::SPEED, value: Value::Word(0) },
             Request::AsyncWrite { register: Register::SPEED, value: Value::Word(0) },

@@ -1,10 +1,11 @@
 //! Codec of the motor protocol with `D5` requests and `5D` replies ("D5 manual").
 //!
-//! Covered: commands 01 to 06 (query id, read, write, asynchronous write, execute, reset), the error replies and the
-//! register table; requests and replies, both ways. Every other command comes back as `Unknown` with its raw bytes.
+//! Covered is the whole manual, requests and replies, both ways: commands 01 to 06 (query id, read, write, asynchronous
+//! write, execute, reset), the magnetic angle, the self test, the error replies and the register table. Any other command
+//! comes back as `Unknown` with its bytes.
 //!
 //! Every frame has eight bytes, `header id length command address low high sum`; [`request_frame`] and its siblings
-//! deal with those, [`can`] puts them into CAN frames. Decoding never judges a value: access and ranges are enforced
+//! deal with those, [`can`] puts them into CAN frames, [`serial`] finds them in a byte stream. Decoding never judges a value: access and ranges are enforced
 //! when encoding requests, so that a simulated motor can receive what a real one would.
 //!
 //! ```
@@ -20,6 +21,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod ack;
 pub mod angle;
 pub mod can;
 mod error;
@@ -32,24 +34,30 @@ mod payload;
 mod register;
 mod reply;
 mod request;
+pub mod serial;
 pub mod speed;
+mod table;
 pub mod temperature;
 #[cfg(test)]
 #[path = "../tests/frame/mod.rs"]
 mod test_frame;
 mod units;
 
+pub use ack::AckLevel;
 pub use angle::{decode_angle, encode_angle};
 pub use error::{DecodeError, EncodeError};
-pub use faults::Faults;
+pub use faults::{FAULTS, FaultInfo, Faults};
 pub use field::{FRAME_LEN, PAYLOAD_LEN, REPLY_HEADER, REQUEST_HEADER, command};
-pub use frame::{decode_reply_frame, decode_request_frame, reply_frame, request_frame};
+pub use frame::{
+    Message, decode_frame, decode_reply_frame, decode_request_frame, reply_frame, request_frame,
+};
 pub use matching::{Answer, answer};
 pub use node::{Address, Node};
 pub use payload::{Payload, Value, Width};
-pub use register::{Access, REGISTERS, Register, RegisterInfo};
+pub use register::{Access, Coding, REGISTERS, Register, RegisterInfo};
 pub use reply::{MotorError, Reply};
 pub use request::Request;
 pub use speed::{decode_speed, encode_speed};
+pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
 pub use temperature::{decode_temperature, encode_temperature};
-pub use units::{Celsius, Degrees, DegreesPerSecond};
+pub use units::{Celsius, Degrees, DegreesPerSecond, TurnDegrees};

@@ -7,6 +7,8 @@ use crate::reply::{MotorError, Reply};
 use crate::request::Request;
 
 /// What a received reply is to a pending request.
+///
+/// There is no echo of our own among them: a reply has a header of its own (D5 manual, frame format).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
@@ -14,6 +16,9 @@ pub enum Answer {
     Reply(Reply),
     /// The motor refuses the request: it does not know the command, or the checksum arrived wrong.
     Refused(MotorError),
+    /// It does not answer the request, but tells which id a motor has: it answers a query of all ids, comes from the new
+    /// id after a change, or from the factory id after a reset (D5 manual, table rows 1 and 6, common commands, row 1).
+    Unsolicited,
     /// It belongs to something else.
     Unrelated,
 }
@@ -31,9 +36,25 @@ pub fn answer(request: &Request, node: Node, from: Node, received: &Reply) -> An
                 _ => Answer::Unrelated,
             };
         }
-        reply => from == answering_node(request, node) && has_the_answer_of(request, reply),
+        reply => from == request.answering_node(node) && has_the_answer_of(request, reply),
     };
-    if answers { Answer::Reply(*received) } else { Answer::Unrelated }
+    if answers {
+        Answer::Reply(*received)
+    } else if tells_an_id(received, from) {
+        Answer::Unsolicited
+    } else {
+        Answer::Unrelated
+    }
+}
+
+/// Whether a reply that answers nothing says which id its motor has.
+fn tells_an_id(reply: &Reply, from: Node) -> bool {
+    match *reply {
+        Reply::Id => true,
+        Reply::ResetDone => from == Node::FACTORY,
+        Reply::Written { register: Register::ID, value: Value::Word(id) } => id == u16::from(from.get()),
+        _ => false,
+    }
 }
 
 /// What an error says about the request, if it comes from its motor.
@@ -48,14 +69,18 @@ fn refusal(error: MotorError, command: u8, request: &Request) -> Option<MotorErr
     }
 }
 
-/// From whom the answer comes.
-fn answering_node(request: &Request, node: Node) -> Node {
-    match *request {
-        Request::Write { register: Register::ID, value: Value::Word(id) } => {
-            u8::try_from(id).ok().and_then(|id| Node::new(id).ok()).unwrap_or(node)
+impl Request {
+    /// The motor whose reply to wait for after this request to `node`.
+    ///
+    /// A new id is confirmed from that id, a reset from the factory id (D5 manual, table row 6, common commands, row 1).
+    pub fn answering_node(&self, node: Node) -> Node {
+        match *self {
+            Request::Write { register: Register::ID, value: Value::Word(id) } => {
+                u8::try_from(id).ok().and_then(|id| Node::new(id).ok()).unwrap_or(node)
+            }
+            Request::Reset => Node::FACTORY,
+            _ => node,
         }
-        Request::Reset => Node::FACTORY,
-        _ => node,
     }
 }
 
@@ -63,7 +88,9 @@ fn has_the_answer_of(request: &Request, reply: &Reply) -> bool {
     match (*request, *reply) {
         (Request::QueryId, Reply::Id)
         | (Request::Execute, Reply::Executed { .. })
-        | (Request::Reset, Reply::ResetDone) => true,
+        | (Request::Reset, Reply::ResetDone)
+        | (Request::ReadMagneticAngle, Reply::MagneticAngle { .. })
+        | (Request::SelfTest, Reply::SelfTest { .. }) => true,
         (Request::Read { register, width }, Reply::Read { register: read, value }) => {
             register == read && width == value.width()
         }
@@ -158,6 +185,29 @@ mod tests {
         assert_eq!(of(read, [0x5D, 0x0B, 0x05, 0x02, 0x28, 0x00, 0x00, 0x3A]), Answer::Unrelated);
         assert_eq!(of(read, [0x5D, 0x0B, 0x04, 0x02, 0x26, 0x00, 0x00, 0x37]), Answer::Unrelated);
         is_reply(read, [0x5D, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]);
+    }
+
+    /// D5 manual, table rows 1 and 6, common commands, row 1: replies that tell an id, while something else waits.
+    #[test]
+    fn ids_are_told_unasked() {
+        for told in [
+            [0x5D, 0x0C, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x76],
+            [0x5D, 0x0B, 0x05, 0x00, 0xFF, 0xFF, 0xFF, 0x0D],
+            [0x5D, 0x0D, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x25],
+        ] {
+            assert_eq!(of(WRITE_SPEED, told), Answer::Unsolicited);
+        }
+    }
+
+    /// D5 manual, table rows 3 to 5: the self test, sound and spoilt.
+    #[test]
+    fn self_tests() {
+        let request = [0xD5, 0x0B, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7B];
+        is_reply(request, [0x5D, 0x0B, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7B]);
+        assert_eq!(of(request, SPEED_WRITTEN), Answer::Unrelated);
+        let spoilt = [0xD5, 0x0B, 0x05, 0xCE, 0x12, 0x34, 0x56, 0x7A];
+        let error = [0x5D, 0x0B, 0x05, 0xCE, 0x03, 0xEE, 0xEE, 0xBD];
+        assert_eq!(of(spoilt, error), Answer::Refused(MotorError::Command));
     }
 
     /// D5 manual, register 0x19: the register returns to 0 by itself.

@@ -49,6 +49,17 @@ impl Address {
     /// The id byte of a broadcast (D5 manual, table row 1).
     pub const BROADCAST_ID: u8 = 0xFE;
 
+    /// Whom an id byte names: one motor, or all with [`Address::BROADCAST_ID`].
+    pub const fn new(id: u8) -> Result<Address, EncodeError> {
+        if id == Self::BROADCAST_ID {
+            return Ok(Address::Broadcast);
+        }
+        match Node::new(id) {
+            Ok(node) => Ok(Address::Node(node)),
+            Err(error) => Err(error),
+        }
+    }
+
     /// The id byte of the frame.
     pub const fn id(self) -> u8 {
         match self {
@@ -68,6 +79,9 @@ mod tests {
         assert_eq!(Node::new(0x01).map(Node::get), Ok(0x01));
         assert_eq!(Node::new(0xFD).map(Node::get), Ok(0xFD));
         assert_eq!(Address::Broadcast.id(), 0xFE);
+        assert_eq!(Address::new(0xFE), Ok(Address::Broadcast));
+        assert_eq!(Address::new(0x0B), Ok(Address::Node(Node::FACTORY)));
+        assert!(Address::new(0xFF).is_err());
         for node in [0x00, 0xFE, 0xFF] {
             let refused =
                 EncodeError::OutOfRange { field: "node", value: i64::from(node), min: 0x01, max: 0xFD };

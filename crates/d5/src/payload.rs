@@ -101,12 +101,20 @@ impl Payload {
     }
 
     /// Checks the length byte, and the three bytes behind the command against the printed ones.
-    pub(crate) fn expect_fixed(&self, expected: u8) -> Result<(), DecodeError> {
+    pub(crate) fn expect_fixed(&self, [at_address, at_low, at_high]: [u8; 3]) -> Result<(), DecodeError> {
         let Payload([length, _, address, low, high]) = *self;
         expect(LENGTH, length, TWO_DATA_BYTES)?;
-        expect(ADDRESS, address, expected)?;
-        expect(LOW, low, expected)?;
-        expect(HIGH, high, expected)
+        expect(ADDRESS, address, at_address)?;
+        expect(LOW, low, at_low)?;
+        expect(HIGH, high, at_high)
+    }
+
+    /// The two data bytes behind a fixed address.
+    pub(crate) fn word_at(&self, register: u8) -> Result<u16, DecodeError> {
+        let Payload([length, _, address, low, high]) = *self;
+        expect(LENGTH, length, TWO_DATA_BYTES)?;
+        expect(ADDRESS, address, register)?;
+        Ok(u16::from_le_bytes([low, high]))
     }
 }
 

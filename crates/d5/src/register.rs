@@ -1,9 +1,13 @@
 //! The registers of a motor: one table, and what it allows.
 
+use crate::angle::{ANGLE_MAX, decode_angle, encode_angle};
 use crate::error::EncodeError;
 use crate::field::check_range;
 use crate::node::Node;
 use crate::payload::{Value, Width};
+use crate::speed::{SPEED_MAX, decode_speed, encode_speed};
+use crate::temperature::{TEMPERATURE_MAX, decode_temperature, encode_temperature};
+use crate::units::{Celsius, Degrees, DegreesPerSecond};
 
 /// Address of a register. Any address can be received; those of the manual have names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -90,9 +94,7 @@ impl Register {
             Access::None => return Err(self.forbidden("the manual gives no access")),
             Access::Unsupported => return Err(self.forbidden("not supported by the motor")),
         }
-        // The id is one byte, but its change is printed with two (D5 manual, common commands, row 1).
-        let width = if self == Register::ID { Width::Word } else { info.width };
-        let raw = match (width, value) {
+        let raw = match (info.written_width(), value) {
             (Width::Byte, Value::Byte(byte)) => i64::from(byte),
             (Width::Word, Value::Word(word)) => i64::from(word),
             (Width::Byte, Value::Word(_)) => {
@@ -129,21 +131,39 @@ pub enum Access {
     Unsupported,
 }
 
+/// How a register holds its value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Coding {
+    /// A number from 0 on.
+    Unsigned,
+    /// The top bit is the sign, the others the magnitude: speeds and temperatures.
+    SignMagnitude,
+    /// Two's complement: the travelled angle.
+    TwosComplement,
+    /// Each bit a fault; see [`crate::Faults`].
+    Faults,
+}
+
 /// One row of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RegisterInfo {
     /// Its address, of a word the lower one.
     pub register: Register,
-    /// Its name in errors and listings.
+    /// Its name in errors and listings, in snake_case.
     pub name: &'static str,
+    /// Name of its value, with the unit as its last part where there is one.
+    pub field: &'static str,
     /// What a host may do with it.
     pub access: Access,
     /// One byte, or a word in two.
     pub width: Width,
+    /// How it holds its value.
+    pub coding: Coding,
     /// Raw value after a reset; `None` where the manual gives none.
     pub default: Option<u16>,
-    /// Unit of the raw value; empty for a plain number, a flag or a unit the manual leaves unclear.
+    /// Unit of its value; empty for a plain number, a flag or a unit the manual leaves unclear.
     pub unit: &'static str,
     /// Lowest raw value.
     pub min: u16,
@@ -161,10 +181,7 @@ const ID_MIN: u16 = Node::MIN as u16;
 const ID_MAX: u16 = Node::MAX as u16;
 const ID_DEFAULT: u16 = Node::FACTORY.get() as u16;
 
-const CELSIUS: &str = "°C, bit 7 = below zero";
-const SPEED_UNIT: &str = "°/s, bit 15 = clockwise";
-
-/// A row; the limits follow.
+/// A row for a plain number, named like the register; the rest follows.
 const fn row(
     register: Register,
     name: &'static str,
@@ -176,16 +193,84 @@ const fn row(
         Width::Byte => BYTE_MAX,
         Width::Word => WORD_MAX,
     };
-    RegisterInfo { register, name, access, width, default, unit: "", min: 0, max }
+    let (field, coding, unit) = (name, Coding::Unsigned, "");
+    RegisterInfo { register, name, field, access, width, coding, default, unit, min: 0, max }
 }
 
 impl RegisterInfo {
-    const fn unit(self, unit: &'static str) -> RegisterInfo {
-        RegisterInfo { unit, ..self }
-    }
-
     const fn range(self, min: u16, max: u16) -> RegisterInfo {
         RegisterInfo { min, max, ..self }
+    }
+
+    const fn value(self, field: &'static str, unit: &'static str, coding: Coding) -> RegisterInfo {
+        RegisterInfo { field, unit, coding, ..self }
+    }
+
+    /// Sign and magnitude in degrees per second, counter-clockwise positive.
+    const fn speed(self) -> RegisterInfo {
+        self.value("speed_dps", "dps", Coding::SignMagnitude)
+    }
+
+    /// Sign and magnitude in °C.
+    const fn temperature(self) -> RegisterInfo {
+        self.value("temperature_c", "degC", Coding::SignMagnitude)
+    }
+
+    /// The value, in the unit of the row, of raw data as wide as the register.
+    pub fn decode(&self, value: Value) -> Option<i64> {
+        match (self.width, self.coding, value) {
+            (Width::Byte, Coding::SignMagnitude, Value::Byte(raw)) => {
+                Some(i64::from(decode_temperature(raw).0))
+            }
+            (Width::Word, Coding::SignMagnitude, Value::Word(raw)) => Some(i64::from(decode_speed(raw).0)),
+            (Width::Word, Coding::TwosComplement, Value::Word(raw)) => Some(i64::from(decode_angle(raw).0)),
+            (Width::Byte, _, Value::Byte(raw)) => Some(i64::from(raw)),
+            (Width::Word, _, Value::Word(raw)) => Some(i64::from(raw)),
+            (Width::Byte, _, Value::Word(_)) | (Width::Word, _, Value::Byte(_)) => None,
+        }
+    }
+
+    /// The raw data for a value in the unit of the row, as wide as a write of this register.
+    pub fn encode(&self, value: i64) -> Result<Value, EncodeError> {
+        let (min, max) = self.value_range();
+        let refused = EncodeError::OutOfRange { field: self.name, value, min, max };
+        let raw = match (self.width, self.coding) {
+            (Width::Byte, Coding::SignMagnitude) => {
+                let value = i8::try_from(value).map_err(|_| refused)?;
+                u16::from(encode_temperature(Celsius(value))?)
+            }
+            (Width::Word, Coding::SignMagnitude) => {
+                let value = i16::try_from(value).map_err(|_| refused)?;
+                encode_speed(DegreesPerSecond(value))?
+            }
+            (Width::Word, Coding::TwosComplement) => {
+                let value = i16::try_from(value).map_err(|_| refused)?;
+                encode_angle(Degrees(value))?
+            }
+            _ => u16::try_from(value).map_err(|_| refused)?,
+        };
+        check_range(self.name, value, min, max)?;
+        Ok(match (self.written_width(), raw.to_le_bytes()) {
+            (Width::Byte, [low, _]) => Value::Byte(low),
+            (Width::Word, _) => Value::Word(raw),
+        })
+    }
+
+    /// The lowest and the highest value in the unit of the row.
+    pub const fn value_range(&self) -> (i64, i64) {
+        let magnitude = match (self.coding, self.width) {
+            (Coding::Unsigned | Coding::Faults, _) => return (self.min as i64, self.max as i64),
+            (Coding::SignMagnitude, Width::Byte) => TEMPERATURE_MAX as i64,
+            (Coding::SignMagnitude, Width::Word) => SPEED_MAX as i64,
+            (Coding::TwosComplement, _) => ANGLE_MAX as i64,
+        };
+        (-magnitude, magnitude)
+    }
+
+    /// The width of a write. The id is one byte, but its change is printed with two (D5 manual, common commands, row
+    /// 1).
+    pub(crate) fn written_width(&self) -> Width {
+        if self.register == Register::ID { Width::Word } else { self.width }
     }
 }
 
@@ -198,125 +283,26 @@ pub static REGISTERS: [RegisterInfo; 21] = {
         row(Register::VERSION, "version", ReadOnly, Byte, Some(0x01)),
         row(Register::ID, "id", ReadWrite, Byte, Some(ID_DEFAULT)).range(ID_MIN, ID_MAX),
         row(Register::BITRATE, "bitrate", Unsupported, Byte, None),
-        row(Register::REPLY_DELAY, "reply delay", ReadWrite, Byte, Some(0x00)),
-        row(Register::MAX_TEMPERATURE, "max temperature", Access::None, Byte, Some(0x64)).unit(CELSIUS),
-        row(Register::ACK_LEVEL, "ack level", ReadWrite, Byte, Some(0x02)),
-        row(Register::TIMEOUT_SWITCH, "timeout switch", ReadWrite, Byte, Some(0x01)).range(0, FLAG_MAX),
-        row(Register::STATUS, "status", ReadWrite, Byte, Some(0x00)),
+        row(Register::REPLY_DELAY, "reply_delay", ReadWrite, Byte, Some(0x00)),
+        row(Register::MAX_TEMPERATURE, "max_temperature", Access::None, Byte, Some(0x64)).temperature(),
+        row(Register::ACK_LEVEL, "ack_level", ReadWrite, Byte, Some(0x02)),
+        row(Register::TIMEOUT_SWITCH, "timeout_switch", ReadWrite, Byte, Some(0x01)).range(0, FLAG_MAX),
+        row(Register::STATUS, "status", ReadWrite, Byte, Some(0x00)).value("faults", "", Coding::Faults),
         row(Register::ACCELERATION, "acceleration", ReadWrite, Byte, Some(0x48)).range(ACCELERATION_MIN, ACCELERATION_MAX),
         row(Register::DECELERATION, "deceleration", ReadWrite, Byte, Some(0x48)).range(ACCELERATION_MIN, ACCELERATION_MAX),
-        row(Register::CLEAR_PROTECTION, "clear protection", ReadWrite, Byte, Some(0x00)).range(0, FLAG_MAX),
-        row(Register::SPEED, "speed", ReadWrite, Word, Some(0x0000)).unit(SPEED_UNIT),
-        row(Register::CURRENT_SPEED, "current speed", ReadOnly, Word, Some(0x0000)).unit(SPEED_UNIT),
-        row(Register::TRAVELLED_ANGLE, "travelled angle", ReadOnly, Word, Some(0x0000)).unit("°, two's complement"),
+        row(Register::CLEAR_PROTECTION, "clear_protection", ReadWrite, Byte, Some(0x00)).range(0, FLAG_MAX),
+        row(Register::SPEED, "speed", ReadWrite, Word, Some(0x0000)).speed(),
+        row(Register::CURRENT_SPEED, "current_speed", ReadOnly, Word, Some(0x0000)).speed(),
+        row(Register::TRAVELLED_ANGLE, "travelled_angle", ReadOnly, Word, Some(0x0000)).value("angle_deg", "deg", Coding::TwosComplement),
         row(Register::RUNNING, "running", ReadOnly, Byte, Some(0x00)).range(0, FLAG_MAX),
         row(Register::BRAKE, "brake", Access::None, Byte, Some(0x00)).range(0, FLAG_MAX),
-        row(Register::ASYNC_FLAG, "asynchronous write flag", ReadOnly, Byte, Some(0x00)).range(0, FLAG_MAX),
-        row(Register::BOARD_TEMPERATURE, "board temperature", ReadOnly, Byte, Some(0x00)).unit(CELSIUS),
-        row(Register::MOTOR_TEMPERATURE, "motor temperature", ReadOnly, Byte, Some(0x00)).unit(CELSIUS),
-        row(Register::CURRENT_COMMAND, "current command", ReadOnly, Byte, Some(0x00)),
-        row(Register::MAGNETIC_ANGLE, "magnetic angle", ReadOnly, Word, Some(0x0000)).unit("°").range(0, FULL_TURN),
+        row(Register::ASYNC_FLAG, "async_flag", ReadOnly, Byte, Some(0x00)).range(0, FLAG_MAX),
+        row(Register::BOARD_TEMPERATURE, "board_temperature", ReadOnly, Byte, Some(0x00)).temperature(),
+        row(Register::MOTOR_TEMPERATURE, "motor_temperature", ReadOnly, Byte, Some(0x00)).temperature(),
+        row(Register::CURRENT_COMMAND, "current_command", ReadOnly, Byte, Some(0x00)),
+        row(Register::MAGNETIC_ANGLE, "magnetic_angle", ReadOnly, Word, Some(0x0000)).range(0, FULL_TURN).value("angle_deg", "deg", Coding::Unsigned),
     ]
 };
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn refusal(register: u8, value: Value) -> &'static str {
-        match Register(register).check_write(value) {
-            Err(EncodeError::Forbidden { field: "register", value, reason }) => {
-                assert_eq!(value, i64::from(register));
-                reason
-            }
-            other => panic!("{register:#04x}: {other:?}"),
-        }
-    }
-
-    #[test]
-    fn the_table_is_sorted_and_no_registers_overlap() {
-        for pair in REGISTERS.windows(2) {
-            let [low, high] = pair else { unreachable!() };
-            let size = if low.width == Width::Word { 2 } else { 1 };
-            assert!(low.register.0 + size <= high.register.0, "{} {}", low.name, high.name);
-        }
-    }
-
-    /// D5 manual, register table: every default lies within its limits.
-    #[test]
-    fn defaults_lie_within_their_limits() {
-        for info in &REGISTERS {
-            assert!(
-                info.default.is_none_or(|default| (info.min..=info.max).contains(&default)),
-                "{}",
-                info.name
-            );
-        }
-    }
-
-    /// D5 manual, register table: access column.
-    #[test]
-    fn only_writable_registers_are_written() {
-        assert_eq!(refusal(0x02, Value::Byte(1)), "read-only");
-        assert_eq!(refusal(0x04, Value::Byte(1)), "not supported by the motor");
-        assert_eq!(refusal(0x0B, Value::Byte(100)), "the manual gives no access");
-        assert_eq!(refusal(0x2B, Value::Byte(1)), "the manual gives no access");
-        assert_eq!(refusal(0x26, Value::Word(0)), "read-only");
-        assert_eq!(refusal(0x2F, Value::Byte(0)), "read-only");
-        for register in [0x00, 0x01, 0x06, 0x0C, 0x1F, 0x22, 0x38, 0x40, 0xFF] {
-            let reason = "a register without a function is not written";
-            assert_eq!(refusal(register, Value::Byte(0)), reason);
-        }
-    }
-
-    /// D5 manual, frame format: two data bytes also write the next register; to 0x10 they would switch the timeout
-    /// of 0x11 off.
-    #[test]
-    fn the_width_is_that_of_the_register() {
-        let one = "written with one data byte; the second would go to the next register";
-        assert_eq!(refusal(0x10, Value::Word(0x0001)), one);
-        assert_eq!(refusal(0x15, Value::Word(0x4848)), one);
-        assert_eq!(refusal(0x20, Value::Byte(0)), "written with two data bytes");
-        assert_eq!(refusal(0x21, Value::Byte(0x84)), "a word is written whole, with two data bytes");
-        assert_eq!(Register::ACK_LEVEL.check_write(Value::Byte(1)), Ok(()));
-        assert_eq!(Register::SPEED.check_write(Value::Word(0x8258)), Ok(()));
-    }
-
-    /// D5 manual, common commands, row 1: the id change has two data bytes.
-    #[test]
-    fn the_id_is_written_with_two_data_bytes() {
-        assert_eq!(Register::ID.check_write(Value::Word(0x000D)), Ok(()));
-        assert_eq!(refusal(0x03, Value::Byte(0x0D)), "written with two data bytes");
-        for id in [0x0000, 0x00FE, 0x00FF, 0x010D] {
-            let refused = EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 0xFD };
-            assert_eq!(Register::ID.check_write(Value::Word(id)), Err(refused));
-        }
-    }
-
-    /// D5 manual, register table: limits in the text of 0x11, 0x15, 0x16, 0x19.
-    #[test]
-    fn values_lie_within_their_limits() {
-        for (register, value, field, min, max) in [
-            (0x11, 2, "timeout switch", 0, 1),
-            (0x15, 71, "acceleration", 72, 250),
-            (0x16, 251, "deceleration", 72, 250),
-            (0x19, 2, "clear protection", 0, 1),
-        ] {
-            let refused = EncodeError::OutOfRange { field, value: i64::from(value), min, max };
-            assert_eq!(Register(register).check_write(Value::Byte(value)), Err(refused));
-        }
-        assert_eq!(Register::ACCELERATION.check_write(Value::Byte(72)), Ok(()));
-        assert_eq!(Register::DECELERATION.check_write(Value::Byte(250)), Ok(()));
-    }
-
-    /// D5 manual, table row 7: two bytes are read at once; a word never by halves.
-    #[test]
-    fn words_are_read_whole() {
-        let readable = |register: u8, width| Register(register).check_read(width).is_ok();
-        assert!(readable(0x20, Width::Word) && readable(0x26, Width::Word) && readable(0x57, Width::Word));
-        assert!(readable(0x15, Width::Word) && readable(0x15, Width::Byte) && readable(0x40, Width::Byte));
-        assert!(!readable(0x20, Width::Byte) && !readable(0x21, Width::Byte) && !readable(0x27, Width::Word));
-        assert!(!readable(0x1F, Width::Word) && !readable(0x25, Width::Word) && !readable(0xFF, Width::Word));
-        assert!(readable(0x26, Width::Word) && readable(0x28, Width::Word) && readable(0xFF, Width::Byte));
-    }
-}
+mod tests;

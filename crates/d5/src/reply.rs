@@ -6,6 +6,11 @@ use crate::field::{
 };
 use crate::payload::{Payload, Value};
 use crate::register::Register;
+use crate::units::TurnDegrees;
+
+mod fields;
+#[cfg(test)]
+mod tests;
 
 /// What a motor finds wrong with a request (D5 manual, table rows 3 to 5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +60,16 @@ pub enum Reply {
     },
     /// 00: the reset is done; it comes from the factory id (D5 manual, table row 6).
     ResetDone,
+    /// D4: the magnetic angle (D5 manual, table row 14).
+    MagneticAngle {
+        /// 0..=360 degrees.
+        angle: TurnDegrees,
+    },
+    /// CF: whatever a motor answers to a self test that is not an error; not printed.
+    SelfTest {
+        /// Length, command, address, low and high byte as they are.
+        raw: Payload,
+    },
     /// The motor finds a request faulty (D5 manual, table rows 3 to 5).
     Error {
         /// What is wrong.
@@ -79,8 +94,9 @@ impl Reply {
             Reply::AsyncWritten { .. } => command::ASYNC_WRITE,
             Reply::Executed { .. } => command::EXECUTE,
             Reply::ResetDone => command::RESET_DONE,
+            Reply::MagneticAngle { .. } => command::READ_MAGNETIC_ANGLE,
+            Reply::SelfTest { raw } | Reply::Unknown { raw } => raw.command(),
             Reply::Error { command, .. } => *command,
-            Reply::Unknown { raw } => raw.command(),
         }
     }
 
@@ -99,7 +115,11 @@ impl Reply {
             Reply::Error { error, command } => {
                 Payload::fixed(command, [error_address(error), ERROR_MARK, ERROR_MARK])
             }
-            Reply::Unknown { raw } => raw,
+            Reply::MagneticAngle { angle } => {
+                let Register(address) = Register::MAGNETIC_ANGLE;
+                Payload::carrying(command::READ_MAGNETIC_ANGLE, address, Value::Word(angle.0))
+            }
+            Reply::SelfTest { raw } | Reply::Unknown { raw } => raw,
         };
         if Reply::decode(&payload) == Ok(*self) {
             return Ok(payload);
@@ -123,13 +143,18 @@ impl Reply {
             command::ASYNC_WRITE => Reply::AsyncWritten { register, value: payload.value()? },
             command::EXECUTE => Reply::Executed { register, value: payload.value()? },
             command::RESET_DONE => marked(payload, RESET_MARK, Reply::ResetDone)?,
+            command::READ_MAGNETIC_ANGLE => {
+                let Register(register) = Register::MAGNETIC_ANGLE;
+                Reply::MagneticAngle { angle: TurnDegrees(payload.word_at(register)?) }
+            }
+            command::SELF_TEST => Reply::SelfTest { raw: *payload },
             _ => Reply::Unknown { raw: *payload },
         })
     }
 }
 
 fn marked(payload: &Payload, mark: u8, reply: Reply) -> Result<Reply, DecodeError> {
-    payload.expect_fixed(mark)?;
+    payload.expect_fixed([mark; 3])?;
     Ok(reply)
 }
 
@@ -146,79 +171,4 @@ fn motor_error(payload: &Payload) -> Option<MotorError> {
     [MotorError::Id, MotorError::Command, MotorError::Checksum]
         .into_iter()
         .find(|error| error_address(*error) == address)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn both_ways(bytes: [u8; 5], reply: Reply) {
-        assert_eq!(Reply::decode(&Payload(bytes)), Ok(reply));
-        assert_eq!(reply.encode(), Ok(Payload(bytes)));
-    }
-
-    /// D5 manual, table rows 1 and 6.
-    #[test]
-    fn replies_with_fixed_bytes() {
-        both_ways([0x05, 0x01, 0xCC, 0xCC, 0xCC], Reply::Id);
-        both_ways([0x05, 0x00, 0xFF, 0xFF, 0xFF], Reply::ResetDone);
-        let odd = Reply::decode(&Payload([0x05, 0x01, 0xCC, 0xCD, 0xCC]));
-        assert_eq!(odd, Err(DecodeError::FixedByte { offset: 5, got: 0xCD, expected: 0xCC }));
-    }
-
-    /// D5 manual, table rows 7 to 13.
-    #[test]
-    fn replies_with_a_register() {
-        let register = Register::ACCELERATION;
-        both_ways([0x05, 0x02, 0x15, 0x48, 0x48], Reply::Read { register, value: Value::Word(0x4848) });
-        both_ways([0x04, 0x02, 0x15, 0x48, 0x00], Reply::Read { register, value: Value::Byte(0x48) });
-        let speed = Register::SPEED;
-        both_ways(
-            [0x05, 0x03, 0x20, 0x11, 0x11],
-            Reply::Written { register: speed, value: Value::Word(0x1111) },
-        );
-        let waits = Reply::AsyncWritten { register: speed, value: Value::Word(0x040B) };
-        both_ways([0x05, 0x04, 0x20, 0x0B, 0x04], waits);
-        // Repeats the stored write, here the upper half of the speed, with command 05.
-        let executed = Reply::Executed { register: Register(0x21), value: Value::Byte(0x84) };
-        both_ways([0x04, 0x05, 0x21, 0x84, 0x00], executed);
-    }
-
-    /// D5 manual, table rows 3 to 5, with commands the codec names and others.
-    #[test]
-    fn errors_come_with_any_command() {
-        for command in [0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0xCE, 0xCF, 0xD4, 0xFF] {
-            both_ways([0x05, command, 0x01, 0xEE, 0xEE], Reply::Error { error: MotorError::Id, command });
-            both_ways(
-                [0x05, command, 0x03, 0xEE, 0xEE],
-                Reply::Error { error: MotorError::Command, command },
-            );
-            both_ways(
-                [0x05, command, 0x07, 0xEE, 0xEE],
-                Reply::Error { error: MotorError::Checksum, command },
-            );
-        }
-    }
-
-    /// D5 manual, table rows 3 to 5: only these addresses, only two data bytes; elsewhere EE EE is a value.
-    #[test]
-    fn ee_ee_elsewhere_is_a_value() {
-        let speed = Reply::Read { register: Register::CURRENT_SPEED, value: Value::Word(0xEEEE) };
-        both_ways([0x05, 0x02, 0x26, 0xEE, 0xEE], speed);
-        both_ways(
-            [0x04, 0x02, 0x03, 0xEE, 0x00],
-            Reply::Read { register: Register::ID, value: Value::Byte(0xEE) },
-        );
-        let error = Reply::Read { register: Register::ID, value: Value::Word(0xEEEE) }.encode();
-        assert!(matches!(error, Err(EncodeError::Forbidden { field: "command", value: 0x02, .. })));
-    }
-
-    /// D5 manual, table row 14: 0xD4 is not named here and keeps its bytes.
-    #[test]
-    fn other_commands_keep_their_bytes() {
-        let bytes = [0x05, 0xD4, 0x57, 0x61, 0x01];
-        both_ways(bytes, Reply::Unknown { raw: Payload(bytes) });
-        let named = Reply::Unknown { raw: Payload([0x05, 0x02, 0x15, 0x48, 0x48]) }.encode();
-        assert!(matches!(named, Err(EncodeError::Forbidden { field: "command", value: 0x02, .. })));
-    }
 }

@@ -1,13 +1,17 @@
-//! Runs the golden vectors of `host-tests/vectors/d5.txt`.
+//! Runs the golden vectors of `host-tests/vectors/d5*.txt`.
 
 mod frame;
 
-use d5::{can, command};
+use d5::serial::Deframer;
+use d5::{BuildError, COMMANDS, DecodeError, REGISTERS, Reply, Request, can, decode_frame};
 use embedded_can::{Frame, StandardId};
 use frame::CanFrame;
 
 const VECTORS: &str = include_str!("../../../host-tests/vectors/d5.txt");
-const COUNT: usize = 55;
+const MISPRINTS: &str = include_str!("../../../host-tests/vectors/d5-misprints.txt");
+/// Changes with every vector added or removed, so that none goes missing unseen.
+const COUNT: usize = 86;
+const MISPRINT_COUNT: usize = 6;
 /// In the source column: accepted, but not the form that is sent.
 const DECODE_ONLY: &str = "decode only";
 
@@ -40,8 +44,8 @@ fn candump(text: &str) -> CanFrame {
     CanFrame::new(id, &bytes).expect("at most eight bytes")
 }
 
-fn vectors() -> Vec<Vector<'static>> {
-    VECTORS.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(parse).collect()
+fn vectors(text: &str) -> Vec<Vector<'_>> {
+    text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(parse).collect()
 }
 
 /// Compares the decoded value with the meaning and, if it is one that is sent, the bytes with its encoding.
@@ -63,7 +67,7 @@ fn check<T: core::fmt::Debug, D: core::fmt::Debug, E: core::fmt::Debug>(
 
 #[test]
 fn every_vector_decodes_to_its_meaning_and_back() {
-    let vectors = vectors();
+    let vectors = vectors(VECTORS);
     for vector in &vectors {
         match vector.direction {
             "request" => {
@@ -73,7 +77,7 @@ fn every_vector_decodes_to_its_meaning_and_back() {
                     can::request::<CanFrame>(vector.frame.id(), address.expect("decoded"), request)
                 });
             }
-            "reply" => {
+            "reply" | "event" => {
                 let decoded = can::decode_reply(&vector.frame);
                 let node = decoded.map(|(node, _)| node);
                 check(vector, decoded.map(|(_, reply)| reply), |reply| {
@@ -86,29 +90,71 @@ fn every_vector_decodes_to_its_meaning_and_back() {
     assert_eq!(vectors.len(), COUNT);
 }
 
+/// The CAN frame and the frame on a serial line are the same bytes: whatever has the right checksum is found.
+#[test]
+fn every_vector_is_found_on_a_serial_line() {
+    for vector in vectors(VECTORS) {
+        let bytes: [u8; 8] = vector.frame.data().try_into().expect("eight bytes");
+        let is_whole =
+            !vector.meaning.starts_with("Err(Checksum") && !vector.meaning.starts_with("Err(Length");
+        let mut deframer = Deframer::new();
+        let line = [&[0x5D, 0xD5, 0x05][..], &bytes].concat();
+        let found: Vec<_> = deframer.push_slice(&line).collect();
+        assert_eq!(found, if is_whole { vec![bytes] } else { vec![] }, "{}", vector.label);
+        if is_whole && !vector.meaning.starts_with("Err") {
+            assert!(decode_frame(&bytes).is_ok(), "{}", vector.label);
+        }
+    }
+}
+
+#[test]
+fn misprints_decode_to_what_holds() {
+    let misprints = vectors(MISPRINTS);
+    for vector in &misprints {
+        let shown = match vector.direction {
+            "request" => can::decode_request(&vector.frame).map(|(_, request)| format!("{request:?}")),
+            _ => can::decode_reply(&vector.frame).map(|(_, reply)| format!("{reply:?}")),
+        };
+        let shown = shown.unwrap_or_else(|error: DecodeError| format!("Err({error:?})"));
+        assert_eq!(shown, vector.meaning, "{}", vector.label);
+    }
+    assert_eq!(misprints.len(), MISPRINT_COUNT);
+}
+
 #[test]
 fn every_command_has_a_request_and_a_reply() {
-    use command::{ASYNC_WRITE, EXECUTE, QUERY_ID, READ, RESET, RESET_DONE, WRITE};
+    let vectors = vectors(VECTORS);
+    let request = |vector: &Vector| can::decode_request(&vector.frame).ok().map(|(_, request)| request);
+    let reply = |vector: &Vector| can::decode_reply(&vector.frame).ok().map(|(_, reply)| reply);
+    let requests: Vec<Request> =
+        vectors.iter().filter(|vector| vector.direction == "request").filter_map(request).collect();
+    let replies: Vec<Reply> =
+        vectors.iter().filter(|vector| vector.direction != "request").filter_map(reply).collect();
+    for info in COMMANDS {
+        let fields = |field: &str| Some(if field == "bytes" { 1.0 } else { 16.0 });
+        assert_ne!(Request::build(info.name, &fields), Err(BuildError::UnknownCommand), "{}", info.name);
+        assert!(requests.iter().any(|request| request.name() == info.name), "no request {}", info.name);
+        assert!(replies.iter().any(|reply| reply.name() == info.name), "no reply {}", info.name);
+    }
+    for name in ["id", "command", "checksum"] {
+        let is_it = |reply: &Reply| matches!(reply, Reply::Error { error, .. } if error.name() == name);
+        assert!(replies.iter().any(is_it), "no {name} error");
+    }
+    assert!(requests.iter().any(|request| request.name() == "unknown"));
+    assert!(replies.iter().any(|reply| reply.name() == "unknown"));
+}
 
-    let vectors = vectors();
-    let commands = |direction: &str| -> Vec<u8> {
-        let sent = vectors.iter().filter(|vector| vector.direction == direction);
-        sent.filter_map(|vector| match direction {
-            "request" => can::decode_request(&vector.frame).ok().map(|(_, request)| request.command()),
-            _ => can::decode_reply(&vector.frame).ok().map(|(_, reply)| reply.command()),
-        })
-        .collect()
-    };
-    let (requests, replies) = (commands("request"), commands("reply"));
-    for (request, reply) in [
-        (QUERY_ID, QUERY_ID),
-        (READ, READ),
-        (WRITE, WRITE),
-        (ASYNC_WRITE, ASYNC_WRITE),
-        (EXECUTE, EXECUTE),
-        (RESET, RESET_DONE),
-    ] {
-        assert!(requests.contains(&request), "no request {request:#04x}");
-        assert!(replies.contains(&reply), "no reply {reply:#04x}");
+/// Every kind of register value is read or written by a vector.
+#[test]
+fn every_coded_register_has_a_vector() {
+    let vectors = vectors(VECTORS);
+    for info in REGISTERS.iter().filter(|info| info.field != info.name) {
+        let read = |vector: &&Vector| match can::decode_reply(&vector.frame) {
+            Ok((_, Reply::Read { register, value })) => {
+                register == info.register && info.decode(value).is_some()
+            }
+            _ => false,
+        };
+        assert!(vectors.iter().any(|vector| read(&vector)), "{}", info.name);
     }
 }

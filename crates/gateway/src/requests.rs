@@ -317,7 +317,8 @@ impl Gateway {
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
         }
         if matches!(&request.frame, RawFrame::Serial(bytes) if bytes.is_empty()) {
-            let max = f32::from(host_protocol::MAX_SERIAL_FRAME as u8);
+            #[allow(clippy::cast_precision_loss)]
+            let max = host_protocol::MAX_SERIAL_FRAME as f32;
             return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
         }
         if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }

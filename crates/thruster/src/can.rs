@@ -7,6 +7,7 @@ use crate::field::{REPLY_ID_BASE, REQUEST_ID_BASE};
 use crate::node::Node;
 use crate::reply::Reply;
 use crate::request::Request;
+use crate::returned::Headerless;
 
 /// The id of requests to this node, 0x301..=0x37F.
 pub fn request_id(node: Node) -> StandardId {
@@ -50,6 +51,17 @@ pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
     Ok((node, Reply::decode(frame.data())?))
 }
 
+/// The frame that carries these values of this node without a header.
+pub fn headerless<F: Frame>(node: Node, values: &Headerless) -> Result<F, EncodeError> {
+    F::new(reply_id(node), values.encode().as_slice()).ok_or(EncodeError::Frame)
+}
+
+/// The node and the values of a frame without a header; see [`Headerless`] for when this may be asked.
+pub fn decode_headerless<F: Frame>(frame: &F) -> Result<(Node, Headerless), DecodeError> {
+    let node = node_of_frame(REPLY_ID_BASE, frame)?;
+    Ok((node, Headerless::decode(frame.data())?))
+}
+
 fn id_of(base: u16, node: Node) -> StandardId {
     // base + node is at most 0x37F, so the fallback, the id of lowest priority, is never used.
     StandardId::new(base + u16::from(node.get())).unwrap_or(StandardId::MAX)
@@ -77,8 +89,9 @@ mod tests {
     use embedded_can::ExtendedId;
 
     use super::*;
+    use crate::faults::Faults;
     use crate::test_frame::CanFrame;
-    use crate::units::Percent;
+    use crate::units::{Deciamps, Decivolts, Percent, Rpm};
 
     fn node(id: u8) -> Node {
         Node::new(id).unwrap()
@@ -105,6 +118,22 @@ mod tests {
     fn a_query_has_four_bytes() {
         let expected = frame(0x37F, &[0x51, 0x56, 0x00, 0x00]);
         assert_eq!(request(node(127), &Request::ReadSpeed), Ok(expected));
+    }
+
+    /// Thruster manual §2.4: speed, voltage, current and status under the id of a reply.
+    #[test]
+    fn a_frame_without_a_header() {
+        let data = [0x03, 0xE8, 0x00, 0xF0, 0x00, 0x0A, 0x00, 0x10];
+        let values = Headerless {
+            speed: Rpm(1000),
+            voltage: Decivolts(240),
+            current: Deciamps(10),
+            faults: Faults::UNDER_VOLTAGE,
+        };
+        assert_eq!(headerless(node(0x0B), &values), Ok(frame(0x28B, &data)));
+        assert_eq!(decode_headerless(&frame(0x28B, &data)), Ok((node(0x0B), values)));
+        let to_device = frame(0x30B, &data);
+        assert_eq!(decode_headerless(&to_device), Err(DecodeError::WrongId { id: 0x30B }));
     }
 
     /// Thruster manual §1.1: the ids of the two directions and their ends.

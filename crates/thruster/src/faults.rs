@@ -35,6 +35,106 @@ bitflags::bitflags! {
     }
 }
 
+/// What a device does about a fault, besides reporting it (Thruster manual §3, protections).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FaultAction {
+    /// Nothing more.
+    Report,
+    /// Its output is limited.
+    LimitOutput,
+    /// Its output is switched off.
+    OutputOff,
+    /// Output is barred.
+    BarOutput,
+    /// Position commands have no effect.
+    IgnorePosition,
+}
+
+/// How a fault ends (Thruster manual §3, protections).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FaultRecovery {
+    /// With its cause.
+    BySelf,
+    /// At or below this temperature, °C.
+    Cooled(u8),
+    /// When the signal crosses zero.
+    ZeroSignal,
+    /// With the next command.
+    NextCommand,
+    /// Not by itself.
+    Never,
+}
+
+/// One row of the manual's table of faults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FaultInfo {
+    /// Its bit.
+    pub fault: Faults,
+    /// Its name in snake_case.
+    pub name: &'static str,
+    /// 1: serious, the output is off. 2: the output is limited, or the fault only reported.
+    pub level: u8,
+    /// What the device does about it.
+    pub action: FaultAction,
+    /// How it ends.
+    pub recovery: FaultRecovery,
+    /// The temperature that causes it, °C, where the manual gives one.
+    pub threshold: Option<u8>,
+}
+
+/// At this temperature the output is limited, °C (Thruster manual §3).
+const HOT: u8 = 120;
+/// At this temperature it no longer is, °C (Thruster manual §3).
+const COOL: u8 = 100;
+
+const fn row(
+    fault: Faults,
+    name: &'static str,
+    level: u8,
+    action: FaultAction,
+    recovery: FaultRecovery,
+) -> FaultInfo {
+    let threshold = if matches!(recovery, FaultRecovery::Cooled(_)) { Some(HOT) } else { None };
+    FaultInfo { fault, name, level, action, recovery, threshold }
+}
+
+/// Every fault of the manual, by bit (Thruster manual §3, protections).
+pub const FAULTS: &[FaultInfo] = {
+    use FaultAction::{BarOutput, IgnorePosition, LimitOutput, OutputOff, Report};
+    use FaultRecovery::{BySelf, Cooled, Never, NextCommand, ZeroSignal};
+    &[
+        row(Faults::EE_ACCESS, "ee_access", 1, OutputOff, Never),
+        row(Faults::EE_DATA, "ee_data", 1, OutputOff, Never),
+        row(Faults::OVER_CURRENT, "over_current", 1, OutputOff, Never),
+        row(Faults::OVER_VOLTAGE, "over_voltage", 2, Report, BySelf),
+        row(Faults::UNDER_VOLTAGE, "under_voltage", 2, Report, BySelf),
+        row(Faults::STALL, "stall", 1, OutputOff, Never),
+        row(Faults::ENCODER, "encoder", 2, IgnorePosition, Never),
+        row(Faults::DRIVER_HOT, "driver_hot", 2, LimitOutput, Cooled(COOL)),
+        row(Faults::MOTOR_HOT, "motor_hot", 2, LimitOutput, Cooled(COOL)),
+        row(Faults::ZERO_PROTECTION, "zero_protection", 2, BarOutput, ZeroSignal),
+        row(Faults::TIMEOUT, "timeout", 2, OutputOff, NextCommand),
+        row(Faults::DRIVER_SENSOR, "driver_sensor", 2, Report, BySelf),
+        row(Faults::MOTOR_SENSOR, "motor_sensor", 2, Report, BySelf),
+    ]
+};
+
+impl Faults {
+    /// The table's row of every listed bit that is set, the lowest first.
+    pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
+        FAULTS.iter().filter(move |info| self.contains(info.fault))
+    }
+
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
+        let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
+        listed.for_each(|info| visit(info.name));
+    }
+}
+
 #[cfg(feature = "defmt")]
 impl defmt::Format for Faults {
     fn format(&self, f: defmt::Formatter<'_>) {
@@ -67,5 +167,29 @@ mod tests {
         for (faults, bytes) in table {
             assert_eq!(faults.bits().to_be_bytes(), bytes);
         }
+    }
+
+    /// Thruster manual §3, protections: every named bit has one row, in the order of the bits.
+    #[test]
+    fn every_fault_has_a_row() {
+        assert!(Faults::all().iter().eq(FAULTS.iter().map(|row| row.fault)));
+        let off = [FaultAction::OutputOff, FaultAction::BarOutput];
+        let without_output =
+            FAULTS.iter().filter(|row| off.contains(&row.action)).map(|row| row.fault.bits());
+        assert_eq!(without_output.fold(0, |bits, bit| bits | bit), 0x0C47);
+        let never =
+            FAULTS.iter().filter(|row| row.recovery == FaultRecovery::Never).map(|row| row.fault.bits());
+        assert_eq!(never.fold(0, |bits, bit| bits | bit), 0x00C7);
+        let serious = FAULTS.iter().filter(|row| row.level == 1).map(|row| row.fault.bits());
+        assert_eq!(serious.fold(0, |bits, bit| bits | bit), 0x0047);
+        let hot = FAULTS.iter().filter(|row| row.threshold == Some(120)).map(|row| row.fault.bits());
+        assert_eq!(hot.fold(0, |bits, bit| bits | bit), 0x0300);
+    }
+
+    /// Thruster manual §2.6: the printed word with the reserved bit 14.
+    #[test]
+    fn reserved_bits_have_no_row() {
+        let faults = Faults::from_bits_retain(0x4012);
+        assert!(faults.infos().map(|row| row.name).eq(["ee_data", "under_voltage"]));
     }
 }

@@ -1,8 +1,8 @@
 //! Codec of the CAN protocol of thrusters, rudders and push rods ("Thruster manual": the thruster CAN manual).
 //!
-//! Covered: signal, speed and absolute position commands, the timeout, the emergency stop, and the queries of
-//! speed, current, voltage, temperatures, faults and absolute position; requests and replies, both ways. Every
-//! other command comes back as `Unknown` with its raw bytes.
+//! Covered is the whole manual, requests and replies, both ways: signal, speed and position commands, queries, faults,
+//! automatic returns, settings, system parameters and the emergency stop. System parameters other than the position
+//! limits are raw. Any other command comes back as `Unknown` with its bytes.
 //!
 //! The codec speaks the manual's own units and knows no bus but CAN. Decoding never judges a value: ranges are
 //! enforced when encoding, so that a simulated device can receive, and refuse, what a real one would.
@@ -21,6 +21,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod bitrate;
 pub mod can;
 mod error;
 mod faults;
@@ -30,20 +31,28 @@ mod node;
 mod payload;
 mod reply;
 mod request;
+mod returned;
+mod table;
 #[cfg(test)]
 #[path = "../tests/frame/mod.rs"]
 mod test_frame;
 mod units;
 
+pub use bitrate::{BITRATES, BitrateInfo};
 pub use error::{DecodeError, EncodeError};
-pub use faults::Faults;
+pub use faults::{FAULTS, FaultAction, FaultInfo, FaultRecovery, Faults};
 pub use field::{
-    POSITION_MAX, POSITION_MIN, REPLY_ID_BASE, REQUEST_ID_BASE, SIGNAL_MAX, SIGNAL_MIN, SPEED_MIN_MAGNITUDE,
-    TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF, command,
+    POSITION_LIMITS, POSITION_MAX, POSITION_MIN, REPLY_ID_BASE, REQUEST_ID_BASE, SIGNAL_MAX, SIGNAL_MIN,
+    SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF, command,
 };
 pub use matching::{Answer, answer};
 pub use node::Node;
 pub use payload::Payload;
 pub use reply::Reply;
 pub use request::Request;
-pub use units::{Celsius, Deciamps, Decidegrees, Decivolts, Milliseconds, Percent, Rpm, RpmLimit};
+pub use returned::{Headerless, ReturnFlags, ReturnFrames, ReturnSource, Returned, ReturnedFrame};
+pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use units::{
+    Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm,
+    RpmLimit,
+};

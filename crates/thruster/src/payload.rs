@@ -1,7 +1,9 @@
 //! The data field of a frame: a command word, a parameter word and, in the long form, four data bytes.
 
-use crate::error::DecodeError;
-use crate::field::{DATA, FULL_LEN, PARAMETER, REFUSAL, SHORT_LEN};
+use crate::error::{DecodeError, EncodeError};
+use crate::field::{self, DATA, FULL_LEN, PARAMETER, REFUSAL, SHORT_LEN, command};
+use crate::returned::{ReturnFlags, ReturnFrames};
+use crate::units::Milliseconds;
 
 /// A data field (Thruster manual §1.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,9 +36,9 @@ impl Payload {
         u16::from_be_bytes([high, low])
     }
 
-    pub(crate) fn short(command: u16) -> Payload {
-        let [c0, c1] = command.to_be_bytes();
-        Payload::Short([c0, c1, 0, 0])
+    pub(crate) fn short_with(command: u16, parameter: u16) -> Payload {
+        let ([c0, c1], [p0, p1]) = (command.to_be_bytes(), parameter.to_be_bytes());
+        Payload::Short([c0, c1, p0, p1])
     }
 
     pub(crate) fn full(command: u16, parameter: u16, data: [u8; 4]) -> Payload {
@@ -61,9 +63,25 @@ impl Payload {
         Payload::full(command, parameter, position.to_be_bytes())
     }
 
+    /// VM: flags in byte 6, frames in byte 7.
+    pub(crate) fn returning(flags: ReturnFlags, frames: ReturnFrames) -> Payload {
+        Payload::full(command::VM, 0, [0, 0, flags.bits(), frames.bits()])
+    }
+
+    /// SR: frames in byte 5, the interval in bytes 6–7.
+    pub(crate) fn streaming(frames: ReturnFrames, interval: Milliseconds) -> Payload {
+        let [high, low] = interval.0.to_be_bytes();
+        Payload::full(command::SR, 0, [0, frames.bits(), high, low])
+    }
+
     /// Whether the data are those of a refusal. Only in replies to set commands do they mean one.
     pub(crate) fn has_refusal_data(&self) -> bool {
         matches!(*self, Payload::Full([_, _, _, _, d0, d1, d2, d3]) if [d0, d1, d2, d3] == REFUSAL)
+    }
+
+    /// Refuses data with which a device refuses; the error names the field they come from.
+    pub(crate) fn expect_no_refusal(self, field: &'static str, value: i64) -> Result<Payload, EncodeError> {
+        if self.has_refusal_data() { Err(field::refusal_bytes(field, value)) } else { Ok(self) }
     }
 
     /// Checks that no bit is set beyond the command word. Accepts the short and the zero-padded form.
@@ -75,6 +93,11 @@ impl Payload {
     pub(crate) fn expect_no_parameter(&self) -> Result<(), DecodeError> {
         let (Payload::Short([c0, c1, p0, p1]) | Payload::Full([c0, c1, p0, p1, ..])) = *self;
         self.expect_zero_from(PARAMETER, &[c0, c1, p0, p1])
+    }
+
+    /// Checks that no bit is set beyond bytes 2–3. Accepts the short and the zero-padded form.
+    pub(crate) fn expect_no_data(&self) -> Result<(), DecodeError> {
+        self.expect_zero_from(DATA, self.as_slice())
     }
 
     fn expect_zero_from(&self, start: usize, bytes: &[u8]) -> Result<(), DecodeError> {
@@ -107,7 +130,24 @@ impl Payload {
         Ok(i32::from_be_bytes(self.data()?))
     }
 
-    fn data(&self) -> Result<[u8; FULL_LEN - DATA], DecodeError> {
+    /// The flags and frames of VM.
+    pub(crate) fn return_value(&self) -> Result<(ReturnFlags, ReturnFrames), DecodeError> {
+        let [flags, frames] = self.unsigned_value()?.to_be_bytes();
+        Ok((ReturnFlags::from_bits_retain(flags), ReturnFrames::from_bits_retain(frames)))
+    }
+
+    /// The frames and the interval of SR.
+    pub(crate) fn stream_value(&self) -> Result<(ReturnFrames, Milliseconds), DecodeError> {
+        self.expect_no_parameter()?;
+        let [reserved, frames, high, low] = self.data()?;
+        if reserved != 0 {
+            return Err(DecodeError::FixedByte { offset: DATA, got: reserved, expected: 0 });
+        }
+        Ok((ReturnFrames::from_bits_retain(frames), Milliseconds(u16::from_be_bytes([high, low]))))
+    }
+
+    /// Bytes 4–7.
+    pub(crate) fn data(&self) -> Result<[u8; FULL_LEN - DATA], DecodeError> {
         match *self {
             Payload::Full([_, _, _, _, d0, d1, d2, d3]) => Ok([d0, d1, d2, d3]),
             Payload::Short(_) => Err(DecodeError::Length { got: SHORT_LEN, expected: FULL_LEN }),

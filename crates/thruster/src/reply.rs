@@ -2,9 +2,17 @@
 
 use crate::error::{DecodeError, EncodeError};
 use crate::faults::Faults;
-use crate::field::{self, REFUSAL, command};
+use crate::field::{self, POSITION_LIMITS, REFUSAL, command};
 use crate::payload::Payload;
-use crate::units::{Celsius, Deciamps, Decidegrees, Decivolts, Milliseconds, Percent, Rpm, RpmLimit};
+use crate::returned::{ReturnFlags, ReturnFrames, ReturnSource, Returned};
+use crate::units::{
+    Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm,
+    RpmLimit,
+};
+
+mod fields;
+#[cfg(test)]
+mod tests;
 
 /// A reply of one node. It repeats the command word of the request (Thruster manual §1.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,12 +28,12 @@ pub enum Reply {
         /// The speed set, rpm.
         speed: Rpm,
     },
-    /// QV: the speed measured (Thruster manual §2.1).
+    /// QV: the speed measured (Thruster manual §2.1). ML and MM make a device send it unasked.
     MeasuredSpeed {
         /// rpm; −4370 is a value like any other here.
         speed: Rpm,
     },
-    /// QC: the current (Thruster manual §2.1).
+    /// QC: the current (Thruster manual §2.1). ML and MM make a device send it unasked.
     Current {
         /// 0.1 A each.
         current: Deciamps,
@@ -52,15 +60,61 @@ pub enum Reply {
     },
     /// CF was taken.
     FaultsCleared,
-    /// FR: all faults since the start (Thruster manual §2.6).
-    FaultRecord {
-        /// The fault word.
-        faults: Faults,
+    /// MQ was taken.
+    RequestMode,
+    /// ML was taken.
+    LowSpeedMode,
+    /// MM was taken.
+    MediumSpeedMode,
+    /// CI: the id was taken; the device has it from the next power-on (Thruster manual §2.2).
+    Id {
+        /// The id set.
+        id: u16,
+    },
+    /// CB: the bitrate was taken; the device has it from the next power-on (Thruster manual §2.2).
+    Bitrate {
+        /// The bitrate set, kbit/s.
+        bitrate: Kilobits,
     },
     /// ST: the timeout was taken.
     Timeout {
         /// The timeout set, ms; 0 = off.
         timeout: Milliseconds,
+    },
+    /// VM: what TC and VC return was taken (Thruster manual §2.4).
+    ReturnConfigured {
+        /// Whether and how.
+        flags: ReturnFlags,
+        /// Which frames.
+        frames: ReturnFrames,
+    },
+    /// SR: the power-on stream was taken (Thruster manual §2.5).
+    StreamConfigured {
+        /// Which frames.
+        frames: ReturnFrames,
+        /// Time between them.
+        interval: Milliseconds,
+    },
+    /// A frame that VM or SR asked for (Thruster manual §2.4, §2.5). After TC or VC it stands for the echo.
+    Returned(Returned),
+    /// FR: all faults since the start (Thruster manual §2.6).
+    FaultRecord {
+        /// The fault word.
+        faults: Faults,
+    },
+    /// SP: the system parameter was taken (Thruster manual §2.7).
+    ParameterSet {
+        /// Bytes 2–3.
+        parameter: u16,
+        /// Bytes 4–7.
+        data: [u8; 4],
+    },
+    /// RP: a system parameter (Thruster manual §2.7).
+    Parameter {
+        /// Bytes 2–3.
+        parameter: u16,
+        /// Bytes 4–7.
+        data: [u8; 4],
     },
     /// LA: the position was taken.
     AbsolutePosition {
@@ -74,13 +128,45 @@ pub enum Reply {
         /// 0.1° each.
         position: Decidegrees,
     },
+    /// AZ was taken.
+    AbsoluteZeroSet,
+    /// SPLA: the limits of the absolute position were taken (Thruster manual §4.1).
+    PositionLimitsSet {
+        /// 0.1° each.
+        reverse: LimitDecidegrees,
+        /// 0.1° each.
+        forward: LimitDecidegrees,
+    },
+    /// RPLA: the limits of the absolute position (Thruster manual §4.1).
+    PositionLimits {
+        /// 0.1° each.
+        reverse: LimitDecidegrees,
+        /// 0.1° each.
+        forward: LimitDecidegrees,
+    },
+    /// LR: the move was taken.
+    RelativePosition {
+        /// The speed of the move, rpm.
+        speed: RpmLimit,
+        /// By how much, 0.1° each.
+        position: Decidegrees,
+    },
+    /// QR: the relative position (Thruster manual §4.2).
+    MeasuredRelativePosition {
+        /// 0.1° each.
+        position: Decidegrees,
+    },
+    /// RZ was taken.
+    RelativeZeroSet,
+    /// RC was taken.
+    RelativePositionCleared,
     /// LS was taken.
     EmergencyStop,
     /// The device refuses a set command, for instance after a stall (Thruster manual §1.3); EF says why.
     Refused {
         /// The command word of the refused request.
         command: u16,
-        /// Bytes 2–3 of the refused request: the speed of LA, else 0.
+        /// Bytes 2–3 of the refused request: the speed of LA or LR, the sub-command of SP, else 0.
         parameter: u16,
     },
     /// A command that has no variant here.
@@ -91,7 +177,7 @@ pub enum Reply {
 }
 
 impl Reply {
-    /// The command word, bytes 0–1.
+    /// The command word, bytes 0–1; of a returned frame its header.
     pub fn command(&self) -> u16 {
         match self {
             Reply::Signal { .. } => command::TC,
@@ -103,17 +189,38 @@ impl Reply {
             Reply::DriverTemperature { .. } => command::EQ,
             Reply::Faults { .. } => command::EF,
             Reply::FaultsCleared => command::CF,
-            Reply::FaultRecord { .. } => command::FR,
+            Reply::RequestMode => command::MQ,
+            Reply::LowSpeedMode => command::ML,
+            Reply::MediumSpeedMode => command::MM,
+            Reply::Id { .. } => command::CI,
+            Reply::Bitrate { .. } => command::CB,
             Reply::Timeout { .. } => command::ST,
+            Reply::ReturnConfigured { .. } => command::VM,
+            Reply::StreamConfigured { .. } => command::SR,
+            Reply::Returned(returned) => returned.header(),
+            Reply::FaultRecord { .. } => command::FR,
+            Reply::ParameterSet { .. } | Reply::PositionLimitsSet { .. } => command::SP,
+            Reply::Parameter { .. } | Reply::PositionLimits { .. } => command::RP,
             Reply::AbsolutePosition { .. } => command::LA,
             Reply::MeasuredPosition { .. } => command::QA,
+            Reply::AbsoluteZeroSet => command::AZ,
+            Reply::RelativePosition { .. } => command::LR,
+            Reply::MeasuredRelativePosition { .. } => command::QR,
+            Reply::RelativeZeroSet => command::RZ,
+            Reply::RelativePositionCleared => command::RC,
             Reply::EmergencyStop => command::LS,
             Reply::Refused { command, .. } => *command,
             Reply::Unknown { payload } => payload.command(),
         }
     }
 
-    /// The data field; an echo outside the manual's range is refused.
+    /// Whether nobody has asked for it. A speed or current may be an event too (ML and MM, Thruster manual §2.1), as may
+    /// what follows the first returned frame; only the pending request tells, as [`answer`](crate::answer) does.
+    pub const fn is_event(&self) -> bool {
+        matches!(self, Reply::Returned(Returned { source: ReturnSource::Stream, .. }))
+    }
+
+    /// The data field; an echo outside the manual's range is refused. Reserved bits stay.
     pub fn encode(&self) -> Result<Payload, EncodeError> {
         Ok(match *self {
             Reply::Signal { signal } => Payload::signed(command::TC, field::signal_word(signal)?),
@@ -124,14 +231,47 @@ impl Reply {
             Reply::MotorTemperature { temperature } => Payload::signed(command::QT, temperature.0),
             Reply::DriverTemperature { temperature } => Payload::signed(command::EQ, temperature.0),
             Reply::Faults { faults } => Payload::unsigned(command::EF, faults.bits()),
-            Reply::FaultRecord { faults } => Payload::unsigned(command::FR, faults.bits()),
+            Reply::Id { id } => Payload::unsigned(command::CI, field::id_word(id)?),
+            Reply::Bitrate { bitrate } => Payload::unsigned(command::CB, bitrate.word()?),
             Reply::Timeout { timeout } => Payload::unsigned(command::ST, field::timeout_word(timeout)?),
+            Reply::ReturnConfigured { flags, frames } => {
+                Payload::returning(flags, frames).expect_no_refusal("flags", i64::from(flags.bits()))?
+            }
+            Reply::StreamConfigured { frames, interval } => {
+                Payload::streaming(frames, interval).expect_no_refusal("interval", i64::from(interval.0))?
+            }
+            Reply::Returned(returned) => returned.payload(),
+            Reply::FaultRecord { faults } => Payload::unsigned(command::FR, faults.bits()),
+            Reply::ParameterSet { parameter, data } => {
+                let payload = Payload::full(command::SP, field::raw_parameter(parameter)?, data);
+                payload.expect_no_refusal("data", i64::from(u32::from_be_bytes(data)))?
+            }
+            Reply::Parameter { parameter, data } => {
+                Payload::full(command::RP, field::raw_parameter(parameter)?, data)
+            }
             Reply::AbsolutePosition { speed, position } => {
                 Payload::position(command::LA, speed.0, field::absolute_position(position)?)
             }
             Reply::MeasuredPosition { position } => Payload::position(command::QA, 0, position.0),
-            // The manual does not draw these two; eight bytes leave room for a refusal in the same place.
-            Reply::FaultsCleared | Reply::EmergencyStop => Payload::full(self.command(), 0, [0; 4]),
+            Reply::PositionLimitsSet { reverse, forward } => {
+                Payload::full(command::SP, POSITION_LIMITS, field::position_limits(reverse, forward)?)
+            }
+            Reply::PositionLimits { reverse, forward } => {
+                Payload::full(command::RP, POSITION_LIMITS, field::limit_bytes(reverse, forward))
+            }
+            Reply::RelativePosition { speed, position } => {
+                Payload::position(command::LR, speed.0, field::relative_position(position)?)
+            }
+            Reply::MeasuredRelativePosition { position } => Payload::position(command::QR, 0, position.0),
+            // The manual does not draw these; eight bytes leave room for a refusal in the same place.
+            Reply::FaultsCleared
+            | Reply::RequestMode
+            | Reply::LowSpeedMode
+            | Reply::MediumSpeedMode
+            | Reply::AbsoluteZeroSet
+            | Reply::RelativeZeroSet
+            | Reply::RelativePositionCleared
+            | Reply::EmergencyStop => Payload::full(self.command(), 0, [0; 4]),
             Reply::Refused { command, parameter } => refused(command, parameter)?,
             Reply::Unknown { payload } => unknown(payload)?,
         })
@@ -139,14 +279,18 @@ impl Reply {
 
     /// The reply in a data field of 4 or 8 bytes.
     ///
-    /// The bytes `00 00 EE EE` are a refusal in the reply to a set command only, never in a query's.
+    /// The bytes `00 00 EE EE` are a refusal in the reply to a set command only, never in a query's. What a device
+    /// returns without a header is not found here; see [`Headerless`](crate::Headerless).
     pub fn decode(bytes: &[u8]) -> Result<Reply, DecodeError> {
         let payload = Payload::try_from(bytes)?;
-        let command = payload.command();
-        if command::SET.contains(&command) && payload.has_refusal_data() {
+        if payload.has_refusal_data() && command::SET.contains(&payload.command()) {
             return decode_refused(payload);
         }
-        Ok(match command {
+        // No command word ends with a number from 1 to 3, so none is taken for a header.
+        if let Some(returned) = Returned::of(payload) {
+            return Ok(Reply::Returned(returned));
+        }
+        Ok(match payload.command() {
             command::TC => Reply::Signal { signal: Percent(payload.signed_value()?) },
             command::VC => Reply::Speed { speed: Rpm(payload.signed_value()?) },
             command::QV => Reply::MeasuredSpeed { speed: Rpm(payload.signed_value()?) },
@@ -156,8 +300,22 @@ impl Reply {
             command::EQ => Reply::DriverTemperature { temperature: Celsius(payload.signed_value()?) },
             command::EF => Reply::Faults { faults: Faults::from_bits_retain(payload.unsigned_value()?) },
             command::CF => bare(payload, Reply::FaultsCleared)?,
-            command::FR => Reply::FaultRecord { faults: Faults::from_bits_retain(payload.unsigned_value()?) },
+            command::MQ => bare(payload, Reply::RequestMode)?,
+            command::ML => bare(payload, Reply::LowSpeedMode)?,
+            command::MM => bare(payload, Reply::MediumSpeedMode)?,
+            command::CI => Reply::Id { id: payload.unsigned_value()? },
+            command::CB => Reply::Bitrate { bitrate: Kilobits(payload.unsigned_value()?) },
             command::ST => Reply::Timeout { timeout: Milliseconds(payload.unsigned_value()?) },
+            command::VM => {
+                let (flags, frames) = payload.return_value()?;
+                Reply::ReturnConfigured { flags, frames }
+            }
+            command::SR => {
+                let (frames, interval) = payload.stream_value()?;
+                Reply::StreamConfigured { frames, interval }
+            }
+            command::FR => Reply::FaultRecord { faults: Faults::from_bits_retain(payload.unsigned_value()?) },
+            command::SP | command::RP => decode_parameter(payload)?,
             command::LA => Reply::AbsolutePosition {
                 speed: RpmLimit(payload.parameter()),
                 position: Decidegrees(payload.position_value()?),
@@ -166,6 +324,17 @@ impl Reply {
                 payload.expect_no_parameter()?;
                 Reply::MeasuredPosition { position: Decidegrees(payload.position_value()?) }
             }
+            command::AZ => bare(payload, Reply::AbsoluteZeroSet)?,
+            command::LR => Reply::RelativePosition {
+                speed: RpmLimit(payload.parameter()),
+                position: Decidegrees(payload.position_value()?),
+            },
+            command::QR => {
+                payload.expect_no_parameter()?;
+                Reply::MeasuredRelativePosition { position: Decidegrees(payload.position_value()?) }
+            }
+            command::RZ => bare(payload, Reply::RelativeZeroSet)?,
+            command::RC => bare(payload, Reply::RelativePositionCleared)?,
             command::LS => bare(payload, Reply::EmergencyStop)?,
             _ => Reply::Unknown { payload },
         })
@@ -177,8 +346,20 @@ fn bare(payload: Payload, reply: Reply) -> Result<Reply, DecodeError> {
     Ok(reply)
 }
 
+/// The reply to SP or RP.
+fn decode_parameter(payload: Payload) -> Result<Reply, DecodeError> {
+    let (parameter, data) = (payload.parameter(), payload.data()?);
+    let (reverse, forward) = field::limits_of(data);
+    Ok(match (payload.command(), parameter) {
+        (command::SP, POSITION_LIMITS) => Reply::PositionLimitsSet { reverse, forward },
+        (command::SP, _) => Reply::ParameterSet { parameter, data },
+        (_, POSITION_LIMITS) => Reply::PositionLimits { reverse, forward },
+        (_, _) => Reply::Parameter { parameter, data },
+    })
+}
+
 fn decode_refused(payload: Payload) -> Result<Reply, DecodeError> {
-    if payload.command() != command::LA {
+    if !command::WITH_PARAMETER.contains(&payload.command()) {
         payload.expect_no_parameter()?;
     }
     Ok(Reply::Refused { command: payload.command(), parameter: payload.parameter() })
@@ -189,7 +370,7 @@ fn refused(command: u16, parameter: u16) -> Result<Payload, EncodeError> {
         let reason = "only a set command with a variant of its own can be refused";
         return Err(EncodeError::Forbidden { field: "command", value: i64::from(command), reason });
     }
-    if command != command::LA {
+    if !command::WITH_PARAMETER.contains(&command) {
         field::check_range("parameter", i64::from(parameter), 0, 0)?;
     }
     Ok(Payload::full(command, parameter, REFUSAL))
@@ -197,107 +378,9 @@ fn refused(command: u16, parameter: u16) -> Result<Payload, EncodeError> {
 
 /// Lets raw bytes pass unless they would go around the checks of a named command.
 fn unknown(payload: Payload) -> Result<Payload, EncodeError> {
-    if command::NAMED.contains(&payload.command()) {
-        let reason = "this command has a variant of its own";
-        return Err(EncodeError::Forbidden { field: "command", value: i64::from(payload.command()), reason });
+    if matches!(Reply::decode(payload.as_slice()), Ok(Reply::Unknown { .. })) {
+        return Ok(payload);
     }
-    Ok(payload)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Thruster manual §1.3: the printed refusal of TC; any set command can be refused so.
-    #[test]
-    fn set_commands_can_be_refused() {
-        let frames: [([u8; 8], u16, u16); 6] = [
-            ([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE], 0x5443, 0),
-            ([0x56, 0x43, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE], 0x5643, 0),
-            ([0x43, 0x46, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE], 0x4346, 0),
-            ([0x53, 0x54, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE], 0x5354, 0),
-            ([0x4C, 0x41, 0x01, 0x2C, 0x00, 0x00, 0xEE, 0xEE], 0x4C41, 300),
-            ([0x4C, 0x53, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE], 0x4C53, 0),
-        ];
-        for (bytes, command, parameter) in frames {
-            let reply = Reply::Refused { command, parameter };
-            assert_eq!(Reply::decode(&bytes), Ok(reply));
-            assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
-        }
-    }
-
-    /// Thruster manual §1.3 prints refusals of set commands only: −4370 rpm is a measured speed like any other.
-    #[test]
-    fn queries_are_never_refused() {
-        let bytes = [0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE];
-        let reply = Reply::MeasuredSpeed { speed: Rpm(-4370) };
-        assert_eq!(Reply::decode(&bytes), Ok(reply));
-        assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
-        let refused = Reply::Refused { command: 0x5156, parameter: 0 }.encode();
-        assert!(matches!(refused, Err(EncodeError::Forbidden { field: "command", value: 0x5156, .. })));
-    }
-
-    /// Thruster manual §1.3: all four bytes count; a sign-extended −4370 is an echo.
-    #[test]
-    fn a_refusal_has_a_zero_upper_half() {
-        let bytes = [0x56, 0x43, 0x00, 0x00, 0xFF, 0xFF, 0xEE, 0xEE];
-        assert_eq!(Reply::decode(&bytes), Ok(Reply::Speed { speed: Rpm(-4370) }));
-        assert!(Reply::Speed { speed: Rpm(-4370) }.encode().is_err());
-    }
-
-    /// Thruster manual §2.6: bit 14 is reserved and kept.
-    #[test]
-    fn fault_record_keeps_reserved_bits() {
-        let bytes = [0x46, 0x52, 0x00, 0x00, 0x00, 0x00, 0x40, 0x12];
-        let reply = Reply::decode(&bytes).unwrap();
-        let Reply::FaultRecord { faults } = reply else { panic!("{reply:?}") };
-        assert!(faults.contains(Faults::EE_DATA | Faults::UNDER_VOLTAGE));
-        assert_eq!(faults.bits(), 0x4012);
-        assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
-    }
-
-    /// Thruster manual §2.1: dA and dV; the current is signed, the voltage is not.
-    #[test]
-    fn current_is_signed_and_voltage_is_not() {
-        let current = [0x51, 0x43, 0x00, 0x00, 0x00, 0x00, 0xFF, 0x9C];
-        assert_eq!(Reply::decode(&current), Ok(Reply::Current { current: Deciamps(-100) }));
-        let voltage = [0x51, 0x50, 0x00, 0x00, 0x00, 0x00, 0xFF, 0x9C];
-        assert_eq!(Reply::decode(&voltage), Ok(Reply::Voltage { voltage: Decivolts(65_436) }));
-        let extended = [0x51, 0x50, 0x00, 0x00, 0xFF, 0xFF, 0xFF, 0x9C];
-        assert_eq!(Reply::decode(&extended), Err(DecodeError::UpperHalf { got: 0xFFFF }));
-    }
-
-    /// Thruster manual §4.1: a 32-bit position, negative ones included.
-    #[test]
-    fn measured_position_has_32_bits() {
-        let bytes = [0x51, 0x41, 0x00, 0x00, 0xFF, 0xFF, 0xFC, 0x7C];
-        let reply = Reply::MeasuredPosition { position: Decidegrees(-900) };
-        assert_eq!(Reply::decode(&bytes), Ok(reply));
-        assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
-    }
-
-    /// The reply to CF and LS is not drawn: with and without data.
-    #[test]
-    fn bare_replies_come_short_or_full() {
-        let full = [0x43, 0x46, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00];
-        assert_eq!(Reply::decode(&full), Ok(Reply::FaultsCleared));
-        assert_eq!(Reply::decode(&[0x43, 0x46, 0x00, 0x00]), Ok(Reply::FaultsCleared));
-        assert_eq!(Reply::FaultsCleared.encode(), Ok(Payload::Full(full)));
-        assert_eq!(Reply::decode(&[0x4C, 0x53, 0x00, 0x00]), Ok(Reply::EmergencyStop));
-    }
-
-    /// Thruster manual §1.3: the reply to a query carries data.
-    #[test]
-    fn a_query_reply_without_data_is_refused() {
-        let short = Reply::decode(&[0x51, 0x56, 0x00, 0x00]);
-        assert_eq!(short, Err(DecodeError::Length { got: 4, expected: 8 }));
-    }
-
-    /// Thruster manual §2.4: returned frames (`54 01`) are not named here and keep their bytes.
-    #[test]
-    fn other_replies_keep_their_bytes() {
-        let payload = Payload::Full([0x54, 0x01, 0x03, 0xE8, 0x00, 0xF0, 0x00, 0x0A]);
-        assert_eq!(Reply::decode(payload.as_slice()), Ok(Reply::Unknown { payload }));
-        assert_eq!(Reply::Unknown { payload }.encode(), Ok(payload));
-    }
+    let reason = "this command has a variant of its own";
+    Err(EncodeError::Forbidden { field: "command", value: i64::from(payload.command()), reason })
 }

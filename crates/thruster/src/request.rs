@@ -1,9 +1,17 @@
 //! What the gateway sends.
 
 use crate::error::{DecodeError, EncodeError};
-use crate::field::{self, command};
+use crate::field::{self, POSITION_LIMITS, command};
 use crate::payload::Payload;
-use crate::units::{Decidegrees, Milliseconds, Percent, Rpm, RpmLimit};
+use crate::returned::{ReturnFlags, ReturnFrames};
+use crate::units::{Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm, RpmLimit};
+
+mod build;
+mod fields;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use fields::{visit_limits, visit_parameter, visit_return, visit_stream};
 
 /// A request to one node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,12 +41,54 @@ pub enum Request {
     ReadFaults,
     /// CF: clear the faults (Thruster manual §2.1). Only a following EF proves them cleared.
     ClearFaults,
-    /// FR: read all faults since the start (Thruster manual §2.6).
-    ReadFaultRecord,
+    /// MQ: answer only when asked; ends what ML and MM began (Thruster manual §2.1).
+    RequestMode,
+    /// ML: return current and speed every second, as replies to QC and QV (Thruster manual §2.1).
+    LowSpeedMode,
+    /// MM: return current and speed every 100 ms, as replies to QC and QV (Thruster manual §2.1).
+    MediumSpeedMode,
+    /// CI: change the id, from the next power-on (Thruster manual §2.2).
+    SetId {
+        /// 1..=127.
+        id: u16,
+    },
+    /// CB: change the bitrate, from the next power-on (Thruster manual §2.2).
+    SetBitrate {
+        /// One of [`BITRATES`](crate::BITRATES).
+        bitrate: Kilobits,
+    },
     /// ST: stop when no command has come for this long (Thruster manual §2.3).
     SetTimeout {
         /// 0 = off, or 100..=60000 ms.
         timeout: Milliseconds,
+    },
+    /// VM: choose what TC and VC return (Thruster manual §2.4).
+    ConfigureReturn {
+        /// Whether and how.
+        flags: ReturnFlags,
+        /// Which frames; without effect when there is no header.
+        frames: ReturnFrames,
+    },
+    /// SR: choose the stream that starts with power-on (Thruster manual §2.5). Acts at once, and is kept.
+    ConfigureStream {
+        /// Which frames; none is taken to mean off.
+        frames: ReturnFrames,
+        /// Time between them.
+        interval: Milliseconds,
+    },
+    /// FR: read all faults since the start (Thruster manual §2.6).
+    ReadFaultRecord,
+    /// SP: write a system parameter, raw (Thruster manual §2.7).
+    SetParameter {
+        /// Bytes 2–3, anything but [`POSITION_LIMITS`].
+        parameter: u16,
+        /// Bytes 4–7.
+        data: [u8; 4],
+    },
+    /// RP: read a system parameter (Thruster manual §2.7).
+    ReadParameter {
+        /// Bytes 2–3, anything but [`POSITION_LIMITS`].
+        parameter: u16,
     },
     /// LA: move to an absolute position (Thruster manual §4.1); devices with an encoder only.
     AbsolutePosition {
@@ -49,6 +99,30 @@ pub enum Request {
     },
     /// QA: read the absolute position (Thruster manual §4.1); devices with an encoder only.
     ReadAbsolutePosition,
+    /// AZ: make the present position the absolute zero (Thruster manual §4.1).
+    SetAbsoluteZero,
+    /// SPLA: set the limits of the absolute position (Thruster manual §4.1). LA beyond them is not executed.
+    SetPositionLimits {
+        /// At most 0, an assumption.
+        reverse: LimitDecidegrees,
+        /// At least 0, an assumption.
+        forward: LimitDecidegrees,
+    },
+    /// RPLA: read the limits of the absolute position (Thruster manual §4.1).
+    ReadPositionLimits,
+    /// LR: move by a relative position (Thruster manual §4.2). Each frame with a speed adds to the target.
+    RelativePosition {
+        /// Speed of the move in rpm; 0 neither starts it nor adds to the target.
+        speed: RpmLimit,
+        /// 0.1° each, taken from LA; 61166 cannot be sent, its bytes mean a refusal.
+        position: Decidegrees,
+    },
+    /// QR: read the relative position (Thruster manual §4.2).
+    ReadRelativePosition,
+    /// RZ: make the present position the relative zero (Thruster manual §4.2).
+    SetRelativeZero,
+    /// RC: set the relative position to zero (Thruster manual §4.2).
+    ClearRelativePosition,
     /// LS: emergency stop (Thruster manual §4.3).
     EmergencyStop,
     /// A command that has no variant here.
@@ -71,10 +145,24 @@ impl Request {
             Request::ReadDriverTemperature => command::EQ,
             Request::ReadFaults => command::EF,
             Request::ClearFaults => command::CF,
-            Request::ReadFaultRecord => command::FR,
+            Request::RequestMode => command::MQ,
+            Request::LowSpeedMode => command::ML,
+            Request::MediumSpeedMode => command::MM,
+            Request::SetId { .. } => command::CI,
+            Request::SetBitrate { .. } => command::CB,
             Request::SetTimeout { .. } => command::ST,
+            Request::ConfigureReturn { .. } => command::VM,
+            Request::ConfigureStream { .. } => command::SR,
+            Request::ReadFaultRecord => command::FR,
+            Request::SetParameter { .. } | Request::SetPositionLimits { .. } => command::SP,
+            Request::ReadParameter { .. } | Request::ReadPositionLimits => command::RP,
             Request::AbsolutePosition { .. } => command::LA,
             Request::ReadAbsolutePosition => command::QA,
+            Request::SetAbsoluteZero => command::AZ,
+            Request::RelativePosition { .. } => command::LR,
+            Request::ReadRelativePosition => command::QR,
+            Request::SetRelativeZero => command::RZ,
+            Request::ClearRelativePosition => command::RC,
             Request::EmergencyStop => command::LS,
             Request::Unknown { payload } => payload.command(),
         }
@@ -85,10 +173,38 @@ impl Request {
         Ok(match *self {
             Request::Signal { signal } => Payload::signed(command::TC, field::signal_word(signal)?),
             Request::Speed { speed } => Payload::signed(command::VC, field::speed_word(speed)?),
+            Request::SetId { id } => Payload::unsigned(command::CI, field::id_word(id)?),
+            Request::SetBitrate { bitrate } => Payload::unsigned(command::CB, bitrate.word()?),
             Request::SetTimeout { timeout } => Payload::unsigned(command::ST, field::timeout_word(timeout)?),
+            Request::ConfigureReturn { flags, frames } => {
+                no_reserved_bits("flags", flags.bits(), ReturnFlags::all().bits())?;
+                no_reserved_bits("frames", frames.bits(), ReturnFrames::all().bits())?;
+                Payload::returning(flags, frames)
+            }
+            Request::ConfigureStream { frames, interval } => {
+                no_reserved_bits("frames", frames.bits(), ReturnFrames::all().bits())?;
+                let payload = Payload::streaming(frames, interval);
+                payload.expect_no_refusal("interval", i64::from(interval.0))?
+            }
+            Request::SetParameter { parameter, data } => {
+                field::raw_parameter(parameter)?;
+                let payload = Payload::full(command::SP, parameter, data);
+                payload.expect_no_refusal("data", i64::from(u32::from_be_bytes(data)))?
+            }
+            Request::ReadParameter { parameter } => {
+                Payload::short_with(command::RP, field::raw_parameter(parameter)?)
+            }
             Request::AbsolutePosition { speed, position } => {
                 Payload::position(command::LA, speed.0, field::absolute_position(position)?)
             }
+            Request::SetPositionLimits { reverse, forward } => {
+                Payload::full(command::SP, POSITION_LIMITS, field::position_limits(reverse, forward)?)
+            }
+            Request::ReadPositionLimits => Payload::short_with(command::RP, POSITION_LIMITS),
+            Request::RelativePosition { speed, position } => {
+                Payload::position(command::LR, speed.0, field::relative_position(position)?)
+            }
+            // §2.1 writes these with four bytes, §4 draws the queries of the positions with four.
             Request::ReadSpeed
             | Request::ReadCurrent
             | Request::ReadVoltage
@@ -96,18 +212,25 @@ impl Request {
             | Request::ReadDriverTemperature
             | Request::ReadFaults
             | Request::ClearFaults
+            | Request::RequestMode
+            | Request::LowSpeedMode
+            | Request::MediumSpeedMode
             | Request::ReadFaultRecord
-            | Request::ReadAbsolutePosition => Payload::short(self.command()),
-            // §4.3 draws eight bytes.
-            Request::EmergencyStop => Payload::full(command::LS, 0, [0; 4]),
+            | Request::ReadAbsolutePosition
+            | Request::ReadRelativePosition => Payload::short_with(self.command(), 0),
+            // §4 draws these with eight.
+            Request::SetAbsoluteZero
+            | Request::SetRelativeZero
+            | Request::ClearRelativePosition
+            | Request::EmergencyStop => Payload::full(self.command(), 0, [0; 4]),
             Request::Unknown { payload } => unknown(payload)?,
         })
     }
 
     /// The request in a data field of 4 or 8 bytes.
     ///
-    /// Queries are accepted in both lengths (public drivers pad them with zeros), the emergency stop too.
-    /// Values are not judged: an out-of-range one is decoded, and refused only by [`Request::encode`].
+    /// What carries no data is accepted in both lengths (public drivers pad with zeros). Values are not judged: an
+    /// out-of-range one is decoded, and refused only by [`Request::encode`].
     pub fn decode(bytes: &[u8]) -> Result<Request, DecodeError> {
         let payload = Payload::try_from(bytes)?;
         Ok(match payload.command() {
@@ -120,13 +243,48 @@ impl Request {
             command::EQ => bare(payload, Request::ReadDriverTemperature)?,
             command::EF => bare(payload, Request::ReadFaults)?,
             command::CF => bare(payload, Request::ClearFaults)?,
-            command::FR => bare(payload, Request::ReadFaultRecord)?,
+            command::MQ => bare(payload, Request::RequestMode)?,
+            command::ML => bare(payload, Request::LowSpeedMode)?,
+            command::MM => bare(payload, Request::MediumSpeedMode)?,
+            command::CI => Request::SetId { id: payload.unsigned_value()? },
+            command::CB => Request::SetBitrate { bitrate: Kilobits(payload.unsigned_value()?) },
             command::ST => Request::SetTimeout { timeout: Milliseconds(payload.unsigned_value()?) },
+            command::VM => {
+                let (flags, frames) = payload.return_value()?;
+                Request::ConfigureReturn { flags, frames }
+            }
+            command::SR => {
+                let (frames, interval) = payload.stream_value()?;
+                Request::ConfigureStream { frames, interval }
+            }
+            command::FR => bare(payload, Request::ReadFaultRecord)?,
+            command::SP => match (payload.parameter(), payload.data()?) {
+                (POSITION_LIMITS, data) => {
+                    let (reverse, forward) = field::limits_of(data);
+                    Request::SetPositionLimits { reverse, forward }
+                }
+                (parameter, data) => Request::SetParameter { parameter, data },
+            },
+            command::RP => {
+                payload.expect_no_data()?;
+                match payload.parameter() {
+                    POSITION_LIMITS => Request::ReadPositionLimits,
+                    parameter => Request::ReadParameter { parameter },
+                }
+            }
             command::LA => Request::AbsolutePosition {
                 speed: RpmLimit(payload.parameter()),
                 position: Decidegrees(payload.position_value()?),
             },
             command::QA => bare(payload, Request::ReadAbsolutePosition)?,
+            command::AZ => bare(payload, Request::SetAbsoluteZero)?,
+            command::LR => Request::RelativePosition {
+                speed: RpmLimit(payload.parameter()),
+                position: Decidegrees(payload.position_value()?),
+            },
+            command::QR => bare(payload, Request::ReadRelativePosition)?,
+            command::RZ => bare(payload, Request::SetRelativeZero)?,
+            command::RC => bare(payload, Request::ClearRelativePosition)?,
             command::LS => bare(payload, Request::EmergencyStop)?,
             _ => Request::Unknown { payload },
         })
@@ -138,175 +296,20 @@ fn bare(payload: Payload, request: Request) -> Result<Request, DecodeError> {
     Ok(request)
 }
 
-/// Lets raw bytes pass unless they would go around the checks of a named command or look like a refusal.
-fn unknown(payload: Payload) -> Result<Payload, EncodeError> {
-    let reason = if command::NAMED.contains(&payload.command()) {
-        "this command has a variant of its own"
-    } else if payload.has_refusal_data() {
-        "its data 00 00 EE EE mean a refusal"
-    } else {
-        return Ok(payload);
-    };
-    Err(EncodeError::Forbidden { field: "command", value: i64::from(payload.command()), reason })
+/// Refuses to set what the manual reserves.
+fn no_reserved_bits(field: &'static str, bits: u8, named: u8) -> Result<(), EncodeError> {
+    if bits & !named == 0 {
+        return Ok(());
+    }
+    Err(EncodeError::Forbidden { field, value: i64::from(bits), reason: "sets a reserved bit" })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn encoded(request: Request) -> Payload {
-        request.encode().unwrap()
+/// Lets raw bytes pass unless they would go around the checks of a named command or look like a refusal.
+fn unknown(payload: Payload) -> Result<Payload, EncodeError> {
+    let value = i64::from(payload.command());
+    if !matches!(Request::decode(payload.as_slice()), Ok(Request::Unknown { .. })) {
+        let reason = "this command has a variant of its own";
+        return Err(EncodeError::Forbidden { field: "command", value, reason });
     }
-
-    /// Thruster manual §1.3: the printed TC frames of +5 % and −5 %.
-    #[test]
-    fn signal_has_a_zero_upper_half_even_when_negative() {
-        let plus = Payload::Full([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0x00, 0x05]);
-        let minus = Payload::Full([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0xFF, 0xFB]);
-        assert_eq!(encoded(Request::Signal { signal: Percent(5) }), plus);
-        assert_eq!(encoded(Request::Signal { signal: Percent(-5) }), minus);
-        assert_eq!(Request::decode(minus.as_slice()), Ok(Request::Signal { signal: Percent(-5) }));
-    }
-
-    /// Thruster manual §1.3 leaves the upper half open: a sign extension is accepted, anything else is named.
-    #[test]
-    fn upper_half_is_zero_or_a_sign_extension() {
-        let extended = [0x54, 0x43, 0x00, 0x00, 0xFF, 0xFF, 0xFF, 0xFB];
-        assert_eq!(Request::decode(&extended), Ok(Request::Signal { signal: Percent(-5) }));
-        let odd = [0x56, 0x43, 0x00, 0x00, 0x00, 0x01, 0x00, 0x64];
-        assert_eq!(Request::decode(&odd), Err(DecodeError::UpperHalf { got: 1 }));
-    }
-
-    /// Thruster manual §2.3: 60000 needs all 16 bits, so the word is never sign-extended.
-    #[test]
-    fn timeout_is_unsigned() {
-        let longest = Payload::Full([0x53, 0x54, 0x00, 0x00, 0x00, 0x00, 0xEA, 0x60]);
-        let request = Request::SetTimeout { timeout: Milliseconds(60_000) };
-        assert_eq!(encoded(request), longest);
-        assert_eq!(Request::decode(longest.as_slice()), Ok(request));
-        let extended = [0x53, 0x54, 0x00, 0x00, 0xFF, 0xFF, 0xEA, 0x60];
-        assert_eq!(Request::decode(&extended), Err(DecodeError::UpperHalf { got: 0xFFFF }));
-    }
-
-    /// Thruster manual §2.3.
-    #[test]
-    fn timeout_is_off_or_within_its_range() {
-        let off = Payload::Full([0x53, 0x54, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00]);
-        assert_eq!(encoded(Request::SetTimeout { timeout: Milliseconds(0) }), off);
-        assert!(Request::SetTimeout { timeout: Milliseconds(100) }.encode().is_ok());
-        for ms in [1, 99, 60_001, 0xEEEE, u16::MAX] {
-            let refused =
-                EncodeError::OutOfRange { field: "timeout", value: i64::from(ms), min: 100, max: 60_000 };
-            assert_eq!(Request::SetTimeout { timeout: Milliseconds(ms) }.encode(), Err(refused));
-        }
-    }
-
-    /// Thruster manual §2.1.
-    #[test]
-    fn signal_beyond_full_is_refused() {
-        for signal in [100, -100] {
-            assert!(Request::Signal { signal: Percent(signal) }.encode().is_ok());
-        }
-        for signal in [101, -101, i16::MAX, i16::MIN] {
-            let refused =
-                EncodeError::OutOfRange { field: "signal", value: i64::from(signal), min: -100, max: 100 };
-            assert_eq!(Request::Signal { signal: Percent(signal) }.encode(), Err(refused));
-        }
-    }
-
-    /// Thruster manual §2.1; VC −4370 would be the bytes of a refusal.
-    #[test]
-    fn speed_below_30_rpm_and_the_refusal_pattern_are_refused() {
-        for speed in [0, 30, -30, i16::MAX, i16::MIN] {
-            assert!(Request::Speed { speed: Rpm(speed) }.encode().is_ok());
-        }
-        for speed in [1, -1, 29, -29, -4370] {
-            let result = Request::Speed { speed: Rpm(speed) }.encode();
-            assert!(
-                matches!(result, Err(EncodeError::Forbidden { field: "speed", value, .. }) if value == i64::from(speed))
-            );
-        }
-    }
-
-    /// Thruster manual §4.1.
-    #[test]
-    fn absolute_position_has_speed_then_a_32_bit_position() {
-        let request = Request::AbsolutePosition { speed: RpmLimit(300), position: Decidegrees(-1799) };
-        let bytes = [0x4C, 0x41, 0x01, 0x2C, 0xFF, 0xFF, 0xF8, 0xF9];
-        assert_eq!(encoded(request), Payload::Full(bytes));
-        assert_eq!(Request::decode(&bytes), Ok(request));
-        for position in [1800, -1800] {
-            let request = Request::AbsolutePosition { speed: RpmLimit(1), position: Decidegrees(position) };
-            let refused = EncodeError::OutOfRange {
-                field: "position",
-                value: i64::from(position),
-                min: -1799,
-                max: 1799,
-            };
-            assert_eq!(request.encode(), Err(refused));
-        }
-    }
-
-    /// Thruster manual §1.2: four bytes are sent, eight zero-padded ones accepted.
-    #[test]
-    fn queries_come_short_or_zero_padded() {
-        assert_eq!(encoded(Request::ReadSpeed), Payload::Short([0x51, 0x56, 0x00, 0x00]));
-        let padded = [0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00];
-        assert_eq!(Request::decode(&padded), Ok(Request::ReadSpeed));
-        let stray = [0x51, 0x56, 0x00, 0x00, 0x00, 0x07, 0x00, 0x00];
-        let error = DecodeError::FixedByte { offset: 5, got: 7, expected: 0 };
-        assert_eq!(Request::decode(&stray), Err(error));
-    }
-
-    /// Thruster manual §4.3: eight bytes are sent, four accepted.
-    #[test]
-    fn emergency_stop_is_drawn_with_eight_bytes() {
-        let full = Payload::Full([0x4C, 0x53, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00]);
-        assert_eq!(encoded(Request::EmergencyStop), full);
-        assert_eq!(Request::decode(full.as_slice()), Ok(Request::EmergencyStop));
-        assert_eq!(Request::decode(&[0x4C, 0x53, 0x00, 0x00]), Ok(Request::EmergencyStop));
-    }
-
-    /// Thruster manual §1.2; the nine-byte rows are misprints.
-    #[test]
-    fn other_lengths_are_refused() {
-        for len in [0, 1, 3, 5, 7] {
-            let bytes = [0x54, 0x43, 0, 0, 0, 0, 0, 5];
-            let result = Request::decode(bytes.get(..len).unwrap());
-            assert_eq!(result, Err(DecodeError::Length { got: len, expected: 8 }));
-        }
-        let nine = [0x43, 0x49, 0, 0, 0, 0, 0, 0, 0x7F];
-        assert_eq!(Request::decode(&nine), Err(DecodeError::Length { got: 9, expected: 8 }));
-        let short_signal = [0x54, 0x43, 0x00, 0x00];
-        assert_eq!(Request::decode(&short_signal), Err(DecodeError::Length { got: 4, expected: 8 }));
-    }
-
-    /// Thruster manual §1.3: bytes 2–3 are zero where a command has no sub-command.
-    #[test]
-    fn a_stray_sub_command_is_named() {
-        let stray = [0x54, 0x43, 0x00, 0x02, 0x00, 0x00, 0x00, 0x05];
-        let error = DecodeError::FixedByte { offset: 3, got: 2, expected: 0 };
-        assert_eq!(Request::decode(&stray), Err(error));
-    }
-
-    /// Thruster manual §2.1: MQ (0x4D51), not named here, keeps its bytes.
-    #[test]
-    fn other_commands_keep_their_bytes() {
-        let payload = Payload::Short([0x4D, 0x51, 0x00, 0x00]);
-        assert_eq!(Request::decode(payload.as_slice()), Ok(Request::Unknown { payload }));
-        assert_eq!(encoded(Request::Unknown { payload }), payload);
-    }
-
-    /// Thruster manual §1.3: raw bytes neither go around the range checks nor look like a refusal (LR 61166).
-    #[test]
-    fn raw_bytes_do_not_go_around_the_checks() {
-        let signal_200 = Payload::Full([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0x00, 0xC8]);
-        let relative_61166 = Payload::Full([0x4C, 0x52, 0x00, 0x01, 0x00, 0x00, 0xEE, 0xEE]);
-        for (payload, command) in [(signal_200, 0x5443), (relative_61166, 0x4C52)] {
-            let result = Request::Unknown { payload }.encode();
-            assert!(
-                matches!(result, Err(EncodeError::Forbidden { field: "command", value, .. }) if value == command)
-            );
-        }
-    }
+    payload.expect_no_refusal("command", value)
 }

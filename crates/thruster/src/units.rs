@@ -35,7 +35,17 @@ pub struct Celsius(pub i16);
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Decidegrees(pub i32);
 
-/// Time, 1 ms per count (Thruster manual §2.3).
+/// Limit of the absolute position, 0.1° per count (Thruster manual §4.1, SPLA and RPLA).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LimitDecidegrees(pub i16);
+
+/// Bitrate as CB carries it: kbit/s without its fraction (Thruster manual §2.2); see [`BITRATES`](crate::BITRATES).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Kilobits(pub u16);
+
+/// Time, 1 ms per count (Thruster manual §2.3, §2.5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Milliseconds(pub u16);

@@ -1,22 +1,34 @@
-//! Runs the golden vectors of `host-tests/vectors/thruster.txt`.
+//! Runs the golden vectors of `host-tests/vectors/thruster*.txt`.
 
 mod frame;
 
 use embedded_can::{Frame, StandardId};
 use frame::CanFrame;
-use thruster::{Reply, Request, can, command};
+use thruster::{BuildError, COMMANDS, Payload, Reply, Request, can};
 
 const VECTORS: &str = include_str!("../../../host-tests/vectors/thruster.txt");
-const COUNT: usize = 55;
+const MISPRINTS: &str = include_str!("../../../host-tests/vectors/thruster-misprints.txt");
+const HEADERLESS: &str = include_str!("../../../host-tests/vectors/thruster-headerless.txt");
+/// Changes with every vector added or removed, so that none goes missing unseen.
+const COUNT: usize = 118;
+const MISPRINT_COUNT: usize = 10;
+const HEADERLESS_COUNT: usize = 3;
 /// In the source column: accepted, but not the form that is sent.
 const DECODE_ONLY: &str = "decode only";
 
 struct Vector<'a> {
     label: &'a str,
     direction: &'a str,
-    frame: CanFrame,
+    id: StandardId,
+    data: Vec<u8>,
     meaning: &'a str,
     source: &'a str,
+}
+
+impl Vector<'_> {
+    fn frame(&self) -> CanFrame {
+        CanFrame::new(self.id, &self.data).expect("at most eight bytes")
+    }
 }
 
 /// A column may hold ` | ` only in the meaning, so the outer columns are split off first.
@@ -26,22 +38,18 @@ fn parse(line: &str) -> Vector<'_> {
     let (label, direction, transport, hex, rest) = (column(), column(), column(), column(), column());
     assert_eq!(transport, "can", "{label}");
     let (meaning, source) = rest.rsplit_once(" | ").unwrap_or_else(|| panic!("too few columns: {line}"));
-    Vector { label, direction, frame: candump(hex), meaning, source }
-}
-
-fn candump(text: &str) -> CanFrame {
-    let (id, data) = text.split_once('#').expect("id#data");
+    let (id, data) = hex.split_once('#').expect("id#data");
     let id = StandardId::new(u16::from_str_radix(id, 16).expect("hex id")).expect("standard id");
-    assert!(data.is_ascii() && data.len() % 2 == 0, "{text}");
-    let bytes: Vec<u8> = (0..data.len())
+    assert!(data.is_ascii() && data.len() % 2 == 0, "{hex}");
+    let data = (0..data.len())
         .step_by(2)
         .map(|start| u8::from_str_radix(&data[start..start + 2], 16).expect("hex data"))
         .collect();
-    CanFrame::new(id, &bytes).expect("at most eight bytes")
+    Vector { label, direction, id, data, meaning, source }
 }
 
-fn vectors() -> Vec<Vector<'static>> {
-    VECTORS.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(parse).collect()
+fn vectors(text: &str) -> Vec<Vector<'_>> {
+    text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(parse).collect()
 }
 
 /// Compares the decoded value with the meaning and, if it is one that is sent, the bytes with its encoding.
@@ -57,24 +65,24 @@ fn check<T: core::fmt::Debug, D: core::fmt::Debug, E: core::fmt::Debug>(
     };
     assert_eq!(format!("{value:?}"), vector.meaning, "{label}");
     let encoded = encode(&value);
-    let is_sent_form = matches!(&encoded, Ok(frame) if *frame == vector.frame);
+    let is_sent_form = matches!(&encoded, Ok(frame) if *frame == vector.frame());
     assert_eq!(is_sent_form, !vector.source.contains(DECODE_ONLY), "{label}: encoded to {encoded:?}");
 }
 
 #[test]
 fn every_vector_decodes_to_its_meaning_and_back() {
-    let vectors = vectors();
+    let vectors = vectors(VECTORS);
     for vector in &vectors {
         match vector.direction {
             "request" => {
-                let decoded = can::decode_request(&vector.frame);
+                let decoded = can::decode_request(&vector.frame());
                 let node = decoded.map(|(node, _)| node);
                 check(vector, decoded.map(|(_, request)| request), |request| {
                     can::request::<CanFrame>(node.expect("decoded"), request)
                 });
             }
-            "reply" => {
-                let decoded = can::decode_reply(&vector.frame);
+            "reply" | "event" => {
+                let decoded = can::decode_reply(&vector.frame());
                 let node = decoded.map(|(node, _)| node);
                 check(vector, decoded.map(|(_, reply)| reply), |reply| {
                     can::reply::<CanFrame>(node.expect("decoded"), reply)
@@ -87,21 +95,71 @@ fn every_vector_decodes_to_its_meaning_and_back() {
 }
 
 #[test]
-fn every_command_has_a_request_and_a_reply() {
-    use command::{CF, EF, EQ, FR, LA, LS, QA, QC, QP, QT, QV, ST, TC, VC};
+fn frames_without_a_header_decode_when_asked_and_back() {
+    let vectors = vectors(HEADERLESS);
+    for vector in &vectors {
+        let (node, values) = can::decode_headerless(&vector.frame()).expect(vector.label);
+        check(vector, Ok::<_, ()>(values), |values| can::headerless::<CanFrame>(node, values));
+    }
+    assert_eq!(vectors.len(), HEADERLESS_COUNT);
+}
 
-    let vectors = vectors();
-    let commands = |direction: &str| -> Vec<u16> {
-        let sent = vectors.iter().filter(|vector| vector.direction == direction);
-        sent.filter_map(|vector| match direction {
-            "request" => Request::decode(vector.frame.data()).ok().map(|request| request.command()),
-            _ => Reply::decode(vector.frame.data()).ok().map(|reply| reply.command()),
-        })
-        .collect()
+/// Printed nine-byte rows fit no frame, so the data alone are decoded.
+#[test]
+fn misprints_decode_to_what_holds() {
+    let misprints = vectors(MISPRINTS);
+    for vector in &misprints {
+        let shown = match vector.direction {
+            "request" => Request::decode(&vector.data).map(|request| format!("{request:?}")),
+            _ => Reply::decode(&vector.data).map(|reply| format!("{reply:?}")),
+        };
+        let shown = shown.unwrap_or_else(|error| format!("Err({error:?})"));
+        assert_eq!(shown, vector.meaning, "{}", vector.label);
+    }
+    assert_eq!(misprints.len(), MISPRINT_COUNT);
+}
+
+/// A command that only devices send is one that cannot be built.
+#[test]
+fn every_command_has_a_request_and_a_reply() {
+    let vectors = vectors(VECTORS);
+    let names = |direction: fn(&str) -> bool, name: fn(&Vector) -> &'static str| -> Vec<&'static str> {
+        vectors.iter().filter(|vector| direction(vector.direction)).map(name).collect()
     };
-    let (requests, replies) = (commands("request"), commands("reply"));
-    for command in [TC, VC, QV, QC, QP, QT, EQ, EF, CF, FR, ST, LA, QA, LS] {
-        assert!(requests.contains(&command), "no request {command:#06x}");
-        assert!(replies.contains(&command), "no reply {command:#06x}");
+    let requests = names(
+        |direction| direction == "request",
+        |vector| Request::decode(&vector.data).map_or("", |request| request.name()),
+    );
+    let replies = names(
+        |direction| direction != "request",
+        |vector| Reply::decode(&vector.data).map_or("", |reply| reply.name()),
+    );
+    for info in COMMANDS {
+        let is_sent = Request::build(info.name, &|_| None) != Err(BuildError::UnknownCommand);
+        assert_eq!(is_sent, requests.contains(&info.name), "request {}", info.name);
+        assert!(replies.contains(&info.name), "no reply {}", info.name);
+    }
+    assert!(requests.contains(&"unknown") && replies.contains(&"unknown"));
+}
+
+/// Thruster manual §1.3: every set command can be refused; queries cannot.
+#[test]
+fn refusals_have_the_name_of_what_they_refuse() {
+    for info in COMMANDS {
+        let Ok(request) =
+            Request::build(info.name, &|field| Some(if field == "bitrate_kbps" { 10.0 } else { 0.0 }))
+                .or_else(|_| Request::build(info.name, &|_| Some(1.0)))
+        else {
+            continue;
+        };
+        let mut bytes = [0; 8];
+        let payload = request.encode().expect(info.name);
+        bytes[..4].copy_from_slice(&payload.as_slice()[..4]);
+        bytes[4..].copy_from_slice(&[0x00, 0x00, 0xEE, 0xEE]);
+        let reply = Reply::decode(&bytes).expect(info.name);
+        let is_query = info.name.starts_with("read_");
+        assert_eq!(matches!(reply, Reply::Refused { .. }), !is_query, "{}", info.name);
+        assert_eq!(reply.name(), info.name);
+        assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
     }
 }

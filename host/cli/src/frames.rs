@@ -160,9 +160,9 @@ mod tests {
         let d5 = ProtocolSet::of(&[Protocol::D5]);
         // Sum of 0B 05 02 26 00 00, and of 0B 05 02 26 9E 01.
         let request = read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
-        assert_eq!(request.text, "Read current speed");
+        assert_eq!(request.text, "Read current_speed");
         let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5).unwrap();
-        assert_eq!(reply.text, "Read current speed = DegreesPerSecond(414)");
+        assert_eq!(reply.text, "Read current_speed = DegreesPerSecond(414)");
     }
 
     #[test]

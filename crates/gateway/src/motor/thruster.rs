@@ -125,6 +125,8 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
 
 pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
     match thruster::answer(request, reply) {
+        // Telemetry instead of the echo comes only where VM is set, and does not say which value it acknowledges (T22).
+        Answer::Reply(Reply::Returned(_)) => Verdict::Unrelated,
         // The device repeats the value it has taken: another one belongs to an older request.
         Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => {
             Verdict::Unrelated

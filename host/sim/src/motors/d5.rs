@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use d5::{
     Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Faults, MotorError, Node,
-    Payload, REGISTERS, Register, Reply, Request, Value, Width, decode_speed, encode_angle, encode_speed,
+    REGISTERS, Register, Reply, Request, TurnDegrees, Value, Width, decode_speed, encode_angle, encode_speed,
     encode_temperature,
 };
 use embedded_can::{Id, StandardId};
@@ -23,10 +23,6 @@ const REPLY_MIN: Duration = Duration::from_micros(300);
 const REPLY_MAX: Duration = Duration::from_micros(500);
 /// The communication timeout, which the manual does not give.
 const TIMEOUT: Duration = Duration::from_secs(1);
-/// Reads the magnetic angle and is no named command of the codec (D5 manual, table row 14).
-const READ_MAGNETIC_ANGLE: u8 = 0xD4;
-/// Length byte of a frame with two data bytes (D5 manual, frame format).
-const TWO_DATA_BYTES: u8 = 5;
 /// What the table calls 360/S²: one count of registers 0x15 and 0x16 in rad/s².
 const ACCELERATION_UNIT: f64 = TAU;
 /// Counts of those registers that the motor accepts; it uses the nearest for any other.
@@ -216,13 +212,22 @@ impl D5 {
                 self.load_defaults(Node::FACTORY);
                 Reply::ResetDone
             }
-            Request::Unknown { raw } if raw.command() == READ_MAGNETIC_ANGLE => {
-                let Register(address) = Register::MAGNETIC_ANGLE;
-                let [low, high] =
-                    [self.byte(Register::MAGNETIC_ANGLE), self.byte(Register(address.wrapping_add(1)))];
-                Reply::Unknown { raw: Payload([TWO_DATA_BYTES, READ_MAGNETIC_ANGLE, address, low, high]) }
+            Request::ReadMagneticAngle => {
+                let angle = match self.value(Register::MAGNETIC_ANGLE, Width::Word) {
+                    Value::Word(angle) => angle,
+                    Value::Byte(angle) => u16::from(angle),
+                };
+                Reply::MagneticAngle { angle: TurnDegrees(angle) }
             }
-            Request::Write { .. } | Request::AsyncWrite { .. } | Request::Unknown { .. } => {
+            // What a healthy motor answers is not printed; here it repeats the request.
+            Request::SelfTest => match request.encode() {
+                Ok(raw) => Reply::SelfTest { raw },
+                Err(_) => Reply::Error { error: MotorError::Command, command: request.command() },
+            },
+            Request::Write { .. }
+            | Request::AsyncWrite { .. }
+            | Request::FaultySelfTest
+            | Request::Unknown { .. } => {
                 Reply::Error { error: MotorError::Command, command: request.command() }
             }
         }
@@ -343,7 +348,7 @@ fn low(word: u16) -> u8 {
 /// What the log calls a command; nothing for reads.
 fn name(request: &Request) -> Option<&'static str> {
     Some(match request {
-        Request::QueryId | Request::Read { .. } => return None,
+        Request::QueryId | Request::Read { .. } | Request::ReadMagneticAngle => return None,
         Request::Write { register: Register::SPEED, value: Value::Word(0) } => "03 speed 0",
         Request::Write { register: Register::SPEED, .. } => "03 speed",
         Request::Write { .. } => "03 write",
@@ -352,7 +357,8 @@ fn name(request: &Request) -> Option<&'static str> {
         Request::AsyncWrite { .. } => "04 write",
         Request::Execute => "05 execute",
         Request::Reset => "06 reset",
-        Request::Unknown { raw } if raw.command() == READ_MAGNETIC_ANGLE => return None,
+        Request::SelfTest => "CF self test",
+        Request::FaultySelfTest => "CE faulty self test",
         Request::Unknown { .. } => "other",
     })
 }

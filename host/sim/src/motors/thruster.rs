@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use host_protocol::CanFrame;
 use thruster::{
-    Celsius, Deciamps, Decidegrees, Decivolts, Faults, Node, Percent, Reply, Request, Rpm, SIGNAL_MAX,
-    SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF,
+    Celsius, Deciamps, Decidegrees, Decivolts, Faults, LimitDecidegrees, Node, POSITION_LIMITS, Percent,
+    Reply, Request, Rpm, SIGNAL_MAX, SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF,
 };
 
 use super::counts::{to_i16, to_u16};
@@ -187,8 +187,31 @@ impl Thruster {
                 Reply::FaultsCleared
             }
             // No encoder.
-            Request::AbsolutePosition { .. } => refusal(request),
+            Request::AbsolutePosition { .. }
+            | Request::SetAbsoluteZero
+            | Request::SetPositionLimits { .. }
+            | Request::RelativePosition { .. }
+            | Request::SetRelativeZero
+            | Request::ClearRelativePosition => refusal(request),
             Request::ReadAbsolutePosition => Reply::MeasuredPosition { position: Decidegrees(0) },
+            Request::ReadRelativePosition => Reply::MeasuredRelativePosition { position: Decidegrees(0) },
+            Request::ReadPositionLimits => {
+                Reply::PositionLimits { reverse: LimitDecidegrees(0), forward: LimitDecidegrees(0) }
+            }
+            // Taken, and played no further.
+            Request::RequestMode => Reply::RequestMode,
+            Request::LowSpeedMode => Reply::LowSpeedMode,
+            Request::MediumSpeedMode => Reply::MediumSpeedMode,
+            Request::SetId { id } => accepted(request, Reply::Id { id }),
+            Request::SetBitrate { bitrate } => accepted(request, Reply::Bitrate { bitrate }),
+            Request::ConfigureReturn { flags, frames } => {
+                accepted(request, Reply::ReturnConfigured { flags, frames })
+            }
+            Request::ConfigureStream { frames, interval } => {
+                accepted(request, Reply::StreamConfigured { frames, interval })
+            }
+            Request::SetParameter { parameter, data } => Reply::ParameterSet { parameter, data },
+            Request::ReadParameter { parameter } => Reply::Parameter { parameter, data: [0; 4] },
             Request::ReadSpeed => Reply::MeasuredSpeed { speed: Rpm(to_i16(self.plant.speed_rad_s() / RPM)) },
             Request::ReadCurrent => {
                 Reply::Current { current: Deciamps(to_i16(self.plant.current_a() * 10.0)) }
@@ -287,9 +310,15 @@ impl Model for Thruster {
     }
 }
 
+/// The reply to a setting that the manual allows, else the refusal.
+fn accepted(request: &Request, reply: Reply) -> Reply {
+    if request.encode().is_ok() { reply } else { refusal(request) }
+}
+
 fn refusal(request: &Request) -> Reply {
     let parameter = match request {
-        Request::AbsolutePosition { speed, .. } => speed.0,
+        Request::AbsolutePosition { speed, .. } | Request::RelativePosition { speed, .. } => speed.0,
+        Request::SetPositionLimits { .. } => POSITION_LIMITS,
         _ => 0,
     };
     Reply::Refused { command: request.command(), parameter }
@@ -304,7 +333,20 @@ fn name(request: &Request) -> Option<&'static str> {
         Request::Speed { .. } => "VC speed",
         Request::ClearFaults => "CF clear faults",
         Request::SetTimeout { .. } => "ST timeout",
+        Request::RequestMode => "MQ request mode",
+        Request::LowSpeedMode => "ML low speed mode",
+        Request::MediumSpeedMode => "MM medium speed mode",
+        Request::SetId { .. } => "CI id",
+        Request::SetBitrate { .. } => "CB bitrate",
+        Request::ConfigureReturn { .. } => "VM return format",
+        Request::ConfigureStream { .. } => "SR stream",
+        Request::SetParameter { .. } => "SP parameter",
         Request::AbsolutePosition { .. } => "LA position",
+        Request::SetAbsoluteZero => "AZ absolute zero",
+        Request::SetPositionLimits { .. } => "SP LA position limits",
+        Request::RelativePosition { .. } => "LR relative position",
+        Request::SetRelativeZero => "RZ relative zero",
+        Request::ClearRelativePosition => "RC clear relative position",
         Request::EmergencyStop => "LS emergency stop",
         Request::Unknown { .. } => "other",
         Request::ReadSpeed
@@ -314,7 +356,10 @@ fn name(request: &Request) -> Option<&'static str> {
         | Request::ReadDriverTemperature
         | Request::ReadFaults
         | Request::ReadFaultRecord
-        | Request::ReadAbsolutePosition => return None,
+        | Request::ReadParameter { .. }
+        | Request::ReadAbsolutePosition
+        | Request::ReadPositionLimits
+        | Request::ReadRelativePosition => return None,
     })
 }
 

@@ -1,0 +1,83 @@
+//! The bitrates of CB.
+
+use crate::error::EncodeError;
+use crate::units::Kilobits;
+
+/// One bitrate of the manual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BitrateInfo {
+    /// What CB carries.
+    pub setting: Kilobits,
+    /// What it stands for, bit/s. Three settings leave out a third or two of a kbit/s.
+    pub bits_per_second: u32,
+}
+
+const fn whole(kilobits: u16) -> BitrateInfo {
+    BitrateInfo { setting: Kilobits(kilobits), bits_per_second: kilobits as u32 * 1000 }
+}
+
+const fn fractional(kilobits: u16, bits_per_second: u32) -> BitrateInfo {
+    BitrateInfo { setting: Kilobits(kilobits), bits_per_second }
+}
+
+/// Every bitrate a device can be set to, in the manual's order (Thruster manual §2.2).
+pub static BITRATES: [BitrateInfo; 19] = [
+    whole(1000),
+    whole(800),
+    whole(666),
+    whole(500),
+    whole(400),
+    whole(333),
+    whole(250),
+    whole(200),
+    whole(150),
+    whole(125),
+    whole(100),
+    // 83.33, 66.66 and 33.33 kbit/s.
+    fractional(83, 83_333),
+    whole(80),
+    fractional(66, 66_666),
+    whole(50),
+    whole(40),
+    fractional(33, 33_333),
+    whole(20),
+    whole(10),
+];
+
+impl Kilobits {
+    /// The row of the table; `None` if no device has this bitrate.
+    pub fn info(self) -> Option<&'static BitrateInfo> {
+        BITRATES.iter().find(|info| info.setting == self)
+    }
+
+    /// The word of CB, if the manual has this bitrate.
+    pub(crate) fn word(self) -> Result<u16, EncodeError> {
+        match self.info() {
+            Some(info) => Ok(info.setting.0),
+            None => {
+                let reason = "not one of the 19 bitrates of the manual, 10 to 1000 kbit/s";
+                Err(EncodeError::Forbidden { field: "bitrate", value: i64::from(self.0), reason })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Thruster manual §2.2.
+    #[test]
+    fn only_listed_bitrates_have_a_word() {
+        assert_eq!(Kilobits(1000).word(), Ok(0x03E8));
+        assert_eq!(Kilobits(83).info().map(|info| info.bits_per_second), Some(83_333));
+        assert_eq!(Kilobits(10).info().map(|info| info.bits_per_second), Some(10_000));
+        for other in [0, 9, 84, 600, 1001, u16::MAX] {
+            let refused = Kilobits(other).word();
+            assert!(
+                matches!(refused, Err(EncodeError::Forbidden { field: "bitrate", value, .. }) if value == i64::from(other))
+            );
+        }
+    }
+}

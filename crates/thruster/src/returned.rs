@@ -1,0 +1,345 @@
+//! What a device returns by itself or instead of an echo: the frames of VM and SR.
+
+use crate::error::DecodeError;
+use crate::faults::Faults;
+use crate::field::{FULL_LEN, command};
+use crate::payload::Payload;
+use crate::units::{Celsius, Deciamps, Decidegrees, Decivolts, Rpm};
+
+bitflags::bitflags! {
+    /// Which frames are returned: byte 7 of VM (Thruster manual §2.4), byte 5 of SR (§2.5).
+    ///
+    /// The reserved bits 3 to 7 stay as received.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+    pub struct ReturnFrames: u8 {
+        /// Frame 1: speed, voltage, current.
+        const MOTION = 1 << 0;
+        /// Frame 2: status, motor temperature, driver temperature.
+        const CONDITION = 1 << 1;
+        /// Frame 3: absolute and relative position.
+        const POSITION = 1 << 2;
+    }
+}
+
+bitflags::bitflags! {
+    /// How frames are returned: byte 6 of VM (Thruster manual §2.4).
+    ///
+    /// The sentence above the table contradicts it; the table holds. The reserved bits 2 to 7 stay as received.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+    pub struct ReturnFlags: u8 {
+        /// Nothing is returned at all.
+        const NO_RETURN = 1 << 0;
+        /// One frame without a header is returned; see [`Headerless`].
+        const NO_HEADER = 1 << 1;
+    }
+}
+
+impl ReturnFrames {
+    const NAMES: [(ReturnFrames, &'static str); 3] = [
+        (ReturnFrames::MOTION, "motion"),
+        (ReturnFrames::CONDITION, "condition"),
+        (ReturnFrames::POSITION, "position"),
+    ];
+
+    /// Hands on the name of every frame in the mask.
+    pub(crate) fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
+        for (frame, name) in Self::NAMES {
+            if raw & u32::from(frame.bits()) != 0 {
+                hand_on(name);
+            }
+        }
+    }
+}
+
+impl ReturnFlags {
+    const NAMES: [(ReturnFlags, &'static str); 2] =
+        [(ReturnFlags::NO_RETURN, "no_return"), (ReturnFlags::NO_HEADER, "no_header")];
+
+    /// Hands on the name of every flag in the mask.
+    pub(crate) fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
+        for (flag, name) in Self::NAMES {
+            if raw & u32::from(flag.bits()) != 0 {
+                hand_on(name);
+            }
+        }
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for ReturnFrames {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "ReturnFrames({=u8:#04x})", self.bits());
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for ReturnFlags {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "ReturnFlags({=u8:#04x})", self.bits());
+    }
+}
+
+/// Why a frame was returned: the upper byte of its header (Thruster manual §2.4, §2.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ReturnSource {
+    /// `54 0n`: a TC was taken.
+    Signal,
+    /// `56 0n`: a VC was taken.
+    Speed,
+    /// `41 0n`: the stream that SR configures; nobody asked.
+    Stream,
+}
+
+impl ReturnSource {
+    // The command word with its lower byte replaced by the frame's number (Thruster manual §2.4).
+    const SIGNAL: u8 = upper(command::TC);
+    const SPEED: u8 = upper(command::VC);
+    /// No command word explains it (Thruster manual §2.5).
+    const STREAM: u8 = 0x41;
+
+    const fn upper_byte(self) -> u8 {
+        match self {
+            ReturnSource::Signal => Self::SIGNAL,
+            ReturnSource::Speed => Self::SPEED,
+            ReturnSource::Stream => Self::STREAM,
+        }
+    }
+
+    const fn of(upper_byte: u8) -> Option<ReturnSource> {
+        match upper_byte {
+            Self::SIGNAL => Some(ReturnSource::Signal),
+            Self::SPEED => Some(ReturnSource::Speed),
+            Self::STREAM => Some(ReturnSource::Stream),
+            _ => None,
+        }
+    }
+}
+
+const fn upper(word: u16) -> u8 {
+    let [upper, _] = word.to_be_bytes();
+    upper
+}
+
+/// The header of the frame of this number.
+pub(crate) const fn header(source: ReturnSource, number: u8) -> u16 {
+    u16::from_be_bytes([source.upper_byte(), number])
+}
+
+/// What a returned frame carries: three words behind the header (Thruster manual §2.4, §2.5).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ReturnedFrame {
+    /// Frame 1.
+    Motion {
+        /// rpm.
+        speed: Rpm,
+        /// 0.1 V each.
+        voltage: Decivolts,
+        /// 0.1 A each.
+        current: Deciamps,
+    },
+    /// Frame 2.
+    Condition {
+        /// The status word, taken to be the fault word of EF.
+        faults: Faults,
+        /// °C.
+        motor_temperature: Celsius,
+        /// °C.
+        driver_temperature: Celsius,
+    },
+    /// Frame 3.
+    Position {
+        /// Absolute, then relative position; how six bytes hold the two is not given.
+        raw: [u8; 6],
+    },
+}
+
+impl ReturnedFrame {
+    pub(crate) const MOTION: u8 = 1;
+    pub(crate) const CONDITION: u8 = 2;
+    pub(crate) const POSITION: u8 = 3;
+
+    /// The number of the frame, 1..=3.
+    pub fn number(&self) -> u8 {
+        match self {
+            ReturnedFrame::Motion { .. } => Self::MOTION,
+            ReturnedFrame::Condition { .. } => Self::CONDITION,
+            ReturnedFrame::Position { .. } => Self::POSITION,
+        }
+    }
+
+    /// The first word of frame 3 as an absolute position. An assumption: the manual does not give the layout.
+    pub fn absolute_position(&self) -> Option<Decidegrees> {
+        let ReturnedFrame::Position { raw: [high, low, ..] } = *self else { return None };
+        Some(Decidegrees(i32::from(i16::from_be_bytes([high, low]))))
+    }
+
+    fn bytes(&self) -> [u8; 6] {
+        match *self {
+            ReturnedFrame::Motion { speed, voltage, current } => {
+                joined([speed.0.to_be_bytes(), voltage.0.to_be_bytes(), current.0.to_be_bytes()])
+            }
+            ReturnedFrame::Condition { faults, motor_temperature, driver_temperature } => joined([
+                faults.bits().to_be_bytes(),
+                motor_temperature.0.to_be_bytes(),
+                driver_temperature.0.to_be_bytes(),
+            ]),
+            ReturnedFrame::Position { raw } => raw,
+        }
+    }
+
+    fn of(number: u8, raw: [u8; 6]) -> Option<ReturnedFrame> {
+        let [a0, a1, b0, b1, c0, c1] = raw;
+        Some(match number {
+            Self::MOTION => ReturnedFrame::Motion {
+                speed: Rpm(i16::from_be_bytes([a0, a1])),
+                voltage: Decivolts(u16::from_be_bytes([b0, b1])),
+                current: Deciamps(i16::from_be_bytes([c0, c1])),
+            },
+            Self::CONDITION => ReturnedFrame::Condition {
+                faults: Faults::from_bits_retain(u16::from_be_bytes([a0, a1])),
+                motor_temperature: Celsius(i16::from_be_bytes([b0, b1])),
+                driver_temperature: Celsius(i16::from_be_bytes([c0, c1])),
+            },
+            Self::POSITION => ReturnedFrame::Position { raw },
+            _ => return None,
+        })
+    }
+}
+
+const fn joined([[a0, a1], [b0, b1], [c0, c1]]: [[u8; 2]; 3]) -> [u8; 6] {
+    [a0, a1, b0, b1, c0, c1]
+}
+
+/// A returned frame with its header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Returned {
+    /// Why it was returned.
+    pub source: ReturnSource,
+    /// What it carries.
+    pub frame: ReturnedFrame,
+}
+
+impl Returned {
+    /// The header: the upper byte tells the source, the lower one numbers the frame.
+    pub fn header(&self) -> u16 {
+        header(self.source, self.frame.number())
+    }
+
+    pub(crate) fn payload(&self) -> Payload {
+        let [h0, h1] = self.header().to_be_bytes();
+        let [b0, b1, b2, b3, b4, b5] = self.frame.bytes();
+        Payload::Full([h0, h1, b0, b1, b2, b3, b4, b5])
+    }
+
+    /// The returned frame in a data field, if it begins with the header of one.
+    pub(crate) fn of(payload: Payload) -> Option<Returned> {
+        let Payload::Full([upper, number, raw @ ..]) = payload else { return None };
+        let frame = ReturnedFrame::of(number, raw)?;
+        Some(Returned { source: ReturnSource::of(upper)?, frame })
+    }
+}
+
+/// What TC and VC return in the form without a header (Thruster manual §2.4, VM byte 6 bit 1).
+///
+/// Nothing in these eight bytes tells them from any other reply, so [`Reply::decode`](crate::Reply::decode) never
+/// yields them: decode them only from a device that is set so, while its reply to TC or VC is due. Its refusal of
+/// TC or VC has the header all the same, or so it is assumed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Headerless {
+    /// rpm.
+    pub speed: Rpm,
+    /// 0.1 V each.
+    pub voltage: Decivolts,
+    /// 0.1 A each.
+    pub current: Deciamps,
+    /// The status word, taken to be the fault word of EF.
+    pub faults: Faults,
+}
+
+impl Headerless {
+    /// The eight bytes.
+    pub fn encode(&self) -> Payload {
+        let ([s0, s1], [v0, v1]) = (self.speed.0.to_be_bytes(), self.voltage.0.to_be_bytes());
+        let ([c0, c1], [f0, f1]) = (self.current.0.to_be_bytes(), self.faults.bits().to_be_bytes());
+        Payload::Full([s0, s1, v0, v1, c0, c1, f0, f1])
+    }
+
+    /// The values in eight bytes.
+    pub fn decode(bytes: &[u8]) -> Result<Headerless, DecodeError> {
+        let got = bytes.len();
+        let bytes =
+            <[u8; FULL_LEN]>::try_from(bytes).map_err(|_| DecodeError::Length { got, expected: FULL_LEN })?;
+        let [s0, s1, v0, v1, c0, c1, f0, f1] = bytes;
+        Ok(Headerless {
+            speed: Rpm(i16::from_be_bytes([s0, s1])),
+            voltage: Decivolts(u16::from_be_bytes([v0, v1])),
+            current: Deciamps(i16::from_be_bytes([c0, c1])),
+            faults: Faults::from_bits_retain(u16::from_be_bytes([f0, f1])),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reply::Reply;
+
+    #[track_caller]
+    fn both_ways(bytes: [u8; 8], source: ReturnSource, frame: ReturnedFrame) {
+        let reply = Reply::Returned(Returned { source, frame });
+        assert_eq!(Reply::decode(&bytes), Ok(reply));
+        assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
+    }
+
+    /// Thruster manual §2.4 and §2.5: header, then three words, big-endian.
+    #[test]
+    fn three_sources_and_three_frames() {
+        let motion =
+            ReturnedFrame::Motion { speed: Rpm(-1500), voltage: Decivolts(240), current: Deciamps(-10) };
+        both_ways([0x54, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Signal, motion);
+        both_ways([0x56, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Speed, motion);
+        both_ways([0x41, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Stream, motion);
+        let condition = ReturnedFrame::Condition {
+            faults: Faults::ZERO_PROTECTION | Faults::UNDER_VOLTAGE,
+            motor_temperature: Celsius(-5),
+            driver_temperature: Celsius(40),
+        };
+        both_ways([0x54, 0x02, 0x04, 0x10, 0xFF, 0xFB, 0x00, 0x28], ReturnSource::Signal, condition);
+        let position = ReturnedFrame::Position { raw: [0xFC, 0x7C, 0x00, 0x01, 0x51, 0x80] };
+        both_ways([0x41, 0x03, 0xFC, 0x7C, 0x00, 0x01, 0x51, 0x80], ReturnSource::Stream, position);
+        assert_eq!(position.absolute_position(), Some(Decidegrees(-900)));
+        assert_eq!(motion.absolute_position(), None);
+    }
+
+    /// Thruster manual §2.4: frames are numbered 1 to 3, and have eight bytes.
+    #[test]
+    fn other_headers_are_no_returned_frames() {
+        for bytes in
+            [[0x54, 0x00, 0, 0, 0, 0, 0, 0], [0x56, 0x04, 0, 0, 0, 0, 0, 0], [0x42, 0x01, 0, 0, 0, 0, 0, 0]]
+        {
+            assert!(matches!(Reply::decode(&bytes), Ok(Reply::Unknown { .. })));
+        }
+        assert!(matches!(Reply::decode(&[0x54, 0x01, 0, 0]), Ok(Reply::Unknown { .. })));
+    }
+
+    /// Thruster manual §2.4: speed, voltage, current, status. Read so only when asked: the first two bytes here are
+    /// those of QV.
+    #[test]
+    fn a_frame_without_header_is_read_only_when_asked() {
+        let bytes = [0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0x00, 0x10];
+        let values = Headerless {
+            speed: Rpm(0x5156),
+            voltage: Decivolts(0),
+            current: Deciamps(0),
+            faults: Faults::UNDER_VOLTAGE,
+        };
+        assert_eq!(Headerless::decode(&bytes), Ok(values));
+        assert_eq!(values.encode(), Payload::Full(bytes));
+        assert_eq!(Reply::decode(&bytes), Ok(Reply::MeasuredSpeed { speed: Rpm(16) }));
+        assert_eq!(Headerless::decode(&bytes[..4]), Err(DecodeError::Length { got: 4, expected: 8 }));
+    }
+}
