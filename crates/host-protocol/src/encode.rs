@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crc::{Digest, Table};
+use crc::{Digest, NoTable};
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
@@ -40,16 +40,9 @@ pub fn encode(
     body: &(impl Serialize + ?Sized),
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
-    let mut writer = Writer::new(out).ok_or(EncodeError::TooLong)?;
-    let [sequence_low, sequence_high] = sequence.to_le_bytes();
-    let [number_low, number_high] = number.to_le_bytes();
-    let header: [u8; HEADER_SIZE] = [kind as u8, sequence_low, sequence_high, number_low, number_high];
-    writer.try_extend(&header).and_then(|()| postcard::serialize_with_flavor(body, writer)).map_err(|error| {
-        match error {
-            postcard::Error::SerializeBufferFull => EncodeError::TooLong,
-            _ => EncodeError::Body,
-        }
-    })
+    let mut writer = Writer::start(kind, sequence, number, out)?;
+    let written = postcard::serialize_with_flavor(body, Body(&mut writer));
+    writer.finish(written)
 }
 
 /// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no second
@@ -63,14 +56,49 @@ struct Writer<'a> {
     code: u8,
     /// Bytes before COBS.
     message_length: usize,
-    digest: Digest<'static, u32, Table<1>>,
+    digest: Digest<'static, u32, NoTable>,
 }
 
+/// [`encode`] exists once for every message of the table, so all that does not depend on the message is kept out of it:
+/// inlined, it would take 3 KiB of a firmware.
 impl<'a> Writer<'a> {
-    fn new(out: &'a mut [u8]) -> Option<Self> {
-        let [delimiter, _code, ..] = out else { return None };
+    /// The opening delimiter and the header.
+    #[inline(never)]
+    fn start(kind: Kind, sequence: u16, number: u16, out: &'a mut [u8]) -> Result<Self, EncodeError> {
+        let [delimiter, _code, ..] = out else { return Err(EncodeError::TooLong) };
         *delimiter = DELIMITER;
-        Some(Self { out, length: 2, code_at: 1, code: 1, message_length: 0, digest: CHECKSUM.digest() })
+        let mut writer =
+            Self { out, length: 2, code_at: 1, code: 1, message_length: 0, digest: CHECKSUM.digest() };
+        let [sequence_low, sequence_high] = sequence.to_le_bytes();
+        let [number_low, number_high] = number.to_le_bytes();
+        let header: [u8; HEADER_SIZE] = [kind as u8, sequence_low, sequence_high, number_low, number_high];
+        match header.into_iter().try_for_each(|byte| writer.push(byte)) {
+            Ok(()) => Ok(writer),
+            Err(_) => Err(EncodeError::TooLong),
+        }
+    }
+
+    /// One byte of header or body.
+    #[inline(never)]
+    fn push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.digest.update(&[byte]);
+        self.stuff(byte)
+    }
+
+    /// The checksum and the closing delimiter, behind a body that was `written` or not.
+    #[inline(never)]
+    fn finish(mut self, written: postcard::Result<()>) -> Result<usize, EncodeError> {
+        let finished = written.and_then(|()| {
+            let checksum = self.digest.clone().finalize();
+            checksum.to_le_bytes().into_iter().try_for_each(|byte| self.stuff(byte))?;
+            self.close_block();
+            self.write(DELIMITER)
+        });
+        match finished {
+            Ok(()) => Ok(self.length),
+            Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::TooLong),
+            Err(_) => Err(EncodeError::Body),
+        }
     }
 
     fn write(&mut self, byte: u8) -> postcard::Result<()> {
@@ -110,20 +138,18 @@ impl<'a> Writer<'a> {
     }
 }
 
-impl Flavor for Writer<'_> {
-    type Output = usize;
+/// The body's way into a [`Writer`].
+struct Body<'w, 'a>(&'w mut Writer<'a>);
+
+impl Flavor for Body<'_, '_> {
+    type Output = ();
 
     fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.digest.update(&[byte]);
-        self.stuff(byte)
+        self.0.push(byte)
     }
 
-    fn finalize(mut self) -> postcard::Result<usize> {
-        let checksum = self.digest.clone().finalize();
-        checksum.to_le_bytes().into_iter().try_for_each(|byte| self.stuff(byte))?;
-        self.close_block();
-        self.write(DELIMITER)?;
-        Ok(self.length)
+    fn finalize(self) -> postcard::Result<()> {
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@ use crate::axis::{Axis, Reception};
 use crate::motor::{self, Received};
 use crate::outbox::Outbox;
 use crate::time::Instant;
-use host_protocol::{BusKind, CanFrame, Event, RawFrame, ReceivedFrame};
+use host_protocol::{BusKind, CanFrame, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
 use rmd::rs485::FRAME_LEN;
 
 /// Bits of silence between bytes that belong to different raw frames: two bytes' time.
@@ -26,7 +26,7 @@ impl Bus {
             };
             if let Some(axis) = axes.iter_mut().find(wanted) {
                 understood = true;
-                self.deliver(now, axis, &received, out);
+                self.deliver(now, axis, &received, frame.data(), out);
             }
         }
         if !understood {
@@ -67,21 +67,36 @@ impl Bus {
             Some((axis, received))
         });
         match axis {
-            Some((axis, received)) => self.deliver(now, axis, &received, out),
+            Some((axis, received)) => {
+                let [.., d0, d1, d2, d3, d4, d5, d6, d7, _, _] = frame;
+                let data = [*d0, *d1, *d2, *d3, *d4, *d5, *d6, *d7];
+                self.deliver(now, axis, &received, &data, out);
+            }
             None => self.counters.unmatched = self.counters.unmatched.saturating_add(1),
         }
     }
 
-    fn deliver(&mut self, now: Instant, axis: &mut Axis, received: &Received, out: &mut Outbox<'_>) {
+    fn deliver(
+        &mut self,
+        now: Instant,
+        axis: &mut Axis,
+        received: &Received,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) {
         match axis.received(now, received, out) {
             Reception::Answer => self.line.answered(),
-            Reception::Late => self.counters.late = self.counters.late.saturating_add(1),
-            Reception::Unasked => match received.notice() {
-                Some((data, length)) => {
-                    out.event(&Event::MotorNotice { axis: axis.index, data, length });
+            Reception::Unasked if received.is_notice() => {
+                let mut notice = [0; MAX_CAN_DATA];
+                for (place, byte) in notice.iter_mut().zip(data) {
+                    *place = *byte;
                 }
-                None => self.counters.late = self.counters.late.saturating_add(1),
-            },
+                let length = u8::try_from(data.len()).unwrap_or(u8::MAX);
+                out.event(&Event::MotorNotice { axis: axis.index, data: notice, length });
+            }
+            Reception::Late | Reception::Unasked => {
+                self.counters.late = self.counters.late.saturating_add(1);
+            }
         }
     }
 }

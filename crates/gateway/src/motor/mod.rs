@@ -70,18 +70,13 @@ impl Received {
         }
     }
 
-    /// The data bytes of a frame that motors send on their own account, and how many they are.
-    pub fn notice(&self) -> Option<([u8; 8], u8)> {
-        match self {
-            Self::Rmd { reply: reply @ ::rmd::Reply::TimeoutNotice { raw }, .. } => {
-                // The command byte stands before the payload.
-                let length = u8::try_from(raw.payload().len() + 1).ok()?;
-                Some((reply.encode().ok()?, length))
-            }
-            // Sent every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES R16).
-            Self::Rmd { reply: reply @ ::rmd::Reply::Status1 { .. }, .. } => Some((reply.encode().ok()?, 8)),
-            _ => None,
-        }
+    /// Whether motors send such a frame on their own account, so that the host should see it.
+    pub fn is_notice(&self) -> bool {
+        // 0x9A comes every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES R16).
+        let notice = |reply: &::rmd::Reply| {
+            matches!(reply, ::rmd::Reply::TimeoutNotice { .. } | ::rmd::Reply::Status1 { .. })
+        };
+        matches!(self, Self::Rmd { reply, .. } if notice(reply))
     }
 
     /// What the frame tells by itself, whoever asked.
