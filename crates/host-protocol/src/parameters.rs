@@ -228,7 +228,7 @@ parameters! {
     5 StopAction "stop_action": Unsigned("") [1, 3] required;
     /// How far ahead a setpoint may expire.
     6 TtlUs "ttl_us": Unsigned("µs") [5_000, 60_000_000] 100_000;
-    /// How often a setpoint in force is sent to the motor again.
+    /// How often a setpoint in force is sent to the motor again; at least every third of the motor's own timeout, every 20 ms where that is unknown.
     7 RefreshUs "refresh_us": Unsigned("µs") [1_000, 1_000_000] 20_000;
     /// How often the fault word of an armed axis is read.
     8 FaultPollUs "fault_poll_us": Unsigned("µs") [20_000, 1_000_000] 100_000;
@@ -254,7 +254,7 @@ parameters! {
     18 SignalLimit "signal_limit": Float("") [0.0, 1.0] optional;
     /// The highest temperature of motor or driver.
     19 TemperatureLimitC "temperature_limit_c": Float("°C") [-40.0, 200.0] optional;
-    /// How far beyond a limit a measured value may be before it trips the axis, as a fraction of the limit.
+    /// How far beyond a limit a measured value may be before it trips the axis, as a fraction of the limit, for positions of at least 1 rad.
     20 LimitMargin "limit_margin": Float("") [0.0, 1.0] 0.1;
     /// Lets the axis arm though nothing is known of the motor's own timeout.
     21 AllowUnknownMotorTimeout "allow_unknown_motor_timeout": Bool("") [false, true] false;

@@ -27,7 +27,7 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct TakeAuthority {}
 
-    /// Gives the right to command back. Active axes trip, armed ones are disarmed.
+    /// Gives the right to command back. Whatever is armed is stopped and disarmed; nothing trips.
     #[derive(Copy, Eq)]
     pub struct ReleaseAuthority {}
 
@@ -137,8 +137,8 @@ wire! {
         pub target: ClearTarget,
     }
 
-    /// Unsafe: forgets the trip of an axis whose motor could not be reached. The motor may still be turning,
-    /// and the gateway does nothing more about it. Only for a motor that is known to be without power.
+    /// Unsafe: forgets the trip of an axis whose motor cannot be reached, or does not come to rest within 5 s. The
+    /// motor may still be turning, and the gateway does nothing more about it. Only for a motor that is known to be without power.
     #[derive(Copy, Eq)]
     pub struct ClearUnreachable {
         /// Number of the axis, from 0.
