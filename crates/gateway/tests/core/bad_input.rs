@@ -3,8 +3,8 @@
 use crate::bench::{self, arm, setpoint};
 use crate::rig::{Rig, Said};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity, Reply, Request,
-    Setpoint, StopAction, Value, requests,
+    AxisParameter, AxisState, Bytes, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity, RawFrame,
+    Reply, Request, Setpoint, StopAction, Value, requests,
 };
 
 const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
@@ -167,7 +167,7 @@ fn a_turning_or_faulted_motor_is_not_armed() {
 
 #[test]
 fn a_bus_that_cannot_carry_its_axes_is_refused_with_the_numbers() {
-    let (mut rig, _) = bench::rmd_serial();
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     let request = requests::ConfigureAxis {
         axis: 0,
         parameter: AxisParameter::RefreshUs.number(),
@@ -179,6 +179,16 @@ fn a_bus_that_cannot_carry_its_axes_is_refused_with_the_numbers() {
         panic!("not refused");
     };
     assert!(needed_permille > 1_000);
+}
+
+#[test]
+fn an_empty_raw_frame_is_refused() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2 })).unwrap();
+    let empty = RawFrame::Serial(Bytes::new());
+    let refused = Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max: 64.0 };
+    assert_eq!(rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame: empty })), Err(refused));
+    assert!(rig.wire.is_empty());
 }
 
 #[test]

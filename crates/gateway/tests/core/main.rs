@@ -2,7 +2,17 @@
 
 mod bad_input;
 mod bench;
+mod brake;
+mod clearing;
+mod d5;
+mod dead_bus;
+mod echo;
+mod fairness;
+mod holding;
 mod motion;
+mod motors;
+mod random;
 mod rig;
 mod stops;
+mod text;
 mod wire;

@@ -1,10 +1,7 @@
 //! Setpoints become the manuals' bytes, and the motors' answers SI units.
 
-use crate::bench::{self, arm, move_axis, setpoint};
-use host_protocol::{AxisState, Reply, Request, Setpoint, StopAction, requests};
-
-/// 600 °/s.
-const D5_VELOCITY: f32 = 10.471_976;
+use crate::bench::{self, D5_VELOCITY, VELOCITY, arm, move_axis, run_with_host, setpoint};
+use host_protocol::{AxisParameter, AxisState, Reply, Request, Setpoint, StopAction, Value, requests};
 
 #[test]
 fn rmd_current_is_sent_as_the_manual_prints_it() {
@@ -31,14 +28,14 @@ fn d5_velocity_is_sent_as_the_manual_prints_it() {
     let (mut rig, _) = bench::d5();
     let epoch = arm(&mut rig);
     let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: D5_VELOCITY });
+    let request = setpoint(&rig, epoch, 80_000, D5_VELOCITY);
     rig.ask(request).unwrap();
     assert_eq!(rig.sent_since(1, since).first(), Some(&"00B#D50B05032058028D")); // D5 manual, common commands 2
 }
 
 #[test]
 fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
-    let (mut rig, play) = bench::rmd_serial();
+    let (mut rig, play) = bench::rmd_serial(StopAction::Hold);
     play.borrow_mut().turning = true;
     let since = rig.now_us;
     let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
@@ -57,11 +54,25 @@ fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
 fn a_fresh_setpoint_is_refreshed_on_the_wire() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let since = rig.now_us;
-    move_axis(&mut rig, Setpoint::Velocity { velocity_rad_s: 1.745_329_3 });
+    move_axis(&mut rig, VELOCITY);
     rig.run(70_000);
     let motion = "141#A200000010270000"; // RMD V3.6 §2.18.4, example 1: 100 °/s
     let sent = rig.sent_since(0, since).iter().filter(|text| **text == motion).count();
     assert_eq!(sent, 4); // at 0, 20, 40 and 60 ms
+}
+
+#[test]
+fn where_the_motors_timeout_is_unknown_motion_is_refreshed_every_20_ms_whatever_is_configured() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::RefreshUs, Value::Unsigned(1_000_000));
+    bench::parameter(&mut rig, 0, AxisParameter::TtlUs, Value::Unsigned(10_000_000));
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = setpoint(&rig, epoch, 5_000_000, VELOCITY);
+    rig.ask(request).unwrap();
+    run_with_host(&mut rig, 200_000);
+    let sent = rig.sent_since(0, since).iter().filter(|text| **text == "141#A200000010270000").count();
+    assert!((10..=11).contains(&sent), "{sent} motion frames in 200 ms");
 }
 
 #[test]
@@ -128,7 +139,6 @@ fn state_and_fault_polls_go_on_while_setpoints_come_fast() {
 
 #[test]
 fn a_reversed_axis_is_reversed_both_ways() {
-    use host_protocol::{AxisParameter, Value};
     let (mut rig, play) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::Direction, Value::Signed(-1));
     let epoch = arm(&mut rig);

@@ -1,8 +1,10 @@
 //! A gateway on a bench without motors: the test plays the host with typed requests and the motors with literal bytes.
 
+use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, Transmit};
 use host_protocol::{
-    BootReason, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request,
+    BootReason, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind, MAX_FRAME,
+    Reply, Request,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -22,6 +24,8 @@ pub static BOARD: Board = Board {
     links: 2,
 };
 
+const BUSES: usize = 3;
+
 /// What a gateway said to its host.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Said {
@@ -33,6 +37,28 @@ pub enum Said {
 /// A motor's part: the bytes it answers to a request on a bus, as `ID#HEX` on CAN and as hex on RS485.
 pub type Motor = Box<dyn FnMut(u64, u8, &str) -> Option<String>>;
 
+/// What a motor answers where a test has it do something of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Instead {
+    /// These bytes.
+    Says(&'static str),
+    /// Nothing.
+    Nothing,
+    /// What it would answer anyway.
+    AsUsual,
+}
+
+/// What the serial line gives back of our own bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Echo {
+    /// All of them, before the last one has left.
+    Clean,
+    /// All of them, after a byte of noise, once the last one has left.
+    BehindNoise,
+    /// None.
+    Missing,
+}
+
 pub struct Rig {
     pub gateway: Gateway,
     pub now_us: u64,
@@ -40,8 +66,15 @@ pub struct Rig {
     pub wire: Vec<(u64, u8, String)>,
     pub said: Vec<Said>,
     pub motor: Motor,
-    /// Frames on a bus that are acknowledged; `false` plays a cut cable.
-    pub acknowledge: bool,
+    pub echo: Echo,
+    /// The CAN wires touch: a bus goes off as often as it is started.
+    pub shorted: bool,
+    /// The CAN cables are cut: nothing is acknowledged.
+    cut: bool,
+    /// Frames that wait in a controller for an acknowledgement: bus, slot, text.
+    held: Vec<(u8, u8, String)>,
+    /// The setup with which each bus was started last.
+    generations: [Option<u32>; BUSES],
     deframer: Deframer,
     sequence: u16,
     /// Things on their way: due time, what.
@@ -51,6 +84,14 @@ pub struct Rig {
 enum Due {
     Left(u8, u8, String),
     Reply(u8, String),
+}
+
+impl Due {
+    fn bus(&self) -> u8 {
+        match self {
+            Self::Left(bus, ..) | Self::Reply(bus, _) => *bus,
+        }
+    }
 }
 
 /// Time a frame takes here, and the pause of a motor before its reply; round numbers, easy to reason with.
@@ -65,7 +106,11 @@ impl Rig {
             wire: Vec::new(),
             said: Vec::new(),
             motor: Box::new(|_, _, _| None),
-            acknowledge: true,
+            echo: Echo::Clean,
+            shorted: false,
+            cut: false,
+            held: Vec::new(),
+            generations: [None; BUSES],
             deframer: Deframer::new(),
             sequence: 0,
             due: Vec::new(),
@@ -82,12 +127,7 @@ impl Rig {
     pub fn ask(&mut self, request: Request) -> Result<Reply, Error> {
         let sequence = self.send(&request);
         for _ in 0..1_000 {
-            let answer = self.said.iter().find_map(|said| match said {
-                Said::Reply(number, reply) if *number == sequence => Some(Ok((**reply).clone())),
-                Said::Error(number, error) if *number == sequence => Some(Err(*error)),
-                _ => None,
-            });
-            if let Some(answer) = answer {
+            if let Some(answer) = self.answer(sequence) {
                 return answer;
             }
             self.run(100);
@@ -104,6 +144,15 @@ impl Rig {
         self.sequence
     }
 
+    /// What a request has been answered.
+    pub fn answer(&self, sequence: u16) -> Option<Result<Reply, Error>> {
+        self.said.iter().find_map(|said| match said {
+            Said::Reply(number, reply) if *number == sequence => Some(Ok((**reply).clone())),
+            Said::Error(number, error) if *number == sequence => Some(Err(*error)),
+            _ => None,
+        })
+    }
+
     /// Bytes from the host.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.handle(Event::HostBytes { link: 0, bytes });
@@ -111,7 +160,66 @@ impl Rig {
 
     pub fn handle(&mut self, event: Event<'_>) {
         self.gateway.handle(self.now(), event);
+        self.restart_buses();
         self.drain();
+    }
+
+    /// From now on the motors answer otherwise where `answer` says so.
+    pub fn instead(&mut self, mut answer: impl FnMut(&str) -> Instead + 'static) {
+        let mut usual = std::mem::replace(&mut self.motor, Box::new(|_, _, _| None));
+        self.motor = Box::new(move |now, bus, text| match answer(text) {
+            Instead::Says(reply) => Some(reply.into()),
+            Instead::Nothing => None,
+            Instead::AsUsual => usual(now, bus, text),
+        });
+    }
+
+    /// Cuts the CAN cables: what is in the controllers stays there, and the replies that were to come never come.
+    pub fn cut(&mut self) {
+        self.cut = true;
+        for (at, what) in std::mem::take(&mut self.due) {
+            match what {
+                Due::Left(bus, slot, text) if is_can(&text) => self.held.push((bus, slot, text)),
+                Due::Reply(_, text) if is_can(&text) => {}
+                serial => self.due.push((at, serial)),
+            }
+        }
+    }
+
+    /// Joins the cables again: what waits in the controllers leaves.
+    pub fn mend(&mut self) {
+        self.cut = false;
+        let left_at = self.now_us + FRAME_US;
+        self.due.extend(self.held.drain(..).map(|(bus, slot, text)| (left_at, Due::Left(bus, slot, text))));
+    }
+
+    /// A controller goes off its bus and drops what it holds.
+    pub fn bus_off(&mut self, bus: u8) {
+        self.drop_frames(bus);
+        self.bus_state(bus, BusState::BusOff);
+    }
+
+    /// A controller reports its state.
+    pub fn bus_state(&mut self, bus: u8, state: BusState) {
+        let transmit_errors = if state == BusState::BusOff { 256 } else { 0 };
+        self.handle(Event::BusState { bus, state, transmit_errors, receive_errors: 0 });
+    }
+
+    fn drop_frames(&mut self, bus: u8) {
+        self.held.retain(|(on, ..)| *on != bus);
+        self.due.retain(|(_, what)| what.bus() != bus);
+    }
+
+    /// Starts the buses whose setup has changed, as every port must.
+    fn restart_buses(&mut self) {
+        for (bus, index) in (0..).zip(0..BUSES) {
+            let generation = self.gateway.bus_setup(bus).map(|setup| setup.generation);
+            if self.generations[index] != generation {
+                self.generations[index] = generation;
+                self.drop_frames(bus);
+                self.bus_state(bus, if self.shorted { BusState::BusOff } else { BusState::Active });
+            }
+        }
     }
 
     /// A frame from a motor, now.
@@ -130,26 +238,17 @@ impl Rig {
     pub fn run(&mut self, us: u64) {
         let end = self.now_us + us;
         loop {
-            let wire = self.due.iter().map(|(at, _)| *at).min();
+            let wire = self.due.iter().map(|(at, _)| *at).enumerate().min_by_key(|(_, at)| *at);
             let core = self.gateway.next_deadline().map(Instant::as_micros);
-            let next = [wire, core].into_iter().flatten().filter(|at| *at <= end).min();
+            let next = [wire.map(|(_, at)| at), core].into_iter().flatten().filter(|at| *at <= end).min();
             let Some(next) = next else { break };
             self.now_us = self.now_us.max(next);
-            let mut due: Vec<Due> = Vec::new();
-            let now_us = self.now_us;
-            let mut later = Vec::new();
-            for (at, what) in self.due.drain(..) {
-                if at <= now_us { due.push(what) } else { later.push((at, what)) }
-            }
-            self.due = later;
-            if due.is_empty() {
-                self.handle(Event::Tick);
-            }
-            for what in due {
-                match what {
+            match wire.filter(|(_, at)| *at <= self.now_us) {
+                Some((index, _)) => match self.due.remove(index).1 {
                     Due::Left(bus, slot, text) => self.left(bus, slot, &text),
                     Due::Reply(bus, text) => self.receive(bus, &text),
-                }
+                },
+                None => self.handle(Event::Tick),
             }
         }
         self.now_us = end;
@@ -157,10 +256,14 @@ impl Rig {
     }
 
     fn left(&mut self, bus: u8, slot: u8, text: &str) {
-        if !text.contains('#') {
+        let is_serial = !is_can(text);
+        if is_serial && self.echo == Echo::Clean {
             self.receive(bus, text);
         }
         self.handle(Event::Transmitted { bus, slot });
+        if is_serial && self.echo == Echo::BehindNoise {
+            self.receive(bus, &format!("FF{text}"));
+        }
         if let Some(reply) = (self.motor)(self.now_us, bus, text) {
             self.due.push((self.now_us + MOTOR_US + FRAME_US, Due::Reply(bus, reply)));
         }
@@ -174,7 +277,9 @@ impl Rig {
                     Outgoing::Serial(bytes) => hex(&bytes),
                 };
                 self.wire.push((self.now_us, bus, text.clone()));
-                if self.acknowledge {
+                if self.cut && is_can(&text) {
+                    self.held.push((bus, slot, text));
+                } else {
                     self.due.push((self.now_us + FRAME_US, Due::Left(bus, slot, text)));
                 }
             }
@@ -204,6 +309,16 @@ impl Rig {
         frames.map(|(_, _, text)| text.as_str()).collect()
     }
 
+    /// Longest time between two frames on a bus whose texts begin so, sent at or after a time.
+    pub fn longest_gap_us(&self, bus: u8, since_us: u64, begins: &str) -> u64 {
+        let wanted = self
+            .wire
+            .iter()
+            .filter(|(at, on, text)| *at >= since_us && *on == bus && text.starts_with(begins));
+        let times: Vec<u64> = wanted.map(|(at, ..)| *at).collect();
+        times.windows(2).map(|pair| pair[1] - pair[0]).max().expect("two frames")
+    }
+
     pub fn events(&self) -> Vec<&HostEvent> {
         let events = self.said.iter().filter_map(|said| match said {
             Said::Event(event) => Some(event),
@@ -211,21 +326,4 @@ impl Rig {
         });
         events.collect()
     }
-}
-
-pub fn can_text(frame: &CanFrame) -> String {
-    use embedded_can::Id;
-    let id = match frame.id() {
-        Id::Standard(id) => format!("{:03X}", id.as_raw()),
-        Id::Extended(id) => format!("{:08X}", id.as_raw()),
-    };
-    format!("{id}#{}", hex(frame.data()))
-}
-
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
-}
-
-pub fn unhex(text: &str) -> Vec<u8> {
-    (0..text.len()).step_by(2).map(|at| u8::from_str_radix(&text[at..at + 2], 16).unwrap()).collect()
 }

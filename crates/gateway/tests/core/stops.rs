@@ -1,38 +1,14 @@
 //! Everything that must stop a motor, stops it.
 
-use crate::bench::{self, arm, move_axis, setpoint};
-use crate::rig::{Rig, Said};
-use gateway::Event;
-use host_protocol::{
-    AxisParameter, AxisState, BusState, ClearTarget, Error, Event as HostEvent, Quantity, Reply, Request,
-    Setpoint, StopAction, StopTarget, TripReason, Value, replies, requests,
+use crate::bench::{
+    self, COAST, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, keep_moving, listed, move_axis,
+    run_with_host, setpoint, state, stop,
 };
-
-const VELOCITY: Setpoint = Setpoint::Velocity { velocity_rad_s: 1.745_329_3 };
-const HOLD: &str = "141#8100000000000000";
-const COAST: &str = "141#8000000000000000";
-
-fn state(rig: &mut Rig) -> replies::AxisReport {
-    match rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) {
-        Ok(Reply::ReadState(state)) => state,
-        other => panic!("{other:?}"),
-    }
-}
-
-fn assert_tripped(rig: &mut Rig, reason: TripReason, confirmed: bool) {
-    let state = state(rig);
-    assert_eq!(state.trip.map(|trip| trip.reason), Some(reason));
-    assert_eq!(state.state, AxisState::Tripped { confirmed });
-}
-
-/// Runs with pings, so that the link is not silent.
-fn run_with_host(rig: &mut Rig, us: u64) {
-    let end = rig.now_us + us;
-    while rig.now_us < end {
-        rig.send(&Request::Ping(requests::Ping {}));
-        rig.run(50_000.min(end - rig.now_us));
-    }
-}
+use crate::rig::{Instead, Rig, Said};
+use host_protocol::{
+    AuthorityLossReason, AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol,
+    Quantity, Request, Setpoint, StopAction, StopTarget, TripReason, Value, requests,
+};
 
 #[test]
 fn an_expired_setpoint_trips_and_the_stop_goes_out_at_once() {
@@ -74,26 +50,16 @@ fn a_silent_host_disarms_what_is_armed() {
 #[test]
 fn a_silent_motor_trips_and_the_stop_is_repeated_until_it_answers() {
     let (mut rig, play) = bench::rmd(StopAction::Hold);
-    move_axis(&mut rig, VELOCITY);
+    let epoch = move_axis(&mut rig, VELOCITY);
     play.borrow_mut().mute = true;
     let muted = rig.now_us;
-    bench_refresh(&mut rig, 150_000);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 150_000);
     assert_tripped(&mut rig, TripReason::MotorSilent, false);
     let stops = rig.sent_since(0, muted).iter().filter(|text| **text == HOLD).count();
     assert!(stops >= 3, "{stops} stops");
     play.borrow_mut().mute = false;
     run_with_host(&mut rig, 700_000);
     assert_tripped(&mut rig, TripReason::MotorSilent, true);
-}
-
-/// Keeps a setpoint fresh for a while.
-fn bench_refresh(rig: &mut Rig, us: u64) {
-    let end = rig.now_us + us;
-    while rig.now_us < end {
-        let request = setpoint(rig, 1, 80_000, VELOCITY);
-        rig.send(&request);
-        rig.run(10_000);
-    }
 }
 
 #[test]
@@ -104,25 +70,23 @@ fn an_unreachable_motor_is_reported_and_left_only_by_the_unsafe_way() {
     run_with_host(&mut rig, 2_000_000);
     assert!(rig.events().iter().any(|event| matches!(event, HostEvent::AxisUnreachable { axis: 0 })));
     assert!(state(&mut rig).trip.unwrap().unreachable);
-    let clear = Request::Clear(requests::Clear { target: ClearTarget::Axis(0) });
-    assert_eq!(rig.ask(clear), Err(Error::StopNotConfirmed { axis: 0 }));
+    assert_eq!(clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
     rig.ask(Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 })).unwrap();
 }
 
 #[test]
 fn a_fault_bit_trips_and_clearing_waits_for_it_to_go() {
     let (mut rig, play) = bench::rmd(StopAction::Coast);
-    move_axis(&mut rig, VELOCITY);
+    let epoch = move_axis(&mut rig, VELOCITY);
     play.borrow_mut().fault = true;
     let since = rig.now_us;
-    bench_refresh(&mut rig, 150_000);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 150_000);
     let reason = TripReason::MotorFault { faults: 2 };
     assert_tripped(&mut rig, reason, true);
     assert!(rig.sent_since(0, since).contains(&COAST));
-    let clear = Request::Clear(requests::Clear { target: ClearTarget::Axis(0) });
-    assert_eq!(rig.ask(clear.clone()), Err(Error::CauseRemains { axis: 0, reason }));
+    assert_eq!(clear(&mut rig), Err(Error::CauseRemains { axis: 0, reason }));
     play.borrow_mut().fault = false;
-    rig.ask(clear).unwrap();
+    clear(&mut rig).unwrap();
     assert_eq!(state(&mut rig).state, AxisState::Idle);
 }
 
@@ -156,35 +120,6 @@ fn a_command_thrown_back_twice_trips() {
 }
 
 #[test]
-fn motion_that_nobody_acknowledges_trips() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    rig.acknowledge = false;
-    let request = setpoint(&rig, epoch, 80_000, VELOCITY);
-    rig.ask(request).unwrap();
-    run_with_host(&mut rig, 50_000);
-    assert_tripped(&mut rig, TripReason::NotAcknowledged, false);
-}
-
-#[test]
-fn bus_off_trips_and_the_stop_follows_when_the_bus_is_back() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    move_axis(&mut rig, VELOCITY);
-    let off = Event::BusState { bus: 0, state: BusState::BusOff, transmit_errors: 256, receive_errors: 0 };
-    rig.handle(off);
-    let since = rig.now_us;
-    run_with_host(&mut rig, 100_000);
-    assert_eq!(rig.sent_since(0, since + 1), Vec::<&str>::new());
-    assert_tripped(&mut rig, TripReason::BusOff, false);
-    let on = Event::BusState { bus: 0, state: BusState::Active, transmit_errors: 0, receive_errors: 0 };
-    let since = rig.now_us;
-    rig.handle(on);
-    run_with_host(&mut rig, 50_000);
-    assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
-    assert_tripped(&mut rig, TripReason::BusOff, true);
-}
-
-#[test]
 fn a_measured_speed_beyond_the_limit_trips() {
     let (mut rig, play) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(5.0));
@@ -205,7 +140,7 @@ fn holding_is_confirmed_only_by_two_readings_of_standstill() {
     let (mut rig, play) = bench::rmd(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);
     play.borrow_mut().turning = true;
-    rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
+    stop(&mut rig);
     run_with_host(&mut rig, 300_000);
     assert_eq!(state(&mut rig).state, AxisState::Stopping);
     play.borrow_mut().turning = false;
@@ -235,61 +170,15 @@ fn e_stop_stops_everything_and_nothing_is_armed_until_it_is_cleared() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);
     let since = rig.now_us;
-    rig.ask(Request::EStop(requests::EStop {})).unwrap();
+    e_stop(&mut rig);
     run_with_host(&mut rig, 100_000);
     assert!(rig.sent_since(0, since).contains(&HOLD));
     assert_tripped(&mut rig, TripReason::EStop, true);
-    let clear_axis = Request::Clear(requests::Clear { target: ClearTarget::Axis(0) });
     let remains = Error::CauseRemains { axis: 0, reason: TripReason::EStop };
-    assert_eq!(rig.ask(clear_axis.clone()), Err(remains));
+    assert_eq!(clear(&mut rig), Err(remains));
     rig.ask(Request::Clear(requests::Clear { target: ClearTarget::Gateway })).unwrap();
-    rig.ask(clear_axis).unwrap();
+    clear(&mut rig).unwrap();
     arm(&mut rig);
-}
-
-#[test]
-fn the_brake_stop_holds_locks_verifies_and_switches_off() {
-    let (mut rig, _) = bench::rmd(StopAction::Brake);
-    let motor = std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None));
-    let mut motor = motor;
-    let mut locked = false;
-    rig.motor = Box::new(move |now, bus, text| {
-        locked |= text.starts_with("141#78");
-        match text.get(..6) {
-            Some("141#9A") if locked => Some("241#9A320000E5010000".into()),
-            _ => motor(now, bus, text),
-        }
-    });
-    move_axis(&mut rig, VELOCITY);
-    let since = rig.now_us;
-    rig.ask(Request::Stop(requests::Stop { target: StopTarget::All })).unwrap();
-    run_with_host(&mut rig, 200_000);
-    assert_eq!(state(&mut rig).state, AxisState::Idle);
-    let sent = rig.sent_since(0, since);
-    let position = |wanted: &str| sent.iter().position(|text| text.starts_with(wanted)).expect(wanted);
-    let order = ["141#81", "141#9C", "141#78", "141#9A", "141#80"].map(position);
-    assert!(order.is_sorted(), "{sent:?}");
-}
-
-#[test]
-fn a_d5_that_answers_reads_only_confirms_by_reading_back() {
-    let (mut rig, _) = bench::d5();
-    bench::parameter(&mut rig, 0, AxisParameter::D5AckLevel, Value::Unsigned(1));
-    let mut motor = std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None));
-    rig.motor = Box::new(move |now, bus, text| match text.get(10..12)? {
-        "03" => None,
-        "02" if text.get(12..14) == Some("10") => Some("00B#5D0B040210010022".into()),
-        _ => motor(now, bus, text),
-    });
-    move_axis(&mut rig, Setpoint::Velocity { velocity_rad_s: 10.471_976 });
-    rig.run(1_000);
-    let since = rig.now_us;
-    rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
-    run_with_host(&mut rig, 100_000);
-    assert_eq!(state(&mut rig).state, AxisState::Idle);
-    let sent = rig.sent_since(1, since);
-    assert_eq!(sent.first(), Some(&"00B#D50B050320000033"));
-    assert_eq!(sent.get(1), Some(&"00B#D50B050220000032"));
 }
 
 #[test]
@@ -299,9 +188,71 @@ fn a_late_reply_to_motion_is_not_taken_for_the_stops() {
     play.borrow_mut().mute = true;
     rig.run(20_500); // a refresh is under way, unanswered
     let since = rig.now_us;
-    rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
+    stop(&mut rig);
     rig.receive(0, "241#A2326400F4012D00");
     rig.run(300);
     assert!(rig.sent_since(0, since).contains(&HOLD));
     assert!(!state(&mut rig).stop_acknowledged);
+}
+
+#[test]
+fn a_late_reply_to_a_setpoint_of_0_is_not_taken_for_that_of_the_same_stop() {
+    let (mut rig, play) = bench::thruster();
+    let epoch = arm(&mut rig);
+    rig.run(10_000);
+    play.borrow_mut().mute = true;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.0 });
+    rig.ask(request).unwrap();
+    rig.run(5_200); // the reply window has closed
+    stop(&mut rig);
+    rig.run(200);
+    let tc_0 = "30B#5443000000000000";
+    assert_eq!(rig.wire.iter().filter(|(at, _, text)| *at + 6_000 > rig.now_us && text == tc_0).count(), 2);
+    rig.receive(0, "28B#5443000000000000");
+    assert!(!state(&mut rig).stop_acknowledged);
+}
+
+#[test]
+fn fault_words_that_are_not_answered_trip_although_motion_is() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    rig.instead(|text| if text.starts_with("141#9A") { Instead::Nothing } else { Instead::AsUsual });
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 600_000);
+    assert_tripped(&mut rig, TripReason::MotorSilent, true);
+}
+
+#[test]
+fn a_stop_that_is_acknowledged_but_never_stands_still_trips() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    run_with_host(&mut rig, 10_000_000);
+    assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
+}
+
+#[test]
+fn giving_back_authority_stops_and_disarms_without_a_trip() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    let since = rig.now_us;
+    rig.ask(Request::ReleaseAuthority(requests::ReleaseAuthority {})).unwrap();
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
+    run_with_host(&mut rig, 100_000);
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+    let state = state(&mut rig);
+    assert_eq!((state.state, state.trip, state.epoch), (AxisState::Idle, None, None));
+    let released = HostEvent::AuthorityLost { reason: AuthorityLossReason::Released };
+    assert!(rig.events().contains(&&released));
+}
+
+#[test]
+fn stopping_all_leaves_an_axis_alone_whose_bus_does_not_run() {
+    let mut rig = Rig::new();
+    bench::hello(&mut rig);
+    bench::configure_axis(&mut rig, 0, 0, Protocol::Rmd, 1, StopAction::Hold);
+    rig.ask(Request::Stop(requests::Stop { target: StopTarget::All })).unwrap();
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd]);
 }

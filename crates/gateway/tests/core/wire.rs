@@ -1,9 +1,10 @@
 //! The literal bytes of every command that the core can send, reached by what a host asks for. The setpoints that the
 //! manuals print are in `motion`, the sequences of arming there too.
 
-use crate::bench::{self, Shared, arm, move_axis, setpoint};
-use crate::rig::Rig;
-use host_protocol::{AxisParameter, ClearTarget, Request, Setpoint, StopAction, StopTarget, Value, requests};
+use crate::bench::{self, arm, clear, move_axis, setpoint, stop};
+use crate::motors::Shared;
+use crate::rig::{Instead, Rig};
+use host_protocol::{AxisParameter, Request, Setpoint, StopAction, Value, requests};
 
 fn read_state(rig: &mut Rig, bus: u8) -> Vec<String> {
     let since = rig.now_us;
@@ -27,7 +28,7 @@ fn first_after_setpoint(rig: &mut Rig, bus: u8, value: Setpoint) -> String {
 
 fn sent_by_stop(rig: &mut Rig, bus: u8) -> Vec<String> {
     let since = rig.now_us;
-    rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
+    stop(rig);
     rig.run(100_000);
     rig.sent_since(bus, since).iter().map(ToString::to_string).collect()
 }
@@ -39,7 +40,7 @@ fn sent_by_clear(rig: &mut Rig, play: &Shared, bus: u8, value: Setpoint) -> Vec<
     rig.run(300_000);
     play.borrow_mut().fault = false;
     let since = rig.now_us;
-    rig.ask(Request::Clear(requests::Clear { target: ClearTarget::Axis(0) })).unwrap();
+    clear(rig).unwrap();
     rig.sent_since(bus, since).iter().map(ToString::to_string).collect()
 }
 
@@ -88,7 +89,7 @@ fn rmd_stop_actions_have_their_commands() {
 
 #[test]
 fn rmd_on_rs485_carries_the_same_data_with_its_checksum() {
-    let (mut rig, _) = bench::rmd_serial();
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     let sent = read_state(&mut rig, 2);
     // CRCs of the last two worked out with a table-free CRC-16/MODBUS outside the project.
     assert_eq!(
@@ -157,10 +158,9 @@ fn d5_reads_and_timeout_switch() {
 #[test]
 fn a_write_that_waits_in_a_d5_is_overwritten_by_the_stop() {
     let (mut rig, _) = bench::d5();
-    let mut motor = std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None));
-    rig.motor = Box::new(move |now, bus, text| match text {
-        "00B#D50B04022C00003D" => Some("00B#5D0B04022C01003E".into()),
-        _ => motor(now, bus, text),
+    rig.instead(|text| match text {
+        "00B#D50B04022C00003D" => Instead::Says("00B#5D0B04022C01003E"),
+        _ => Instead::AsUsual,
     });
     move_axis(&mut rig, Setpoint::Velocity { velocity_rad_s: -10.471_976 });
     rig.run(5_000);

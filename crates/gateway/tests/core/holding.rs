@@ -1,0 +1,63 @@
+//! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a hanging load drops.
+
+use crate::bench::{self, arm, disarm, run_with_host};
+use crate::motors::Shared;
+use crate::rig::Rig;
+use host_protocol::{AxisParameter, Error, Request, StopAction, Value, requests};
+
+/// An axis whose motor's timeout is `timeout_ms`.
+fn with_timeout(timeout_ms: u32) -> (Rig, Shared) {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    let provision = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
+    rig.ask(Request::ProvisionMotorTimeout(provision)).unwrap();
+    (rig, play)
+}
+
+/// The slowest state polls that can be configured.
+fn with_slow_polls(rig: &mut Rig) {
+    bench::parameter(rig, 0, AxisParameter::StatePollUs, Value::Unsigned(1_000_000));
+    bench::parameter(rig, 0, AxisParameter::FaultPollUs, Value::Unsigned(1_000_000));
+}
+
+#[test]
+fn a_disarmed_axis_is_polled_at_once_and_within_a_third_of_the_timeout() {
+    let (mut rig, _) = with_timeout(300);
+    with_slow_polls(&mut rig);
+    let since = rig.now_us;
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 2_000_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap <= 100_000, "{gap} µs");
+    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 100_000);
+}
+
+#[test]
+fn an_armed_axis_that_was_given_no_setpoint_is_polled_within_a_third_of_the_timeout() {
+    let (mut rig, _) = with_timeout(300);
+    with_slow_polls(&mut rig);
+    let since = rig.now_us;
+    arm(&mut rig);
+    run_with_host(&mut rig, 2_000_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap <= 100_000, "{gap} µs");
+    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 100_000);
+}
+
+#[test]
+fn an_arming_that_fails_goes_on_holding() {
+    let (mut rig, play) = with_timeout(500);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 500_000);
+    play.borrow_mut().fault = true;
+    let since = rig.now_us;
+    assert_eq!(
+        rig.ask(Request::Arm(requests::Arm { axis: 0 })),
+        Err(Error::MotorFault { axis: 0, faults: 2 })
+    );
+    run_with_host(&mut rig, 2_000_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap <= 500_000 / 3, "{gap} µs");
+    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 500_000 / 3);
+}
