@@ -25,9 +25,7 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
             continue;
         };
         defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
-        CanBus { gateway, bus, controller: port.start(timing), reported: None }
-            .run(setup)
-            .await;
+        CanBus { gateway, bus, controller: port.start(timing), reported: None }.run(setup).await;
     }
 }
 

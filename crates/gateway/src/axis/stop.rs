@@ -316,6 +316,8 @@ impl Axis {
         }
         stop.unreachable = true;
         stop.hold_poll = None;
+        // Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
+        stop.braked = false;
         stop.acknowledged = false;
         stop.go(now, Phase::Command);
         stop.next_at = now + repeat;

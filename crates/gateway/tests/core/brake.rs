@@ -69,7 +69,6 @@ fn a_motor_that_falls_silent_once_the_brake_is_locked_is_noticed() {
 }
 
 #[test]
-#[ignore = "open defect: an unreachable axis behind a locked brake is sent 0x80 without pause and never confirmed"]
 fn a_motor_out_of_reach_behind_its_locked_brake_is_confirmed_when_it_is_back() {
     let (mut rig, play) = bench::rmd(StopAction::Brake);
     move_axis(&mut rig, VELOCITY);

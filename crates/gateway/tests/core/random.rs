@@ -166,7 +166,7 @@ impl Run {
                 self.bus_state(bus, BusState::BusOff);
             }
             6..10 => {
-                let longest_us = self.dice.pick(&[30_000, 1_000_000]);
+                let longest_us = self.dice.pick(&[30_000, 1_000_000, 6_000_000]);
                 let for_us = self.dice.below(longest_us);
                 self.port.cut(self.now_us, bus, for_us);
             }
