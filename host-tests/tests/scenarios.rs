@@ -28,6 +28,7 @@ macro_rules! scenarios {
 scenarios! {
     a_cut_bus_trips_for_want_of_acknowledgement
     a_fault_bit_trips_and_clears_only_when_it_is_gone
+    a_held_motor_that_turns_is_stopped_again
     a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
     a_late_reply_after_retry_is_ignored
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
@@ -40,6 +41,7 @@ scenarios! {
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     bad_configurations_are_refused_by_name
     bad_setpoints_are_refused_by_name_and_nothing_moves
+    e_stop_stops_a_motor_that_something_else_set_in_motion
     e_stop_stops_all_and_bars_arming
     garbage_and_wrong_checksums_on_rs485_are_no_replies
     link_silence_trips_even_while_the_setpoint_lives

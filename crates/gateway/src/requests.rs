@@ -259,23 +259,29 @@ impl Gateway {
                 self.with_axis(now, index, |axis, out| axis.stop(now, out))
             }
             StopTarget::All => {
-                // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
-                let ready: [bool; MAX_AXES] = core::array::from_fn(|index| {
-                    self.axes.get(index).is_some_and(|axis| self.ready_bus(axis).is_ok())
-                });
-                self.each_axis(now, |axis, out| {
-                    let can_stop = ready.get(usize::from(axis.index)) == Some(&true);
-                    if can_stop || axis.state != AxisState::Idle {
-                        axis.stop(now, out);
-                    }
-                });
+                self.stop_all(now);
                 Ok(())
             }
         }
     }
 
+    /// Stops every axis, also those at rest: something else may have set their motors in motion.
+    fn stop_all(&mut self, now: Instant) {
+        // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
+        let ready: [bool; MAX_AXES] = core::array::from_fn(|index| {
+            self.axes.get(index).is_some_and(|axis| self.ready_bus(axis).is_ok())
+        });
+        self.each_axis(now, |axis, out| {
+            let can_stop = ready.get(usize::from(axis.index)) == Some(&true);
+            if can_stop || axis.state != AxisState::Idle {
+                axis.stop(now, out);
+            }
+        });
+    }
+
     fn e_stop(&mut self, now: Instant) {
         self.each_axis(now, |axis, out| axis.trip(now, TripReason::EStop, out));
+        self.stop_all(now);
         if !self.e_stopped {
             self.e_stopped = true;
             self.outbox(now).event(&Event::EStopLatched {});

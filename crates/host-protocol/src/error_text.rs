@@ -5,6 +5,7 @@ use core::fmt;
 use crate::errors::{Error, NoReplyHint};
 use crate::messages::request_name;
 use crate::parameters;
+use crate::protocol::Protocol;
 use crate::value::Quantity;
 
 /// The name of a request, or its number.
@@ -118,7 +119,8 @@ impl fmt::Display for Error {
             }
             Self::Unsupported { axis, protocol } => write!(
                 f,
-                "axis {axis} speaks {protocol}, which has no such command; use one that the capability table lists"
+                "axis {axis} speaks {protocol}, which has no such command; it {}",
+                abilities(protocol)
             ),
             Self::NoReply { axis, hint } => {
                 write!(f, "the motor of axis {axis} did not reply; {}", next_step(hint))
@@ -211,6 +213,17 @@ impl fmt::Display for Error {
             }
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }
+    }
+}
+
+/// What motors of a protocol can be asked for; PROTOCOL.md has the table.
+fn abilities(protocol: Protocol) -> &'static str {
+    match protocol {
+        Protocol::Rmd => "takes current, velocity and position setpoints and stops by coast, hold or brake",
+        Protocol::Thruster => {
+            "takes signal, velocity and, as a position_device, position setpoints and stops by coast"
+        }
+        Protocol::D5 => "takes velocity setpoints and stops by hold",
     }
 }
 

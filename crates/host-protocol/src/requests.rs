@@ -126,7 +126,8 @@ wire! {
         pub target: StopTarget,
     }
 
-    /// Emergency stop: trips every axis and latches the gateway until it is cleared. Needs no authority.
+    /// Emergency stop: trips every axis that may move, stops the others too, and latches the gateway until it is
+    /// cleared. Needs no authority.
     #[derive(Copy, Eq)]
     pub struct EStop {}
 

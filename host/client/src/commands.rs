@@ -17,8 +17,8 @@ use crate::transport::Transport;
 pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
 
 impl<T: Transport> Client<T> {
-    /// Says hello again, in the session that is open, and returns what the gateway says of itself now. The gateway
-    /// forgets which requests it has seen; authority and axes stay as they are.
+    /// Says hello again and returns what the gateway says of itself now. To the gateway that is a new session: if this
+    /// link held authority, it ends, what moves trips and what is armed is disarmed.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -179,12 +179,20 @@ impl<T: Transport> Client<T> {
         self.request(&ask::Stop { target }).map(drop)
     }
 
-    /// Emergency stop: trips every axis and latches the gateway. Needs no authority.
+    /// Emergency stop: trips every axis that may move, stops the others too, and latches the gateway. Needs no authority.
     ///
     /// # Errors
     /// As [`request`](Self::request).
     pub fn estop(&mut self) -> Result<(), ClientError> {
         self.request(&ask::EStop {}).map(drop)
+    }
+
+    /// Unsafe: leaves the trip of an axis whose motor cannot be reached or does not come to rest. It may still be turning.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request); `NothingToClear` while the stop may still be confirmed.
+    pub fn clear_unreachable(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request(&ask::ClearUnreachable { axis }).map(drop)
     }
 
     /// Clears the trip of an axis, or the latched e-stop. Never arms.

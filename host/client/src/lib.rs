@@ -7,7 +7,7 @@
 //! use std::ops::ControlFlow;
 //! use std::time::Duration;
 //!
-//! use host_protocol::{Setpoint, StopTarget};
+//! use mgw_client::host_protocol::{Setpoint, StopTarget};
 //! use mgw_client::{Client, Hold, open};
 //!
 //! # fn main() -> Result<(), mgw_client::ClientError> {
@@ -40,6 +40,8 @@ mod port;
 mod serial;
 mod tcp;
 mod transport;
+
+pub use host_protocol;
 
 pub use client::{CLOCK_VALID_FOR, Client, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER, REPEAT_AFTER};
 pub use commands::MOTOR_DEADLINE;

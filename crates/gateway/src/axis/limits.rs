@@ -39,6 +39,11 @@ impl Axis {
         if let Some(waits) = seen.write_pending {
             self.write_waits = waits;
         }
+        if self.holding && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity)) {
+            // A motor that should hold turns. Going on with the polls would keep its own timeout from stopping it.
+            self.stop(now, out);
+            return;
+        }
         if !self.is_armed() {
             return;
         }
@@ -104,10 +109,10 @@ impl Axis {
 
 /// Refuses NaN, infinities and values outside an inclusive range.
 fn within(quantity: Quantity, value: f32, min: f32, max: f32) -> Result<(), Error> {
-    if value.is_nan() {
+    if !value.is_finite() {
         return Err(Error::NotANumber { quantity });
     }
-    if value < min || value > max || value.is_infinite() {
+    if value < min || value > max {
         return Err(Error::OutOfRange { quantity, value, min, max });
     }
     Ok(())

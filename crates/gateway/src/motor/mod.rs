@@ -143,7 +143,9 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
     let checked = match config.protocol() {
         Some(Protocol::Thruster) => thruster::check_timeout(timeout_ms),
-        // RMD takes any u32 of milliseconds; a D5 motor is only switched on and off.
+        // The motor's time is its own; it can only be switched off and on (D15).
+        Some(Protocol::D5) if timeout_ms > 1 => Err((0, 1)),
+        // RMD takes any u32 of milliseconds.
         _ => Ok(()),
     };
     #[allow(clippy::cast_precision_loss)]

@@ -70,6 +70,9 @@ impl Port {
     pub fn mend(&mut self) {
         self.mended_at_us = [0; BUSES];
         self.mute = [false; AXES];
+        for held in &mut self.held {
+            held.leaves_at_us = 0;
+        }
     }
 
     /// When the next thing arrives.

@@ -1,0 +1,74 @@
+//! The table "What each protocol can do" of PROTOCOL.md, tried cell by cell.
+
+use crate::bench::{self, arm, setpoint};
+use crate::rig::Rig;
+use host_protocol::{AxisParameter, Error, Protocol, Request, Setpoint, StopAction, Value, requests};
+
+const REFERENCE: &str = include_str!("../../../../PROTOCOL.md");
+
+/// The cell of a row of the table, `column` counted from the first protocol.
+fn cell(row: &str, column: usize) -> &'static str {
+    let (_, table) = REFERENCE.split_once("## What each protocol can do").unwrap();
+    let line = table.lines().find(|line| line.starts_with(&format!("| {row} |"))).unwrap();
+    line.split('|').map(str::trim).nth(column + 2).unwrap()
+}
+
+fn rig_of(protocol: Protocol) -> Rig {
+    match protocol {
+        Protocol::Rmd => bench::rmd(StopAction::Hold).0,
+        Protocol::Thruster => bench::thruster().0,
+        Protocol::D5 => bench::d5().0,
+    }
+}
+
+fn is_supported(rig: &mut Rig, request: Request, protocol: Protocol) -> bool {
+    match rig.ask(request) {
+        Ok(_) => true,
+        Err(error) => {
+            assert_eq!(error, Error::Unsupported { axis: 0, protocol });
+            false
+        }
+    }
+}
+
+#[test]
+fn setpoints_are_those_of_the_reference() {
+    let setpoints = [
+        ("setpoint `Signal`", Setpoint::Signal { fraction: 0.1 }),
+        ("setpoint `Current`", Setpoint::Current { current_a: 0.1 }),
+        ("setpoint `Velocity`", Setpoint::Velocity { velocity_rad_s: 5.0 }),
+        ("setpoint `Position`", Setpoint::Position { position_rad: 0.1, speed_limit_rad_s: 5.0 }),
+    ];
+    for (column, protocol) in Protocol::ALL.iter().copied().enumerate() {
+        for (row, value) in setpoints {
+            for position_device in [false, true] {
+                let mut rig = rig_of(protocol);
+                let flag = Value::Bool(position_device);
+                bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, flag);
+                let epoch = arm(&mut rig);
+                let request = setpoint(&rig, epoch, 80_000, value);
+                let expected = match cell(row, column) {
+                    "with `position_device`" => position_device,
+                    word => word == "yes",
+                };
+                assert_eq!(is_supported(&mut rig, request, protocol), expected, "{row} of {protocol}");
+            }
+        }
+    }
+}
+
+#[test]
+fn stop_actions_are_those_of_the_reference() {
+    for (column, protocol) in Protocol::ALL.iter().copied().enumerate() {
+        for action in StopAction::ALL {
+            let row = format!("stop action `{}`", action.name());
+            let request = Request::ConfigureAxis(requests::ConfigureAxis {
+                axis: 0,
+                parameter: AxisParameter::StopAction.number(),
+                value: Value::Unsigned(u32::from(*action)),
+            });
+            let supported = is_supported(&mut rig_of(protocol), request, protocol);
+            assert_eq!(supported, cell(&row, column) == "yes", "{row} of {protocol}");
+        }
+    }
+}
