@@ -94,7 +94,7 @@ impl Gateway {
         }
         let Self { axes, links, .. } = self;
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
-            axis.configured(now, parameter, complete, &mut Outbox::new(now, links));
+            axis.configured(parameter, complete, &mut Outbox::new(now, links));
         }
         Ok(())
     }

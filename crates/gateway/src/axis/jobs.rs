@@ -72,7 +72,7 @@ impl Axis {
         self.job = Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false });
         if matches!(kind, JobKind::Arm { .. }) {
             self.holding = false;
-            self.enter(AxisState::Arming, now, out);
+            self.enter(AxisState::Arming, out);
         }
         self.pass_over_steps(now, out);
     }
@@ -188,7 +188,7 @@ impl Axis {
                 self.stop(now, out);
             } else {
                 self.hold_at_rest(now);
-                self.enter(AxisState::Idle, now, out);
+                self.enter(AxisState::Idle, out);
             }
         }
         out.answer(job.ticket, &Err(error));
@@ -285,7 +285,7 @@ impl Axis {
                 self.trip = None;
                 self.stop = None;
                 self.hold_at_rest(now);
-                self.enter(AxisState::Idle, now, out);
+                self.enter(AxisState::Idle, out);
                 Ok(Reply::Clear(Done {}))
             }
         };
@@ -325,6 +325,6 @@ impl Axis {
         self.not_executed = false;
         self.fault_poll_at = now + self.config.fault_poll();
         self.state_poll_at = now + self.state_poll();
-        self.enter(AxisState::Armed, now, out);
+        self.enter(AxisState::Armed, out);
     }
 }

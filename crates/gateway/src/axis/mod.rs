@@ -118,20 +118,14 @@ impl Axis {
     }
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it.
-    pub fn configured(
-        &mut self,
-        now: Instant,
-        parameter: AxisParameter,
-        complete: bool,
-        out: &mut Outbox<'_>,
-    ) {
+    pub fn configured(&mut self, parameter: AxisParameter, complete: bool, out: &mut Outbox<'_>) {
         if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
             self.motor_timeout = MotorTimeout::Unknown;
             self.measured = Measured::new();
         }
         self.holding &= self.must_hold();
         let state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
-        self.enter(state, now, out);
+        self.enter(state, out);
     }
 
     /// The motor's own timeout, where the gateway has programmed one.

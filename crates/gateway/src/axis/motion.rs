@@ -51,7 +51,7 @@ impl Axis {
         let command = motor::motion(axis, setpoint, &self.config)?;
         self.motion = Some(Motion { command, expires, due: now });
         if self.state == AxisState::Armed {
-            self.enter(AxisState::Active, now, out);
+            self.enter(AxisState::Active, out);
         }
         Ok(())
     }

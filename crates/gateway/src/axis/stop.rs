@@ -385,7 +385,7 @@ impl Axis {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if turns && self.must_stand() && matches!(self.state, AxisState::Tripped { .. }) {
             self.stop = Some(Stop::new(now));
-            self.enter(AxisState::Tripped { confirmed: false }, now, out);
+            self.enter(AxisState::Tripped { confirmed: false }, out);
         }
     }
 
@@ -416,7 +416,7 @@ impl Axis {
         if self.state == AxisState::Stopping {
             self.stop = None;
             self.hold_at_rest(now);
-            self.enter(AxisState::Idle, now, out);
+            self.enter(AxisState::Idle, out);
         } else {
             let repeat_at = now + self.config.stop_repeat();
             let hold_poll = self.must_hold().then(|| self.refresh());
@@ -424,7 +424,7 @@ impl Axis {
                 stop.repeat_at = repeat_at;
                 stop.hold_poll = hold_poll;
             }
-            self.enter(AxisState::Tripped { confirmed: true }, now, out);
+            self.enter(AxisState::Tripped { confirmed: true }, out);
         }
     }
 }

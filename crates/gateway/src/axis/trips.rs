@@ -71,12 +71,12 @@ impl Axis {
         self.trip = None;
         self.stop = None;
         self.displace();
-        self.enter(AxisState::Idle, now, out);
+        self.enter(AxisState::Idle, out);
         Ok(())
     }
 
     /// Goes to a state and tells the hosts.
-    pub(super) fn enter(&mut self, state: AxisState, _now: Instant, out: &mut Outbox<'_>) {
+    pub(super) fn enter(&mut self, state: AxisState, out: &mut Outbox<'_>) {
         if self.state != state {
             self.state = state;
             self.announce(out);

@@ -4,17 +4,53 @@ use crate::bench::{self, arm, setpoint};
 use crate::rig::{Rig, Said};
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity, RawFrame,
-    Reply, Request, Setpoint, StopAction, Value, requests,
+    Reply, Request, Setpoint, StopAction, StopTarget, Value, requests,
 };
 
 const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
 
+/// Nothing that could move a motor of any protocol has been sent on any bus, since the start.
 fn no_motion(rig: &Rig) {
-    for bus in 0..3 {
-        for text in rig.sent_since(bus, 0) {
-            assert!(!text.contains("#A") && !text.contains("#5443000000000005"), "{text}");
-        }
+    for text in (0..3).flat_map(|bus| rig.sent_since(bus, 0)) {
+        assert!(!moves(text), "{text}");
     }
+}
+
+/// RMD 0xA1 to 0xA8, thruster VC, LA and TC other than 0, D5 speeds other than 0, written at once or to wait.
+fn moves(text: &str) -> bool {
+    let data = match text.split_once('#') {
+        Some((_, data)) => data,
+        None => text.strip_prefix("3E0108").unwrap_or(text),
+    };
+    let d5_speed = data.starts_with("D5") && matches!(data.get(6..10), Some("0320" | "0420"));
+    data.starts_with('A')
+        || data.starts_with("5643")
+        || data.starts_with("4C41")
+        || (data.starts_with("5443") && data != "5443000000000000")
+        || (d5_speed && data.get(10..14) != Some("0000"))
+}
+
+#[test]
+fn what_moves_is_told_from_what_does_not() {
+    let moving = [
+        "141#A100000064000000",
+        "3E0108A20000006216",
+        "30B#544300000000FFFB",
+        "30B#564300000000001E",
+        "30B#4C41012CFFFFF8F9",
+        "00B#D50B05032058028D",
+        "00B#D50B05042058028E",
+    ];
+    assert!(moving.into_iter().all(moves));
+    let still = [
+        "141#8100000000000000",
+        "3E01089C00000000000000F230",
+        "30B#5443000000000000",
+        "30B#51560000",
+        "00B#D50B050320000033",
+        "00B#D50B050226000038",
+    ];
+    assert!(!still.into_iter().any(moves));
 }
 
 #[test]
@@ -62,10 +98,12 @@ fn modes_a_protocol_does_not_have_are_unsupported() {
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.1 });
     assert_eq!(rig.ask(request), Err(Error::Unsupported { axis: 0, protocol: Protocol::Rmd }));
+    no_motion(&rig);
     let (mut rig, _) = bench::thruster();
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, CURRENT);
     assert_eq!(rig.ask(request), Err(Error::Unsupported { axis: 0, protocol: Protocol::Thruster }));
+    no_motion(&rig);
 }
 
 #[test]
@@ -92,6 +130,7 @@ fn a_slow_thruster_speed_is_refused_with_what_is_allowed() {
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: 1.0 }); // 9.5 rpm
     let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, .. }) = rig.ask(request) else { panic!() };
     assert_eq!(min, core::f32::consts::PI); // 30 rpm
+    no_motion(&rig);
 }
 
 #[test]
@@ -101,6 +140,7 @@ fn a_position_without_speed_limit_is_refused() {
     let position = Setpoint::Position { position_rad: 1.0, speed_limit_rad_s: 0.0 };
     let request = setpoint(&rig, epoch, 80_000, position);
     assert_eq!(rig.ask(request), Err(Error::SpeedLimitZero { axis: 0 }));
+    no_motion(&rig);
 }
 
 #[test]
@@ -219,21 +259,34 @@ fn another_major_version_is_refused() {
     assert_eq!(rig.ask(Request::Hello(hello)), Err(refused));
 }
 
+/// What the second host is answered to a request.
+fn ask_on_link_1(rig: &mut Rig, sequence: u16, request: &Request) -> Result<Reply, Error> {
+    let mut bytes = [0; host_protocol::MAX_FRAME];
+    let length = request.encode_frame(sequence, &mut bytes).unwrap();
+    rig.handle(gateway::Event::HostBytes { link: 1, bytes: &bytes[..length] });
+    let length = rig.gateway.poll_host(1, &mut bytes).unwrap();
+    let mut deframer = host_protocol::Deframer::new();
+    for byte in &bytes[..length] {
+        let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+        assert_eq!(frame.sequence, sequence);
+        return match frame.kind {
+            host_protocol::Kind::Error => Err(Error::decode(frame.number, frame.body).unwrap()),
+            _ => Ok(Reply::decode(frame.number, frame.body).unwrap()),
+        };
+    }
+    panic!("no whole frame");
+}
+
 #[test]
 fn a_second_host_is_not_in_command_but_may_stop() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let mut frame = [0; host_protocol::MAX_FRAME];
+    bench::move_axis(&mut rig, CURRENT);
+    rig.run(1_000);
     let arm_axis = Request::Arm(requests::Arm { axis: 0 });
-    let length = arm_axis.encode_frame(1, &mut frame).unwrap();
-    rig.handle(gateway::Event::HostBytes { link: 1, bytes: &frame[..length] });
-    let mut out = [0; host_protocol::MAX_FRAME];
-    let length = rig.gateway.poll_host(1, &mut out).unwrap();
-    let mut deframer = host_protocol::Deframer::new();
-    let mut errors = Vec::new();
-    for byte in &out[..length] {
-        if let Some(Ok(frame)) = deframer.push(*byte) {
-            errors.push(Error::decode(frame.number, frame.body).unwrap());
-        }
-    }
-    assert_eq!(errors, [Error::NotInCommand { holder: 0 }]);
+    assert_eq!(ask_on_link_1(&mut rig, 1, &arm_axis), Err(Error::NotInCommand { holder: 0 }));
+    let since = rig.now_us;
+    let stop = Request::Stop(requests::Stop { target: StopTarget::Axis(0) });
+    assert!(ask_on_link_1(&mut rig, 2, &stop).is_ok());
+    rig.run(1_000);
+    assert_eq!(rig.sent_since(0, since).first(), Some(&"141#8100000000000000"));
 }
