@@ -40,6 +40,7 @@ Examples:
   mgw --port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3
   mgw --port /dev/ttyACM0 configure --file four-motors.toml
   MGW_PORT=/dev/ttyACM0 mgw state --json
+  candump -L can0 | mgw decode                     captured frames in words; needs no gateway
 
 Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal; counter-clockwise is positive.
 Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
@@ -156,6 +157,99 @@ pub enum Command {
         #[command(subcommand)]
         action: RawAction,
     },
+
+    /// Decode captured frames from standard input; needs no gateway
+    ///
+    /// Reads lines as candump writes them, `(1700000000.0) can0 141#9A00000000000000` or only `141#9A…`, and bytes of a
+    /// serial line in hexadecimal, several frames and garbage in a line or one frame over several lines. Prints one line
+    /// for each frame; what cannot be decoded has an `error` with a stable name.
+    #[command(after_help = "Examples:\n  \
+            echo 241#9A320001E5010400 | mgw decode\n  \
+            candump -L can0 | mgw decode --json\n  \
+            echo 3E01089C1934129CFF78567AD8 | mgw decode --protocol rmd --direction reply")]
+    Decode(DecodeArgs),
+
+    /// Build a frame from the names of a command and its fields; needs no gateway
+    #[command(after_help = "Examples:\n  \
+            mgw encode --protocol rmd --list\n  \
+            mgw encode --protocol rmd --node 1 torque_current --current_a -1.5\n  \
+            mgw encode --protocol rmd --node 1 --bus rs485 read_status_2\n  \
+            mgw encode --protocol thruster --node 11 speed --speed_rpm -1500\n  \
+            mgw encode --protocol d5 --node 11 write --register speed --value 600")]
+    Encode(EncodeArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct DecodeArgs {
+    /// Whose frames they are; `auto` goes by CAN ids and by the first bytes of a frame
+    #[arg(long, value_enum, default_value_t = ProtocolChoice::Auto)]
+    pub protocol: ProtocolChoice,
+    /// Take lines of this kind only; without it each line is taken for what it looks like
+    #[arg(long, value_enum)]
+    pub bus: Option<BusKind>,
+    /// Which way frames go that do not say so (RMD on RS485 and CAN id 300); without it guessed from their order and form
+    #[arg(long, value_enum)]
+    pub direction: Option<DirectionChoice>,
+    /// Thrusters return frames without a header, although the capture does not show them being set so
+    #[arg(long)]
+    pub headerless: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct EncodeArgs {
+    /// Whose command it is
+    #[arg(long, value_enum)]
+    pub protocol: Option<CodecChoice>,
+    /// The motor, a number or `all`
+    #[arg(long, value_name = "NODE|all")]
+    pub node: Option<String>,
+    /// The kind of bus
+    #[arg(long, value_enum)]
+    pub bus: Option<BusKind>,
+    /// CAN id of a D5 frame, in hexadecimal; the number of the motor without it
+    #[arg(long, value_name = "ID")]
+    pub can_id: Option<String>,
+    /// List every command with its fields, units and ranges
+    #[arg(long)]
+    pub list: bool,
+    /// The command and its fields
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "COMMAND [--FIELD VALUE]")]
+    pub words: Vec<String>,
+}
+
+impl EncodeArgs {
+    /// Whether `--json` stands among the words of the command.
+    pub fn asks_for_json(&self) -> bool {
+        self.words.iter().any(|word| word == "--json")
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProtocolChoice {
+    Auto,
+    Rmd,
+    Thruster,
+    D5,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CodecChoice {
+    Rmd,
+    Thruster,
+    D5,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BusKind {
+    Can,
+    #[value(alias = "serial")]
+    Rs485,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DirectionChoice {
+    Request,
+    Reply,
 }
 
 #[derive(Debug, Args)]

@@ -21,6 +21,14 @@ pub enum Failure {
     Client(ClientError),
     /// What was typed, or stands in a file, makes no sense.
     Usage(String),
+    /// A codec refuses a value.
+    Refused {
+        name: &'static str,
+        field: &'static str,
+        value: f64,
+        range: Option<(f64, f64)>,
+        message: String,
+    },
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// An axis tripped while it was to be held.
@@ -47,6 +55,7 @@ impl Failure {
             Self::Client(ClientError::Connect(_)) => "NoConnection",
             Self::Client(ClientError::Transport(_)) => "ConnectionLost",
             Self::Usage(_) => "Usage",
+            Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
             Self::Tripped { .. } => "Tripped",
             Self::StopNotConfirmed { .. } => "StopNotConfirmed",
@@ -62,6 +71,14 @@ impl Failure {
         if let (Self::Client(ClientError::Gateway(cause)), Some(fields)) = (self, error.as_object_mut()) {
             fields.insert("number".to_owned(), json!(cause.number()));
             fields.extend(data(cause));
+        }
+        if let (Self::Refused { field, value, range, .. }, Some(fields)) = (self, error.as_object_mut()) {
+            fields.insert("field".to_owned(), json!(field));
+            fields.insert("value".to_owned(), json!(value));
+            if let Some((min, max)) = range {
+                fields.insert("min".to_owned(), json!(min));
+                fields.insert("max".to_owned(), json!(max));
+            }
         }
         json!({ "error": error })
     }
@@ -113,7 +130,9 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Client(error) => error.fmt(f),
-            Self::Usage(text) | Self::Demonstration(text) => f.write_str(text),
+            Self::Usage(text) | Self::Demonstration(text) | Self::Refused { message: text, .. } => {
+                f.write_str(text)
+            }
             Self::File { path, source } => write!(f, "cannot read {path} ({source}). Check the path"),
             Self::Tripped { axis, reason } => write!(
                 f,

@@ -3,7 +3,9 @@
 
 mod args;
 mod commands;
+mod decode;
 mod demo;
+mod encode;
 mod failure;
 mod four_motors;
 mod frames;
@@ -28,7 +30,9 @@ use output::Output;
 use session::Session;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut cli = Cli::parse();
+    // Words after an encoded command are its own, and `--json` may be one of them.
+    cli.json |= matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
     match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -45,6 +49,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
         Some(Command::Sim { listen, unconfigured }) => serve::run(*listen, *unconfigured, out),
+        Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
+        Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(command) => commands::run(&mut Session::open(cli.port.as_deref(), out)?, command),
     }
 }

@@ -38,8 +38,8 @@ pub fn run(session: &mut Session, command: &Command) -> Result<(), Failure> {
 
 fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
     match command {
-        // These two have no gateway to talk to; they never come here.
-        Command::Demo | Command::Sim { .. } => Ok(()),
+        // These have no gateway to talk to; they never come here.
+        Command::Demo | Command::Sim { .. } | Command::Decode(_) | Command::Encode(_) => Ok(()),
         Command::Info => info::run(session),
         Command::Axes => axes::run(session),
         Command::Configure(arguments) => configure::run(session, arguments),

@@ -1,7 +1,10 @@
 //! The program `mgw` as a user runs it.
 
 mod commands;
+mod decode;
 mod demonstration;
+mod encode;
 mod killed_host;
 mod refusals;
 mod support;
+mod vectors;

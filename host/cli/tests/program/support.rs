@@ -1,6 +1,6 @@
 //! The program as a user runs it: its output, its exit code, and a simulated gateway beside it.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
@@ -56,7 +56,19 @@ fn command(arguments: &[&str]) -> Command {
 
 /// Runs the program to its end.
 pub fn mgw(arguments: &[&str]) -> Outcome {
-    let mut child = Running(command(arguments).spawn().expect("the program starts"));
+    outcome(arguments, Running(command(arguments).spawn().expect("the program starts")))
+}
+
+/// Runs the program to its end with this on standard input.
+pub fn mgw_reading(arguments: &[&str], input: impl Into<Vec<u8>>) -> Outcome {
+    let mut child = command(arguments).stdin(Stdio::piped()).spawn().expect("the program starts");
+    let (mut stdin, input) = (child.stdin.take().unwrap(), input.into());
+    // A program that ends before it has read everything is no failure here.
+    thread::spawn(move || stdin.write_all(&input));
+    outcome(arguments, Running(child))
+}
+
+fn outcome(arguments: &[&str], mut child: Running) -> Outcome {
     let stdout = read_to_end(child.0.stdout.take().unwrap());
     let stderr = read_to_end(child.0.stderr.take().unwrap());
     let text = |pipe: Receiver<String>| {

@@ -1,0 +1,184 @@
+//! `mgw decode`: captured frames in words, line by line from standard input.
+
+mod bus;
+mod d5;
+mod line;
+mod number;
+mod reader;
+mod record;
+mod rmd;
+mod serial;
+mod thruster;
+
+use std::io::{self, BufReader, BufWriter, Read, Write};
+
+use embedded_can::{Frame, Id};
+use host_protocol::CanFrame;
+
+use crate::args::{BusKind, DecodeArgs, ProtocolChoice};
+use crate::failure::Failure;
+use bus::Buses;
+use line::{Content, Line, Origin, Unreadable};
+use reader::Lines;
+use record::{Raw, Record};
+use serial::{Piece, Scanner};
+
+/// Of standard input and of standard output: large enough that calls to the system cost nothing.
+const BUFFER: usize = 1 << 16;
+
+/// Decodes standard input to its end.
+pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
+    if (args.protocol, args.bus) == (ProtocolChoice::Thruster, Some(BusKind::Rs485)) {
+        return Err(Failure::Usage("thrusters have no serial line: leave `--bus rs485` away".to_owned()));
+    }
+    let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
+    Decoder::new(args, Record::new(output, json)).run(io::stdin().lock())
+}
+
+/// Hands a field of a codec to a record.
+macro_rules! put {
+    ($codec:ident, $record:expr, $name:expr, $value:expr) => {
+        match $value {
+            ::$codec::FieldValue::Integer(value) => $record.integer($name, value),
+            ::$codec::FieldValue::Physical(value) => $record.physical($name, value),
+            ::$codec::FieldValue::Bool(value) => $record.boolean($name, value),
+            ::$codec::FieldValue::Flags { raw, names } => $record.flags($name, raw, names),
+            ::$codec::FieldValue::Text(text) => $record.text($name, text),
+            ::$codec::FieldValue::Bytes(bytes) => $record.bytes($name, bytes),
+        }
+    };
+}
+use put;
+
+/// Hands every field of a message of a codec to a record.
+macro_rules! visit {
+    ($codec:ident, $message:expr, $record:expr) => {
+        $message.visit_fields(&mut |name, value| $crate::decode::put!($codec, $record, name, value))
+    };
+}
+use visit;
+
+struct Decoder<'a, W: Write> {
+    args: &'a DecodeArgs,
+    record: Record<W>,
+    scanner: Scanner,
+    buses: Buses,
+}
+
+impl<'a, W: Write> Decoder<'a, W> {
+    fn new(args: &'a DecodeArgs, record: Record<W>) -> Self {
+        Self { args, record, scanner: Scanner::new(args.protocol), buses: Buses::new(args.headerless) }
+    }
+
+    fn run(mut self, input: impl Read) -> Result<(), Failure> {
+        let mut lines = Lines::new(BufReader::with_capacity(BUFFER, input));
+        loop {
+            if lines.would_wait() {
+                // Whoever follows a live capture sees each frame when it has come.
+                self.record.flush().map_err(Failure::Output)?;
+            }
+            let Some(text) = lines.next().map_err(stdin_failed)? else { break };
+            self.line(&Line::parse(text)).map_err(Failure::Output)?;
+        }
+        self.end_of_serial(&Origin::default()).map_err(Failure::Output)?;
+        self.record.flush().map_err(Failure::Output)
+    }
+
+    fn line(&mut self, line: &Line<'_>) -> io::Result<()> {
+        let origin = &line.origin;
+        let content = match (&line.content, self.args.bus) {
+            (Content::Can(_), Some(BusKind::Rs485)) => &Content::Unreadable(Unreadable::OTHER_BUS),
+            (Content::Serial(_), Some(BusKind::Can)) => &Content::Unreadable(Unreadable::OTHER_BUS),
+            (Content::Serial(_), None) if self.args.protocol == ProtocolChoice::Thruster => {
+                &Content::Unreadable(Unreadable::OTHER_BUS)
+            }
+            (content, _) => content,
+        };
+        if let Content::Serial(bytes) = content {
+            return self.serial(origin, *bytes);
+        }
+        self.end_of_serial(origin)?;
+        match content {
+            Content::Nothing | Content::Serial(_) => Ok(()),
+            Content::Can(frame) => self.can(origin, frame),
+            Content::Unreadable(why) => {
+                self.record.begin(origin, Raw::Text(line.text));
+                self.record.error(why.name, &why.message);
+                self.record.end()
+            }
+        }
+    }
+
+    fn can(&mut self, origin: &Origin<'_>, frame: &CanFrame) -> io::Result<()> {
+        let (record, direction) = (&mut self.record, self.args.direction);
+        let bus = self.buses.of(origin.interface);
+        record.begin(origin, Raw::Can(frame));
+        match protocol_of(self.args.protocol, frame) {
+            Some(Protocol::Rmd) => rmd::write(bus.rmd_can.can(frame, direction), record),
+            Some(Protocol::Thruster) => thruster::write(bus.thruster.can(frame), record),
+            Some(Protocol::D5) => d5::write(d5::can(frame), record),
+            None => record.error("wrong_id", &"no protocol has this id, and the data begin no D5 frame"),
+        }
+        record.end()
+    }
+
+    fn serial(&mut self, origin: &Origin<'_>, bytes: impl Iterator<Item = u8>) -> io::Result<()> {
+        self.scanner.push(bytes);
+        self.pieces(origin)
+    }
+
+    /// What may still have become a frame no longer can.
+    fn end_of_serial(&mut self, origin: &Origin<'_>) -> io::Result<()> {
+        if self.scanner.is_empty() {
+            return Ok(());
+        }
+        self.scanner.end();
+        self.pieces(origin)
+    }
+
+    fn pieces(&mut self, origin: &Origin<'_>) -> io::Result<()> {
+        let (record, direction) = (&mut self.record, self.args.direction);
+        let bus = self.buses.of(origin.interface);
+        while let Some(piece) = self.scanner.next() {
+            record.begin(origin, Raw::Bytes(piece.bytes()));
+            match piece {
+                Piece::Rmd(frame) => rmd::write(bus.rmd_rs485.rs485(frame, direction), record),
+                Piece::D5(frame) => d5::write(::d5::decode_frame(frame), record),
+                Piece::Broken { why, .. } => record.error(why.name(), &why),
+            }
+            record.end()?;
+        }
+        self.scanner.forget();
+        Ok(())
+    }
+}
+
+fn stdin_failed(source: io::Error) -> Failure {
+    Failure::File { path: "standard input".to_owned(), source }
+}
+
+#[derive(Clone, Copy)]
+enum Protocol {
+    Rmd,
+    Thruster,
+    D5,
+}
+
+/// The protocol whose codec reads a CAN frame: the chosen one, else the one that has its id, else D5 if the data begin
+/// like one of its frames, whose ids are not given.
+fn protocol_of(choice: ProtocolChoice, frame: &CanFrame) -> Option<Protocol> {
+    match choice {
+        ProtocolChoice::Rmd => Some(Protocol::Rmd),
+        ProtocolChoice::Thruster => Some(Protocol::Thruster),
+        ProtocolChoice::D5 => Some(Protocol::D5),
+        ProtocolChoice::Auto => {
+            let by_id = match Frame::id(frame) {
+                id @ Id::Standard(standard) => rmd::has_id(standard.as_raw())
+                    .then_some(Protocol::Rmd)
+                    .or_else(|| thruster::has_id(id).then_some(Protocol::Thruster)),
+                Id::Extended(_) => None,
+            };
+            by_id.or_else(|| d5::begins(frame.data()).then_some(Protocol::D5))
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Every command of a protocol with its fields, units and ranges.
+
+use serde_json::json;
+
+use crate::args::CodecChoice;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::table::Table;
+
+/// Prints the table of a codec.
+pub fn run(protocol: CodecChoice, out: Output) -> Result<(), Failure> {
+    match protocol {
+        CodecChoice::Rmd => rmd(out),
+        CodecChoice::Thruster => thruster(out),
+        CodecChoice::D5 => {
+            d5(out)?;
+            registers(out)
+        }
+    }
+}
+
+macro_rules! list {
+    ($codec:ident) => {
+        fn $codec(out: Output) -> Result<(), Failure> {
+            use super::codec::$codec::{is_sendable, range};
+            for info in ::$codec::COMMANDS {
+                out.text(format!("{}  0x{:02X}  {}", info.name, info.code, info.section))?;
+                if !info.note.is_empty() {
+                    out.text(format!("    {}", info.note))?;
+                }
+                for field in info.request {
+                    let step = if field.counts_per_unit == 1.0 {
+                        String::new()
+                    } else {
+                        format!(", step {}", short(field.lsb()))
+                    };
+                    out.text(format!("    --{:<20}  {}{step}", field.name, range(field)))?;
+                }
+                let names: Vec<&str> = info.reply.iter().map(|field| field.name).collect();
+                if !names.is_empty() {
+                    out.text(format!("    reply: {}", names.join(", ")))?;
+                }
+                let fields = |fields: &[::$codec::FieldInfo]| -> Vec<serde_json::Value> {
+                    let field = |field: &::$codec::FieldInfo| {
+                        json!({
+                            "name": field.name,
+                            "unit": field.unit,
+                            "kind": format!("{:?}", field.kind).to_lowercase(),
+                            "min": field.min,
+                            "max": field.max,
+                            "step": field.lsb(),
+                        })
+                    };
+                    fields.iter().map(field).collect()
+                };
+                out.object(&json!({
+                    "command": info.name,
+                    "code": info.code,
+                    "section": info.section,
+                    "sendable": is_sendable(info),
+                    "request": fields(info.request),
+                    "reply": fields(info.reply),
+                    "note": info.note,
+                }))?;
+            }
+            Ok(())
+        }
+    };
+}
+
+list!(rmd);
+list!(thruster);
+list!(d5);
+
+/// The registers that `read` and `write` take.
+fn registers(out: Output) -> Result<(), Failure> {
+    let mut table =
+        Table::new(&[">address", "register", "field", ">min", ">max", "unit", "access", "width", ">default"]);
+    for info in &d5::REGISTERS {
+        let (min, max) = info.value_range();
+        let default = info.default.map_or("-".to_owned(), |default| default.to_string());
+        let (access, width) = (format!("{:?}", info.access), format!("{:?}", info.width));
+        out.object(&json!({
+            "register": info.register.0,
+            "name": info.name,
+            "field": info.field,
+            "unit": info.unit,
+            "min": min,
+            "max": max,
+            "access": access,
+            "width": width,
+            "default": info.default,
+        }))?;
+        let (name, field, unit) = (info.name.to_owned(), info.field.to_owned(), info.unit.to_owned());
+        let address = format!("0x{:02X}", info.register.0);
+        table.row([address, name, field, min.to_string(), max.to_string(), unit, access, width, default]);
+    }
+    out.text("")?;
+    out.table(&table)
+}
+
+/// A step with as many digits as tell something.
+fn short(step: f64) -> String {
+    let text = format!("{step:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}

@@ -1,0 +1,123 @@
+//! `mgw encode`: a frame from the names of a command and its fields.
+
+mod codec;
+mod list;
+mod wanted;
+
+use embedded_can::{ExtendedId, Frame, Id, StandardId};
+use host_protocol::CanFrame;
+use serde_json::{Value, json};
+
+use crate::args::{BusKind, CodecChoice, EncodeArgs};
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::words;
+use wanted::{To, Wanted};
+
+/// Prints the frame, or the list of commands.
+pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
+    let wanted = Wanted::new(args)?;
+    let out = Output::new(json);
+    if wanted.list {
+        return list::run(wanted.protocol, out);
+    }
+    let frame = match wanted.protocol {
+        CodecChoice::Rmd => rmd_frame(&wanted),
+        CodecChoice::Thruster => thruster_frame(&wanted),
+        CodecChoice::D5 => d5_frame(&wanted),
+    }?;
+    let node = match wanted.to {
+        Some(To::Node(node)) => json!(node),
+        Some(To::All) => json!("all"),
+        None => Value::Null,
+    };
+    let protocol = match wanted.protocol {
+        CodecChoice::Rmd => "rmd",
+        CodecChoice::Thruster => "thruster",
+        CodecChoice::D5 => "d5",
+    };
+    let object = json!({ "frame": frame, "protocol": protocol, "node": node, "command": wanted.command()? });
+    out.either(&frame, &object)
+}
+
+fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
+    use rmd::Request;
+    let request = codec::rmd::build(wanted, &|_| None)?;
+    // These go to every motor whatever the node, so none is needed.
+    let is_for_all = matches!(
+        request,
+        Request::ReadCanId | Request::SetCanId { .. } | Request::ReadRs485Id | Request::SetRs485Id { .. }
+    );
+    let to = if is_for_all { wanted.to.unwrap_or(To::All) } else { wanted.to()? };
+    let node = match to {
+        To::Node(node) => Some(rmd::Node::new(node).map_err(codec::rmd::refused)?),
+        To::All => None,
+    };
+    let frame = match (wanted.bus.unwrap_or(BusKind::Can), node) {
+        (BusKind::Can, Some(node)) => rmd::can::request(node, &request).map(can_text),
+        (BusKind::Can, None) => rmd::can::broadcast(&request).map(can_text),
+        (BusKind::Rs485, Some(node)) => rmd::rs485::request(node, &request).map(|bytes| words::hex(&bytes)),
+        (BusKind::Rs485, None) => rmd::rs485::broadcast(&request).map(|bytes| words::hex(&bytes)),
+    };
+    frame.map_err(codec::rmd::refused)
+}
+
+fn thruster_frame(wanted: &Wanted) -> Result<String, Failure> {
+    if wanted.bus == Some(BusKind::Rs485) {
+        return Err(Failure::Usage("thrusters have no serial line: leave `--bus rs485` away".to_owned()));
+    }
+    let request = codec::thruster::build(wanted, &|_| None)?;
+    let To::Node(node) = wanted.to()? else {
+        return Err(Failure::Usage("thrusters are commanded one by one: give `--node` a number".to_owned()));
+    };
+    let node = thruster::Node::new(node).map_err(codec::thruster::refused)?;
+    thruster::can::request(node, &request).map(can_text).map_err(codec::thruster::refused)
+}
+
+fn d5_frame(wanted: &Wanted) -> Result<String, Failure> {
+    let request = codec::d5::build(wanted, &d5_register)?;
+    let address = match wanted.to()? {
+        To::Node(node) => d5::Address::Node(d5::Node::new(node).map_err(codec::d5::refused)?),
+        To::All => d5::Address::Broadcast,
+    };
+    let bytes = d5::request_frame(address, &request).map_err(codec::d5::refused)?;
+    if wanted.bus == Some(BusKind::Rs485) {
+        return Ok(words::hex(&bytes));
+    }
+    let id = match &wanted.can_id {
+        Some(text) => can_id(text)?,
+        // As the codec assumes it: the number of the motor, or of a broadcast.
+        None => Id::Standard(StandardId::new(u16::from(address.id())).unwrap_or(StandardId::MAX)),
+    };
+    d5::can::request(id, address, &request).map(can_text).map_err(codec::d5::refused)
+}
+
+/// A register by its name, for the field that takes its address.
+fn d5_register(text: &str) -> Option<f64> {
+    d5::REGISTERS.iter().find(|info| info.name == text).map(|info| f64::from(info.register.0))
+}
+
+fn can_text(frame: CanFrame) -> String {
+    let id = match Frame::id(&frame) {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    };
+    format!("{id}#{}", words::hex(frame.data()))
+}
+
+/// Up to 3 digits for a standard id, more for an extended one.
+fn can_id(text: &str) -> Result<Id, Failure> {
+    const HEX: u32 = 16;
+    const STANDARD_DIGITS: usize = 3;
+    let raw = u32::from_str_radix(text, HEX).ok();
+    let id = if text.len() <= STANDARD_DIGITS {
+        raw.and_then(|raw| u16::try_from(raw).ok()).and_then(StandardId::new).map(Id::Standard)
+    } else {
+        raw.and_then(ExtendedId::new).map(Id::Extended)
+    };
+    id.ok_or_else(|| {
+        Failure::Usage(format!(
+            "`{text}` is no CAN id. Write it in hexadecimal, 3 digits up to 7FF, or 8 digits up to 1FFFFFFF"
+        ))
+    })
+}
