@@ -120,6 +120,9 @@ pub enum Command {
         /// An axis, or `gateway`
         #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
         target: host_protocol::ClearTarget,
+        /// Unsafe: leave a trip whose stop the motor does not confirm; it may still be turning
+        #[arg(long)]
+        unreachable: bool,
     },
 
     /// Show the state of one axis, or of all configured axes

@@ -30,7 +30,10 @@ use output::Output;
 use session::Session;
 
 fn main() -> ExitCode {
-    let mut cli = Cli::parse();
+    let mut cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return wrong_usage(&error),
+    };
     // Words after an encoded command are its own, and `--json` may be one of them.
     cli.json |= matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
     match run(&cli) {
@@ -42,6 +45,20 @@ fn main() -> ExitCode {
             ExitCode::from(failure.exit_code())
         }
     }
+}
+
+/// Help and version as they are; what was typed wrong as JSON where JSON was asked for.
+fn wrong_usage(error: &clap::Error) -> ExitCode {
+    let wants_json = std::env::args().any(|argument| argument == "--json");
+    if !error.use_stderr() || !wants_json {
+        error.exit();
+    }
+    let text = error.to_string();
+    let (cause, _usage) = text.split_once("Usage:").unwrap_or((&text, ""));
+    let words: Vec<&str> = cause.trim_start_matches("error:").split_whitespace().collect();
+    let failure = Failure::Usage(words.join(" "));
+    tell(&failure, true);
+    ExitCode::from(failure.exit_code())
 }
 
 fn run(cli: &Cli) -> Result<(), Failure> {

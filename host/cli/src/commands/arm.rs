@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use mgw_client::ClientError;
 use serde_json::json;
 
 use crate::failure::Failure;
@@ -13,15 +14,27 @@ use crate::words;
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
     interrupt::note();
-    let result = arm_and_hold(session, axes, duration);
+    let mut armed = Vec::new();
+    let result = arm_and_hold(session, axes, duration, &mut armed);
     // Whatever happened above: nothing that was armed here stays armed.
-    let disarmed = disarm(session, axes);
+    let disarmed = disarm(session, &armed);
     result.and(disarmed)
 }
 
-fn arm_and_hold(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
+fn arm_and_hold(
+    session: &mut Session,
+    axes: &[u8],
+    duration: Option<Duration>,
+    armed_axes: &mut Vec<u8>,
+) -> Result<(), Failure> {
     for axis in axes {
-        let armed = session.client.arm(*axis)?;
+        // Noted before it is asked for: an answer that is lost may have armed it all the same.
+        armed_axes.push(*axis);
+        let armed = session.client.arm(*axis).inspect_err(|error| {
+            if matches!(error, ClientError::Gateway(_)) {
+                armed_axes.pop();
+            }
+        })?;
         let timeout = words::motor_timeout(armed.motor_timeout);
         session.out.either(
             format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
@@ -53,7 +66,7 @@ fn disarm(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
         // Every axis is tried; the first failure is told.
         result = result.and(stopped);
     }
-    if result.is_ok() {
+    if result.is_ok() && !axes.is_empty() {
         session.out.text("disarmed")?;
     }
     result

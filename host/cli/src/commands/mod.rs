@@ -47,7 +47,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Set(arguments) => set::run(session, arguments),
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),
-        Command::Clear { target } => stop::clear(session, *target),
+        Command::Clear { target, unreachable } => stop::clear(session, *target, *unreachable),
         Command::State { axis } => {
             let axes = session.axes_or_all(axis.as_slice())?;
             session.print_states(&axes)

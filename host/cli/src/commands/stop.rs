@@ -24,9 +24,15 @@ pub fn estop(session: &mut Session) -> Result<(), Failure> {
     await_all(session, &axes)
 }
 
-/// Clears a trip or the e-stop.
-pub fn clear(session: &mut Session, target: ClearTarget) -> Result<(), Failure> {
-    session.client.clear(target)?;
+/// Clears a trip or the e-stop; a trip whose stop is not confirmed only if that is asked for.
+pub fn clear(session: &mut Session, target: ClearTarget, unreachable: bool) -> Result<(), Failure> {
+    match target {
+        ClearTarget::Axis(axis) if unreachable => session.client.clear_unreachable(axis)?,
+        ClearTarget::Gateway if unreachable => {
+            return Err(Failure::Usage("--unreachable goes with an axis".to_owned()));
+        }
+        target => session.client.clear(target)?,
+    }
     let line = match target {
         ClearTarget::Axis(axis) => format!("axis {axis} is cleared and idle"),
         ClearTarget::Gateway => "the e-stop is cleared; tripped axes are cleared one by one".to_owned(),

@@ -132,3 +132,26 @@ fn a_reader_that_goes_away_is_no_panic() {
     assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 3);
     assert!(output.stderr.is_empty(), "{output:?}");
 }
+
+#[test]
+fn wrong_usage_is_told_as_json_where_json_is_asked_for() {
+    let usage = error(mgw(&["--json", "set"]), 2);
+    assert_eq!(usage["name"], "Usage");
+    assert!(usage["message"].as_str().unwrap().contains("<AXIS>"), "{usage}");
+}
+
+#[test]
+fn an_arming_that_fails_says_nothing_of_disarming() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["arm", "31"]).failure(1);
+    assert!(text.contains("axis 31"), "{text}");
+    assert!(!text.contains("disarmed"), "{text}");
+}
+
+#[test]
+fn the_unsafe_clear_needs_a_motor_out_of_reach() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["clear", "0", "--unreachable"]).failure(1);
+    assert!(text.contains("axis 0"), "{text}");
+    assert!(sim.mgw(&["clear", "gateway", "--unreachable"]).failure(2).contains("axis"));
+}
