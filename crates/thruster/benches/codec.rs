@@ -24,13 +24,13 @@ fn requests() -> [(&'static str, Request); 4] {
     ]
 }
 
-/// An echo, a value, a refusal, and speed, voltage and current of a stream (Thruster manual §1.3, §2.1, §2.5).
+/// An echo, a value, a refusal, and speed, voltage and current for a signal (Thruster manual §1.3, §2.1, §2.4).
 fn replies() -> [(&'static str, CanFrame); 4] {
     [
         ("signal", received([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0xFF, 0xFB])),
         ("measured_speed", received([0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0xFA, 0x24])),
         ("refusal", received([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE])),
-        ("returned_motion", received([0x33, 0x01, 0x03, 0xE8, 0x00, 0xF0, 0x00, 0x0A])),
+        ("returned_motion", received([0x54, 0x01, 0x03, 0xE8, 0x00, 0xF0, 0x00, 0x0A])),
     ]
 }
 
