@@ -1,15 +1,18 @@
 //! What a scenario runs on: one host, the gateway, four motors, and a record of all that went over the buses.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{CanFrame, Event, EventMessage, Setpoint};
+use host_protocol::{Event, EventMessage, Setpoint};
 use mgw_client::{Client, ClientError};
-use mgw_sim::{SimTransport, TraceEntry, Wire, Wiring, World};
+use mgw_sim::{SimTransport, TraceEntry, Wiring, World};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
 /// How often a host that is alive says something.
 const HOST_PERIOD: Duration = Duration::from_millis(10);
+
+/// How long a setpoint lives: a little less than the default TTL of an axis, which it must not exceed.
+pub const SETPOINT_TTL: Duration = Duration::from_millis(90);
 
 /// A host at a simulated gateway.
 pub struct Bench {
@@ -21,7 +24,7 @@ pub struct Bench {
     pub kept: Vec<(u8, Setpoint)>,
     pub events: Vec<Event>,
     pub trace: Vec<TraceEntry>,
-    /// The time that `after mark` counts from, µs.
+    /// The time of the last `mark`, µs: frames count from there.
     pub mark_us: u64,
 }
 
@@ -76,10 +79,10 @@ impl Bench {
         Ok(())
     }
 
-    /// One setpoint that expires with the axis's default TTL.
+    /// One setpoint that lives for [`SETPOINT_TTL`].
     pub fn set(&mut self, axis: u8, setpoint: Setpoint) -> Result<(), ClientError> {
         let epoch = self.epochs.iter().find(|(armed, _)| *armed == axis).map_or(0, |(_, epoch)| *epoch);
-        self.client.set(axis, epoch, setpoint, Duration::from_millis(90))
+        self.client.set(axis, epoch, setpoint, SETPOINT_TTL)
     }
 
     pub fn state(&mut self, axis: u8) -> Result<AxisReport, String> {
@@ -101,7 +104,7 @@ impl Bench {
         self.trace
             .iter()
             .filter(move |entry| entry.bus == bus && entry.time_us >= self.mark_us)
-            .map(|entry| (entry.time_us, text(&entry.wire)))
+            .map(|entry| (entry.time_us, entry.wire.to_string()))
     }
 
     /// The last of what happened, for the message of a failure.
@@ -109,29 +112,8 @@ impl Bench {
         let from = self.trace.len().saturating_sub(20);
         let frames = self.trace.iter().skip(from);
         let frames: Vec<String> = frames
-            .map(|e| format!("    {:>10} µs  bus {}  {:?}  {}", e.time_us, e.bus, e.from, text(&e.wire)))
+            .map(|e| format!("    {:>10} µs  bus {}  {:?}  {}", e.time_us, e.bus, e.from, e.wire))
             .collect();
         format!("  at {} µs; last frames:\n{}\n  events: {:?}", self.now_us(), frames.join("\n"), self.events)
     }
-}
-
-/// A frame as candump writes it, or serial bytes as hex.
-pub fn text(wire: &Wire) -> String {
-    match wire {
-        Wire::Can(frame) => can_text(frame),
-        Wire::Serial(bytes) => hex(bytes),
-    }
-}
-
-fn can_text(frame: &CanFrame) -> String {
-    use embedded_can::Id;
-    let id = match frame.id() {
-        Id::Standard(id) => format!("{:03X}", id.as_raw()),
-        Id::Extended(id) => format!("{:08X}", id.as_raw()),
-    };
-    format!("{id}#{}", hex(frame.data()))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
 }

@@ -1,6 +1,6 @@
 //! What a scenario does.
 
-use super::bench::Bench;
+use super::bench::{Bench, SETPOINT_TTL};
 use super::words::{duration, parameter, parse, protocols, setpoint};
 use host_protocol::{ClearTarget, RawFrame, StopTarget, replies::Armed, requests};
 use mgw_client::ClientError;
@@ -92,7 +92,7 @@ impl Bench {
             }
             "set-epoch" => {
                 let (axis, epoch): (u8, u32) = (parse(rest, 0, "axis")?, parse(rest, 1, "epoch")?);
-                self.client.set(axis, epoch, setpoint(rest, 2)?, std::time::Duration::from_millis(90))?;
+                self.client.set(axis, epoch, setpoint(rest, 2)?, SETPOINT_TTL)?;
             }
             "set-expired" => {
                 let axis: u8 = parse(rest, 0, "axis")?;

@@ -67,7 +67,7 @@ impl Silence {
 impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
-        let unambiguous = !self.is_pending(&command);
+        let unambiguous = !self.is_displaced(&command);
         self.pending =
             Some(Pending { exchange, command, slot, window: Duration::ZERO, until: None, unambiguous });
         self.note_handed(now, exchange);

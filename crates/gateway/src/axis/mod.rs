@@ -203,7 +203,8 @@ impl Axis {
         all.flatten().filter(|at| *at > after).min()
     }
 
-    fn is_pending(&self, command: &Command) -> bool {
+    /// Whether a stop has pushed the same command aside while its reply may still come.
+    fn is_displaced(&self, command: &Command) -> bool {
         self.displaced.as_ref().is_some_and(|d| d.is(command))
     }
 }
