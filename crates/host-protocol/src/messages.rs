@@ -208,6 +208,9 @@ messages! {
 
     0x0040 Setpoint -> Done
     0x0041 ReadState -> AxisReport
+    0x0042 MoveRelative -> MoveTarget
+    0x0043 Native -> NativeReply
+    0x0044 Subscribe -> Done
 
     0x0050 RawOpen -> Done
     0x0051 RawSend -> Done
