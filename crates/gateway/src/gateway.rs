@@ -77,7 +77,18 @@ impl Gateway {
 
     /// Writes the next delimited frame for a host link to `out` and returns its length.
     pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.links.get_mut(usize::from(link))?.poll_transmit(out)
+        let Self { links, axes, now, .. } = self;
+        let link = links.get_mut(usize::from(link))?;
+        if let Some(length) = link.poll_transmit(out) {
+            return Some(length);
+        }
+        // Samples are made when there is room for them, so that they wait nowhere and push nothing out.
+        loop {
+            let (axis, fields) = link.next_sample()?;
+            if let Some(axis) = axes.get(usize::from(axis)) {
+                return link.sample(now.as_micros(), &axis.sample(*now, fields), out);
+            }
+        }
     }
 
     /// How the bus must be running; `None` while it is not configured.
@@ -89,13 +100,18 @@ impl Gateway {
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
         let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now));
-        axes.chain(buses).chain(self.authority.deadline()).min()
+        let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
+        axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
     }
 
     /// Everything that time alone brings about.
     fn supervise(&mut self, now: Instant) {
         if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
             self.lose_authority(now);
+        }
+        let lapsed = self.links.iter_mut().fold(false, |lapsed, link| link.tick(now.as_micros()) | lapsed);
+        if lapsed {
+            self.watch();
         }
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
@@ -106,6 +122,14 @@ impl Gateway {
         for bus in buses {
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
+        }
+    }
+
+    /// Has the axes polled that somebody has subscribed to.
+    pub(crate) fn watch(&mut self) {
+        let Self { axes, links, .. } = self;
+        for axis in axes {
+            axis.watch(links.iter().any(|link| link.watches(axis.index)));
         }
     }
 

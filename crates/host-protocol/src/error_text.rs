@@ -238,7 +238,9 @@ impl fmt::Display for Error {
 /// What motors of a protocol can be asked for; PROTOCOL.md has the table.
 fn abilities(protocol: Protocol) -> &'static str {
     match protocol {
-        Protocol::Rmd => "takes current, velocity, position and (on CAN) impedance setpoints and stops by coast, hold or brake",
+        Protocol::Rmd => {
+            "takes current, velocity, position and (on CAN) impedance setpoints and stops by coast, hold or brake"
+        }
         Protocol::Thruster => {
             "takes signal, velocity and, as a position_device, position setpoints and stops by coast"
         }

@@ -3,8 +3,8 @@
 
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusState, ReceivedFrame};
-use crate::size::wire;
 use crate::can_frame::MAX_CAN_DATA;
+use crate::size::wire;
 use crate::text::{Bytes, Text, Vec};
 use crate::value::Value;
 

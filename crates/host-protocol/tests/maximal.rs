@@ -6,8 +6,8 @@ use host_protocol::requests::*;
 use host_protocol::{
     AxisState, AxisSummary, BusCapability, BusConfig, BusCounters, BusKind, BusState, CanFrame, ClearTarget,
     Deframer, Error, Event, FaultReading, MAX_FRAME, MaxSize, MotorTimeout, Protocol, ProtocolSet, Quantity,
-    REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StateFields, StopTarget, Text,
-    Trip, TripReason, Value, Vec as List,
+    REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StateFields,
+    StopTarget, Text, Trip, TripReason, Value, Vec as List,
 };
 
 /// Bytes of the body of a delimited frame.
@@ -182,10 +182,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         (Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: TIMEOUT }), MotorTimeoutReport::MAX_SIZE),
         (Reply::Arm(Armed { epoch: u32::MAX, motor_timeout: TIMEOUT }), Armed::MAX_SIZE),
         (Reply::ReadState(axis), AxisReport::MAX_SIZE),
-        (
-            Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }),
-            MoveTarget::MAX_SIZE,
-        ),
+        (Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }), MoveTarget::MAX_SIZE),
         (Reply::Native(NativeReply { data: full(0xFF) }), NativeReply::MAX_SIZE),
         (Reply::RawReceive(RawFrames { frames: full(frame), dropped: u32::MAX }), RawFrames::MAX_SIZE),
     ]

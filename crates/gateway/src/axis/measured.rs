@@ -9,6 +9,8 @@ pub(crate) struct Observation {
     pub position_rad: Option<f32>,
     pub velocity_rad_s: Option<f32>,
     pub current_a: Option<f32>,
+    /// RMD motion mode; compared with the limit, not kept.
+    pub torque_nm: Option<f32>,
     pub voltage_v: Option<f32>,
     pub motor_temperature_c: Option<f32>,
     pub driver_temperature_c: Option<f32>,

@@ -18,16 +18,19 @@ pub(crate) use exchanges::Reception;
 pub(crate) use jobs::{Job, JobKind};
 use measured::Measured;
 pub(crate) use measured::Observation;
+pub(crate) use motion::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
-use crate::motor::{self, Command};
+use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Silence};
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisParameter, AxisState, AxisSummary, MotorTimeout, Trip};
+use host_protocol::{
+    AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, Reading, StateField, StateFields, Trip,
+};
 use motion::Motion;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
@@ -63,6 +66,8 @@ pub(crate) struct Axis {
     not_executed: bool,
     /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
     holding: bool,
+    /// Somebody has subscribed to the axis: an idle one is polled too.
+    watched: bool,
     /// Requests in a row for the fault word that told nothing.
     faults_unread: u8,
     /// D5: an asynchronous write waited in the motor when it was last asked.
@@ -92,6 +97,7 @@ impl Axis {
             motion_had_its_turn: false,
             not_executed: false,
             holding: false,
+            watched: false,
             faults_unread: 0,
             write_waits: false,
         }
@@ -114,7 +120,24 @@ impl Axis {
 
     /// Whether the axis waits for a reply of its motor that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(p.exchange).is_none())
+        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none())
+    }
+
+    /// Whether somebody has subscribed to the axis.
+    pub fn watch(&mut self, watched: bool) {
+        self.watched = watched;
+    }
+
+    /// Whether an exchange is only for those who watch an idle axis, so that raw access goes before it.
+    pub fn is_for_watchers(&self, exchange: Exchange) -> bool {
+        self.state == AxisState::Idle
+            && self.job.is_none()
+            && !(self.holding && exchange == Exchange::Velocity)
+    }
+
+    /// A native command is about to change the motor: what was known of its own timeout may no longer hold.
+    pub fn forget_motor_timeout(&mut self) {
+        self.motor_timeout = MotorTimeout::Unknown;
     }
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it.
@@ -177,6 +200,23 @@ impl Axis {
             motor_timeout: self.motor_timeout,
             standstill: self.standstill(),
             stop_acknowledged: self.stop.as_ref().is_some_and(Stop::is_acknowledged),
+        }
+    }
+
+    /// The chosen fields of the axis for a subscriber.
+    pub fn sample(&self, now: Instant, fields: StateFields) -> Event {
+        let readings = self.measured.readings(now);
+        let wanted = |field, reading: Option<Reading>| reading.filter(|_| fields.contains(field));
+        Event::Sample {
+            axis: self.index,
+            state: self.state,
+            position_rad: wanted(StateField::Position, readings.position_rad),
+            velocity_rad_s: wanted(StateField::Velocity, readings.velocity_rad_s),
+            current_a: wanted(StateField::Current, readings.current_a),
+            voltage_v: wanted(StateField::Voltage, readings.voltage_v),
+            motor_temperature_c: wanted(StateField::MotorTemperature, readings.motor_temperature_c),
+            driver_temperature_c: wanted(StateField::DriverTemperature, readings.driver_temperature_c),
+            faults: readings.faults.filter(|_| fields.contains(StateField::Faults)),
         }
     }
 

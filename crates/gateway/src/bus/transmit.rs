@@ -101,6 +101,9 @@ impl Bus {
             let index = (turn + offset) % axes.len();
             let Some(axis) = axes.get(index).filter(here) else { continue };
             let Some(want) = axis.wants(now) else { continue };
+            if self.raw.is_some() && axis.is_for_watchers(want.exchange) {
+                continue;
+            }
             let allowed = match want.priority {
                 Priority::Ordinary => may_ordinary,
                 Priority::FirstStop | Priority::Stop => self.may_send_stop(now, axis, &want),
