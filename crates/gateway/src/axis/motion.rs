@@ -227,7 +227,11 @@ impl Axis {
         }
         if let Some(stop) = &mut self.stop {
             stop.handed(now, exchange, &self.config);
-        } else if self.job.is_none() && exchange != Exchange::Motion && exchange != Exchange::Faults {
+            return;
+        }
+        // While armed the fault word has a rhythm of its own.
+        let of_its_own = exchange == Exchange::Motion || (exchange == Exchange::Faults && self.is_armed());
+        if self.job_exchange() != Some(exchange) && !of_its_own {
             self.state_poll_at = now + self.state_poll();
             self.poll_turn = self.poll_turn.wrapping_add(1);
         }

@@ -119,6 +119,7 @@ impl Link {
     /// [`Error::OutOfRange`] if the period is too short or too long; the subscription before then stays.
     pub fn subscribe(&mut self, now_us: u64, request: &Subscribe) -> Result<(), Error> {
         self.subscription = Subscription::new(now_us, request)?;
+        self.tick(now_us);
         Ok(())
     }
 

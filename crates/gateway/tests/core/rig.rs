@@ -132,7 +132,30 @@ impl Rig {
             }
             self.run(100);
         }
-        panic!("no answer to {request:?}; said {:?}", self.said);
+        panic!("no answer to {request:?}; said {:?}; wire {:?}", self.said, self.wire);
+    }
+
+    /// Sends a request on another link and returns what it is answered there within 100 ms.
+    pub fn ask_as(&mut self, link: u8, request: &Request) -> Result<Reply, Error> {
+        self.sequence += 1;
+        let mut out = [0; MAX_FRAME];
+        let length = request.encode_frame(self.sequence, &mut out).unwrap();
+        self.handle(Event::HostBytes { link, bytes: &out[..length] });
+        let mut deframer = Deframer::new();
+        for _ in 0..1_000 {
+            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+                for byte in &out[..length] {
+                    let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+                    match frame.kind {
+                        Kind::Reply => return Ok(Reply::decode(frame.number, frame.body).unwrap()),
+                        Kind::Error => return Err(Error::decode(frame.number, frame.body).unwrap()),
+                        Kind::Event | Kind::Request => {}
+                    }
+                }
+            }
+            self.run(100);
+        }
+        panic!("no answer to {request:?}");
     }
 
     /// Sends a request without waiting.
