@@ -9,7 +9,7 @@ use crate::port::{Board, BusSetup, Event, Transmit};
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
 use heapless::Vec;
-use host_protocol::{Error, MAX_FRAME};
+use host_protocol::{Error, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
@@ -65,6 +65,22 @@ impl Gateway {
                 self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
             }
             Event::Tick => {}
+        }
+        self.spread_trips(now);
+    }
+
+    /// One axis of a trip group has tripped: the others do.
+    fn spread_trips(&mut self, now: Instant) {
+        for index in 0..MAX_AXES {
+            let Some(axis) = self.axes.get_mut(index) else { return };
+            let (origin, group) = (axis.index, axis.take_spreading_trip());
+            let Some(group) = group else { continue };
+            self.each_axis(now, |axis, out| {
+                if axis.trip_group() == Some(group) {
+                    axis.trip(now, TripReason::Group { axis: origin }, out);
+                    axis.take_spreading_trip();
+                }
+            });
         }
     }
 

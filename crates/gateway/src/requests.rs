@@ -208,6 +208,12 @@ impl Gateway {
         {
             return Err(Error::RawOpen { bus });
         }
+        let tripped = |other: &&Axis| other.trip_group() == axis.trip_group() && other.trip.is_some();
+        if axis.trip_group().is_some()
+            && let Some((other, trip)) = self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip?)))
+        {
+            return Err(Error::Tripped { axis: other, reason: trip.reason });
+        }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
         self.check_axis_load(index)?;
         self.epoch = self.epoch.wrapping_add(1);

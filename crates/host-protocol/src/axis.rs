@@ -113,6 +113,11 @@ wire! {
         },
         /// A requested stop was not confirmed by the motor.
         StopUnconfirmed,
+        /// Another axis of its trip group tripped.
+        Group {
+            /// That axis.
+            axis: u8,
+        },
     }
 
     /// A trip: why, when, and the last values before it.
@@ -239,6 +244,7 @@ impl fmt::Display for TripReason {
             Self::Reset => f.write_str("the gateway was reset in motion"),
             Self::Internal { code } => write!(f, "internal error {code} of the gateway"),
             Self::StopUnconfirmed => f.write_str("a stop was not confirmed"),
+            Self::Group { axis } => write!(f, "axis {axis} of its trip group tripped"),
         }
     }
 }

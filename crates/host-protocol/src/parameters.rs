@@ -282,6 +282,8 @@ parameters! {
     32 MotionStiffness "motion_stiffness_nm_per_rad": Float("N·m/rad") [0.1, 10_000.0] 500.0;
     /// RMD motion mode: the damping that the upper end of its range stands for.
     33 MotionDamping "motion_damping_nm_s_per_rad": Float("N·m·s/rad") [0.01, 1_000.0] 5.0;
+    /// Axes with the same number trip together, and none of them is armed while another is tripped.
+    34 TripGroup "trip_group": Unsigned("") [1, 32] optional;
 }
 
 parameters! {

@@ -36,6 +36,9 @@ use motion::Motion;
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
 const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
 
+/// Half of a time.
+const HALF: NonZeroU64 = NonZeroU64::new(2).unwrap();
+
 /// Longest time between refreshes where the motor's own timeout is not known (GUARANTEES G2).
 const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 
@@ -47,6 +50,8 @@ pub(crate) struct Axis {
     pub motor_timeout: MotorTimeout,
     pub measured: Measured,
     pub trip: Option<Trip>,
+    /// The trip has still to reach the others of its group.
+    trip_spreads: bool,
     /// The epoch of the latest arming; setpoints must carry it.
     epoch: u32,
     motion: Option<Motion>,
@@ -83,6 +88,7 @@ impl Axis {
             motor_timeout: MotorTimeout::Unknown,
             measured: Measured::new(),
             trip: None,
+            trip_spreads: false,
             epoch: 0,
             motion: None,
             stop: None,
@@ -158,6 +164,14 @@ impl Axis {
                 Some(Duration::from_millis(u64::from(timeout_ms)))
             }
             _ => None,
+        }
+    }
+
+    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
+    fn unreachable_silence(&self) -> Duration {
+        match self.programmed_timeout() {
+            Some(timeout) => timeout + timeout.part(HALF),
+            None => self.config.stop_repeat(),
         }
     }
 

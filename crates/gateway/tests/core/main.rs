@@ -20,4 +20,5 @@ mod rig;
 mod stops;
 mod subscriptions;
 mod text;
+mod trip_groups;
 mod wire;
