@@ -68,6 +68,17 @@ impl SharedGateway {
         transmit
     }
 
+    /// The slot of a frame that the controller of a bus should give back.
+    #[inline(never)]
+    pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
+        let slot = self.with(|core, now| core.poll_cancel(now, bus));
+        if slot.is_some() {
+            // The controller must report in time.
+            self.deadline.signal(());
+        }
+        slot
+    }
+
     /// The next frame for a host link: its length in `out`.
     #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {

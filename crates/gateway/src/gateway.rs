@@ -57,6 +57,9 @@ impl Gateway {
             Event::Transmitted { bus, slot } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.transmitted(now, slot, axes, out));
             }
+            Event::Cancelled { bus, slot } => {
+                self.on_bus(now, bus, |bus, axes, _| bus.cancelled(now, slot, axes));
+            }
             Event::BusState { bus, state, transmit_errors, receive_errors } => {
                 let errors = (transmit_errors, receive_errors);
                 self.on_bus(now, bus, |bus, axes, out| bus.state_changed(now, state, errors, axes, out));
@@ -89,6 +92,14 @@ impl Gateway {
         let now = now.max(self.now);
         let Self { buses, axes, links, .. } = self;
         buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links))
+    }
+
+    /// The slot of a frame that the controller of a CAN bus should give back, if there is one: motion that a stop or a newer
+    /// setpoint has replaced before it could leave.
+    pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
+        let now = now.max(self.now);
+        let Self { buses, axes, .. } = self;
+        buses.get_mut(usize::from(bus))?.poll_cancel(now, axes)
     }
 
     /// Writes the next delimited frame for a host link to `out` and returns its length.

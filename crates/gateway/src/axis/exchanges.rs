@@ -102,6 +102,27 @@ impl Axis {
         }
     }
 
+    /// Whether the frame in `slot` has not left and should not any more: a stop has pushed it aside, or a newer setpoint has
+    /// taken its place.
+    pub fn has_replaced(&self, slot: u8) -> bool {
+        let waits = |of: u8, until: Option<Instant>| of == slot && until.is_none();
+        let displaced = self.displaced.as_ref().is_some_and(|d| waits(d.slot, d.until));
+        let superseded = self.pending.as_ref().is_some_and(|p| {
+            p.exchange == Exchange::Motion && waits(p.slot, p.until) && !self.is_in_force(&p.command)
+        });
+        displaced || superseded
+    }
+
+    /// The frame in `slot` will not leave any more.
+    pub fn withdrawn(&mut self, now: Instant, slot: u8) {
+        if self.displaced.as_ref().is_some_and(|d| d.slot == slot && d.until.is_none()) {
+            self.displaced = None;
+        } else if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {
+            self.pending = None;
+            self.resend_motion(now);
+        }
+    }
+
     /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later.
     pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
         if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {

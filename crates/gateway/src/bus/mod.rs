@@ -57,6 +57,8 @@ struct InFlight {
     /// When it counts as not acknowledged.
     deadline: Instant,
     overdue: bool,
+    /// Asked back from the controller, which must report by then.
+    cancel_by: Option<Instant>,
 }
 
 impl Bus {

@@ -69,6 +69,8 @@ pub struct Rig {
     pub echo: Echo,
     /// The CAN wires touch: a bus goes off as often as it is started.
     pub shorted: bool,
+    /// The controllers never report a frame that they were to give back.
+    pub stubborn: bool,
     /// The CAN cables are cut: nothing is acknowledged.
     cut: bool,
     /// Frames that wait in a controller for an acknowledgement: bus, slot, text.
@@ -108,6 +110,7 @@ impl Rig {
             motor: Box::new(|_, _, _| None),
             echo: Echo::Clean,
             shorted: false,
+            stubborn: false,
             cut: false,
             held: Vec::new(),
             generations: [None; BUSES],
@@ -209,6 +212,11 @@ impl Rig {
         }
     }
 
+    /// What waits in the controllers.
+    pub fn held_texts(&self) -> Vec<&str> {
+        self.held.iter().map(|(.., text)| text.as_str()).collect()
+    }
+
     /// Joins the cables again: what waits in the controllers leaves.
     pub fn mend(&mut self) {
         self.cut = false;
@@ -292,7 +300,21 @@ impl Rig {
         }
     }
 
+    /// Frames that wait for an acknowledgement are given back when the core asks for them; those that are on the wire go on.
+    fn give_back(&mut self) {
+        for bus in 0..3 {
+            while let Some(slot) = self.gateway.poll_cancel(self.now(), bus) {
+                let held = self.held.len();
+                self.held.retain(|(on, of, _)| (*on, *of) != (bus, slot));
+                if self.held.len() < held && !self.stubborn {
+                    self.gateway.handle(self.now(), Event::Cancelled { bus, slot });
+                }
+            }
+        }
+    }
+
     fn drain(&mut self) {
+        self.give_back();
         for bus in 0..3 {
             while let Some(Transmit { slot, frame }) = self.gateway.poll_transmit(self.now(), bus) {
                 let text = match frame {
