@@ -32,12 +32,14 @@ impl SharedGateway {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
-        SHARED.init_with(|| Self {
-            core: Mutex::new(RefCell::new(Gateway::new(board))),
+        let shared = SHARED.init_with(|| Self {
+            core: Mutex::new(RefCell::new(Gateway::unequipped(board))),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
-        })
+        });
+        shared.with(|core, _| core.equip());
+        shared
     }
 
     /// The time of the gateway.

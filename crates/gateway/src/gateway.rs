@@ -14,9 +14,9 @@ use host_protocol::{Error, MAX_FRAME, TripReason};
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
     pub(crate) board: &'static Board,
-    pub(crate) axes: [Axis; MAX_AXES],
+    pub(crate) axes: Vec<Axis, MAX_AXES>,
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
-    pub(crate) links: [Link; MAX_LINKS],
+    pub(crate) links: Vec<Link, MAX_LINKS>,
     pub(crate) authority: Authority,
     /// The epoch of the latest arming of any axis.
     pub(crate) epoch: u32,
@@ -28,16 +28,43 @@ pub struct Gateway {
 impl Gateway {
     /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out.
     pub fn new(board: &'static Board) -> Self {
-        let buses = (0u8..).zip(board.buses).take(MAX_BUSES);
+        let mut gateway = Self::unequipped(board);
+        gateway.equip();
+        gateway
+    }
+
+    /// A gateway without axes, buses and links, to be put where it stays before it is [equipped](Self::equip): complete, it
+    /// is too large for the stack of a board.
+    #[inline(always)]
+    pub const fn unequipped(board: &'static Board) -> Self {
         Self {
             board,
-            axes: core::array::from_fn(|index| Axis::new(u8::try_from(index).unwrap_or(u8::MAX))),
-            buses: buses.map(|(index, port)| Bus::new(index, *port)).collect(),
-            links: [const { Link::new() }; MAX_LINKS],
+            axes: Vec::new(),
+            buses: Vec::new(),
+            links: Vec::new(),
             authority: Authority::new(),
             epoch: 0,
             e_stopped: false,
             now: Instant::from_micros(0),
+        }
+    }
+
+    /// Makes the axes, buses and links of an unequipped gateway; each passes over the stack alone. Another time it does
+    /// nothing.
+    #[inline(never)]
+    pub fn equip(&mut self) {
+        while !self.axes.is_full() {
+            let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
+            let _ = self.axes.push(Axis::new(index));
+        }
+        while let Some(port) = self.board.buses.get(self.buses.len()) {
+            let index = u8::try_from(self.buses.len()).unwrap_or(u8::MAX);
+            if self.buses.push(Bus::new(index, *port)).is_err() {
+                break;
+            }
+        }
+        while !self.links.is_full() {
+            let _ = self.links.push(Link::new());
         }
     }
 

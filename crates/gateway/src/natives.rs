@@ -25,13 +25,19 @@ impl Gateway {
         let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
         let native = motor::native(index, &request.data, kind, &axis.config)?;
         let idle = axis.state == AxisState::Idle;
+        let permitted = axis.is_armed_in(request.epoch);
         match native.effect {
             Effect::Asks => self.ask_natively(now, index, native, ticket),
-            Effect::Stops if !idle => {
+            Effect::Rests(demand) if permitted => {
+                self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
+            }
+            Effect::Stops | Effect::Rests(_) if !idle => {
                 self.stop(now, StopTarget::Axis(index))?;
                 Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
             }
-            Effect::Stops | Effect::Changes => self.change_natively(now, index, native, ticket),
+            Effect::Stops | Effect::Rests(_) | Effect::Changes => {
+                self.change_natively(now, index, native, ticket)
+            }
             Effect::Moves(demand) => {
                 self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
             }

@@ -3,8 +3,11 @@
 use super::{Axis, Observation};
 use crate::motor::Demand;
 use crate::outbox::Outbox;
-use crate::time::Instant;
-use host_protocol::{AxisParameter, Error, Quantity, Setpoint, TripReason};
+use crate::time::{Duration, Instant};
+use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, StateField, TripReason};
+
+/// How long a turning motor that nobody here moves is left alone where its own timeout is not known.
+const UNKNOWN_TIMEOUT_PAUSE: Duration = Duration::from_millis(5_000);
 
 impl Axis {
     /// Refuses a setpoint that is not a number or lies beyond a limit of the axis.
@@ -63,7 +66,7 @@ impl Axis {
                 if min.is_infinite() && max.is_infinite() {
                     return Ok(());
                 }
-                match self.measured.position_rad() {
+                match self.measured.number(StateField::Position) {
                     Some(position) => self.check_position(position + distance_rad),
                     None => unnoticed(Quantity::Position),
                 }
@@ -96,6 +99,7 @@ impl Axis {
             return;
         }
         if !self.is_armed() {
+            self.leave_turning_motor_alone(now, seen);
             return;
         }
         if let Some(faults) = seen.faults
@@ -104,6 +108,16 @@ impl Axis {
             self.trip(now, TripReason::MotorFault { faults }, out);
         } else if let Some(reason) = self.exceeded(seen) {
             self.trip(now, reason, out);
+        }
+    }
+
+    /// An idle axis that is read for somebody who watches, and turns: something else has set it in motion. Reading on would
+    /// keep its own timeout from stopping it.
+    fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
+        let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
+        if self.state == AxisState::Idle && turns {
+            let pause = self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
+            self.state_poll_at = now + pause;
         }
     }
 

@@ -29,15 +29,12 @@ use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Silence};
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, Reading, StateField, StateFields, Trip,
+    AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, StateField, StateFields, Trip,
 };
 use motion::Motion;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
 const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
-
-/// Half of a time.
-const HALF: NonZeroU64 = NonZeroU64::new(2).unwrap();
 
 /// Longest time between refreshes where the motor's own timeout is not known (GUARANTEES G2).
 const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
@@ -80,6 +77,7 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
+    #[inline(never)]
     pub const fn new(index: u8) -> Self {
         Self {
             index,
@@ -112,6 +110,11 @@ impl Axis {
     /// Whether motion is allowed or under way, so that polls, limits and trips apply.
     pub fn is_armed(&self) -> bool {
         matches!(self.state, AxisState::Armed | AxisState::Active)
+    }
+
+    /// Whether motion is allowed to whoever knows this epoch.
+    pub fn is_armed_in(&self, epoch: u32) -> bool {
+        self.is_armed() && self.epoch == epoch
     }
 
     /// Whether the axis may be configured: nothing is allowed and nothing is under way.
@@ -170,7 +173,7 @@ impl Axis {
     /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
     fn unreachable_silence(&self) -> Duration {
         match self.programmed_timeout() {
-            Some(timeout) => timeout + timeout.part(HALF),
+            Some(timeout) => timeout.and_a_half(),
             None => self.config.stop_repeat(),
         }
     }
@@ -197,19 +200,19 @@ impl Axis {
 
     /// The axis as a host sees it.
     pub fn report(&self, now: Instant) -> AxisReport {
-        let readings = self.measured.readings(now);
+        let reading = |field| self.measured.reading(now, field);
         AxisReport {
             axis: self.index,
             state: self.state,
             epoch: self.is_armed().then_some(self.epoch),
             trip: self.trip,
-            position_rad: readings.position_rad,
-            velocity_rad_s: readings.velocity_rad_s,
-            current_a: readings.current_a,
-            voltage_v: readings.voltage_v,
-            motor_temperature_c: readings.motor_temperature_c,
-            driver_temperature_c: readings.driver_temperature_c,
-            faults: readings.faults,
+            position_rad: reading(StateField::Position),
+            velocity_rad_s: reading(StateField::Velocity),
+            current_a: reading(StateField::Current),
+            voltage_v: reading(StateField::Voltage),
+            motor_temperature_c: reading(StateField::MotorTemperature),
+            driver_temperature_c: reading(StateField::DriverTemperature),
+            faults: self.measured.faults(now),
             fault_record: self.measured.fault_record,
             motor_timeout: self.motor_timeout,
             standstill: self.standstill(),
@@ -219,18 +222,17 @@ impl Axis {
 
     /// The chosen fields of the axis for a subscriber.
     pub fn sample(&self, now: Instant, fields: StateFields) -> Event {
-        let readings = self.measured.readings(now);
-        let wanted = |field, reading: Option<Reading>| reading.filter(|_| fields.contains(field));
+        let wanted = |field| self.measured.reading(now, field).filter(|_| fields.contains(field));
         Event::Sample {
             axis: self.index,
             state: self.state,
-            position_rad: wanted(StateField::Position, readings.position_rad),
-            velocity_rad_s: wanted(StateField::Velocity, readings.velocity_rad_s),
-            current_a: wanted(StateField::Current, readings.current_a),
-            voltage_v: wanted(StateField::Voltage, readings.voltage_v),
-            motor_temperature_c: wanted(StateField::MotorTemperature, readings.motor_temperature_c),
-            driver_temperature_c: wanted(StateField::DriverTemperature, readings.driver_temperature_c),
-            faults: readings.faults.filter(|_| fields.contains(StateField::Faults)),
+            position_rad: wanted(StateField::Position),
+            velocity_rad_s: wanted(StateField::Velocity),
+            current_a: wanted(StateField::Current),
+            voltage_v: wanted(StateField::Voltage),
+            motor_temperature_c: wanted(StateField::MotorTemperature),
+            driver_temperature_c: wanted(StateField::DriverTemperature),
+            faults: self.measured.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
     }
 

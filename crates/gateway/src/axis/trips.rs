@@ -3,7 +3,9 @@
 use super::{Axis, Stop};
 use crate::outbox::Outbox;
 use crate::time::Instant;
-use host_protocol::{AxisParameter, AxisState, Error, Event, Protocol, StopAction, Trip, TripReason};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event, Protocol, StateField, StopAction, Trip, TripReason,
+};
 
 impl Axis {
     /// Latches a trip with its reason and starts the stop. Only states in which motion is possible can trip.
@@ -18,9 +20,9 @@ impl Axis {
         let trip = Trip {
             reason,
             time_us: now.as_micros(),
-            velocity_rad_s: self.measured.velocity_rad_s(),
-            position_rad: self.measured.position_rad(),
-            current_a: self.measured.current_a(),
+            velocity_rad_s: self.measured.number(StateField::Velocity),
+            position_rad: self.measured.number(StateField::Position),
+            current_a: self.measured.number(StateField::Current),
             unreachable: false,
         };
         self.trip = Some(trip);

@@ -89,6 +89,11 @@ impl Events {
         self.dropped_requests.add(now_us);
     }
 
+    /// Whether the host has said hello.
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
     /// Events that were never queued have been lost.
     pub fn count_dropped(&mut self, count: u32) {
         self.dropped = self.dropped.saturating_add(count);

@@ -150,6 +150,9 @@ impl Link {
 
     /// The next axis to tell of, and what of it. To be followed by [`sample`](Self::sample).
     pub fn next_sample(&mut self) -> Option<(u8, StateFields)> {
+        if !self.events.is_open() {
+            return None;
+        }
         let (axis, fields, missed) = self.subscription.as_mut()?.take()?;
         self.events.count_dropped(missed);
         Some((axis, fields))
@@ -168,7 +171,7 @@ impl Link {
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.
     #[must_use]
     pub fn has_output(&self) -> bool {
-        let sample = self.subscription.as_ref().is_some_and(Subscription::is_due);
+        let sample = self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
         self.replies.has_output() || self.events.has_output() || sample
     }
 }

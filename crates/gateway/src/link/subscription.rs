@@ -16,6 +16,8 @@ pub struct Subscription {
     next_us: u64,
     /// Axes whose sample of this period has not gone out.
     due: u32,
+    /// Where the turn goes on, so that a slow link leaves out no axis for ever.
+    turn: u8,
     /// Samples that were not out when the next were due.
     missed: u32,
 }
@@ -35,6 +37,7 @@ impl Subscription {
             period_us: u64::from(request.period_us),
             next_us: now_us,
             due: 0,
+            turn: 0,
             missed: 0,
         };
         Ok((request.axes != 0).then_some(subscription))
@@ -72,8 +75,11 @@ impl Subscription {
 
     /// The next axis to tell of, what of it, and how many samples were missed since the last one.
     pub fn take(&mut self) -> Option<(u8, StateFields, u32)> {
-        let axis = u8::try_from(self.due.trailing_zeros()).ok().filter(|_| self.due != 0)?;
+        let later = self.due & u32::MAX.checked_shl(u32::from(self.turn)).unwrap_or(0);
+        let from = if later == 0 { self.due } else { later };
+        let axis = u8::try_from(from.trailing_zeros()).ok().filter(|_| from != 0)?;
         self.due &= !axis_bit(axis);
+        self.turn = axis + 1;
         Some((axis, self.fields, core::mem::take(&mut self.missed)))
     }
 }
@@ -84,6 +90,9 @@ fn axis_bit(axis: u8) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
     use super::*;
 
     fn subscription(axes: u32, period_us: u32) -> Subscription {
@@ -111,6 +120,17 @@ mod tests {
         subscription.tick(5_400);
         assert_eq!(subscription.take(), Some((0, StateFields::NONE, 2)));
         assert_eq!(subscription.deadline(1_000), 6_000);
+    }
+
+    #[test]
+    fn a_link_with_room_for_one_sample_in_a_period_serves_the_axes_in_turn() {
+        let mut subscription = subscription(0b1000_0000_0000_0000_0000_0000_0000_0101, 1_000);
+        let mut served = Vec::new();
+        for period in 1..=4 {
+            subscription.tick(period * 1_000);
+            served.extend(subscription.take().map(|(axis, ..)| axis));
+        }
+        assert_eq!(served, [0, 2, 31, 0]);
     }
 
     #[test]

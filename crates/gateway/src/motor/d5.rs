@@ -93,16 +93,16 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
     }
     let velocity = |word| {
         let velocity_rad_s = config.sign() * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
-        Demand::Setpoint(Setpoint::Velocity { velocity_rad_s })
+        Setpoint::Velocity { velocity_rad_s }
     };
     let effect = match request {
         Request::Unknown { .. } => return Ok(None),
         Request::QueryId | Request::Read { .. } | Request::ReadMagneticAngle => Effect::Asks,
         Request::Write { register: Register::SPEED, value: Value::Word(word) } => {
-            Effect::Moves(velocity(word))
+            Effect::of_setpoint(velocity(word), d5::decode_speed(word).0 == 0)
         }
         Request::AsyncWrite { register: Register::SPEED, value: Value::Word(word) } => {
-            Effect::MovesOnce(velocity(word))
+            Effect::MovesOnce(Demand::Setpoint(velocity(word)))
         }
         Request::Execute => Effect::MovesOnce(Demand::Prepared),
         _ => Effect::Changes,

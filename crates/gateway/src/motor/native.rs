@@ -18,12 +18,22 @@ pub(crate) enum Effect {
     Asks,
     /// It stops the motor.
     Stops,
+    /// It is a setpoint of 0, which many take for a stop.
+    Rests(Demand),
     /// It moves the motor like a setpoint, so that it may be sent again and again.
     Moves(Demand),
     /// Each time it is sent it moves the motor anew.
     MovesOnce(Demand),
     /// It changes the motor: its memory, its brake, its id, its clock.
     Changes,
+}
+
+impl Effect {
+    /// What a command does that is the same as a setpoint, of 0 or another one.
+    pub fn of_setpoint(setpoint: Setpoint, is_zero: bool) -> Self {
+        let demand = Demand::Setpoint(setpoint);
+        if is_zero { Self::Rests(demand) } else { Self::Moves(demand) }
+    }
 }
 
 /// What a native command asks of the shaft, in SI units and in the axis's direction.

@@ -113,11 +113,11 @@ pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
         Request::EmergencyStop => Effect::Stops,
         Request::Signal { signal } => {
             let fraction = sign * convert::from_hundredths(i32::from(signal.0));
-            Effect::Moves(Demand::Setpoint(Setpoint::Signal { fraction }))
+            Effect::of_setpoint(Setpoint::Signal { fraction }, signal.0 == 0)
         }
         Request::Speed { speed } => {
             let velocity_rad_s = sign * convert::rpm_to_rad_s(i32::from(speed.0));
-            Effect::Moves(Demand::Setpoint(Setpoint::Velocity { velocity_rad_s }))
+            Effect::of_setpoint(Setpoint::Velocity { velocity_rad_s }, speed.0 == 0)
         }
         Request::AbsolutePosition { speed, position: target } => {
             Effect::Moves(Demand::Setpoint(Setpoint::Position {

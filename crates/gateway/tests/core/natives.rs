@@ -291,3 +291,25 @@ fn one_host_asks_while_the_other_one_commands() {
     assert_eq!(other(&mut rig, "8100000000000000").map(|reply| matches!(reply, Reply::Native(_))), Ok(true));
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
 }
+
+#[test]
+fn a_setpoint_of_0_is_motion_with_the_epoch_of_an_armed_axis_and_else_a_stop() {
+    let zero = "5443000000000000";
+    let (mut rig, _) = bench::thruster();
+    let epoch = bench::move_axis(&mut rig, Setpoint::Signal { fraction: 0.1 });
+    let request = native(&rig, epoch, zero);
+    assert_eq!(answered(rig.ask(request)), zero);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Active);
+    let request = native(&rig, 0, zero);
+    assert_eq!(answered(rig.ask(request)), "");
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    let request = native(&rig, 0, zero);
+    assert_eq!(answered(rig.ask(request)), zero);
+
+    let (mut rig, _) = bench::d5();
+    bench::move_axis(&mut rig, bench::D5_VELOCITY);
+    let request = native(&rig, 0, "D50B050320000033");
+    assert_eq!(answered(rig.ask(request)), "");
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+}

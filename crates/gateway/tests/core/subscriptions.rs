@@ -113,3 +113,32 @@ fn a_held_motor_is_still_watched_for_turning() {
     run_with_host(&mut rig, 50_000);
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
 }
+
+#[test]
+fn a_watched_motor_that_something_else_turns_is_left_alone_so_that_its_own_timeout_can_act() {
+    let longest_pause_ms = |timeout_ms: Option<u32>| {
+        let (mut rig, play) = bench::rmd(StopAction::Coast);
+        if let Some(timeout_ms) = timeout_ms {
+            let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
+            rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+        }
+        subscribe(&mut rig, 1, 20_000).unwrap();
+        run_with_host(&mut rig, 300_000);
+        let since = rig.now_us;
+        play.borrow_mut().turning = true;
+        run_with_host(&mut rig, 12_000_000);
+        rig.longest_gap_us(0, since, "141#") / 1_000
+    };
+    assert_eq!(longest_pause_ms(Some(400)), 600);
+    assert_eq!(longest_pause_ms(None), 5_000);
+}
+
+#[test]
+fn a_host_that_has_not_said_hello_is_told_nothing() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    let request = Request::Subscribe(requests::Subscribe { axes: 1, fields: FIELDS, period_us: 1_000 });
+    rig.ask_as(1, &request).unwrap();
+    run_with_host(&mut rig, 20_000);
+    let mut out = [0; host_protocol::MAX_FRAME];
+    assert_eq!(rig.gateway.poll_host(1, &mut out), None);
+}
