@@ -1,16 +1,13 @@
 //! Time of one frame, and bytes per second of the deframer.
 
-#[path = "../tests/frame/mod.rs"]
-mod frame;
-
 use std::hint::black_box;
 use std::time::Duration;
 
+use codec::testing::CanFrame;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use d5::serial::Deframer;
 use d5::{Address, Node, Register, Request, Value, Width, answer, can, request_frame};
 use embedded_can::Frame;
-use frame::CanFrame;
 
 /// A long read of a serial line: 4096 frames.
 const LINE_FRAMES: usize = 4096;

@@ -1,7 +1,8 @@
 //! The travelled angle of register 0x28: two's complement, unlike the speed.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 use crate::units::Degrees;
 
 /// Largest angle in either direction, in degrees (D5 manual, common commands, row 5).

@@ -50,7 +50,7 @@ mod tests {
     use embedded_can::ExtendedId;
 
     use super::*;
-    use crate::test_frame::CanFrame;
+    use codec::testing::CanFrame;
 
     fn node(id: u8) -> Node {
         Node::new(id).unwrap()

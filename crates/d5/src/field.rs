@@ -1,7 +1,5 @@
 //! Headers, command codes, byte positions and limits, each written once.
 
-use crate::error::EncodeError;
-
 /// Length of every frame (D5 manual, frame format).
 pub const FRAME_LEN: usize = 8;
 /// Length of what lies between id and checksum: length, command, address, low and high byte.
@@ -63,17 +61,3 @@ pub(crate) const ERROR_ID: u8 = 0x01;
 pub(crate) const ERROR_COMMAND: u8 = 0x03;
 /// Address byte of an error reply: the checksum was wrong (D5 manual, table row 3).
 pub(crate) const ERROR_CHECKSUM: u8 = 0x07;
-
-/// Refuses a value outside `min..=max`.
-pub(crate) const fn check_range(
-    field: &'static str,
-    value: i64,
-    min: i64,
-    max: i64,
-) -> Result<(), EncodeError> {
-    if min <= value && value <= max {
-        Ok(())
-    } else {
-        Err(EncodeError::OutOfRange { field, value, min, max })
-    }
-}

@@ -1,7 +1,7 @@
 //! The eight-byte frame: header, id, the five bytes of a [`Payload`], checksum.
 
 use crate::error::{DecodeError, EncodeError};
-use crate::field::{FRAME_LEN, ONE_DATA_BYTE, REPLY_HEADER, REQUEST_HEADER, TWO_DATA_BYTES};
+use crate::field::{FRAME_LEN, REPLY_HEADER, REQUEST_HEADER};
 use crate::node::{Address, Node};
 use crate::payload::Payload;
 use crate::reply::Reply;
@@ -26,11 +26,10 @@ pub fn decode_frame(frame: &[u8; FRAME_LEN]) -> Result<Message, DecodeError> {
     decode_request_frame(frame).map(|(address, request)| Message::Request(address, request))
 }
 
-/// Whether a frame begins with the header of either direction, has a length byte and the right checksum.
-pub(crate) fn is_well_formed(frame: &[u8; FRAME_LEN]) -> bool {
-    let [header, _, length, ..] = *frame;
-    let has_length = matches!(length, ONE_DATA_BYTE | TWO_DATA_BYTES);
-    has_length && matches!(header, REQUEST_HEADER | REPLY_HEADER) && disassemble(header, frame).is_ok()
+/// Whether a frame, whatever its header, has the right checksum.
+pub(crate) fn has_right_checksum(frame: &[u8; FRAME_LEN]) -> bool {
+    let [header, ..] = *frame;
+    disassemble(header, frame).is_ok()
 }
 
 /// The frame of a request. A broadcast is refused unless it is a query, an execute or a reset.

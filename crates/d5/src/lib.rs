@@ -38,13 +38,11 @@ pub mod serial;
 pub mod speed;
 mod table;
 pub mod temperature;
-#[cfg(test)]
-#[path = "../tests/frame/mod.rs"]
-mod test_frame;
 mod units;
 
 pub use ack::AckLevel;
 pub use angle::{decode_angle, encode_angle};
+pub use codec::{BuildError, CommandInfo, FieldInfo, FieldKind, FieldValue};
 pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultInfo, Faults};
 pub use field::{FRAME_LEN, PAYLOAD_LEN, REPLY_HEADER, REQUEST_HEADER, command};
@@ -58,6 +56,6 @@ pub use register::{Access, Coding, REGISTERS, Register, RegisterInfo};
 pub use reply::{MotorError, Reply};
 pub use request::Request;
 pub use speed::{decode_speed, encode_speed};
-pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use table::COMMANDS;
 pub use temperature::{decode_temperature, encode_temperature};
 pub use units::{Celsius, Degrees, DegreesPerSecond, TurnDegrees};

@@ -1,7 +1,8 @@
 //! The motor's id on its bus, and to whom a request goes.
 
+use codec::check_range;
+
 use crate::error::{DecodeError, EncodeError};
-use crate::field::check_range;
 
 /// Id of one motor, 0x01..=0xFD. The manual gives no range; 0xFE is the broadcast id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

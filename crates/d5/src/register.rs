@@ -1,8 +1,9 @@
 //! The registers of a motor: one table, and what it allows.
 
+use codec::check_range;
+
 use crate::angle::{ANGLE_MAX, decode_angle, encode_angle};
 use crate::error::EncodeError;
-use crate::field::check_range;
 use crate::node::Node;
 use crate::payload::{Value, Width};
 use crate::speed::{SPEED_MAX, decode_speed, encode_speed};
@@ -212,8 +213,8 @@ impl RegisterInfo {
     }
 
     /// Sign and magnitude in °C.
-    const fn temperature(self) -> RegisterInfo {
-        self.value("temperature_c", "degC", Coding::SignMagnitude)
+    const fn temperature(self, field: &'static str) -> RegisterInfo {
+        self.value(field, "degC", Coding::SignMagnitude)
     }
 
     /// The value, in the unit of the row, of raw data as wide as the register.
@@ -284,7 +285,7 @@ pub static REGISTERS: [RegisterInfo; 21] = {
         row(Register::ID, "id", ReadWrite, Byte, Some(ID_DEFAULT)).range(ID_MIN, ID_MAX),
         row(Register::BITRATE, "bitrate", Unsupported, Byte, None),
         row(Register::REPLY_DELAY, "reply_delay", ReadWrite, Byte, Some(0x00)),
-        row(Register::MAX_TEMPERATURE, "max_temperature", Access::None, Byte, Some(0x64)).temperature(),
+        row(Register::MAX_TEMPERATURE, "max_temperature", Access::None, Byte, Some(0x64)).temperature("temperature_c"),
         row(Register::ACK_LEVEL, "ack_level", ReadWrite, Byte, Some(0x02)),
         row(Register::TIMEOUT_SWITCH, "timeout_switch", ReadWrite, Byte, Some(0x01)).range(0, FLAG_MAX),
         row(Register::STATUS, "status", ReadWrite, Byte, Some(0x00)).value("faults", "", Coding::Faults),
@@ -297,8 +298,8 @@ pub static REGISTERS: [RegisterInfo; 21] = {
         row(Register::RUNNING, "running", ReadOnly, Byte, Some(0x00)).range(0, FLAG_MAX),
         row(Register::BRAKE, "brake", Access::None, Byte, Some(0x00)).range(0, FLAG_MAX),
         row(Register::ASYNC_FLAG, "async_flag", ReadOnly, Byte, Some(0x00)).range(0, FLAG_MAX),
-        row(Register::BOARD_TEMPERATURE, "board_temperature", ReadOnly, Byte, Some(0x00)).temperature(),
-        row(Register::MOTOR_TEMPERATURE, "motor_temperature", ReadOnly, Byte, Some(0x00)).temperature(),
+        row(Register::BOARD_TEMPERATURE, "board_temperature", ReadOnly, Byte, Some(0x00)).temperature("board_temperature_c"),
+        row(Register::MOTOR_TEMPERATURE, "motor_temperature", ReadOnly, Byte, Some(0x00)).temperature("motor_temperature_c"),
         row(Register::CURRENT_COMMAND, "current_command", ReadOnly, Byte, Some(0x00)),
         row(Register::MAGNETIC_ANGLE, "magnetic_angle", ReadOnly, Word, Some(0x0000)).range(0, FULL_TURN).value("angle_deg", "deg", Coding::Unsigned),
     ]

@@ -1,7 +1,8 @@
 //! The speed word of registers 0x20 and 0x26: bit 15 is the direction, the other 15 bits the magnitude in °/s.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 use crate::units::DegreesPerSecond;
 
 /// Bit 15: set is clockwise (D5 manual, common commands, row 3).

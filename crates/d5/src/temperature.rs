@@ -1,7 +1,8 @@
 //! The temperature byte of registers 0x0B, 0x2E and 0x2F: bit 7 is the sign, the other 7 bits the magnitude in °C.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 use crate::units::Celsius;
 
 /// Bit 7: set is below zero. Stated for register 0x0B, taken to hold for 0x2E and 0x2F as well.

@@ -1,7 +1,6 @@
 //! What holds for every value and every byte string.
 
-mod frame;
-
+use codec::testing::CanFrame;
 use d5::serial::Deframer;
 use d5::{
     Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, MotorError, Node, Payload,
@@ -10,7 +9,6 @@ use d5::{
     encode_speed, encode_temperature, reply_frame, request_frame,
 };
 use embedded_can::StandardId;
-use frame::CanFrame;
 use proptest::prelude::*;
 
 /// Five bytes between id and checksum, those of the manual often enough to be met.

@@ -1,11 +1,9 @@
 //! Runs the golden vectors of `host-tests/vectors/d5*.txt`.
 
-mod frame;
-
+use codec::testing::CanFrame;
 use d5::serial::Deframer;
 use d5::{BuildError, COMMANDS, DecodeError, REGISTERS, Reply, Request, can, decode_frame};
 use embedded_can::{Frame, StandardId};
-use frame::CanFrame;
 
 const VECTORS: &str = include_str!("../../../host-tests/vectors/d5.txt");
 const MISPRINTS: &str = include_str!("../../../host-tests/vectors/d5-misprints.txt");

@@ -1,14 +1,11 @@
 //! Time of one frame, and bytes per second of the deframer.
 
-#[path = "../tests/frame/mod.rs"]
-mod frame;
-
 use std::hint::black_box;
 use std::time::Duration;
 
+use codec::testing::CanFrame;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use embedded_can::{Frame, StandardId};
-use frame::CanFrame;
 use rmd::rs485::{self, Deframer, Scan};
 use rmd::{
     Centiamps, Centidegrees, CentidegreesPerSecond, MotionCommand, Node, Request, SpeedLimit, answer, can,

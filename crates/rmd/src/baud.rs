@@ -1,7 +1,8 @@
 //! Rates of the two buses.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 
 /// Code of 0xB4. One code sets the rate of RS485 and of CAN (RMD V3.6 §2.31); unlisted codes are kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -2,49 +2,7 @@
 
 use core::fmt;
 
-/// A value the manual gives no bytes for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum EncodeError {
-    /// The value lies outside the field's range.
-    OutOfRange {
-        /// Name of the field.
-        field: &'static str,
-        /// The refused value, in the field's own unit.
-        value: i64,
-        /// Lowest allowed value.
-        min: i64,
-        /// Highest allowed value.
-        max: i64,
-    },
-    /// The value lies within the range and is refused all the same.
-    Forbidden {
-        /// Name of the field.
-        field: &'static str,
-        /// The refused value.
-        value: i64,
-        /// Why it is refused.
-        reason: &'static str,
-    },
-    /// The CAN frame type took neither the id nor the data.
-    Frame,
-}
-
-impl fmt::Display for EncodeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            EncodeError::OutOfRange { field, value, min, max } => {
-                write!(f, "{field} {value} is outside {min}..={max}")
-            }
-            EncodeError::Forbidden { field, value, reason } => {
-                write!(f, "{field} {value} is refused: {reason}")
-            }
-            EncodeError::Frame => write!(f, "the CAN frame type refused the frame"),
-        }
-    }
-}
-
-impl core::error::Error for EncodeError {}
+pub use codec::EncodeError;
 
 /// A frame that is none of this protocol's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,5 @@
 //! Byte positions and limits of the eight data bytes.
 
-use crate::error::EncodeError;
-
 /// Every request and reply has eight data bytes, on CAN and on RS485 (RMD V3.6 §1.1.2, §1.2.2).
 pub const DATA_LEN: usize = 8;
 
@@ -111,17 +109,4 @@ pub(crate) mod reply {
     pub(crate) const ANGLE_MIN: i16 = -32767;
     /// Upper end of [`ANGLE`] (RMD V3.6 §2.13.3).
     pub(crate) const ANGLE_MAX: i16 = 32767;
-}
-
-/// Refuses a value outside `min..=max`.
-pub(crate) const fn check_range(
-    field: &'static str,
-    value: i64,
-    min: i64,
-    max: i64,
-) -> Result<(), EncodeError> {
-    if value < min || value > max {
-        return Err(EncodeError::OutOfRange { field, value, min, max });
-    }
-    Ok(())
 }

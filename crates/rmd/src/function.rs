@@ -1,8 +1,10 @@
 //! The functions behind 0x20.
 
+use codec::{CommandInfo, Visit, check_range};
+
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, check_range, request as field};
-use crate::table::{self, CommandInfo, Visit, field as f};
+use crate::field::{DATA_LEN, request as field};
+use crate::table::{self, field as f};
 
 /// One function of 0x20 (RMD V3.6 §2.33.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

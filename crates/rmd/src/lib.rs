@@ -50,6 +50,7 @@ mod target;
 mod units;
 
 pub use baud::BaudCode;
+pub use codec::{BuildError, CommandInfo, FieldInfo, FieldKind, FieldValue};
 pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultInfo, FaultLevel, Faults};
 pub use field::DATA_LEN;
@@ -64,13 +65,9 @@ pub use ramp::Ramp;
 pub use reply::{Motion, Reply};
 pub use request::Request;
 pub use run_mode::RunMode;
-pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use table::COMMANDS;
 pub use target::Target;
 pub use units::{
     Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
     DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
 };
-
-#[cfg(test)]
-#[path = "../tests/frame/mod.rs"]
-mod test_frame;

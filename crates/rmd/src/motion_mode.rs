@@ -5,10 +5,12 @@
 
 mod ranges;
 
+use codec::check_range;
+
 pub use self::ranges::{MotionRanges, MotionState, MotionTarget, Span};
 pub(crate) use self::ranges::{RAW_12_MAX, RAW_16_MAX};
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, check_range};
+use crate::field::DATA_LEN;
 
 const NIBBLE: u32 = 4;
 const LOW_NIBBLE: u8 = 0x0F;

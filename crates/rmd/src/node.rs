@@ -1,7 +1,8 @@
 //! The motor's id on its bus.
 
+use codec::check_range;
+
 use crate::error::{DecodeError, EncodeError};
-use crate::field::check_range;
 
 /// Id of one motor, 1..=32, the same number on CAN and on RS485 (RMD V3.6 §1.1.2, §1.2.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

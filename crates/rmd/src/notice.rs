@@ -1,8 +1,10 @@
 //! The data of the 0xF1 notice, which no manual describes.
 
+use codec::check_range;
+
 use crate::command;
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, check_range};
+use crate::field::DATA_LEN;
 
 /// Most bytes that can follow the command byte.
 const MAX_PAYLOAD: usize = DATA_LEN - 1;

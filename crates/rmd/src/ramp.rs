@@ -1,7 +1,8 @@
 //! Which of the four accelerations 0x43 writes.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 
 /// Index of an acceleration or deceleration (RMD V3.6 §2.5.4); other values than the four are kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

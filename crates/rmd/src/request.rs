@@ -1,5 +1,31 @@
 //! What the master sends: the eight data bytes of each command.
 
+/// The requests of which the command alone says all, as a pattern: nothing is filled in, shown or put into bytes.
+macro_rules! bare {
+    () => {
+        Request::ReadPid
+            | Request::ReadAcceleration
+            | Request::ReadEncoderPosition
+            | Request::ReadEncoderRawPosition
+            | Request::ReadEncoderOffset
+            | Request::WritePositionAsZero
+            | Request::ReadMultiTurnAngle
+            | Request::ReadStatus1
+            | Request::ReadStatus2
+            | Request::ReadStatus3
+            | Request::Shutdown
+            | Request::Stop
+            | Request::ReadRunMode
+            | Request::ReadPower
+            | Request::Reset
+            | Request::ReleaseBrake
+            | Request::LockBrake
+            | Request::ReadRunTime
+            | Request::ReadVersionDate
+            | Request::ReadModel
+    };
+}
+
 mod build;
 mod bytes;
 mod fields;

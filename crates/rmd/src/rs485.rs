@@ -9,7 +9,7 @@ mod scan;
 
 use crc::{CRC_16_MODBUS, Crc, Table};
 
-pub use self::deframer::Deframer;
+pub use self::deframer::{Deframer, Rs485Framing};
 pub use self::scan::{Piece, Scan};
 use crate::bus_id::{self, Access};
 use crate::error::{DecodeError, EncodeError};

@@ -1,12 +1,11 @@
 //! What holds for every value and every byte string.
 
-mod frame;
 mod values;
 
 use std::collections::BTreeMap;
 
+use codec::testing::CanFrame;
 use embedded_can::{Frame, StandardId};
-use frame::CanFrame;
 use proptest::prelude::*;
 use rmd::rs485::{self, Deframer, FRAME_LEN, Piece, Scan};
 use rmd::{DecodeError, EncodeError, FieldValue, Reply, Request, Target, answer, answer_on_line, can};

@@ -1,14 +1,11 @@
 //! Time of one frame.
 
-#[path = "../tests/frame/mod.rs"]
-mod frame;
-
 use std::hint::black_box;
 use std::time::Duration;
 
+use codec::testing::CanFrame;
 use criterion::{Criterion, criterion_group, criterion_main};
 use embedded_can::{Frame, StandardId};
-use frame::CanFrame;
 use thruster::{Decidegrees, Node, Percent, Request, Rpm, RpmLimit, answer, can};
 
 fn received(data: [u8; 8]) -> CanFrame {

@@ -90,8 +90,8 @@ mod tests {
 
     use super::*;
     use crate::faults::Faults;
-    use crate::test_frame::CanFrame;
     use crate::units::{Deciamps, Decivolts, Percent, Rpm};
+    use codec::testing::CanFrame;
 
     fn node(id: u8) -> Node {
         Node::new(id).unwrap()

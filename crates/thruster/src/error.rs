@@ -2,49 +2,7 @@
 
 use core::fmt;
 
-/// Why a value cannot be put on the wire.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum EncodeError {
-    /// The value lies outside the range the manual gives.
-    OutOfRange {
-        /// Which field.
-        field: &'static str,
-        /// The refused value, in the field's raw unit.
-        value: i64,
-        /// Lowest value allowed.
-        min: i64,
-        /// Highest value allowed.
-        max: i64,
-    },
-    /// The value lies within the range but must not be sent.
-    Forbidden {
-        /// Which field.
-        field: &'static str,
-        /// The refused value, in the field's raw unit.
-        value: i64,
-        /// What the manual asks for.
-        reason: &'static str,
-    },
-    /// The CAN frame type took neither the id nor the data.
-    Frame,
-}
-
-impl fmt::Display for EncodeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            EncodeError::OutOfRange { field, value, min, max } => {
-                write!(f, "{field} {value} is outside {min}..={max}")
-            }
-            EncodeError::Forbidden { field, value, reason } => {
-                write!(f, "{field} {value} is refused: {reason}")
-            }
-            EncodeError::Frame => write!(f, "the CAN frame type refused the frame"),
-        }
-    }
-}
-
-impl core::error::Error for EncodeError {}
+pub use codec::EncodeError;
 
 /// Why received bytes are not a message of this protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

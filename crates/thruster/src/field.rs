@@ -1,5 +1,7 @@
 //! Ids, command words, byte positions and limits, each written once.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
 use crate::node::Node;
 use crate::units::{Decidegrees, LimitDecidegrees, Milliseconds, Percent, Rpm};
@@ -106,20 +108,6 @@ pub mod command {
 /// Sub-command of SP and RP: the limits of the absolute position (Thruster manual §4.1, SPLA and RPLA). The only one
 /// the manual explains.
 pub const POSITION_LIMITS: u16 = 0x4C41;
-
-/// Refuses a value outside `min..=max`.
-pub(crate) const fn check_range(
-    field: &'static str,
-    value: i64,
-    min: i64,
-    max: i64,
-) -> Result<(), EncodeError> {
-    if min <= value && value <= max {
-        Ok(())
-    } else {
-        Err(EncodeError::OutOfRange { field, value, min, max })
-    }
-}
 
 /// The signal word of TC, if the manual allows it.
 pub(crate) fn signal_word(signal: Percent) -> Result<i16, EncodeError> {

@@ -33,12 +33,10 @@ mod reply;
 mod request;
 mod returned;
 mod table;
-#[cfg(test)]
-#[path = "../tests/frame/mod.rs"]
-mod test_frame;
 mod units;
 
 pub use bitrate::{BITRATES, BitrateInfo};
+pub use codec::{BuildError, CommandInfo, FieldInfo, FieldKind, FieldValue};
 pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultAction, FaultInfo, FaultRecovery, Faults};
 pub use field::{
@@ -51,7 +49,7 @@ pub use payload::Payload;
 pub use reply::Reply;
 pub use request::Request;
 pub use returned::{Headerless, ReturnFlags, ReturnFrames, ReturnSource, Returned, ReturnedFrame};
-pub use table::{BuildError, COMMANDS, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use table::COMMANDS;
 pub use units::{
     Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm,
     RpmLimit,

@@ -1,7 +1,8 @@
 //! The id of a device on its bus.
 
+use codec::check_range;
+
 use crate::error::EncodeError;
-use crate::field::check_range;
 
 /// Id of one device, 1..=127 (Thruster manual §1.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

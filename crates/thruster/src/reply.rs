@@ -1,5 +1,7 @@
 //! What a device answers.
 
+use codec::check_range;
+
 use crate::error::{DecodeError, EncodeError};
 use crate::faults::Faults;
 use crate::field::{self, POSITION_LIMITS, REFUSAL, command};
@@ -371,7 +373,7 @@ fn refused(command: u16, parameter: u16) -> Result<Payload, EncodeError> {
         return Err(EncodeError::Forbidden { field: "command", value: i64::from(command), reason });
     }
     if !command::WITH_PARAMETER.contains(&command) {
-        field::check_range("parameter", i64::from(parameter), 0, 0)?;
+        check_range("parameter", i64::from(parameter), 0, 0)?;
     }
     Ok(Payload::full(command, parameter, REFUSAL))
 }

@@ -1,8 +1,6 @@
 //! What holds for every value and every byte string.
 
-mod frame;
-
-use frame::CanFrame;
+use codec::testing::CanFrame;
 use proptest::prelude::*;
 use thruster::{
     BITRATES, COMMANDS, Celsius, Deciamps, Decidegrees, Decivolts, Faults, Headerless, Kilobits,

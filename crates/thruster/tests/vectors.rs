@@ -1,9 +1,7 @@
 //! Runs the golden vectors of `host-tests/vectors/thruster*.txt`.
 
-mod frame;
-
+use codec::testing::CanFrame;
 use embedded_can::{Frame, StandardId};
-use frame::CanFrame;
 use thruster::{BuildError, COMMANDS, Payload, Reply, Request, can};
 
 const VECTORS: &str = include_str!("../../../host-tests/vectors/thruster.txt");

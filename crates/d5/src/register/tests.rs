@@ -21,6 +21,16 @@ fn the_table_is_sorted_and_no_registers_overlap() {
     }
 }
 
+/// Two byte registers read at once show their fields side by side.
+#[test]
+fn neighbours_read_at_once_have_fields_of_different_names() {
+    for pair in REGISTERS.windows(2) {
+        let [low, high] = pair else { unreachable!() };
+        let read_at_once = low.width == Width::Byte && low.register.0 + 1 == high.register.0;
+        assert!(!read_at_once || low.field != high.field, "{} {}", low.name, high.name);
+    }
+}
+
 /// D5 manual, register table: every default lies within its limits.
 #[test]
 fn defaults_lie_within_their_limits() {

@@ -1,11 +1,13 @@
 //! A reply by name, field by field.
 
+use codec::{CommandInfo, FieldKind, UNKNOWN, Visit};
+
 use super::{MotorError, Reply};
 use crate::faults::Faults;
 use crate::payload::{Value, Width};
 use crate::register::{Register, RegisterInfo};
 use crate::request::{visit_register, visit_written};
-use crate::table::{self, COMMANDS, CommandInfo, FieldKind, Visit, field as f};
+use crate::table::{self, COMMANDS, field as f};
 
 impl Reply {
     /// The command in [`COMMANDS`](crate::COMMANDS), of an error the one it names; `None` for what the manual does not
@@ -31,11 +33,11 @@ impl Reply {
     pub fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 
-    /// Hands on every field in the order of [`CommandInfo::reply`](field@CommandInfo::reply): a register with its name, where it has one, and its
+    /// Hands on every field in the order of [`CommandInfo::reply`]: a register with its name, where it has one, and its
     /// value as the register's own field; of an error what is wrong and the command that the motor names.
     pub fn visit_fields(&self, visit: &mut Visit<'_>) {
         match self {

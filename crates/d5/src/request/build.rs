@@ -1,14 +1,16 @@
 //! A request from a name and numbers.
 
+use codec::{BuildError, CommandInfo, FieldInfo, Fields};
+
 use super::Request;
 use crate::field::command;
 use crate::payload::{Value, Width};
 use crate::register::Register;
-use crate::table::{BuildError, COMMANDS, CommandInfo, FieldInfo, Fields, field as f};
+use crate::table::{COMMANDS, field as f};
 
 impl Request {
     /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields` gives for the names in
-    /// its [`request`](field@crate::CommandInfo::request), in the units of those names.
+    /// its [`request`](crate::CommandInfo::request), in the units of those names.
     ///
     /// What is written is given in the unit of the register, as `value` or under the name of the register's own field,
     /// [`RegisterInfo::field`](crate::RegisterInfo::field). A read without `bytes` takes as many as the register has. A

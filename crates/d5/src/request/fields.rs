@@ -1,9 +1,11 @@
 //! A request by name, field by field.
 
+use codec::{CommandInfo, UNKNOWN, Visit};
+
 use super::Request;
 use crate::payload::{Value, Width};
 use crate::register::Register;
-use crate::table::{self, CommandInfo, Visit, field as f};
+use crate::table::{self, field as f};
 
 impl Request {
     /// The command in [`COMMANDS`](crate::COMMANDS); `None` for what the manual does not list.
@@ -26,11 +28,11 @@ impl Request {
     pub const fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 
-    /// Hands on every field in the order of [`CommandInfo::request`](field@CommandInfo::request): a register with its name, where it has one, and
+    /// Hands on every field in the order of [`CommandInfo::request`]: a register with its name, where it has one, and
     /// what is written as the register's own field.
     pub fn visit_fields(&self, visit: &mut Visit<'_>) {
         match self {

@@ -1,6 +1,7 @@
 //! Every field of a frame: its name, unit, range and counts per unit. Those of registers are in their own table.
 
-use super::{FieldInfo, FieldKind};
+use codec::{FieldInfo, FieldKind};
+
 use crate::register::{Coding, RegisterInfo};
 
 const BYTE: (i64, i64) = (0, u8::MAX as i64);

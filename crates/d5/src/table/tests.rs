@@ -1,5 +1,7 @@
 //! The table against the codec.
 
+use codec::{BuildError, FieldValue, Visit};
+
 use super::*;
 use crate::{
     Address, Node, REGISTERS, Register, Reply, Request, Value, Width, decode_reply_frame, request_frame,
@@ -156,7 +158,7 @@ fn replies_are_shown_in_units() {
     shown(
         [0x5D, 0x0B, 0x04, 0x02, 0x2E, 0x85, 0x00, 0xC4],
         "read",
-        &named("46", "board_temperature", ("temperature_c", "-5")),
+        &named("46", "board_temperature", ("board_temperature_c", "-5")),
     );
     shown([0x5D, 0x0D, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x25], "write", &named("3", "id", ("id", "13")));
     let two = [
@@ -166,6 +168,13 @@ fn replies_are_shown_in_units() {
         ("deceleration", "72"),
     ];
     shown([0x5D, 0x0B, 0x05, 0x02, 0x15, 0x48, 0x48, 0xB7], "read", &two);
+    let temperatures = [
+        ("register", "46"),
+        ("register_name", "board_temperature"),
+        ("board_temperature_c", "-5"),
+        ("motor_temperature_c", "30"),
+    ];
+    shown([0x5D, 0x0B, 0x05, 0x02, 0x2E, 0x85, 0x1E, 0xE3], "read", &temperatures);
     let half = [("register", "33"), ("value", "132")];
     shown([0x5D, 0x0B, 0x04, 0x05, 0x21, 0x84, 0x00, 0xB9], "execute", &half);
     shown([0x5D, 0x0B, 0x05, 0xD4, 0x57, 0x61, 0x01, 0x9D], "read_magnetic_angle", &[("angle_deg", "353")]);

@@ -1,9 +1,9 @@
+use codec::testing::CanFrame;
 use embedded_can::ExtendedId;
 
 use super::*;
 use crate::baud::BaudCode;
 use crate::notice::RawNotice;
-use crate::test_frame::CanFrame;
 use crate::units::{Centiamps, EncoderPulses};
 
 fn node(node: u8) -> Node {

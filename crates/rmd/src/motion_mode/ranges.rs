@@ -1,7 +1,8 @@
 //! What the words of motion mode mean on a given motor.
 
+use codec::{BuildError, nearest_count};
+
 use super::{MotionCommand, MotionFeedback};
-use crate::table::{BuildError, count};
 
 /// Highest position word.
 pub(crate) const RAW_16_MAX: u16 = u16::MAX;
@@ -82,7 +83,7 @@ impl Span {
             return Err(refused);
         }
         let steps = f64::from(last) + 1.0;
-        let raw = count((value - min) * steps / (max - min)).min(i64::from(last));
+        let raw = nearest_count((value - min) * steps / (max - min)).min(i64::from(last));
         u16::try_from(raw).map_err(|_| refused)
     }
 

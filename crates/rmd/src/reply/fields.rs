@@ -1,10 +1,12 @@
 //! A reply by name, field by field.
 
+use codec::{CommandInfo, FieldValue, UNKNOWN, Visit};
+
 use super::Reply;
 use crate::faults::Faults;
 use crate::model::Model;
 use crate::motion_mode::{MotionFeedback, MotionRanges};
-use crate::table::{self, CommandInfo, FieldValue, Visit, field as f};
+use crate::table::{self, field as f};
 
 impl Reply {
     /// The command in [`COMMANDS`](crate::COMMANDS); `None` for what the manual does not list.
@@ -56,7 +58,7 @@ impl Reply {
     pub const fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 

@@ -1,8 +1,10 @@
 //! The state in the replies to 0x9C and to the closed-loop commands.
 
+use codec::{Visit, check_range};
+
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, check_range, reply as field};
-use crate::table::{Visit, field as f};
+use crate::field::{DATA_LEN, reply as field};
+use crate::table::field as f;
 use crate::units::{Celsius, Centiamps, Degrees, DegreesPerSecond};
 
 /// State in the replies to 0x9C and to the closed-loop commands (RMD V3.6 §2.13.3, §2.17.3).

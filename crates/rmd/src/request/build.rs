@@ -1,12 +1,14 @@
 //! A request from a name and numbers.
 
+use codec::{BuildError, Fields};
+
 use super::Request;
 use crate::baud::BaudCode;
 use crate::function::Function;
 use crate::motion_mode::{MotionCommand, MotionRanges, MotionTarget};
 use crate::pid::PidGains;
 use crate::ramp::Ramp;
-use crate::table::{BuildError, Fields, field as f};
+use crate::table::field as f;
 use crate::units::{
     Centiamps, Centidegrees, CentidegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit,
     Milliseconds, SpeedLimit,
@@ -127,29 +129,7 @@ fn fill(blank: Request, fields: &Fields<'_>, ranges: &MotionRanges) -> Result<Re
         Request::SetCanId { .. } => Request::SetCanId { id: fields.count(&f::ID)? },
         Request::SetRs485Id { .. } => Request::SetRs485Id { id: fields.count(&f::ID)? },
         Request::MotionMode { .. } => Request::MotionMode { command: ranges.command(&target(fields)?)? },
-        Request::ReadPid
-        | Request::ReadAcceleration
-        | Request::ReadEncoderPosition
-        | Request::ReadEncoderRawPosition
-        | Request::ReadEncoderOffset
-        | Request::WritePositionAsZero
-        | Request::ReadMultiTurnAngle
-        | Request::ReadStatus1
-        | Request::ReadStatus2
-        | Request::ReadStatus3
-        | Request::Shutdown
-        | Request::Stop
-        | Request::ReadRunMode
-        | Request::ReadPower
-        | Request::Reset
-        | Request::ReleaseBrake
-        | Request::LockBrake
-        | Request::ReadRunTime
-        | Request::ReadVersionDate
-        | Request::ReadModel
-        | Request::ReadCanId
-        | Request::ReadRs485Id
-        | Request::Unknown { .. } => blank,
+        bare!() | Request::ReadCanId | Request::ReadRs485Id | Request::Unknown { .. } => blank,
     })
 }
 

@@ -1,11 +1,13 @@
 //! The data bytes of requests, both ways.
 
+use codec::check_range;
+
 use super::Request;
 use crate::baud::BaudCode;
 use crate::bus_id;
 use crate::command;
 use crate::error::EncodeError;
-use crate::field::{ACCELERATION_MAX, ACCELERATION_MIN, DATA_LEN, check_range, request as field};
+use crate::field::{ACCELERATION_MAX, ACCELERATION_MIN, DATA_LEN, request as field};
 use crate::function::Function;
 use crate::node::Node;
 use crate::pid::PidGains;
@@ -121,26 +123,7 @@ impl Request {
     pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
         let mut data = [self.command(), 0, 0, 0, 0, 0, 0, 0];
         match self {
-            Request::ReadPid
-            | Request::ReadAcceleration
-            | Request::ReadEncoderPosition
-            | Request::ReadEncoderRawPosition
-            | Request::ReadEncoderOffset
-            | Request::WritePositionAsZero
-            | Request::ReadMultiTurnAngle
-            | Request::ReadStatus1
-            | Request::ReadStatus2
-            | Request::ReadStatus3
-            | Request::Shutdown
-            | Request::Stop
-            | Request::ReadRunMode
-            | Request::ReadPower
-            | Request::Reset
-            | Request::ReleaseBrake
-            | Request::LockBrake
-            | Request::ReadRunTime
-            | Request::ReadVersionDate
-            | Request::ReadModel => {}
+            bare!() => {}
             Request::WritePidRam { gains } | Request::WritePidRom { gains } => gains.put(&mut data),
             Request::WriteAcceleration { ramp, acceleration } => {
                 field::INDEX.put(&mut data, [ramp.0]);

@@ -1,9 +1,11 @@
 //! A request by name, field by field.
 
+use codec::{CommandInfo, UNKNOWN, Visit};
+
 use super::Request;
 use crate::motion_mode::{MotionCommand, MotionRanges};
 use crate::pid::PidGains;
-use crate::table::{self, CommandInfo, Visit, field as f};
+use crate::table::{self, field as f};
 use crate::units::Centidegrees;
 
 impl Request {
@@ -56,7 +58,7 @@ impl Request {
     pub const fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 
@@ -93,28 +95,7 @@ impl Request {
             Request::SetCanId { id } | Request::SetRs485Id { id } => f::ID.visit_integer(visit, *id),
             Request::MotionMode { command } => visit_motion(command, ranges, visit),
             Request::Unknown { data } => f::DATA.visit_bytes(visit, data),
-            Request::ReadPid
-            | Request::ReadAcceleration
-            | Request::ReadEncoderPosition
-            | Request::ReadEncoderRawPosition
-            | Request::ReadEncoderOffset
-            | Request::WritePositionAsZero
-            | Request::ReadMultiTurnAngle
-            | Request::ReadStatus1
-            | Request::ReadStatus2
-            | Request::ReadStatus3
-            | Request::Shutdown
-            | Request::Stop
-            | Request::ReadRunMode
-            | Request::ReadPower
-            | Request::Reset
-            | Request::ReleaseBrake
-            | Request::LockBrake
-            | Request::ReadRunTime
-            | Request::ReadVersionDate
-            | Request::ReadModel
-            | Request::ReadCanId
-            | Request::ReadRs485Id => {}
+            bare!() | Request::ReadCanId | Request::ReadRs485Id => {}
         }
     }
 }

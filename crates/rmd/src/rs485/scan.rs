@@ -1,6 +1,8 @@
 //! Finds frames in bytes that lie in memory.
 
-use super::{FRAME_LEN, HEADER, LENGTH, check};
+use codec::Framing;
+
+use super::{FRAME_LEN, Rs485Framing};
 
 /// Cuts bytes into frames and garbage without copying them.
 ///
@@ -50,7 +52,7 @@ impl<'a> Iterator for Scan<'a> {
 
     fn next(&mut self) -> Option<Piece<'a>> {
         let bytes = self.rest;
-        let start = (0..=bytes.len()).find(|at| bytes.get(*at..).is_none_or(begins_frame))?;
+        let start = (0..=bytes.len()).find(|at| bytes.get(*at..).is_none_or(Rs485Framing::begins_frame))?;
         let (garbage, rest) = bytes.split_at_checked(start)?;
         if !garbage.is_empty() {
             self.rest = rest;
@@ -59,15 +61,6 @@ impl<'a> Iterator for Scan<'a> {
         let (frame, rest) = rest.split_first_chunk::<FRAME_LEN>()?;
         self.rest = rest;
         Some(Piece::Frame(frame))
-    }
-}
-
-/// Whether a frame stands here or may still come to stand here.
-fn begins_frame(bytes: &[u8]) -> bool {
-    match bytes {
-        [] | [HEADER] | [HEADER, _] => true,
-        [HEADER, _, LENGTH, ..] => bytes.first_chunk::<FRAME_LEN>().is_none_or(|frame| check(frame).is_ok()),
-        _ => false,
     }
 }
 

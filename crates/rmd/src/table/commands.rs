@@ -1,7 +1,8 @@
 //! Every command: its name, code, section and fields.
 
+use codec::{CommandInfo, FieldInfo};
+
 use super::field as f;
-use super::{CommandInfo, FieldInfo};
 use crate::command;
 
 /// Defines each command as a constant and all of them as [`COMMANDS`].
@@ -16,7 +17,7 @@ macro_rules! commands {
 
 /// A command with this name, code and section "RMD V3.6 §…".
 const fn named(name: &'static str, code: u8, section: &'static str) -> CommandInfo {
-    CommandInfo::new(name, code, section)
+    CommandInfo::new(name, code as u16, section)
 }
 
 /// A closed-loop command.

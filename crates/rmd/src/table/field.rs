@@ -1,6 +1,7 @@
 //! Every field: its name, unit, range and counts per unit.
 
-use super::{FieldInfo, FieldKind};
+use codec::{FieldInfo, FieldKind};
+
 use crate::field::{ACCELERATION_MAX, ACCELERATION_MIN, reply};
 use crate::motion_mode::{MotionRanges, RAW_12_MAX, RAW_16_MAX, Span};
 use crate::node::Node;

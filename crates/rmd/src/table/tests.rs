@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::string::String;
 use std::vec::Vec;
 
+use codec::{BuildError, CommandInfo, FieldInfo, FieldValue};
+
 use super::*;
 use crate::units::{Centiamps, SpeedLimit};
 use crate::{MotionRanges, Reply, Request, Span};

@@ -1,7 +1,5 @@
 //! Runs the golden vectors of `host-tests/vectors/rmd.txt`: decode, compare, encode, compare.
 
-#[path = "../frame/mod.rs"]
-mod frame;
 mod misprints;
 mod vector;
 

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use embedded_can::{Frame, Id, StandardId};
 use rmd::{DecodeError, EncodeError, Reply, Request, Target, can, rs485};
 
-use crate::frame::CanFrame;
+use codec::testing::CanFrame;
 
 /// One line: `label | kind | bus | hex | meaning | section`.
 pub struct Vector<'a> {

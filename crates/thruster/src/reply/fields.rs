@@ -1,11 +1,13 @@
 //! A reply by name, field by field.
 
+use codec::{CommandInfo, UNKNOWN, Visit};
+
 use super::Reply;
 use crate::faults::Faults;
 use crate::field::{POSITION_LIMITS, command};
 use crate::request::{visit_limits, visit_parameter, visit_return, visit_stream};
 use crate::returned::{Headerless, ReturnSource, Returned, ReturnedFrame};
-use crate::table::{self, COMMANDS, CommandInfo, Visit, field as f};
+use crate::table::{self, COMMANDS, field as f};
 
 impl Reply {
     /// The command in [`COMMANDS`](crate::COMMANDS), of a refusal the refused one; `None` for what the manual does not
@@ -55,11 +57,11 @@ impl Reply {
     pub fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 
-    /// Hands on every field in the order of [`CommandInfo::reply`](field@CommandInfo::reply); of a refusal `refused`, and what it repeats.
+    /// Hands on every field in the order of [`CommandInfo::reply`]; of a refusal `refused`, and what it repeats.
     pub fn visit_fields(&self, visit: &mut Visit<'_>) {
         match self {
             Reply::Signal { signal } => f::SIGNAL.visit_count(visit, signal.0),

@@ -1,14 +1,16 @@
 //! A request from a name and numbers.
 
+use codec::{BuildError, CommandInfo, Fields};
+
 use super::Request;
 use crate::field::command;
 use crate::returned::{ReturnFlags, ReturnFrames};
-use crate::table::{self, BuildError, COMMANDS, CommandInfo, Fields, field as f};
+use crate::table::{self, COMMANDS, field as f};
 use crate::units::{Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm, RpmLimit};
 
 impl Request {
     /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields` gives for the names in
-    /// its [`request`](field@crate::CommandInfo::request), in the units of those names; a bit mask as a number.
+    /// its [`request`](crate::CommandInfo::request), in the units of those names; a bit mask as a number.
     ///
     /// A value outside its range is refused; inside it is rounded to the nearest count of the wire.
     ///

@@ -1,8 +1,10 @@
 //! A request by name, field by field.
 
+use codec::{CommandInfo, UNKNOWN, Visit};
+
 use super::Request;
 use crate::returned::{ReturnFlags, ReturnFrames};
-use crate::table::{self, CommandInfo, Visit, field as f};
+use crate::table::{self, field as f};
 use crate::units::{LimitDecidegrees, Milliseconds};
 
 impl Request {
@@ -47,11 +49,11 @@ impl Request {
     pub const fn name(&self) -> &'static str {
         match self.info() {
             Some(info) => info.name,
-            None => table::UNKNOWN,
+            None => UNKNOWN,
         }
     }
 
-    /// Hands on every field in the order of [`CommandInfo::request`](field@CommandInfo::request).
+    /// Hands on every field in the order of [`CommandInfo::request`].
     pub fn visit_fields(&self, visit: &mut Visit<'_>) {
         match self {
             Request::Signal { signal } => f::SIGNAL.visit_count(visit, signal.0),

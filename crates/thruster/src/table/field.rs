@@ -1,6 +1,7 @@
 //! Every field: its name, unit, range and counts per unit.
 
-use super::{FieldInfo, FieldKind};
+use codec::{FieldInfo, FieldKind};
+
 use crate::field::{POSITION_MAX, POSITION_MIN, SIGNAL_MAX, SIGNAL_MIN, TIMEOUT_MAX, TIMEOUT_OFF};
 use crate::node::Node;
 use crate::returned::{ReturnFlags, ReturnFrames};

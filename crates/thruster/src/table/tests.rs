@@ -1,5 +1,7 @@
 //! The table against the codec.
 
+use codec::{BuildError, FieldKind, FieldValue};
+
 use super::*;
 use crate::{Reply, Request};
 

@@ -1,4 +1,4 @@
-//! A plain CAN frame for tests.
+//! A plain CAN frame for the tests and benchmarks of the codecs.
 
 use embedded_can::{Frame, Id};
 
@@ -38,7 +38,33 @@ impl Frame for CanFrame {
         self.dlc
     }
 
+    #[inline]
     fn data(&self) -> &[u8] {
         if self.remote { &[] } else { &self.data[..self.dlc] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_can::StandardId;
+
+    use super::*;
+
+    const ID: StandardId = StandardId::MAX;
+
+    #[test]
+    fn a_data_frame_holds_its_bytes() {
+        let frame = CanFrame::new(ID, &[1, 2, 3]).unwrap();
+        assert_eq!((frame.id(), frame.dlc(), frame.data()), (Id::Standard(ID), 3, &[1, 2, 3][..]));
+        assert!(frame.is_data_frame() && frame.is_standard());
+        assert_eq!(CanFrame::new(ID, &[0; 9]), None);
+    }
+
+    #[test]
+    fn a_remote_frame_holds_a_length_and_no_bytes() {
+        let frame = CanFrame::new_remote(ID, 8).unwrap();
+        assert_eq!((frame.dlc(), frame.data()), (8, &[][..]));
+        assert!(frame.is_remote_frame());
+        assert_eq!(CanFrame::new_remote(ID, 9), None);
     }
 }
