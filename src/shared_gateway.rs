@@ -32,12 +32,14 @@ impl SharedGateway {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
-        SHARED.init_with(|| Self {
-            core: Mutex::new(RefCell::new(Gateway::new(board))),
+        let shared = SHARED.init_with(|| Self {
+            core: Mutex::new(RefCell::new(Gateway::unequipped(board))),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
-        })
+        });
+        shared.with(|core, _| core.equip());
+        shared
     }
 
     /// The time of the gateway.
@@ -66,6 +68,17 @@ impl SharedGateway {
             self.deadline.signal(());
         }
         transmit
+    }
+
+    /// The slot of a frame that the controller of a bus should give back.
+    #[inline(never)]
+    pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
+        let slot = self.with(|core, now| core.poll_cancel(now, bus));
+        if slot.is_some() {
+            // The controller must report in time.
+            self.deadline.signal(());
+        }
+        slot
     }
 
     /// The next frame for a host link: its length in `out`.

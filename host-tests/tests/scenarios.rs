@@ -33,18 +33,26 @@ scenarios! {
     a_late_reply_after_retry_is_ignored
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
     a_mute_motor_trips_and_is_stopped_although_it_answers_nothing
+    a_native_motion_obeys_the_rules_of_setpoints
+    a_native_relative_move_goes_out_once_and_trips_when_unanswered
+    a_native_stop_is_a_stop
     a_new_session_on_the_link_ends_the_authority_of_the_old_one
+    a_relative_move_with_lost_reads_displaces_once
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
+    a_subscription_streams_and_ends_with_its_host
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
+    an_impedance_setpoint_holds_like_a_spring
     bad_configurations_are_refused_by_name
     bad_setpoints_are_refused_by_name_and_nothing_moves
     e_stop_stops_a_motor_that_something_else_set_in_motion
     e_stop_stops_all_and_bars_arming
     garbage_and_wrong_checksums_on_rs485_are_no_replies
     link_silence_trips_even_while_the_setpoint_lives
+    native_changes_need_an_idle_axis
+    native_reads_are_free_and_answered_from_the_motor
     pings_do_not_feed_a_setpoint
     raw_access_and_armed_axes_exclude_each_other
     rmd_and_thruster_share_a_bus

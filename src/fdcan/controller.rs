@@ -9,7 +9,7 @@ use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::{BusState, CanFrame};
 
 use super::element;
-use super::happenings::{Happening, Happenings, PLACE_WORDS};
+use super::happenings::{Happening, Happenings, PLACE_WORDS, TRANSMIT_PLACES};
 
 /// How long the controller may take to give a frame back.
 const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
@@ -17,8 +17,6 @@ const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
 const WITHDRAWAL_POLL: Duration = Duration::from_micros(20);
 /// How often a bit is read that the controller sets within a few of its clocks; a bound, not a measure of time.
 const REGISTER_POLLS: usize = 1000;
-/// Transmit places that the driver sets up; one bit each in the registers.
-const TRANSMIT_PLACES: usize = 3;
 
 /// Error state and counters.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -31,14 +29,24 @@ pub struct ErrorState {
     pub receive_errors: u16,
 }
 
+/// A frame in the controller.
+#[derive(Clone, Copy)]
+struct Held {
+    id: Id,
+    /// Its place in the transmit queue.
+    place: usize,
+    /// Asked back, and not yet known to be sent or given back.
+    asked_back: bool,
+}
+
 /// A controller on its bus. Off the bus again when dropped.
 pub struct Controller<'d> {
     registers: Fdcan,
     happenings: &'static Happenings,
     /// Holds the clock and the pins.
     _driver: Can<'d>,
-    /// The ids of the frames in the controller, by slot.
-    held: [Option<Id>; TRANSMIT_SLOTS],
+    /// The frames in the controller, by slot.
+    held: [Option<Held>; TRANSMIT_SLOTS],
     /// A frame that may not join them yet.
     waiting: Option<(u8, CanFrame)>,
 }
@@ -48,15 +56,43 @@ impl<'d> Controller<'d> {
         Self { registers, happenings, _driver: driver, held: [None; TRANSMIT_SLOTS], waiting: None }
     }
 
-    /// Waits for the next happening; the slot of a sent frame is free again when it has returned.
+    /// Waits for the next happening; the slot of a frame that was sent or given back is free again when it has returned.
     pub async fn next(&mut self) -> Happening {
         loop {
             let happening = self.happenings.next().await;
             match happening {
                 Happening::Transmitted(slot) if !self.release(slot) => continue,
+                Happening::CancellationFinished => match self.given_back() {
+                    Some(slot) => return Happening::Cancelled(slot),
+                    None => continue,
+                },
                 happening => return happening,
             }
         }
+    }
+
+    /// Asks a frame back. It is reported as sent or as cancelled.
+    pub fn cancel(&mut self, slot: u8) {
+        if self.waiting.take_if(|(waiting, _)| *waiting == slot).is_some() {
+            self.happenings.report(Happening::Cancelled(slot));
+        } else if let Some(Some(held)) = self.held.get_mut(usize::from(slot)) {
+            held.asked_back = true;
+            let place = held.place;
+            self.registers.txbcr().write(|w| w.set_cr(place, true));
+        }
+    }
+
+    /// Frees the slot of a frame that was asked back and has left its place without having been sent: a sent one was
+    /// reported before its cancellation was.
+    fn given_back(&mut self) -> Option<u8> {
+        let pending = self.registers.txbrp().read();
+        let is_back = |held: &Held| held.asked_back && !pending.trp(held.place);
+        let (slot, held) = (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
+        *held = None;
+        // Another one may be back too.
+        self.happenings.report(Happening::CancellationFinished);
+        self.send_waiting();
+        Some(slot)
     }
 
     /// How many received frames were lost since the last call.
@@ -80,13 +116,15 @@ impl<'d> Controller<'d> {
     fn send_waiting(&mut self) {
         let Some((slot, frame)) = self.waiting else { return };
         let status = self.registers.txfqs().read();
-        let overtakes = self.held.iter().flatten().any(|held| *held == frame.id());
+        let overtakes = self.held.iter().flatten().any(|held| held.id == frame.id());
+        let place = usize::from(status.tfqpi());
         match self.held.get_mut(usize::from(slot)) {
-            Some(held @ None) if !overtakes && !status.tfqf() => *held = Some(frame.id()),
+            Some(held @ None) if !overtakes && !status.tfqf() => {
+                *held = Some(Held { id: frame.id(), place, asked_back: false });
+            }
             _ => return,
         }
         self.waiting = None;
-        let place = usize::from(status.tfqpi());
         let start = usize::from(self.registers.txbc().read().tbsa()) + place * PLACE_WORDS;
         for (offset, word) in element::to_send(&frame, slot).into_iter().enumerate() {
             pac::FDCANRAM.ram(start + offset).write_value(word);

@@ -29,6 +29,8 @@ const FIFO: usize = 0;
 const OTHER_FIFO: usize = 1;
 /// Words of a frame's place in the message RAM: the driver lays it out for 64 bytes of data.
 pub const PLACE_WORDS: usize = 18;
+/// Transmit places that the driver sets up; one bit each in the registers.
+pub const TRANSMIT_PLACES: usize = 3;
 /// Words of an entry of the transmit event FIFO.
 const EVENT_WORDS: usize = 2;
 /// More entries than either FIFO holds; a bound for loops.
@@ -39,6 +41,10 @@ const MORE_THAN_A_FIFO: usize = 8;
 pub enum Happening {
     /// The frame sent with this marker was acknowledged by another node.
     Transmitted(u8),
+    /// The frame of this slot was given back: it has not been sent and will not be.
+    Cancelled(u8),
+    /// The controller has dealt with a request to give a frame back.
+    CancellationFinished,
     /// A frame arrived.
     Received(CanFrame),
     /// The error state may have changed.
@@ -85,7 +91,8 @@ impl Happenings {
         }
     }
 
-    fn report(&self, happening: Happening) {
+    /// Adds a happening of the controller itself.
+    pub(super) fn report(&self, happening: Happening) {
         // Received frames leave room, and the error state is also read every few milliseconds.
         let _ = self.queue.try_send(happening);
     }
@@ -124,13 +131,17 @@ pub fn route_interrupts(controller: Fdcan) {
         w.set_rfll(FIFO, true);
         w.set_tcl(true);
         w.set_tefnl(true);
+        w.set_tcfl(true);
         w.set_ewl(true);
         w.set_epl(true);
         w.set_bol(true);
     });
+    // Every place tells when it has given its frame back.
+    controller.txbcie().write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cf(place, true)));
     controller.ie().write(|w| {
         w.set_rfle(FIFO, true);
         w.set_tefne(true);
+        w.set_tcfe(true);
         w.set_ewe(true);
         w.set_epe(true);
     });
@@ -163,6 +174,9 @@ impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
         // A reply comes after the request that it answers.
         take_transmitted(controller, happenings);
         take_received(controller, happenings);
+        if flags.tcf() {
+            happenings.report(Happening::CancellationFinished);
+        }
         if flags.bo() || flags.ep() || flags.ew() {
             happenings.report(Happening::ErrorState);
         }

@@ -44,6 +44,7 @@ impl CanBus<'_> {
         let mut state_poll = Ticker::every(STATE_POLL);
         self.follow_error_state().await;
         while self.gateway.bus_setup(self.bus) == Some(setup) {
+            self.cancel();
             self.send();
             let happened =
                 select3(self.controller.next(), self.gateway.bus_changed(self.bus), state_poll.next()).await;
@@ -52,15 +53,26 @@ impl CanBus<'_> {
                 Either3::First(Happening::Transmitted(slot)) => {
                     self.gateway.handle(Event::Transmitted { bus, slot })
                 }
+                Either3::First(Happening::Cancelled(slot)) => {
+                    self.gateway.handle(Event::Cancelled { bus, slot });
+                }
                 Either3::First(Happening::Received(frame)) => {
                     self.gateway.handle(Event::CanReceived { bus, frame })
                 }
                 Either3::First(Happening::ErrorState) | Either3::Third(()) => self.follow_error_state().await,
-                Either3::Second(()) => {}
+                // The controller keeps the second of these for itself.
+                Either3::Second(()) | Either3::First(Happening::CancellationFinished) => {}
             }
             self.report_losses();
             // A full queue must not keep the other tasks waiting.
             yield_now().await;
+        }
+    }
+
+    /// Asks back what the core has replaced.
+    fn cancel(&mut self) {
+        while let Some(slot) = self.gateway.poll_cancel(self.bus) {
+            self.controller.cancel(slot);
         }
     }
 

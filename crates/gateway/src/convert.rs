@@ -158,6 +158,26 @@ pub(crate) fn from_tenths(count: i32) -> f32 {
     from_wire(count, &TENTHS)
 }
 
+/// The word of `bits` bits, at most 16, for a value between the two ends of a range: the lower end is 0, a whole range has
+/// 2^`bits` steps, and the upper end is the highest word. `None` outside the range and for NaN.
+pub(crate) fn to_span(value: f32, range: (f32, f32), bits: u32) -> Option<u16> {
+    let (min, max) = range;
+    if !(min..=max).contains(&value) {
+        return None;
+    }
+    #[allow(clippy::cast_precision_loss)]
+    let steps = (1u32 << bits) as f32;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let nearest = ((value - min) * (steps / (max - min)) + 0.5) as u32;
+    u16::try_from(nearest.min((1 << bits) - 1)).ok()
+}
+
+/// The value between the two ends of a range that a word stands for: `divisor` is the word of the upper end.
+pub(crate) fn from_span(word: u16, range: (f32, f32), divisor: f32) -> f32 {
+    let (min, max) = range;
+    f32::from(word) / divisor * (max - min) + min
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,6 +237,18 @@ mod tests {
                 None => assert!(exact.abs() >= f64::from(i32::MAX), "{rad}: {exact}"),
             }
         }
+    }
+
+    #[test]
+    fn a_span_reaches_from_the_first_word_to_the_last() {
+        assert_eq!(to_span(-24.0, (-24.0, 24.0), 12), Some(0));
+        assert_eq!(to_span(0.0, (-24.0, 24.0), 12), Some(0x800));
+        assert_eq!(to_span(24.0, (-24.0, 24.0), 12), Some(0xFFF));
+        assert_eq!(to_span(12.5, (-12.5, 12.5), 16), Some(0xFFFF));
+        assert_eq!(to_span(24.01, (-24.0, 24.0), 12), None);
+        assert_eq!(to_span(f32::NAN, (-24.0, 24.0), 12), None);
+        assert_eq!(from_span(0, (-24.0, 24.0), 4095.0), -24.0);
+        assert_eq!(from_span(0xFFF, (-24.0, 24.0), 4095.0), 24.0);
     }
 
     #[test]

@@ -9,14 +9,14 @@ use crate::port::{Board, BusSetup, Event, Transmit};
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
 use heapless::Vec;
-use host_protocol::{Error, MAX_FRAME};
+use host_protocol::{Error, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
     pub(crate) board: &'static Board,
-    pub(crate) axes: [Axis; MAX_AXES],
+    pub(crate) axes: Vec<Axis, MAX_AXES>,
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
-    pub(crate) links: [Link; MAX_LINKS],
+    pub(crate) links: Vec<Link, MAX_LINKS>,
     pub(crate) authority: Authority,
     /// The epoch of the latest arming of any axis.
     pub(crate) epoch: u32,
@@ -28,16 +28,43 @@ pub struct Gateway {
 impl Gateway {
     /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out.
     pub fn new(board: &'static Board) -> Self {
-        let buses = (0u8..).zip(board.buses).take(MAX_BUSES);
+        let mut gateway = Self::unequipped(board);
+        gateway.equip();
+        gateway
+    }
+
+    /// A gateway without axes, buses and links, to be put where it stays before it is [equipped](Self::equip): complete, it
+    /// is too large for the stack of a board.
+    #[inline(always)]
+    pub const fn unequipped(board: &'static Board) -> Self {
         Self {
             board,
-            axes: core::array::from_fn(|index| Axis::new(u8::try_from(index).unwrap_or(u8::MAX))),
-            buses: buses.map(|(index, port)| Bus::new(index, *port)).collect(),
-            links: [const { Link::new() }; MAX_LINKS],
+            axes: Vec::new(),
+            buses: Vec::new(),
+            links: Vec::new(),
             authority: Authority::new(),
             epoch: 0,
             e_stopped: false,
             now: Instant::from_micros(0),
+        }
+    }
+
+    /// Makes the axes, buses and links of an unequipped gateway; each passes over the stack alone. Another time it does
+    /// nothing.
+    #[inline(never)]
+    pub fn equip(&mut self) {
+        while !self.axes.is_full() {
+            let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
+            let _ = self.axes.push(Axis::new(index));
+        }
+        while let Some(port) = self.board.buses.get(self.buses.len()) {
+            let index = u8::try_from(self.buses.len()).unwrap_or(u8::MAX);
+            if self.buses.push(Bus::new(index, *port)).is_err() {
+                break;
+            }
+        }
+        while !self.links.is_full() {
+            let _ = self.links.push(Link::new());
         }
     }
 
@@ -57,6 +84,9 @@ impl Gateway {
             Event::Transmitted { bus, slot } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.transmitted(now, slot, axes, out));
             }
+            Event::Cancelled { bus, slot } => {
+                self.on_bus(now, bus, |bus, axes, _| bus.cancelled(now, slot, axes));
+            }
             Event::BusState { bus, state, transmit_errors, receive_errors } => {
                 let errors = (transmit_errors, receive_errors);
                 self.on_bus(now, bus, |bus, axes, out| bus.state_changed(now, state, errors, axes, out));
@@ -65,6 +95,22 @@ impl Gateway {
                 self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
             }
             Event::Tick => {}
+        }
+        self.spread_trips(now);
+    }
+
+    /// One axis of a trip group has tripped: the others do.
+    fn spread_trips(&mut self, now: Instant) {
+        for index in 0..MAX_AXES {
+            let Some(axis) = self.axes.get_mut(index) else { return };
+            let (origin, group) = (axis.index, axis.take_spreading_trip());
+            let Some(group) = group else { continue };
+            self.each_axis(now, |axis, out| {
+                if axis.trip_group() == Some(group) {
+                    axis.trip(now, TripReason::Group { axis: origin }, out);
+                    axis.take_spreading_trip();
+                }
+            });
         }
     }
 
@@ -75,9 +121,28 @@ impl Gateway {
         buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links))
     }
 
+    /// The slot of a frame that the controller of a CAN bus should give back, if there is one: motion that a stop or a newer
+    /// setpoint has replaced before it could leave.
+    pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
+        let now = now.max(self.now);
+        let Self { buses, axes, .. } = self;
+        buses.get_mut(usize::from(bus))?.poll_cancel(now, axes)
+    }
+
     /// Writes the next delimited frame for a host link to `out` and returns its length.
     pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.links.get_mut(usize::from(link))?.poll_transmit(out)
+        let Self { links, axes, now, .. } = self;
+        let link = links.get_mut(usize::from(link))?;
+        if let Some(length) = link.poll_transmit(out) {
+            return Some(length);
+        }
+        // Samples are made when there is room for them, so that they wait nowhere and push nothing out.
+        loop {
+            let (axis, fields) = link.next_sample()?;
+            if let Some(axis) = axes.get(usize::from(axis)) {
+                return link.sample(now.as_micros(), &axis.sample(*now, fields), out);
+            }
+        }
     }
 
     /// How the bus must be running; `None` while it is not configured.
@@ -89,13 +154,18 @@ impl Gateway {
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
         let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now));
-        axes.chain(buses).chain(self.authority.deadline()).min()
+        let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
+        axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
     }
 
     /// Everything that time alone brings about.
     fn supervise(&mut self, now: Instant) {
         if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
             self.lose_authority(now);
+        }
+        let lapsed = self.links.iter_mut().fold(false, |lapsed, link| link.tick(now.as_micros()) | lapsed);
+        if lapsed {
+            self.watch();
         }
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
@@ -106,6 +176,14 @@ impl Gateway {
         for bus in buses {
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
+        }
+    }
+
+    /// Has the axes polled that somebody has subscribed to.
+    pub(crate) fn watch(&mut self) {
+        let Self { axes, links, .. } = self;
+        for axis in axes {
+            axis.watch(links.iter().any(|link| link.watches(axis.index)));
         }
     }
 

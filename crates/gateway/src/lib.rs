@@ -13,6 +13,7 @@ mod convert;
 mod gateway;
 pub mod link;
 mod motor;
+mod natives;
 mod outbox;
 pub mod port;
 mod requests;

@@ -4,6 +4,9 @@
 //! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports each one it took, once, by its
 //!   slot: [`Event::Transmitted`] when the bus has acknowledged it (CAN) or its last bit has left (RS485).
 //!   It never holds more than one frame per slot.
+//! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames a CAN controller should give back, and
+//!   reports each, once: [`Event::Cancelled`] if it has not been sent and will not be, else [`Event::Transmitted`]. A
+//!   port that does neither in time is started again.
 //! - When a CAN controller goes bus-off the port drops every frame it holds, then reports [`Event::BusState`]. It does not
 //!   recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops what it holds and starts
@@ -45,6 +48,13 @@ pub enum Event<'a> {
     },
     /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on RS485.
     Transmitted {
+        /// Index of the bus.
+        bus: u8,
+        /// The slot it was taken with.
+        slot: u8,
+    },
+    /// A frame that `poll_cancel` asked back has not left and will not.
+    Cancelled {
         /// Index of the bus.
         bus: u8,
         /// The slot it was taken with.

@@ -10,19 +10,19 @@ use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
     MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Quantity, RawFrame, Reply, Request,
-    StopTarget, Text, TripReason, Vec, replies, requests,
+    Setpoint, StopTarget, Text, TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
 #[expect(clippy::large_enum_variant, reason = "there is no heap to put the large one on")]
-enum Outcome {
+pub(crate) enum Outcome {
     /// Its result, now.
     Now(Reply),
     /// A job answers it later.
     Later,
 }
 
-type Result<T, E = Error> = core::result::Result<T, E>;
+pub(crate) type Result<T, E = Error> = core::result::Result<T, E>;
 
 impl Gateway {
     /// Executes one request and answers it.
@@ -111,6 +111,15 @@ impl Gateway {
                 Reply::Setpoint(done)
             }
             Request::ReadState(request) => return self.read_state(now, request.axis, ticket),
+            Request::MoveRelative(request) => return self.move_relative(now, request, ticket),
+            Request::Native(request) => return self.native(now, request, ticket),
+            Request::Subscribe(request) => {
+                if let Some(link) = self.links.get_mut(usize::from(ticket.link)) {
+                    link.subscribe(now.as_micros(), request)?;
+                    self.watch();
+                }
+                Reply::Subscribe(done)
+            }
             Request::RawOpen(request) => {
                 self.raw_open(request.bus)?;
                 Reply::RawOpen(done)
@@ -138,6 +147,8 @@ impl Gateway {
         if self.authority.is_held_by(link) {
             self.lose_authority(now);
         }
+        // Its subscription has ended with it.
+        self.watch();
         if hello.protocol_major != PROTOCOL_MAJOR {
             let host_major = hello.protocol_major;
             return Err(Error::UnsupportedVersion { gateway_major: PROTOCOL_MAJOR, host_major });
@@ -197,6 +208,12 @@ impl Gateway {
         {
             return Err(Error::RawOpen { bus });
         }
+        let tripped = |other: &&Axis| other.trip_group() == axis.trip_group() && other.trip.is_some();
+        if axis.trip_group().is_some()
+            && let Some((other, trip)) = self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip?)))
+        {
+            return Err(Error::Tripped { axis: other, reason: trip.reason });
+        }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
         self.check_axis_load(index)?;
         self.epoch = self.epoch.wrapping_add(1);
@@ -239,14 +256,28 @@ impl Gateway {
     }
 
     fn setpoint(&mut self, now: Instant, request: &requests::Setpoint) -> Result<()> {
-        if self.e_stopped && self.axis(request.axis)?.trip.is_none() {
-            return Err(Error::EStopped {});
+        self.refuse_e_stopped(request.axis)?;
+        if let (Setpoint::Impedance { .. }, Some(protocol)) =
+            (request.setpoint, self.serial_protocol(request.axis)?)
+        {
+            // Motion mode has CAN ids of its own and no serial form (RMD V3.6 §5).
+            return Err(Error::Unsupported { axis: request.axis, protocol });
         }
         let (epoch, expires) = (request.epoch, request.expires_at_us);
         self.with_axis(now, request.axis, |axis, out| axis.set(now, epoch, expires, request.setpoint, out))?
     }
 
-    fn stop(&mut self, now: Instant, target: StopTarget) -> Result<()> {
+    /// The protocol of an axis that is on a serial bus.
+    fn serial_protocol(&self, index: u8) -> Result<Option<Protocol>> {
+        let config = &self.axis(index)?.config;
+        let on_serial = match config.bus() {
+            Some(bus) => self.bus(bus)?.kind() == BusKind::Rs485,
+            None => false,
+        };
+        Ok(config.protocol().filter(|_| on_serial))
+    }
+
+    pub(crate) fn stop(&mut self, now: Instant, target: StopTarget) -> Result<()> {
         match target {
             StopTarget::Axis(index) => {
                 let axis = self.axis(index)?;
@@ -331,7 +362,7 @@ impl Gateway {
     }
 
     /// An axis that is complete, at rest and on a working bus.
-    fn idle_axis(&self, index: u8) -> Result<&Axis> {
+    pub(crate) fn idle_axis(&self, index: u8) -> Result<&Axis> {
         let axis = self.axis(index)?;
         match (axis.state, axis.trip) {
             (AxisState::Idle, _) => {}
@@ -348,7 +379,7 @@ impl Gateway {
         Ok(axis)
     }
 
-    fn ready_bus(&self, axis: &Axis) -> Result<()> {
+    pub(crate) fn ready_bus(&self, axis: &Axis) -> Result<()> {
         let Some(bus_index) = axis.config.bus() else { return Ok(()) };
         let bus = self.bus(bus_index)?;
         if bus.config().is_none() {
@@ -360,7 +391,7 @@ impl Gateway {
         Ok(())
     }
 
-    fn start(&mut self, now: Instant, axis: u8, kind: JobKind, ticket: Ticket) -> Result<Outcome> {
+    pub(crate) fn start(&mut self, now: Instant, axis: u8, kind: JobKind, ticket: Ticket) -> Result<Outcome> {
         self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
         Ok(Outcome::Later)
     }
@@ -407,6 +438,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Clear(_)
         | Request::ClearUnreachable(_)
         | Request::Setpoint(_)
+        | Request::MoveRelative(_)
         | Request::RawOpen(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)
@@ -420,7 +452,10 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Disarm(_)
         | Request::Stop(_)
         | Request::EStop(_)
-        | Request::ReadState(_) => false,
+        | Request::ReadState(_)
+        | Request::Subscribe(_)
+        // Depends on what its bytes do.
+        | Request::Native(_) => false,
     }
 }
 

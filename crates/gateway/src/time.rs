@@ -65,6 +65,11 @@ impl Duration {
         Self(self.0 / n.get())
     }
 
+    /// One and a half times the span.
+    pub const fn and_a_half(self) -> Self {
+        Self(self.0.saturating_add(self.0 / 2))
+    }
+
     /// The span `n` times over.
     pub const fn times(self, n: u64) -> Self {
         Self(self.0.saturating_mul(n))

@@ -54,6 +54,20 @@ wire! {
             /// Speed on the way, rad/s, above 0.
             speed_limit_rad_s: f32,
         },
+        /// A spring and a damper at the shaft: torque = stiffness × (position − measured position) + damping × (velocity −
+        /// measured velocity) + torque.
+        Impedance {
+            /// Where the spring is at rest, rad, positive is counter-clockwise.
+            position_rad: f32,
+            /// Where the damper is at rest, rad/s, positive is counter-clockwise.
+            velocity_rad_s: f32,
+            /// N·m/rad, from 0.
+            stiffness_nm_per_rad: f32,
+            /// N·m·s/rad, from 0.
+            damping_nm_s_per_rad: f32,
+            /// In addition, N·m, positive drives counter-clockwise.
+            torque_nm: f32,
+        },
     }
 
     /// Why an axis tripped.
@@ -99,6 +113,11 @@ wire! {
         },
         /// A requested stop was not confirmed by the motor.
         StopUnconfirmed,
+        /// Another axis of its trip group tripped.
+        Group {
+            /// That axis.
+            axis: u8,
+        },
     }
 
     /// A trip: why, when, and the last values before it.
@@ -225,6 +244,7 @@ impl fmt::Display for TripReason {
             Self::Reset => f.write_str("the gateway was reset in motion"),
             Self::Internal { code } => write!(f, "internal error {code} of the gateway"),
             Self::StopUnconfirmed => f.write_str("a stop was not confirmed"),
+            Self::Group { axis } => write!(f, "axis {axis} of its trip group tripped"),
         }
     }
 }

@@ -211,6 +211,25 @@ impl fmt::Display for Error {
             Self::MotorTimeoutOff { axis } => {
                 write!(f, "the timeout of the motor of axis {axis} is off; provision it first")
             }
+            Self::Superseded { axis } => write!(
+                f,
+                "a newer setpoint for axis {axis} came before the motor had answered this; send one at a time"
+            ),
+            Self::NotACommand { axis, protocol } => write!(
+                f,
+                "these bytes are no command that {protocol} motors as that of axis {axis} take; see mgw encode \
+                 --protocol {protocol} --list"
+            ),
+            Self::NotThisNode { axis, node } => write!(
+                f,
+                "the bytes are not for node {node}, the motor of axis {axis}; broadcasts and other motors are \
+                 reached with raw frames only"
+            ),
+            Self::CannotCheckLimit { axis, quantity } => write!(
+                f,
+                "axis {axis} has a limit of its {quantity}, which this command could break unnoticed; use a \
+                 setpoint, or a command that states it"
+            ),
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }
     }
@@ -219,7 +238,9 @@ impl fmt::Display for Error {
 /// What motors of a protocol can be asked for; PROTOCOL.md has the table.
 fn abilities(protocol: Protocol) -> &'static str {
     match protocol {
-        Protocol::Rmd => "takes current, velocity and position setpoints and stops by coast, hold or brake",
+        Protocol::Rmd => {
+            "takes current, velocity, position and (on CAN) impedance setpoints and stops by coast, hold or brake"
+        }
         Protocol::Thruster => {
             "takes signal, velocity and, as a position_device, position setpoints and stops by coast"
         }

@@ -349,6 +349,32 @@ errors! {
         /// The axis.
         axis: u8,
     }
+    /// A newer setpoint has taken the place of this motion before the motor had answered it.
+    43 Superseded {
+        /// The axis.
+        axis: u8,
+    }
+    /// The bytes are no command of the motor's manual, or carry a value that it does not allow.
+    44 NotACommand {
+        /// The axis.
+        axis: u8,
+        /// Its protocol.
+        protocol: Protocol,
+    }
+    /// The bytes name another motor than that of the axis, or all motors.
+    45 NotThisNode {
+        /// The axis.
+        axis: u8,
+        /// The node of its motor.
+        node: u8,
+    }
+    /// The axis has a limit that this native command could break unnoticed.
+    46 CannotCheckLimit {
+        /// The axis.
+        axis: u8,
+        /// What is limited.
+        quantity: Quantity,
+    }
 }
 
 impl core::error::Error for Error {}

@@ -1,6 +1,6 @@
 //! The events: what a gateway says without being asked. One table of number, name and fields.
 
-use crate::axis::{AxisState, Trip};
+use crate::axis::{AxisState, FaultReading, Reading, Trip};
 use crate::bus::BusState;
 use crate::encode::{EncodeError, encode};
 use crate::frame::Kind;
@@ -180,6 +180,27 @@ events! {
     0x800B RequestDropped {
         /// How many since the last such event.
         count: u32,
+    }
+    /// How an axis is, by subscription. What was not subscribed to or has not been measured is missing.
+    0x800C Sample {
+        /// The axis.
+        axis: u8,
+        /// Its state.
+        state: AxisState,
+        /// rad.
+        position_rad: Option<Reading>,
+        /// rad/s.
+        velocity_rad_s: Option<Reading>,
+        /// A.
+        current_a: Option<Reading>,
+        /// V.
+        voltage_v: Option<Reading>,
+        /// °C.
+        motor_temperature_c: Option<Reading>,
+        /// °C.
+        driver_temperature_c: Option<Reading>,
+        /// What is wrong with the motor now.
+        faults: Option<FaultReading>,
     }
 }
 

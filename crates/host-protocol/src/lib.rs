@@ -59,7 +59,7 @@ pub use frame::{
 };
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
 pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ParameterText, ValueKind};
-pub use protocol::{Protocol, ProtocolSet, StopAction, UnknownNumber};
+pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
 pub use replies::BootReason;
 pub use size::MaxSize;
 pub use text::{Bytes, Text, Vec};

@@ -60,6 +60,8 @@ impl fmt::Display for DecodeError {
 impl core::error::Error for DecodeError {}
 
 /// Reads the whole of `body`; bytes left over are an error.
+// One copy for each type of body, not one for each message: 2 KiB of the firmware's flash.
+#[inline(never)]
 pub(crate) fn decode_body<T: DeserializeOwned>(number: u16, body: &[u8]) -> Result<T, DecodeError> {
     match postcard::take_from_bytes(body) {
         Ok((value, [])) => Ok(value),
@@ -208,6 +210,9 @@ messages! {
 
     0x0040 Setpoint -> Done
     0x0041 ReadState -> AxisReport
+    0x0042 MoveRelative -> MoveTarget
+    0x0043 Native -> NativeReply
+    0x0044 Subscribe -> Done
 
     0x0050 RawOpen -> Done
     0x0051 RawSend -> Done

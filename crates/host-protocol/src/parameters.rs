@@ -270,6 +270,20 @@ parameters! {
     26 ReleaseBrakeWhenArming "release_brake_when_arming": Bool("") [false, true] false;
     /// Unsafe: setpoints do not expire; only a silent host link stops the motor.
     27 UnsafeInfiniteTtl "unsafe_infinite_ttl": Bool("") [false, true] false;
+    /// The largest torque, in impedance setpoints and measured.
+    28 TorqueLimitNm "torque_limit_nm": Float("N·m") [0.0, 10_000.0] optional;
+    /// RMD motion mode: the position that the ends of its range stand for, to both sides of zero.
+    29 MotionPositionRad "motion_position_rad": Float("rad") [0.1, 1_000.0] 12.5;
+    /// RMD motion mode: the velocity that the ends of its range stand for, to both sides of zero.
+    30 MotionVelocityRadS "motion_velocity_rad_s": Float("rad/s") [0.1, 1_000.0] 45.0;
+    /// RMD motion mode: the torque that the ends of its range stand for, to both sides of zero.
+    31 MotionTorqueNm "motion_torque_nm": Float("N·m") [0.1, 10_000.0] 24.0;
+    /// RMD motion mode: the stiffness that the upper end of its range stands for.
+    32 MotionStiffness "motion_stiffness_nm_per_rad": Float("N·m/rad") [0.1, 10_000.0] 500.0;
+    /// RMD motion mode: the damping that the upper end of its range stands for.
+    33 MotionDamping "motion_damping_nm_s_per_rad": Float("N·m·s/rad") [0.01, 1_000.0] 5.0;
+    /// Axes with the same number trip together, and none of them is armed while another is tripped.
+    34 TripGroup "trip_group": Unsigned("") [1, 32] optional;
 }
 
 parameters! {

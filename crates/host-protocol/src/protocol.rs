@@ -1,4 +1,4 @@
-//! The motor protocols and the stop actions: numbers with names.
+//! The motor protocols, the stop actions and the fields of a subscription: numbers with names, and sets of them.
 
 use core::fmt;
 
@@ -120,75 +120,110 @@ numbered! {
     }
 }
 
-/// Protocols, as one byte: bit `number − 1` of each. Bits of protocols unknown here are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ProtocolSet(u8);
+/// A set of the values of a numbered enum, as one byte.
+macro_rules! set_of {
+    ($(#[$meta:meta])* pub struct $set:ident of $item:ident) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $set(u8);
 
-impl ProtocolSet {
-    /// No protocol.
-    pub const NONE: Self = Self(0);
+        impl $set {
+            /// Nothing.
+            pub const NONE: Self = Self(0);
 
-    /// Exactly the protocols of `protocols`.
-    #[must_use]
-    pub const fn of(protocols: &[Protocol]) -> Self {
-        let mut set = Self::NONE;
-        let mut rest = protocols;
-        while let [first, others @ ..] = rest {
-            set = set.with(*first);
-            rest = others;
+            /// Exactly these.
+            #[must_use]
+            pub const fn of(items: &[$item]) -> Self {
+                let mut set = Self::NONE;
+                let mut rest = items;
+                while let [first, others @ ..] = rest {
+                    set = set.with(*first);
+                    rest = others;
+                }
+                set
+            }
+
+            /// This set and `item`.
+            #[must_use]
+            pub const fn with(self, item: $item) -> Self {
+                Self(self.0 | Self::bit(item))
+            }
+
+            /// Whether `item` is in it.
+            #[must_use]
+            pub const fn contains(self, item: $item) -> bool {
+                self.0 & Self::bit(item) != 0
+            }
+
+            /// Whether everything of `other` is in it, the unknown ones too.
+            #[must_use]
+            pub const fn contains_all(self, other: Self) -> bool {
+                other.0 & !self.0 == 0
+            }
+
+            /// Whether nothing is in it.
+            #[must_use]
+            pub const fn is_empty(self) -> bool {
+                self.0 == 0
+            }
+
+            /// The byte of the wire.
+            #[must_use]
+            pub const fn bits(self) -> u8 {
+                self.0
+            }
+
+            /// From the byte of the wire.
+            #[must_use]
+            pub const fn from_bits(bits: u8) -> Self {
+                Self(bits)
+            }
+
+            /// The known ones in it.
+            pub fn iter(self) -> impl Iterator<Item = $item> {
+                $item::ALL.iter().copied().filter(move |item| self.contains(*item))
+            }
+
+            const fn bit(item: $item) -> u8 {
+                1 << (item.number() - 1)
+            }
         }
-        set
-    }
 
-    /// This set and `protocol`.
-    #[must_use]
-    pub const fn with(self, protocol: Protocol) -> Self {
-        Self(self.0 | Self::bit(protocol))
-    }
+        impl MaxSize for $set {
+            const MAX_SIZE: usize = u8::MAX_SIZE;
+        }
+    };
+}
 
-    /// Whether `protocol` is in it.
-    #[must_use]
-    pub const fn contains(self, protocol: Protocol) -> bool {
-        self.0 & Self::bit(protocol) != 0
-    }
+set_of! {
+    /// Protocols, as one byte: bit `number − 1` of each. Bits of protocols unknown here are kept.
+    pub struct ProtocolSet of Protocol
+}
 
-    /// Whether every protocol of `other` is in it, the unknown ones too.
-    #[must_use]
-    pub const fn contains_all(self, other: Self) -> bool {
-        other.0 & !self.0 == 0
-    }
-
-    /// Whether no protocol is in it.
-    #[must_use]
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// The byte of the wire.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    /// From the byte of the wire.
-    #[must_use]
-    pub const fn from_bits(bits: u8) -> Self {
-        Self(bits)
-    }
-
-    /// The known protocols in it.
-    pub fn iter(self) -> impl Iterator<Item = Protocol> {
-        Protocol::ALL.iter().copied().filter(move |protocol| self.contains(*protocol))
-    }
-
-    const fn bit(protocol: Protocol) -> u8 {
-        1 << (protocol.number() - 1)
+numbered! {
+    /// What a subscription can tell of an axis.
+    pub enum StateField {
+        /// rad.
+        Position = 1 "position",
+        /// rad/s.
+        Velocity = 2 "velocity",
+        /// A.
+        Current = 3 "current",
+        /// Supply of the motor, V.
+        Voltage = 4 "voltage",
+        /// °C.
+        MotorTemperature = 5 "motor_temperature",
+        /// °C.
+        DriverTemperature = 6 "driver_temperature",
+        /// The motor's own fault word.
+        Faults = 7 "faults",
     }
 }
 
-impl MaxSize for ProtocolSet {
-    const MAX_SIZE: usize = u8::MAX_SIZE;
+set_of! {
+    /// Fields, as one byte: bit `number − 1` of each. Bits of fields unknown here are kept.
+    pub struct StateFields of StateField
 }
 
 #[cfg(test)]

@@ -3,8 +3,9 @@
 
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusState, ReceivedFrame};
+use crate::can_frame::MAX_CAN_DATA;
 use crate::size::wire;
-use crate::text::{Text, Vec};
+use crate::text::{Bytes, Text, Vec};
 use crate::value::Value;
 
 /// Buses that [`HelloReply`] can describe.
@@ -156,6 +157,23 @@ wire! {
         pub standstill: Option<bool>,
         /// Whether the motor has acknowledged the last stop.
         pub stop_acknowledged: bool,
+    }
+
+    /// Where a relative move goes.
+    #[derive(Copy)]
+    pub struct MoveTarget {
+        /// The position it starts from, rad.
+        pub start_rad: f32,
+        /// The position that is held from now on, rad.
+        pub target_rad: f32,
+    }
+
+    /// What the motor answered to a native command.
+    #[derive(Eq)]
+    pub struct NativeReply {
+        /// The data field of its reply; empty where the motor does not answer the command, and where the command was
+        /// carried out as a stop of the axis.
+        pub data: Bytes<MAX_CAN_DATA>,
     }
 
     /// Raw frames, the oldest first.

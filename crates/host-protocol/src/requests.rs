@@ -2,8 +2,10 @@
 
 use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
 use crate::bus::RawFrame;
-use crate::protocol::ProtocolSet;
+use crate::can_frame::MAX_CAN_DATA;
+use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
+use crate::text::Bytes;
 use crate::value::Value;
 
 wire! {
@@ -165,6 +167,49 @@ wire! {
     pub struct ReadState {
         /// Number of the axis, from 0.
         pub axis: u8,
+    }
+
+    /// Moves an armed axis by a distance: reads its position once, and from then on holds the target like a position
+    /// setpoint. To be kept up with position setpoints to that target.
+    #[derive(Copy)]
+    pub struct MoveRelative {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// The epoch that [`Arm`] returned.
+        pub epoch: u32,
+        /// As in [`Setpoint`].
+        pub expires_at_us: u32,
+        /// rad, positive is counter-clockwise.
+        pub distance_rad: f32,
+        /// Speed on the way, rad/s, above 0.
+        pub speed_limit_rad_s: f32,
+    }
+
+    /// Has the motor of an axis carry out a command of its own manual. The gateway reads the bytes before it acts: what
+    /// moves obeys the rules of setpoints, what stops is a stop, what changes the motor needs an idle axis, and
+    /// what only asks is free.
+    #[derive(Eq)]
+    pub struct Native {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// For commands that move: the epoch that [`Arm`] returned.
+        pub epoch: u32,
+        /// For commands that move: as in [`Setpoint`].
+        pub expires_at_us: u32,
+        /// The data field of the manual, without CAN id or serial framing.
+        pub data: Bytes<MAX_CAN_DATA>,
+    }
+
+    /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis in each period. A new
+    /// subscription replaces the one before; it ends 5 s after the last valid frame of the host.
+    #[derive(Copy, Eq)]
+    pub struct Subscribe {
+        /// The axes: bit 0 is axis 0. None ends the subscription.
+        pub axes: u32,
+        /// What to tell of each.
+        pub fields: StateFields,
+        /// Time between the samples of an axis, µs, 1 000 to 10 000 000.
+        pub period_us: u32,
     }
 
     /// Opens a bus for raw frames. Refused while an axis on it is armed; while it is open arming there is

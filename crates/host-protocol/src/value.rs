@@ -56,6 +56,14 @@ wire! {
         FrameLength,
         /// The id of a CAN frame.
         CanId,
+        /// N·m.
+        Torque,
+        /// N·m/rad.
+        Stiffness,
+        /// N·m·s/rad.
+        Damping,
+        /// µs.
+        Period,
     }
 }
 
@@ -70,7 +78,10 @@ impl Quantity {
             Self::Voltage => "V",
             Self::Temperature => "°C",
             Self::Bitrate => "bit/s",
-            Self::ReplyWindow | Self::Expiry => "µs",
+            Self::ReplyWindow | Self::Expiry | Self::Period => "µs",
+            Self::Torque => "N·m",
+            Self::Stiffness => "N·m/rad",
+            Self::Damping => "N·m·s/rad",
             Self::MotorTimeout => "ms",
             Self::FrameLength => "bytes",
             Self::Parameter(number) => parameters::unit(number).unwrap_or(""),
@@ -98,6 +109,10 @@ impl fmt::Display for Quantity {
             Self::Node => "node",
             Self::FrameLength => "length of the frame",
             Self::CanId => "CAN id",
+            Self::Torque => "torque",
+            Self::Stiffness => "stiffness",
+            Self::Damping => "damping",
+            Self::Period => "period",
             Self::Parameter(number) => {
                 return match parameters::name(*number) {
                     Some(name) => f.write_str(name),

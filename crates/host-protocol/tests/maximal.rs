@@ -6,8 +6,8 @@ use host_protocol::requests::*;
 use host_protocol::{
     AxisState, AxisSummary, BusCapability, BusConfig, BusCounters, BusKind, BusState, CanFrame, ClearTarget,
     Deframer, Error, Event, FaultReading, MAX_FRAME, MaxSize, MotorTimeout, Protocol, ProtocolSet, Quantity,
-    REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StopTarget, Text,
-    Trip, TripReason, Value, Vec as List,
+    REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StateFields,
+    StopTarget, Text, Trip, TripReason, Value, Vec as List,
 };
 
 /// Bytes of the body of a delimited frame.
@@ -51,7 +51,13 @@ fn largest_requests() -> Vec<(Request, usize)> {
         (request.into(), T::MAX_SIZE)
     }
     let serial = RawFrame::Serial(full(0xFF));
-    let position = SetpointValue::Position { position_rad: f32::MAX, speed_limit_rad_s: f32::MAX };
+    let impedance = SetpointValue::Impedance {
+        position_rad: f32::MAX,
+        velocity_rad_s: f32::MAX,
+        stiffness_nm_per_rad: f32::MAX,
+        damping_nm_s_per_rad: f32::MAX,
+        torque_nm: f32::MAX,
+    };
     vec![
         row(Hello { protocol_major: u16::MAX, protocol_minor: u16::MAX, session: u32::MAX }),
         row(Ping {}),
@@ -77,8 +83,17 @@ fn largest_requests() -> Vec<(Request, usize)> {
         row(EStop {}),
         row(Clear { target: ClearTarget::Axis(u8::MAX) }),
         row(ClearUnreachable { axis: u8::MAX }),
-        row(Setpoint { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, setpoint: position }),
+        row(Setpoint { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, setpoint: impedance }),
         row(ReadState { axis: u8::MAX }),
+        row(MoveRelative {
+            axis: u8::MAX,
+            epoch: u32::MAX,
+            expires_at_us: u32::MAX,
+            distance_rad: f32::MAX,
+            speed_limit_rad_s: f32::MAX,
+        }),
+        row(Native { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, data: full(0xFF) }),
+        row(Subscribe { axes: u32::MAX, fields: StateFields::from_bits(u8::MAX), period_us: u32::MAX }),
         row(RawOpen { bus: u8::MAX }),
         row(RawSend { bus: u8::MAX, frame: serial }),
         row(RawReceive { bus: u8::MAX }),
@@ -167,6 +182,8 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         (Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: TIMEOUT }), MotorTimeoutReport::MAX_SIZE),
         (Reply::Arm(Armed { epoch: u32::MAX, motor_timeout: TIMEOUT }), Armed::MAX_SIZE),
         (Reply::ReadState(axis), AxisReport::MAX_SIZE),
+        (Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }), MoveTarget::MAX_SIZE),
+        (Reply::Native(NativeReply { data: full(0xFF) }), NativeReply::MAX_SIZE),
         (Reply::RawReceive(RawFrames { frames: full(frame), dropped: u32::MAX }), RawFrames::MAX_SIZE),
     ]
 }
@@ -219,4 +236,19 @@ fn the_largest_error_and_event_fit() {
     let length = event.encode_frame(u16::MAX, u32::MAX, u64::MAX, &mut out).unwrap();
     // Dropped 5, time 10, axis 1, reason 13, time 10, three optional floats 15, unreachable 1.
     assert_eq!(body_length(&out[..length]), 55);
+
+    let event = Event::Sample {
+        axis: u8::MAX,
+        state: STATE,
+        position_rad: READING,
+        velocity_rad_s: READING,
+        current_a: READING,
+        voltage_v: READING,
+        motor_temperature_c: READING,
+        driver_temperature_c: READING,
+        faults: Some(FaultReading { word: u16::MAX, age_us: u32::MAX }),
+    };
+    let length = event.encode_frame(u16::MAX, u32::MAX, u64::MAX, &mut out).unwrap();
+    // Dropped 5, time 10, axis 1, state 2, six readings of 10, fault word 9.
+    assert_eq!(body_length(&out[..length]), 87);
 }

@@ -8,7 +8,7 @@ use std::fmt::Debug;
 use host_protocol::{
     AxisParameter, ERRORS, EVENTS, FrameError, GatewayParameter, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
     MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, ParameterText, Protocol, REQUESTS, Request,
-    requests::Ping,
+    StateField, requests::Ping,
 };
 use serde::de::DeserializeOwned;
 
@@ -206,7 +206,11 @@ fn types_are_those_of_the_code() {
         let bit = format!("bit {bit} {}", protocol.name());
         assert!(documented["ProtocolSet"].contains(&bit), "{bit}");
     }
-    assert!(documented.keys().eq(&["CanFrame", "Protocol", "ProtocolSet"]), "{documented:?}");
+    for (field, bit) in StateField::ALL.iter().zip(0..) {
+        let bit = format!("bit {bit} {}", field.name());
+        assert!(documented["StateFields"].contains(&bit), "{bit}");
+    }
+    assert!(documented.keys().eq(&["CanFrame", "Protocol", "ProtocolSet", "StateFields"]), "{documented:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What a scenario runs on: one host, the gateway, four motors, and a record of all that went over the buses.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{Event, EventMessage, Setpoint};
+use host_protocol::{Bytes, Event, EventMessage, MAX_CAN_DATA, Setpoint};
 use mgw_client::{Client, ClientError};
 use mgw_sim::{SimTransport, TraceEntry, Wiring, World};
 use std::cell::RefCell;
@@ -23,6 +23,12 @@ pub struct Bench {
     /// Setpoints that the host keeps fresh.
     pub kept: Vec<(u8, Setpoint)>,
     pub events: Vec<Event>,
+    /// Samples with the gateway time at which they were taken, µs.
+    pub samples: Vec<(u64, Event)>,
+    /// What the motor answered to the last native command.
+    pub native_reply: Bytes<MAX_CAN_DATA>,
+    /// Where the last relative move goes, rad.
+    pub move_target_rad: Option<f32>,
     pub trace: Vec<TraceEntry>,
     /// The time of the last `mark`, µs: frames count from there.
     pub mark_us: u64,
@@ -38,6 +44,9 @@ impl Bench {
             epochs: Vec::new(),
             kept: Vec::new(),
             events: Vec::new(),
+            samples: Vec::new(),
+            native_reply: Bytes::new(),
+            move_target_rad: None,
             trace: Vec::new(),
             mark_us: 0,
         })
@@ -81,8 +90,12 @@ impl Bench {
 
     /// One setpoint that lives for [`SETPOINT_TTL`].
     pub fn set(&mut self, axis: u8, setpoint: Setpoint) -> Result<(), ClientError> {
-        let epoch = self.epochs.iter().find(|(armed, _)| *armed == axis).map_or(0, |(_, epoch)| *epoch);
-        self.client.set(axis, epoch, setpoint, SETPOINT_TTL)
+        self.client.set(axis, self.epoch(axis), setpoint, SETPOINT_TTL)
+    }
+
+    /// The epoch of an axis; 0 before it was armed.
+    pub fn epoch(&self, axis: u8) -> u32 {
+        self.epochs.iter().find(|(armed, _)| *armed == axis).map_or(0, |(_, epoch)| *epoch)
     }
 
     pub fn state(&mut self, axis: u8) -> Result<AxisReport, String> {
@@ -94,8 +107,11 @@ impl Bench {
     /// Takes over what has happened.
     pub fn collect(&mut self) {
         self.trace.extend(self.world.borrow_mut().trace());
-        while let Ok(Some(EventMessage { event, .. })) = self.client.poll_event(Duration::ZERO) {
-            self.events.push(event);
+        while let Ok(Some(EventMessage { event, time_us, .. })) = self.client.poll_event(Duration::ZERO) {
+            match event {
+                Event::Sample { .. } => self.samples.push((time_us, event)),
+                _ => self.events.push(event),
+            }
         }
     }
 

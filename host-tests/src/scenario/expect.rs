@@ -1,8 +1,8 @@
 //! What a scenario demands.
 
 use super::bench::Bench;
-use super::words::{duration, parse};
-use host_protocol::{AxisState, Trip};
+use super::words::{duration, fields, parse};
+use host_protocol::{AxisState, Event, Reading, StateField, Trip};
 use std::time::Duration;
 
 impl Bench {
@@ -18,6 +18,12 @@ impl Bench {
             "first-wire" => self.expect_first_wire(rest),
             "stopped" => self.expect_motor(rest, false),
             "moving" => self.expect_motor(rest, true),
+            "position" => self.expect_position(rest),
+            "wire-count" => self.expect_wire_count(rest),
+            "native-reply" => self.expect_native_reply(rest),
+            "move-target" => self.expect_move_target(rest),
+            "sample" => self.expect_sample(rest),
+            "samples" => self.expect_samples(rest),
             "event" => self.expect_event(rest),
             "bus" => self.expect_bus(rest),
             other => Err(format!("{other} cannot be expected")),
@@ -108,6 +114,100 @@ impl Bench {
             return Ok(());
         }
         Err(format!("motor {index} turns at {speed} rad/s"))
+    }
+
+    /// `position MOTOR RAD within RAD`: by the shaft itself.
+    fn expect_position(&mut self, words: &[&str]) -> Result<(), String> {
+        let index: usize = parse(words, 0, "motor")?;
+        let (wanted, within): (f64, f64) = (parse(words, 1, "position")?, parse(words, 3, "tolerance")?);
+        let position = self.world.borrow().motor(index).position_rad();
+        if (position - wanted).abs() <= within {
+            return Ok(());
+        }
+        Err(format!("motor {index} is at {position} rad"))
+    }
+
+    /// `wire-count BUS FRAME N`: exactly so often since the mark.
+    fn expect_wire_count(&mut self, words: &[&str]) -> Result<(), String> {
+        let bus = parse(words, 0, "bus")?;
+        let wanted: String = parse(words, 1, "frame")?;
+        let times: usize = parse(words, 2, "count")?;
+        let seen: Vec<u64> =
+            self.wire(bus).filter(|(_, text)| text.starts_with(&wanted)).map(|(at, _)| at).collect();
+        if seen.len() == times {
+            return Ok(());
+        }
+        Err(format!("{wanted} was seen on bus {bus} at {seen:?} µs, not {times} times"))
+    }
+
+    /// `native-reply DATA|none`: what the motor answered to the last native command begins so.
+    fn expect_native_reply(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted: String = parse(words, 0, "data")?;
+        let reply: String = self.native_reply.iter().map(|byte| format!("{byte:02X}")).collect();
+        let fits = if wanted == "none" { reply.is_empty() } else { reply.starts_with(&wanted) };
+        if fits { Ok(()) } else { Err(format!("the reply was `{reply}`")) }
+    }
+
+    /// `move-target RAD`: what the last relative move was answered with.
+    fn expect_move_target(&mut self, words: &[&str]) -> Result<(), String> {
+        /// Half a step of the finest position that a motor here reports, 0.01°.
+        const STEP_RAD: f32 = 1e-4;
+        let wanted: f32 = parse(words, 0, "target")?;
+        match self.move_target_rad {
+            Some(target) if (target - wanted).abs() <= STEP_RAD => Ok(()),
+            other => Err(format!("the target is {other:?}")),
+        }
+    }
+
+    /// `samples AXIS MIN MAX`: how many were taken since the mark.
+    fn expect_samples(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted: u8 = parse(words, 0, "axis")?;
+        let (min, max): (usize, usize) = (parse(words, 1, "count")?, parse(words, 2, "count")?);
+        let of_axis = |(time_us, event): &&(u64, Event)| {
+            *time_us >= self.mark_us && matches!(event, Event::Sample { axis, .. } if *axis == wanted)
+        };
+        let count = self.samples.iter().filter(of_axis).count();
+        if (min..=max).contains(&count) { Ok(()) } else { Err(format!("{count} samples")) }
+    }
+
+    /// `sample AXIS FIELDS`: the last sample of the axis has exactly these fields, none older than 1 s.
+    fn expect_sample(&mut self, words: &[&str]) -> Result<(), String> {
+        const OLDEST_US: u32 = 1_000_000;
+        let wanted: u8 = parse(words, 0, "axis")?;
+        let wanted_fields = fields(words.get(1).copied().unwrap_or_default())?;
+        let found = self.samples.iter().rev().find_map(|(_, event)| match event {
+            Event::Sample {
+                axis,
+                position_rad,
+                velocity_rad_s,
+                current_a,
+                voltage_v,
+                motor_temperature_c,
+                driver_temperature_c,
+                faults,
+                ..
+            } if *axis == wanted => {
+                let age = |reading: &Option<Reading>| reading.map(|reading| reading.age_us);
+                Some([
+                    (StateField::Position, age(position_rad)),
+                    (StateField::Velocity, age(velocity_rad_s)),
+                    (StateField::Current, age(current_a)),
+                    (StateField::Voltage, age(voltage_v)),
+                    (StateField::MotorTemperature, age(motor_temperature_c)),
+                    (StateField::DriverTemperature, age(driver_temperature_c)),
+                    (StateField::Faults, faults.map(|reading| reading.age_us)),
+                ])
+            }
+            _ => None,
+        });
+        let ages = found.ok_or_else(|| format!("no sample of axis {wanted}"))?;
+        let fresh = |age: Option<u32>| age.is_some_and(|age| age <= OLDEST_US);
+        let fits = ages.iter().all(
+            |(field, age)| {
+                if wanted_fields.contains(*field) { fresh(*age) } else { age.is_none() }
+            },
+        );
+        if fits { Ok(()) } else { Err(format!("the last sample has {ages:?}")) }
     }
 
     /// `event NAME [FIELDS AS PRINTED]`

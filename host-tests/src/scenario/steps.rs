@@ -1,10 +1,11 @@
 //! What a scenario does.
 
 use super::bench::{Bench, SETPOINT_TTL};
-use super::words::{duration, parameter, parse, protocols, setpoint};
-use host_protocol::{ClearTarget, RawFrame, StopTarget, replies::Armed, requests};
+use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
+use host_protocol::{Bytes, ClearTarget, MAX_CAN_DATA, RawFrame, StopTarget, replies::Armed, requests};
 use mgw_client::ClientError;
 use mgw_sim::{BusFault, Injection};
+use std::time::Duration;
 
 impl Bench {
     pub fn step(&mut self, words: &[&str]) -> Result<(), String> {
@@ -23,7 +24,7 @@ impl Bench {
                 let axis = parse(rest, 0, "axis")?;
                 self.kept.retain(|(kept, _)| *kept != axis);
                 self.kept.push((axis, setpoint(rest, 1)?));
-                self.run(std::time::Duration::ZERO)
+                self.run(Duration::ZERO)
             }
             "drop" => {
                 let axis: u8 = parse(rest, 0, "axis")?;
@@ -42,6 +43,7 @@ impl Bench {
                 self.world.borrow_mut().host_send(0, &bytes.map_err(|e| e.to_string())?);
                 Ok(())
             }
+            "unanswered" => self.unanswered(duration(rest, 0)?, rest.get(2..).unwrap_or_default()),
             _ => self.request(words).map_err(|error| error.to_string()),
         };
         self.collect();
@@ -96,12 +98,38 @@ impl Bench {
             }
             "set-expired" => {
                 let axis: u8 = parse(rest, 0, "axis")?;
-                let epoch =
-                    self.epochs.iter().find(|(armed, _)| *armed == axis).map_or(0, |(_, epoch)| *epoch);
-                let expires_at_us = self.client.expiry(std::time::Duration::ZERO).wrapping_sub(1_000);
+                let (epoch, expires_at_us) = (self.epoch(axis), self.expired());
                 let setpoint = setpoint(rest, 1)?;
                 self.client.request(&requests::Setpoint { axis, epoch, expires_at_us, setpoint })?;
             }
+            "native" => {
+                let axis = parse(rest, 0, "axis")?;
+                let data = data_field(rest, 1)?;
+                self.native_reply = self.client.native(axis, self.epoch(axis), data, SETPOINT_TTL)?;
+            }
+            "native-epoch" => {
+                let (axis, epoch): (u8, u32) = (parse(rest, 0, "axis")?, parse(rest, 1, "epoch")?);
+                self.client.native(axis, epoch, data_field(rest, 2)?, SETPOINT_TTL)?;
+            }
+            "native-expired" => {
+                let axis = parse(rest, 0, "axis")?;
+                let (epoch, expires_at_us) = (self.epoch(axis), self.expired());
+                let data = data_field(rest, 1)?;
+                self.client.request(&requests::Native { axis, epoch, expires_at_us, data })?;
+            }
+            "move" => {
+                let request = self.relative_move(rest)?;
+                let target = self.client.request(&request)?;
+                self.move_target_rad = Some(target.target_rad);
+            }
+            "subscribe" => {
+                let axes: Result<Vec<u8>, _> =
+                    rest.first().copied().unwrap_or_default().split(',').map(str::parse).collect();
+                let axes = axes.map_err(|e| format!("{e}: axes are numbers with commas"))?;
+                let fields = fields(rest.get(1).copied().unwrap_or_default())?;
+                self.client.subscribe(&axes, fields, duration(rest, 2)?)?;
+            }
+            "unsubscribe" => self.client.unsubscribe()?,
             "stop" => match rest.first() {
                 Some(&"all") => self.client.stop(StopTarget::All)?,
                 _ => self.client.stop(StopTarget::Axis(parse(rest, 0, "axis")?))?,
@@ -128,6 +156,36 @@ impl Bench {
             other => return Err(StepError::Script(format!("{other} is no step"))),
         }
         Ok(())
+    }
+
+    /// An expiry 1 ms ago.
+    fn expired(&self) -> u32 {
+        self.client.expiry(Duration::ZERO).wrapping_sub(1_000)
+    }
+
+    /// `AXIS DISTANCE speed V`
+    fn relative_move(&self, words: &[&str]) -> Result<requests::MoveRelative, String> {
+        let axis = parse(words, 0, "axis")?;
+        Ok(requests::MoveRelative {
+            axis,
+            epoch: self.epoch(axis),
+            expires_at_us: self.client.expiry(SETPOINT_TTL),
+            distance_rad: parse(words, 1, "distance")?,
+            speed_limit_rad_s: parse(words, 3, "speed limit")?,
+        })
+    }
+
+    /// `unanswered TIME move …`: the host waits for the answer so long, in vain, and goes on.
+    fn unanswered(&mut self, wait: Duration, words: &[&str]) -> Result<(), String> {
+        let Some((&"move", rest)) = words.split_first() else {
+            return Err("only a move can stay unanswered".to_string());
+        };
+        let request = self.relative_move(rest)?;
+        match self.client.request_within(&request, wait) {
+            Err(ClientError::NoAnswer { .. }) => Ok(()),
+            Err(error) => Err(error.to_string()),
+            Ok(target) => Err(format!("it was answered: {target:?}")),
+        }
     }
 
     /// The axes of `Wiring::four_motors`: 0 RMD on CAN, 1 RMD on RS485, 2 thruster, 3 D5.
@@ -185,23 +243,22 @@ impl Bench {
     }
 }
 
+/// The data field of a native command, in hexadecimal.
+fn data_field(words: &[&str], at: usize) -> Result<Bytes<MAX_CAN_DATA>, String> {
+    let bytes = hex(words.get(at).ok_or("the data field is missing")?)?;
+    Bytes::from_slice(&bytes).map_err(|_| "too many bytes".to_string())
+}
+
 /// A raw frame as candump or hex text.
 fn raw_frame(text: &str) -> Result<RawFrame, String> {
-    let bytes = |hex: &str| {
-        (0..hex.len())
-            .step_by(2)
-            .map(|at| u8::from_str_radix(hex.get(at..at + 2).unwrap_or("?"), 16))
-            .collect::<Result<Vec<u8>, _>>()
-            .map_err(|e| e.to_string())
-    };
     match text.split_once('#') {
         Some((id, data)) => {
             let id = u16::from_str_radix(id, 16).map_err(|e| e.to_string())?;
-            let frame = host_protocol::CanFrame::standard(id, &bytes(data)?).ok_or("no such CAN frame")?;
+            let frame = host_protocol::CanFrame::standard(id, &hex(data)?).ok_or("no such CAN frame")?;
             Ok(RawFrame::Can(frame))
         }
         None => {
-            let bytes = host_protocol::Bytes::from_slice(&bytes(text)?).map_err(|_| "too many bytes")?;
+            let bytes = Bytes::from_slice(&hex(text)?).map_err(|_| "too many bytes")?;
             Ok(RawFrame::Serial(bytes))
         }
     }

@@ -1,6 +1,8 @@
 //! The words of a step.
 
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, Setpoint, StopAction, Value, ValueKind};
+use host_protocol::{
+    AxisParameter, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction, Value, ValueKind,
+};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -29,7 +31,33 @@ pub fn duration(words: &[&str], at: usize) -> Result<Duration, String> {
     }
 }
 
-/// `signal|current|velocity V` or `position P speed V` at a place.
+/// Bytes in hexadecimal.
+pub fn hex(text: &str) -> Result<Vec<u8>, String> {
+    (0..text.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(text.get(at..at + 2).unwrap_or("?"), 16))
+        .collect::<Result<_, _>>()
+        .map_err(|e| format!("{text}: {e}"))
+}
+
+/// `position,velocity`
+pub fn fields(text: &str) -> Result<StateFields, String> {
+    text.split(',').try_fold(StateFields::NONE, |set, name| {
+        let field = StateField::from_name(name).ok_or_else(|| format!("{name} is no field of a state"))?;
+        Ok(set.with(field))
+    })
+}
+
+/// The number after a word, 0 where the word is not there.
+fn named(words: &[&str], name: &str) -> Result<f32, String> {
+    match words.iter().position(|word| *word == name) {
+        Some(at) => parse(words, at + 1, name),
+        None => Ok(0.0),
+    }
+}
+
+/// `signal|current|velocity V`, `position P speed V` or `impedance P [stiffness K] [damping D] [velocity V] [torque T]` at a
+/// place.
 pub fn setpoint(words: &[&str], at: usize) -> Result<Setpoint, String> {
     let value: f32 = parse(words, at + 1, "value")?;
     match words.get(at) {
@@ -39,6 +67,13 @@ pub fn setpoint(words: &[&str], at: usize) -> Result<Setpoint, String> {
         Some(&"position") => Ok(Setpoint::Position {
             position_rad: value,
             speed_limit_rad_s: parse(words, at + 3, "speed limit")?,
+        }),
+        Some(&"impedance") => Ok(Setpoint::Impedance {
+            position_rad: value,
+            velocity_rad_s: named(words, "velocity")?,
+            stiffness_nm_per_rad: named(words, "stiffness")?,
+            damping_nm_s_per_rad: named(words, "damping")?,
+            torque_nm: named(words, "torque")?,
         }),
         other => Err(format!("{other:?} is no kind of setpoint")),
     }

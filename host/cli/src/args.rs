@@ -100,8 +100,28 @@ pub enum Command {
     /// Arm an axis, hold a setpoint, then stop it and wait for the confirmed stop
     #[command(after_help = "Examples:\n  mgw set 0 velocity 2 --for 3          2 rad/s for 3 s\n  \
             mgw set 1 signal -0.05                -5 % until Ctrl-C\n  \
-            mgw set 0 position 1.57 --speed-limit 0.5 --for 4")]
+            mgw set 0 position 1.57 --speed-limit 0.5 --for 4\n  \
+            mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --for 4")]
     Set(SetArgs),
+
+    /// Arm an axis, move it by a distance, then stop it and wait for the confirmed stop
+    #[command(after_help = "Examples:\n  mgw move 0 1.57 --speed-limit 0.5      a quarter turn\n  \
+            mgw move 0 -0.1 --speed-limit 0.5 --for 4 --tolerance 0.01")]
+    Move(MoveArgs),
+
+    /// Have the motor of an axis carry out a command of its own manual, and decode its reply
+    ///
+    /// What only asks needs no authority, what changes the motor needs an idle axis, and what stops it is carried out as a
+    /// stop. What moves it needs --for: the axis is armed, the command is sent and kept up for so long, then the axis is
+    /// stopped and disarmed. Commands that move by a distance or start what waits in the motor go out once and for the TTL of
+    /// the axis at most: raise its `ttl_us` for longer ones.
+    #[command(after_help = "Examples:\n  \
+            mgw native 0 9C00000000000000                                  RMD: read status 2\n  \
+            mgw native 0 --command read_status_2                           the same by name\n  \
+            mgw native 0 --command torque_current --field current_a=1 --for 2\n  \
+            mgw native 1 51 56 00 00                                       thruster: read the speed\n\n\
+            `mgw encode --protocol PROTOCOL --list` shows every command with its fields.")]
+    Native(NativeArgs),
 
     /// Stop an axis, or all axes; needs no authority
     #[command(after_help = "Examples:\n  mgw stop 0\n  mgw stop")]
@@ -131,19 +151,13 @@ pub enum Command {
         axis: Option<u8>,
     },
 
-    /// Follow states and events; takes no authority
-    #[command(after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json")]
-    Watch {
-        /// The axes; all configured ones without any
-        #[arg(value_name = "AXIS")]
-        axes: Vec<u8>,
-        /// Milliseconds between two readings
-        #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
-        period: u64,
-        /// Readings of each axis; without it until Ctrl-C
-        #[arg(long, value_name = "N")]
-        count: Option<u64>,
-    },
+    /// Follow samples and events; takes no authority
+    ///
+    /// The gateway sends the samples by itself; those that its link cannot carry are counted as lost. A value marked with * is
+    /// older than 1 s; --json has the age of each.
+    #[command(after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json\n  \
+            mgw watch 0 --fields position,velocity --period 10")]
+    Watch(WatchArgs),
 
     /// Show configuration, state and counters of one bus, or of all
     Bus {
@@ -308,6 +322,58 @@ pub enum ConfigureTarget {
 }
 
 #[derive(Debug, Args)]
+pub struct WatchArgs {
+    /// The axes; all configured ones without any
+    #[arg(value_name = "AXIS")]
+    pub axes: Vec<u8>,
+    /// What to tell of them: position, velocity, current, voltage, motor_temperature, driver_temperature, faults; all without it
+    #[arg(long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field)]
+    pub fields: Vec<host_protocol::StateField>,
+    /// Milliseconds between two samples of an axis
+    #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub period: u64,
+    /// Samples of each axis; without it until Ctrl-C
+    #[arg(long, value_name = "N")]
+    pub count: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub struct NativeArgs {
+    /// The axis
+    pub axis: u8,
+    /// The data field that the manual prints, in hexadecimal
+    #[arg(value_name = "DATA", required_unless_present = "command")]
+    pub data: Vec<String>,
+    /// A command by its name instead
+    #[arg(long, value_name = "NAME", conflicts_with = "data")]
+    pub command: Option<String>,
+    /// A field of that command
+    #[arg(long = "field", value_name = "NAME=VALUE", requires = "command", allow_hyphen_values = true)]
+    pub fields: Vec<String>,
+    /// Move: seconds to keep the command up
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub duration: Option<std::time::Duration>,
+}
+
+#[derive(Debug, Args)]
+pub struct MoveArgs {
+    /// The axis
+    pub axis: u8,
+    /// How far, rad; positive is counter-clockwise
+    #[arg(allow_negative_numbers = true)]
+    pub distance: f32,
+    /// Speed on the way, rad/s
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub speed_limit: f32,
+    /// How near to the target it has arrived, rad
+    #[arg(long, default_value_t = 0.02, value_name = "RAD")]
+    pub tolerance: f32,
+    /// Seconds to try at most; without it until it has arrived
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub duration: Option<std::time::Duration>,
+}
+
+#[derive(Debug, Args)]
 pub struct SetArgs {
     /// The axis
     pub axis: u8,
@@ -319,6 +385,18 @@ pub struct SetArgs {
     /// Speed limit of a position, rad/s
     #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
     pub speed_limit: Option<f32>,
+    /// Stiffness of an impedance, N·m/rad
+    #[arg(long, value_name = "NM_PER_RAD", allow_negative_numbers = true)]
+    pub stiffness: Option<f32>,
+    /// Damping of an impedance, N·m·s/rad
+    #[arg(long, value_name = "NM_S_PER_RAD", allow_negative_numbers = true)]
+    pub damping: Option<f32>,
+    /// Velocity at which the damper of an impedance is at rest, rad/s; 0 without it
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub velocity: Option<f32>,
+    /// Torque of an impedance in addition, N·m; 0 without it
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub torque: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     pub duration: Option<std::time::Duration>,
@@ -334,6 +412,8 @@ pub enum Mode {
     Velocity,
     /// Shaft angle, rad; needs --speed-limit
     Position,
+    /// A spring and a damper about a shaft angle, rad; needs --stiffness and --damping
+    Impedance,
 }
 
 #[derive(Debug, Subcommand)]
@@ -366,6 +446,13 @@ fn seconds(text: &str) -> Result<std::time::Duration, String> {
     let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
     std::time::Duration::try_from_secs_f64(value)
         .map_err(|_| "must be a number of seconds that is not negative".to_owned())
+}
+
+fn state_field(text: &str) -> Result<host_protocol::StateField, String> {
+    host_protocol::StateField::from_name(text).ok_or_else(|| {
+        let names: Vec<&str> = host_protocol::StateField::ALL.iter().map(|field| field.name()).collect();
+        format!("must be one of {}", names.join(", "))
+    })
 }
 
 fn axis_or(text: &str, word: &str) -> Result<Option<u8>, String> {

@@ -52,6 +52,8 @@ impl Failure {
             Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
             Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
             Self::Client(ClientError::TooLong { .. }) => "TooLong",
+            Self::Client(ClientError::LinksTaken) => "LinksTaken",
+            Self::Client(ClientError::Connect(error)) if is_no_port(error) => "Usage",
             Self::Client(ClientError::Connect(_)) => "NoConnection",
             Self::Client(ClientError::Transport(_)) => "ConnectionLost",
             Self::Usage(_) => "Usage",
@@ -87,6 +89,7 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => WRONG_USAGE,
+            Self::Client(ClientError::Connect(error)) if is_no_port(error) => WRONG_USAGE,
             // The reader of a pipe has seen enough: `mgw watch | head` is no failure.
             Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => 0,
             _ => FAILED,
@@ -105,6 +108,11 @@ impl Failure {
     pub fn is_silent(&self) -> bool {
         matches!(self, Self::Output(_))
     }
+}
+
+/// Whether the text is no name of a port at all.
+fn is_no_port(error: &ConnectError) -> bool {
+    matches!(error, ConnectError::NoPort | ConnectError::BadAddress { .. } | ConnectError::BadBaud { .. })
 }
 
 /// The data of those errors whose data a program may act on.

@@ -30,6 +30,27 @@ pub fn event(message: &EventMessage) -> Value {
         }
         Event::AxisUnreachable { axis } => json!({ "axis": axis }),
         Event::RequestDropped { count } => json!({ "count": count }),
+        Event::Sample {
+            axis,
+            state,
+            position_rad,
+            velocity_rad_s,
+            current_a,
+            voltage_v,
+            motor_temperature_c,
+            driver_temperature_c,
+            faults,
+        } => json!({
+            "axis": axis,
+            "state": to_json(state),
+            "position_rad": to_json(position_rad),
+            "velocity_rad_s": to_json(velocity_rad_s),
+            "current_a": to_json(current_a),
+            "voltage_v": to_json(voltage_v),
+            "motor_temperature_c": to_json(motor_temperature_c),
+            "driver_temperature_c": to_json(driver_temperature_c),
+            "faults": to_json(faults),
+        }),
         Event::Unknown { number } => json!({ "number": number }),
     };
     if let Some(fields) = fields.as_object_mut() {

@@ -5,6 +5,7 @@ mod args;
 mod commands;
 mod decode;
 mod demo;
+mod effect;
 mod encode;
 mod failure;
 mod four_motors;

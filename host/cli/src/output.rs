@@ -35,6 +35,16 @@ impl Output {
         if self.json { print_line(&value.to_string()) } else { Ok(()) }
     }
 
+    /// Whether it is JSON.
+    pub fn is_json(self) -> bool {
+        self.json
+    }
+
+    /// Prints a line that is already in the form asked for.
+    pub fn line(self, line: &str) -> Result<(), Failure> {
+        print_line(line)
+    }
+
     /// Prints either what `line` says, or `value`.
     pub fn either(self, line: impl AsRef<str>, value: &Value) -> Result<(), Failure> {
         self.text(line)?;

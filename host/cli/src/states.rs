@@ -1,63 +1,159 @@
-//! States of axes as a table in SI units.
+//! States of axes as tables in SI units.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{FaultReading, Reading};
+use host_protocol::{AxisState, Event, FaultReading, Reading, StateField, StateFields};
 
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
-const HEADINGS: [&str; 11] = [
-    ">axis",
-    "state",
-    ">position rad",
-    ">velocity rad/s",
-    ">current A",
-    ">voltage V",
-    ">motor °C",
-    ">driver °C",
-    "faults",
-    ">age ms",
-    "trip",
-];
+/// A reading older than this is marked, µs.
+const STALE_AFTER_US: u32 = 1_000_000;
+/// The mark.
+const STALE: &str = "*";
+
+/// Every field.
+pub const ALL: StateFields = StateFields::of(StateField::ALL);
+
+/// What stands above a field.
+fn heading(field: StateField) -> &'static str {
+    match field {
+        StateField::Position => ">position rad",
+        StateField::Velocity => ">velocity rad/s",
+        StateField::Current => ">current A",
+        StateField::Voltage => ">voltage V",
+        StateField::MotorTemperature => ">motor °C",
+        StateField::DriverTemperature => ">driver °C",
+        StateField::Faults => "faults",
+    }
+}
+
+/// What a field is called in JSON, as in PROTOCOL.md.
+pub fn json_name(field: StateField) -> &'static str {
+    match field {
+        StateField::Position => "position_rad",
+        StateField::Velocity => "velocity_rad_s",
+        StateField::Current => "current_a",
+        StateField::Voltage => "voltage_v",
+        StateField::MotorTemperature => "motor_temperature_c",
+        StateField::DriverTemperature => "driver_temperature_c",
+        StateField::Faults => "faults",
+    }
+}
 
 /// Digits after the point: what the motors' own resolution is worth.
-const ANGLE_DIGITS: usize = 3;
-const VELOCITY_DIGITS: usize = 2;
-const CURRENT_DIGITS: usize = 2;
-const VOLTAGE_DIGITS: usize = 1;
-const TEMPERATURE_DIGITS: usize = 0;
+fn digits(field: StateField) -> usize {
+    match field {
+        StateField::Position => 3,
+        StateField::Velocity | StateField::Current => 2,
+        StateField::Voltage => 1,
+        StateField::MotorTemperature | StateField::DriverTemperature | StateField::Faults => 0,
+    }
+}
 
-/// A row for each axis.
+/// A row for each axis, with why it tripped.
 pub fn table(reports: &[AxisReport]) -> Table {
-    let mut table = Table::new(&HEADINGS);
+    let fields = StateField::ALL.iter().map(|field| heading(*field));
+    let headings: Vec<&str> = [">axis", "state"].into_iter().chain(fields).chain(["trip"]).collect();
+    let mut table = Table::new(&headings);
     for report in reports {
-        table.row([
-            report.axis.to_string(),
-            words::axis_state(report.state).to_owned(),
-            words::reading(report.position_rad, ANGLE_DIGITS),
-            words::reading(report.velocity_rad_s, VELOCITY_DIGITS),
-            words::reading(report.current_a, CURRENT_DIGITS),
-            words::reading(report.voltage_v, VOLTAGE_DIGITS),
-            words::reading(report.motor_temperature_c, TEMPERATURE_DIGITS),
-            words::reading(report.driver_temperature_c, TEMPERATURE_DIGITS),
-            faults(report.faults),
-            age(report),
-            report.trip.map_or(String::new(), |trip| words::trip_reason(&trip.reason)),
-        ]);
+        let mut row = vec![report.axis.to_string(), words::axis_state(report.state).to_owned()];
+        row.extend(StateField::ALL.iter().map(|field| match field {
+            StateField::Position => reading(*field, report.position_rad),
+            StateField::Velocity => reading(*field, report.velocity_rad_s),
+            StateField::Current => reading(*field, report.current_a),
+            StateField::Voltage => reading(*field, report.voltage_v),
+            StateField::MotorTemperature => reading(*field, report.motor_temperature_c),
+            StateField::DriverTemperature => reading(*field, report.driver_temperature_c),
+            StateField::Faults => faults(report.faults),
+        }));
+        row.push(report.trip.map_or(String::new(), |trip| words::trip_reason(&trip.reason)));
+        table.row(row);
     }
     table
+}
+
+/// A sample as the row of a table that grows with time, under its headings; nothing of another event.
+pub fn sample(event: &Event, fields: StateFields) -> Option<Table> {
+    let Event::Sample {
+        axis,
+        state,
+        position_rad,
+        velocity_rad_s,
+        current_a,
+        voltage_v,
+        motor_temperature_c,
+        driver_temperature_c,
+        faults: fault_word,
+    } = event
+    else {
+        return None;
+    };
+    let headings: Vec<&str> = [">axis", "state"].into_iter().chain(fields.iter().map(heading)).collect();
+    let mut table = Table::new(&headings);
+    let mut row = vec![axis.to_string(), steady(*state)];
+    row.extend(fields.iter().map(|field| match field {
+        StateField::Position => reading(field, *position_rad),
+        StateField::Velocity => reading(field, *velocity_rad_s),
+        StateField::Current => reading(field, *current_a),
+        StateField::Voltage => reading(field, *voltage_v),
+        StateField::MotorTemperature => reading(field, *motor_temperature_c),
+        StateField::DriverTemperature => reading(field, *driver_temperature_c),
+        StateField::Faults => faults(*fault_word),
+    }));
+    table.row(row);
+    Some(table)
+}
+
+/// A state as wide as most are, so that the columns of later rows keep their places.
+fn steady(state: AxisState) -> String {
+    const WIDTH: usize = 12;
+    format!("{:<WIDTH$}", words::axis_state(state))
+}
+
+fn reading(field: StateField, reading: Option<Reading>) -> String {
+    let digits = digits(field);
+    reading
+        .map_or(NOTHING.to_owned(), |reading| format!("{:.digits$}{}", reading.value, mark(reading.age_us)))
 }
 
 fn faults(faults: Option<FaultReading>) -> String {
     match faults {
         None => NOTHING.to_owned(),
-        Some(FaultReading { word: 0, .. }) => "none".to_owned(),
-        Some(FaultReading { word, .. }) => format!("{word:#06x}"),
+        Some(FaultReading { word: 0, age_us }) => format!("none{}", mark(age_us)),
+        Some(FaultReading { word, age_us }) => format!("{word:#06x}{}", mark(age_us)),
     }
 }
 
-/// The age of what tells most about motion: the velocity, or else the position.
-fn age(report: &AxisReport) -> String {
-    let reading: Option<Reading> = report.velocity_rad_s.or(report.position_rad);
-    reading.map_or(NOTHING.to_owned(), |reading| (reading.age_us / 1_000).to_string())
+fn mark(age_us: u32) -> &'static str {
+    if age_us > STALE_AFTER_US { STALE } else { "" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_shows_what_was_asked_for_and_marks_what_is_old() {
+        let event = Event::Sample {
+            axis: 3,
+            state: AxisState::Active,
+            position_rad: Some(Reading { value: 1.25, age_us: 900 }),
+            velocity_rad_s: Some(Reading { value: -2.0, age_us: 400 }),
+            current_a: None,
+            voltage_v: Some(Reading { value: 24.0, age_us: 1_000_001 }),
+            motor_temperature_c: None,
+            driver_temperature_c: None,
+            faults: Some(FaultReading { word: 2, age_us: 2_000_000 }),
+        };
+        let fields = StateFields::of(&[StateField::Position, StateField::Voltage, StateField::Faults]);
+        let lines = sample(&event, fields).unwrap().lines();
+        assert_eq!(
+            lines,
+            [
+                "axis  state         position rad  voltage V  faults",
+                "   3  active               1.250      24.0*  0x0002*"
+            ]
+        );
+        assert!(sample(&Event::EStopCleared {}, ALL).is_none());
+    }
 }

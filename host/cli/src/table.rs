@@ -33,13 +33,20 @@ impl Table {
 
     /// The lines, headings first.
     pub fn lines(&self) -> Vec<String> {
+        self.lines_in(&mut Vec::new())
+    }
+
+    /// The lines in columns at least as wide as `widths`, which grow to what was needed: tables of the same columns that
+    /// follow each other then line up.
+    pub fn lines_in(&self, widths: &mut Vec<usize>) -> Vec<String> {
         let headings: Vec<String> = self.columns.iter().map(|(heading, _)| heading.clone()).collect();
         let all = || std::iter::once(&headings).chain(&self.rows);
-        let width = |index: usize| {
-            all().filter_map(|row| row.get(index)).map(|cell| cell.chars().count()).max().unwrap_or(0)
-        };
-        let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
-        all().map(|row| self.line(row, &widths)).collect()
+        widths.resize(self.columns.len(), 0);
+        for (index, width) in widths.iter_mut().enumerate() {
+            let cells = all().filter_map(|row| row.get(index)).map(|cell| cell.chars().count());
+            *width = cells.max().unwrap_or(0).max(*width);
+        }
+        all().map(|row| self.line(row, widths)).collect()
     }
 
     fn line(&self, row: &[String], widths: &[usize]) -> String {
@@ -66,6 +73,9 @@ mod tests {
         let mut table = Table::new(&["axis", ">motor °C", "state"]);
         table.row(["0".into(), "31".into(), "idle".into()]);
         table.row(["12".into(), "-".into(), "armed".into()]);
+        let mut widths = vec![6];
+        assert_eq!(table.lines_in(&mut widths)[1], "0             31  idle");
+        assert_eq!(widths, [6, 8, 5]);
         assert_eq!(table.lines(), ["axis  motor °C  state", "0           31  idle", "12           -  armed"]);
     }
 }

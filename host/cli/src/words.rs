@@ -1,6 +1,6 @@
 //! States, reasons and events in words. The names of reasons and events are those of PROTOCOL.md.
 
-use host_protocol::{AxisState, Event, EventMessage, MotorTimeout, ProtocolSet, Reading, TripReason};
+use host_protocol::{AxisState, Event, EventMessage, MotorTimeout, ProtocolSet, TripReason};
 
 /// What stands in a table where nothing is known.
 pub const NOTHING: &str = "-";
@@ -52,11 +52,6 @@ pub fn motor_timeout(timeout: MotorTimeout) -> String {
 pub fn protocols(set: ProtocolSet) -> String {
     let names: Vec<&str> = set.iter().map(|protocol| protocol.name()).collect();
     if names.is_empty() { NOTHING.to_owned() } else { names.join(",") }
-}
-
-/// A reading with so many digits after the point.
-pub fn reading(reading: Option<Reading>, digits: usize) -> String {
-    reading.map_or(NOTHING.to_owned(), |reading| format!("{:.digits$}", reading.value))
 }
 
 /// Gateway time in seconds.
@@ -114,6 +109,7 @@ fn event_in_words(event: &Event) -> String {
         Event::AxisUnreachable { axis } => {
             format!("axis {axis} is unreachable and may be turning: cut its power")
         }
+        Event::Sample { axis, state, .. } => format!("axis {axis}: a sample, {}", axis_state(*state)),
         Event::RequestDropped { count } => format!("{count} requests of this host were dropped"),
         Event::Unknown { number } => {
             format!("event {number:#06x}, which this program does not know: update it")

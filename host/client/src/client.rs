@@ -1,10 +1,11 @@
 //! [`Client`]: one session with one gateway.
 
+use std::io::ErrorKind;
 use std::time::Duration;
 
 use host_protocol::messages::request_name;
 use host_protocol::replies::HelloReply;
-use host_protocol::requests::{Hello, Ping};
+use host_protocol::requests::{Hello, Ping, Subscribe};
 use host_protocol::{Call, Error, EventMessage, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR};
 
 use crate::clock::Clock;
@@ -25,6 +26,11 @@ pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
 /// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
 
+/// [`Client::keep_subscription`] pings when nothing was sent for this long: four pings may get lost.
+pub const KEEP_SUBSCRIPTION_AFTER: Duration = Duration::from_secs(1);
+/// After this silence a subscription may have ended, which the gateway does after 5 s: it is made again.
+const SUBSCRIPTION_MAY_HAVE_ENDED_AFTER: Duration = Duration::from_secs(4);
+
 /// Exchanges that measure the clock when a session starts.
 const FIRST_PINGS: usize = 3;
 /// Bytes taken from the transport at once.
@@ -41,14 +47,16 @@ pub struct Client<T: Transport> {
     hello: HelloReply,
     sequence: u16,
     last_sent: Duration,
+    /// What was subscribed to last in this session.
+    subscription: Option<Subscribe>,
 }
 
 impl<T: Transport> Client<T> {
     /// Opens a session: says hello, checks the version and measures the gateway's clock.
     ///
     /// # Errors
-    /// [`ClientError::NoAnswer`] when nothing answers, [`ClientError::Incompatible`] when the gateway speaks another
-    /// major version, or the failure of the transport.
+    /// [`ClientError::NoAnswer`] when nothing answers, [`ClientError::LinksTaken`] when the gateway has no host link left,
+    /// [`ClientError::Incompatible`] when it speaks another major version, or the failure of the transport.
     pub fn connect(transport: T) -> Result<Self, ClientError> {
         // Random, so that no answer and no memory of an earlier session fits to this one.
         Self::connect_as(transport, fastrand::u32(..), fastrand::u16(..))
@@ -63,16 +71,17 @@ impl<T: Transport> Client<T> {
         let mut inbox = Inbox::new();
         let request = hello_request(session);
         let answer = exchange(&mut transport, &mut inbox, first_sequence, &request, HELLO_DEADLINE);
-        let hello = refuse_other_major(answer)?;
+        let hello = refuse_other_major(answer).map_err(name_refusal)?;
         let sequence = first_sequence.wrapping_add(1);
         let last_sent = transport.now();
-        let mut client = Self { transport, inbox, clock: Clock::default(), hello, sequence, last_sent };
+        let clock = Clock::default();
+        let mut client = Self { transport, inbox, clock, hello, sequence, last_sent, subscription: None };
         client.measure_clock()?;
         Ok(client)
     }
 
     /// Opens the transport again and starts a new session. Events received before stay in the queue. Axes that were
-    /// armed have to be armed again.
+    /// armed have to be armed again, and a subscription has ended.
     ///
     /// # Errors
     /// As [`connect`](Self::connect). It may be tried again.
@@ -86,6 +95,7 @@ impl<T: Transport> Client<T> {
 
     pub(crate) fn say_hello(&mut self) -> Result<HelloReply, ClientError> {
         let request = hello_request(fastrand::u32(..));
+        self.subscription = None;
         self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
         Ok(self.hello.clone())
     }
@@ -181,6 +191,29 @@ impl<T: Transport> Client<T> {
         self.ping()
     }
 
+    /// Subscribes, and remembers it for [`keep_subscription`](Self::keep_subscription).
+    pub(crate) fn subscribe_as(&mut self, subscription: Subscribe) -> Result<(), ClientError> {
+        self.request(&subscription)?;
+        self.subscription = (subscription.axes != 0).then_some(subscription);
+        Ok(())
+    }
+
+    /// Keeps a subscription alive: pings if nothing was sent for [`KEEP_SUBSCRIPTION_AFTER`]. If this process was held up for
+    /// so long that the subscription may have ended, it is made again.
+    ///
+    /// # Errors
+    /// As [`request_within`](Self::request_within).
+    pub fn keep_subscription(&mut self) -> Result<(), ClientError> {
+        let quiet = self.transport.now().saturating_sub(self.last_sent);
+        match self.subscription {
+            _ if quiet < KEEP_SUBSCRIPTION_AFTER => Ok(()),
+            Some(subscription) if quiet >= SUBSCRIPTION_MAY_HAVE_ENDED_AFTER => {
+                self.request(&subscription).map(drop)
+            }
+            _ => self.ping(),
+        }
+    }
+
     /// The next event: one that waits, or the first that arrives within `timeout`. Sends nothing.
     ///
     /// # Errors
@@ -256,6 +289,16 @@ fn refuse_other_major(result: Result<HelloReply, ClientError>) -> Result<HelloRe
         }
         Err(ClientError::Gateway(Error::UnsupportedVersion { gateway_major, host_major })) => {
             Err(ClientError::Incompatible { gateway: gateway_major, host: host_major })
+        }
+        other => other,
+    }
+}
+
+/// A server that closes the connection before it has said anything has no link to give.
+fn name_refusal(error: ClientError) -> ClientError {
+    match error {
+        ClientError::Transport(error) if error.kind() == ErrorKind::ConnectionRefused => {
+            ClientError::LinksTaken
         }
         other => other,
     }

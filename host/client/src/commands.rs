@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use host_protocol::replies::{Armed, AxisReport, BusReport, HelloReply, RawFrames};
+use host_protocol::replies::{Armed, AxisReport, BusReport, HelloReply, MoveTarget, RawFrames};
 use host_protocol::requests as ask;
 use host_protocol::{
-    AxisParameter, AxisSummary, ClearTarget, Error, GatewayParameter, MotorTimeout, ProtocolSet, RawFrame,
-    Setpoint, StopTarget, Value,
+    AxisParameter, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, MAX_CAN_DATA, MotorTimeout,
+    ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
 };
 
 use crate::client::Client;
 use crate::error::ClientError;
 use crate::transport::Transport;
 
-/// Arming and provisioning talk with the motor, brake release and its confirmation included.
+/// Arming, provisioning and native commands talk with the motor, brake release and its confirmation included.
 pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
 
 impl<T: Transport> Client<T> {
@@ -219,6 +219,77 @@ impl<T: Transport> Client<T> {
         self.refresh_clock()?;
         let request = ask::Setpoint { axis, epoch, expires_at_us: self.expiry(ttl), setpoint };
         self.request_within(&request, ttl).map(drop)
+    }
+
+    /// Moves an armed axis by `distance_rad`, positive is counter-clockwise, at `speed_limit_rad_s` at most: the gateway reads
+    /// the position once and holds the returned target for `ttl`. Keep it up with [`Setpoint::Position`] to that target.
+    /// However often the line makes it necessary to ask, the axis moves once.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn move_relative(
+        &mut self,
+        axis: u8,
+        epoch: u32,
+        distance_rad: f32,
+        speed_limit_rad_s: f32,
+        ttl: Duration,
+    ) -> Result<MoveTarget, ClientError> {
+        self.refresh_clock()?;
+        let expires_at_us = self.expiry(ttl);
+        let request = ask::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+        self.request_within(&request, MOTOR_DEADLINE)
+    }
+
+    /// Has the motor of an axis carry out a command of its own manual: `data` is the data field there, without CAN id or
+    /// serial framing. Returns the data field of the motor's reply, empty where there is none.
+    ///
+    /// What moves needs the epoch of the arming and is valid for `ttl`, as a setpoint; for all else both may be 0.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn native(
+        &mut self,
+        axis: u8,
+        epoch: u32,
+        data: Bytes<MAX_CAN_DATA>,
+        ttl: Duration,
+    ) -> Result<Bytes<MAX_CAN_DATA>, ClientError> {
+        self.refresh_clock()?;
+        let request = ask::Native { axis, epoch, expires_at_us: self.expiry(ttl), data };
+        self.request_within(&request, MOTOR_DEADLINE).map(|reply| reply.data)
+    }
+
+    /// Has the gateway send [`Sample`](host_protocol::Event::Sample) events, one for each of `axes` in each `period` of
+    /// 1 ms to 10 s; [`poll_event`](Self::poll_event) returns them. It replaces the subscription before. Call
+    /// [`keep_subscription`](Self::keep_subscription) between two looks at the events, or it ends after 5 s.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request); `UnknownAxis` for an axis that no gateway can have.
+    pub fn subscribe(
+        &mut self,
+        axes: &[u8],
+        fields: StateFields,
+        period: Duration,
+    ) -> Result<(), ClientError> {
+        let mut mask = 0;
+        for axis in axes {
+            let unknown = Error::UnknownAxis { axis: *axis, max_axes: self.hello().max_axes };
+            mask |= 1u32.checked_shl(u32::from(*axis)).ok_or(unknown)?;
+        }
+        // Too long for the field is too long for the gateway, which then names the limits.
+        let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
+        self.subscribe_as(ask::Subscribe { axes: mask, fields, period_us })
+    }
+
+    /// Ends the subscription of this link.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn unsubscribe(&mut self) -> Result<(), ClientError> {
+        // No axis; a period has to be one all the same.
+        const PERIOD_US: u32 = 1_000_000;
+        self.subscribe_as(ask::Subscribe { axes: 0, fields: StateFields::NONE, period_us: PERIOD_US })
     }
 
     /// How an axis is.

@@ -37,6 +37,8 @@ pub enum ClientError {
         /// Name of the request.
         request: &'static str,
     },
+    /// The gateway is there and closes the connection at once: other programs have all its host links.
+    LinksTaken,
     /// The port could not be opened.
     Connect(ConnectError),
     /// The connection failed.
@@ -76,6 +78,10 @@ impl fmt::Display for ClientError {
                 f,
                 "{request} is longer than the {} bytes of a message. Send less at once",
                 host_protocol::MAX_MESSAGE
+            ),
+            Self::LinksTaken => write!(
+                f,
+                "the gateway refuses the connection: all host links are taken. End another program that is connected to it, then try again"
             ),
             Self::Connect(error) => error.fmt(f),
             Self::Transport(error) => {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use host_protocol::{Error, Quantity, Setpoint};
+use host_protocol::{Bytes, Error, MAX_CAN_DATA, Quantity, Setpoint};
 
 use crate::client::{Client, KEEP_ALIVE_AFTER};
 use crate::error::ClientError;
@@ -25,6 +25,19 @@ pub struct Hold {
     /// What it shall do.
     pub setpoint: Setpoint,
     /// How long each setpoint is valid: the axis's TTL, or less.
+    pub ttl: Duration,
+}
+
+/// An axis and the native command that it shall keep carrying out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NativeHold {
+    /// The axis.
+    pub axis: u8,
+    /// The epoch that arming it returned.
+    pub epoch: u32,
+    /// The data field of the command.
+    pub data: Bytes<MAX_CAN_DATA>,
+    /// How long it is valid each time: the axis's TTL, or less.
     pub ttl: Duration,
 }
 
@@ -66,28 +79,52 @@ impl<T: Transport> Client<T> {
         &mut self,
         holds: &[Hold],
         duration: Duration,
+        each_round: impl FnMut(&mut Self) -> Round,
+    ) -> Result<(), ClientError> {
+        let ttl = holds.iter().map(|hold| hold.ttl).min().unwrap_or(Duration::MAX);
+        let mut misses = 0;
+        let send = |client: &mut Self| {
+            for hold in holds {
+                let sent = client.set(hold.axis, hold.epoch, hold.setpoint, hold.ttl);
+                client.forgive(sent, &mut misses)?;
+            }
+            Ok(())
+        };
+        self.renew(ttl, duration, send, each_round)
+    }
+
+    /// As [`hold_setpoints`](Self::hold_setpoints), for a native command that moves. Not for one that moves by a distance or
+    /// starts what waits in the motor: each time it is sent it moves the motor anew.
+    ///
+    /// # Errors
+    /// As [`hold_setpoints`](Self::hold_setpoints).
+    pub fn hold_native(
+        &mut self,
+        hold: &NativeHold,
+        duration: Duration,
+        each_round: impl FnMut(&mut Self) -> Round,
+    ) -> Result<(), ClientError> {
+        let mut misses = 0;
+        let send = |client: &mut Self| {
+            let sent = client.native(hold.axis, hold.epoch, hold.data.clone(), hold.ttl);
+            client.forgive(sent.map(drop), &mut misses)
+        };
+        self.renew(hold.ttl, duration, send, each_round)
+    }
+
+    /// Sends at least [`RENEWALS_PER_TTL`] times within `ttl`.
+    fn renew(
+        &mut self,
+        ttl: Duration,
+        duration: Duration,
+        mut send: impl FnMut(&mut Self) -> Result<(), ClientError>,
         mut each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
         let end = self.now().saturating_add(duration);
-        let period = holds
-            .iter()
-            .map(|hold| hold.ttl / RENEWALS_PER_TTL)
-            .min()
-            .unwrap_or(KEEP_ALIVE_AFTER)
-            .min(KEEP_ALIVE_AFTER);
-        let mut misses = 0;
+        let period = (ttl / RENEWALS_PER_TTL).min(KEEP_ALIVE_AFTER);
         while self.now() < end {
             let next_round = self.now() + period;
-            for hold in holds {
-                match self.set(hold.axis, hold.epoch, hold.setpoint, hold.ttl) {
-                    Ok(()) => misses = 0,
-                    Err(error) if misses < MISSES && is_miss(&error) => {
-                        misses += 1;
-                        self.measure_clock_anew()?;
-                    }
-                    Err(error) => return Err(error),
-                }
-            }
+            send(self)?;
             if each_round(self)?.is_break() {
                 return Ok(());
             }
@@ -98,15 +135,31 @@ impl<T: Transport> Client<T> {
         }
         Ok(())
     }
+
+    /// Takes what missed its time for done, unless it is one too many in a row.
+    fn forgive(&mut self, sent: Result<(), ClientError>, misses: &mut u32) -> Result<(), ClientError> {
+        match sent {
+            Ok(()) => *misses = 0,
+            Err(error) if *misses < MISSES && is_miss(&error) => {
+                *misses += 1;
+                self.measure_clock_anew()?;
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
 }
 
-/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock, or got lost.
+/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock or by what another host had asked
+/// of the motor, or got lost.
 fn is_miss(error: &ClientError) -> bool {
     matches!(
         error,
         ClientError::NoAnswer { .. }
             | ClientError::Gateway(
-                Error::Stale { .. } | Error::OutOfRange { quantity: Quantity::Expiry, .. }
+                Error::Stale { .. }
+                    | Error::Busy { .. }
+                    | Error::OutOfRange { quantity: Quantity::Expiry, .. }
             )
     )
 }

@@ -43,10 +43,13 @@ mod transport;
 
 pub use host_protocol;
 
-pub use client::{CLOCK_VALID_FOR, Client, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER, REPEAT_AFTER};
+pub use client::{
+    CLOCK_VALID_FOR, Client, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER, KEEP_SUBSCRIPTION_AFTER,
+    REPEAT_AFTER,
+};
 pub use commands::MOTOR_DEADLINE;
 pub use error::ClientError;
-pub use hold::{Hold, Round};
+pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;
 pub use port::{ConnectError, open};
 pub use serial::{DEFAULT_BAUD, SerialTransport};

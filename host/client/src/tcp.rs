@@ -18,6 +18,8 @@ const SHORTEST_WAIT: Duration = Duration::from_micros(100);
 pub struct TcpTransport {
     address: String,
     stream: Option<TcpStream>,
+    /// Something has come since it was opened.
+    heard: bool,
     start: Instant,
 }
 
@@ -28,7 +30,18 @@ impl TcpTransport {
     /// When the name cannot be resolved or nothing there takes the connection within 3 s.
     pub fn connect(address: &str) -> io::Result<Self> {
         let stream = open(address)?;
-        Ok(Self { address: address.to_owned(), stream: Some(stream), start: Instant::now() })
+        Ok(Self { address: address.to_owned(), stream: Some(stream), heard: false, start: Instant::now() })
+    }
+
+    /// The connection failed: refused, if nothing had come over it.
+    fn lost(&self, error: io::Error) -> io::Error {
+        use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
+        match error.kind() {
+            UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe if !self.heard => {
+                io::Error::new(io::ErrorKind::ConnectionRefused, error)
+            }
+            _ => error,
+        }
     }
 
     fn stream(&mut self) -> io::Result<&mut TcpStream> {
@@ -40,7 +53,8 @@ impl TcpTransport {
 
 impl Transport for TcpTransport {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.stream()?.write_all(bytes)
+        let sent = self.stream()?.write_all(bytes);
+        sent.map_err(|error| self.lost(error))
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
@@ -48,11 +62,15 @@ impl Transport for TcpTransport {
         stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
         match stream.read(buffer) {
             Ok(0) if !buffer.is_empty() => {
-                Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the other side closed the connection"))
+                let closed = "the other side closed the connection";
+                Err(self.lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed)))
             }
-            Ok(count) => Ok(count),
+            Ok(count) => {
+                self.heard = true;
+                Ok(count)
+            }
             Err(error) if nothing_came(&error) => Ok(0),
-            Err(error) => Err(error),
+            Err(error) => Err(self.lost(error)),
         }
     }
 
@@ -65,7 +83,7 @@ impl Transport for TcpTransport {
     }
 
     fn reconnect(&mut self) -> io::Result<()> {
-        self.stream = None;
+        (self.stream, self.heard) = (None, false);
         self.stream = Some(open(&self.address)?);
         Ok(())
     }
@@ -90,4 +108,34 @@ fn open(address: &str) -> io::Result<TcpStream> {
 /// Whether a read failed only because its time ran out (the two kinds are two systems' names for it) or a signal came.
 pub(crate) fn nothing_came(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Client, ClientError};
+    use std::net::TcpListener;
+
+    #[test]
+    fn a_server_that_closes_before_it_has_said_anything_has_no_link_left() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let transport = TcpTransport::connect(&listener.local_addr().unwrap().to_string()).unwrap();
+        drop(listener.accept().unwrap());
+        let error = Client::connect(transport).err().unwrap();
+        assert!(matches!(error, ClientError::LinksTaken), "{error:?}");
+        assert!(error.to_string().contains("all host links are taken"), "{error}");
+    }
+
+    #[test]
+    fn a_server_that_closes_later_is_a_connection_that_failed() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut transport = TcpTransport::connect(&listener.local_addr().unwrap().to_string()).unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        stream.write_all(&[0]).unwrap();
+        let mut buffer = [0; 8];
+        assert_eq!(transport.receive(&mut buffer, CONNECT_TIMEOUT).unwrap(), 1);
+        drop(stream);
+        let error = transport.receive(&mut buffer, CONNECT_TIMEOUT).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
+    }
 }

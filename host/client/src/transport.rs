@@ -20,7 +20,8 @@ pub trait Transport {
     /// `buffer`. `Ok(0)` means that none came in that time. It returns as soon as there is at least one.
     ///
     /// # Errors
-    /// When the connection is gone. A peer that closed it is an error, not `Ok(0)`.
+    /// When the connection is gone. A peer that closed it is an error, not `Ok(0)`; one that closed it before it had sent
+    /// anything, because it has no place for this client, is [`io::ErrorKind::ConnectionRefused`].
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize>;
 
     /// Time since some fixed moment of the transport's own. Never goes backwards.

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::fmt;
 
-use gateway::{Board, BusPort, BusPortKind};
+use gateway::{Board, BusPort, BusPortKind, MAX_LINKS};
 use host_protocol::{BootReason, Protocol};
 
 /// Bitrate of RMD and thruster motors on CAN.
@@ -13,7 +13,11 @@ const D5_BITRATE: u32 = 210_526;
 /// Default baud rate of RMD motors on RS485 (RMD V3.6 §1.2.1).
 const RMD_BAUD: u32 = 115_200;
 
-/// The board that the simulator plays: two CAN controllers, one RS485 port that hears itself, two host links.
+/// As many host links as the core takes.
+#[allow(clippy::cast_possible_truncation)]
+const LINKS: u8 = MAX_LINKS as u8;
+
+/// The board that the simulator plays: two CAN controllers, one RS485 port that hears itself, and all host links.
 pub static BOARD: Board = Board {
     name: "simulated",
     firmware: env!("CARGO_PKG_VERSION"),
@@ -27,7 +31,7 @@ pub static BOARD: Board = Board {
             bitrates: &[RMD_BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
         },
     ],
-    links: 2,
+    links: LINKS,
 };
 
 /// One motor and where it is connected.

@@ -61,10 +61,11 @@ fn has_answer(stream: &mut TcpStream, received: &mut Vec<u8>) -> bool {
 }
 
 #[test]
-fn two_clients_have_a_host_link_each_and_a_third_is_refused() {
+fn as_many_clients_as_the_core_has_links_are_served_and_the_next_is_refused() {
     let mut rig = Rig::new();
-    let mut clients = [rig.connect(), rig.connect()];
-    assert!(rig.last_line().ends_with("connected to host link 1"));
+    let mut clients: Vec<TcpStream> = (0..gateway::MAX_LINKS).map(|_| rig.connect()).collect();
+    let last = gateway::MAX_LINKS - 1;
+    assert!(rig.last_line().ends_with(&format!("connected to host link {last}")));
     for client in &mut clients {
         client.write_all(&PING).unwrap();
         let mut received = Vec::new();
@@ -72,9 +73,10 @@ fn two_clients_have_a_host_link_each_and_a_third_is_refused() {
         // Kind reply, sequence 1, number 2, behind the first COBS code.
         assert_eq!(received[2..4], [0x02, 0x01]);
     }
-    let mut third = rig.connect();
-    assert!(rig.last_line().ends_with("refused: all 2 host links are in use"), "{}", rig.last_line());
-    assert_eq!(third.read(&mut [0; 1]).unwrap_or(0), 0, "closed");
+    let mut next = rig.connect();
+    let refused = format!("refused: all {} host links are taken", gateway::MAX_LINKS);
+    assert!(rig.last_line().ends_with(&refused), "{}", rig.last_line());
+    assert_eq!(next.read(&mut [0; 1]).unwrap_or(0), 0, "closed");
 }
 
 #[test]

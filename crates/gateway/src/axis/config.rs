@@ -9,11 +9,11 @@ pub(crate) struct AxisConfig {
     /// The values as bits; the parameter table says which kind each is.
     values: [u32; PARAMETERS],
     /// Which of them are set: bit 0 for the first parameter.
-    set: u32,
+    set: u64,
 }
 
 const PARAMETERS: usize = AxisParameter::ALL.len();
-const _: () = assert!(PARAMETERS <= u32::BITS as usize, "one bit for each parameter");
+const _: () = assert!(PARAMETERS <= u64::BITS as usize, "one bit for each parameter");
 
 /// Where and what an axis is; exists once the required parameters are set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

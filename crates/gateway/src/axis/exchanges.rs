@@ -1,5 +1,6 @@
 //! The one request of an axis that is under way, and the one a stop has displaced.
 
+use super::motion::Motion;
 use super::{Axis, Observation};
 use crate::motor::{self, Command, Exchange, Received, Verdict};
 use crate::outbox::Outbox;
@@ -19,6 +20,8 @@ pub(super) struct Pending {
     until: Option<Instant>,
     /// No older identical request was outstanding when it was handed over, so a reply can only be its own.
     pub unambiguous: bool,
+    /// Sending it again would move the motor again.
+    once: bool,
 }
 
 impl Pending {
@@ -68,8 +71,9 @@ impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
         let unambiguous = !self.is_displaced(&command);
-        self.pending =
-            Some(Pending { exchange, command, slot, window: Duration::ZERO, until: None, unambiguous });
+        let once = exchange == Exchange::Motion && self.motion.as_ref().is_some_and(Motion::is_once);
+        let window = Duration::ZERO;
+        self.pending = Some(Pending { exchange, command, slot, window, until: None, unambiguous, once });
         self.note_handed(now, exchange);
     }
 
@@ -86,7 +90,7 @@ impl Axis {
         if pending.slot != slot || pending.until.is_some() {
             return;
         }
-        pending.window = motor::slow_reply(pending.exchange).unwrap_or(window);
+        pending.window = motor::slow_reply(&pending.command).unwrap_or(window);
         pending.until = Some(now + pending.window);
         let pending = *pending;
         if let Some(stop) = &mut self.stop {
@@ -94,7 +98,28 @@ impl Axis {
         }
         if !motor::is_answered(&pending.command, &self.config) {
             self.pending = None;
-            self.completed(now, &pending, Observation::default(), out);
+            self.completed(now, &pending, Observation::default(), &[], out);
+        }
+    }
+
+    /// Whether the frame in `slot` has not left and should not any more: a stop has pushed it aside, or a newer setpoint has
+    /// taken its place.
+    pub fn has_replaced(&self, slot: u8) -> bool {
+        let waits = |of: u8, until: Option<Instant>| of == slot && until.is_none();
+        let displaced = self.displaced.as_ref().is_some_and(|d| waits(d.slot, d.until));
+        let superseded = self.pending.as_ref().is_some_and(|p| {
+            p.exchange == Exchange::Motion && waits(p.slot, p.until) && !self.is_in_force(&p.command)
+        });
+        displaced || superseded
+    }
+
+    /// The frame in `slot` will not leave any more.
+    pub fn withdrawn(&mut self, now: Instant, slot: u8) {
+        if self.displaced.as_ref().is_some_and(|d| d.slot == slot && d.until.is_none()) {
+            self.displaced = None;
+        } else if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {
+            self.pending = None;
+            self.resend_motion(now);
         }
     }
 
@@ -105,8 +130,14 @@ impl Axis {
         }
     }
 
-    /// A frame of the axis's motor has arrived. Returns whether it answered something.
-    pub fn received(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
+    /// A frame of the axis's motor with this data field has arrived. Returns whether it answered something.
+    pub fn received(
+        &mut self,
+        now: Instant,
+        received: &Received,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) -> Reception {
         if let Some(displaced) = &self.displaced
             && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
         {
@@ -121,7 +152,7 @@ impl Axis {
             Verdict::Answer(seen) => {
                 self.pending = None;
                 self.silence = Silence::NONE;
-                self.completed(now, &pending, seen, out);
+                self.completed(now, &pending, seen, data, out);
                 Reception::Answer
             }
             Verdict::Refused => {
@@ -183,7 +214,8 @@ impl Axis {
         let silent = self.silence.missed >= self.config.missed_replies()
             && now.since(self.silence.since) >= Silence::SHORTEST;
         let unread = pending.exchange == Exchange::Faults && self.faults_stay_unread();
-        if self.is_armed() && (silent || unread) {
+        // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
+        if self.is_armed() && (silent || unread || pending.once) {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
@@ -191,13 +223,20 @@ impl Axis {
         self.job_unanswered(now, pending.exchange, out);
     }
 
-    fn completed(&mut self, now: Instant, pending: &Pending, seen: Observation, out: &mut Outbox<'_>) {
+    fn completed(
+        &mut self,
+        now: Instant,
+        pending: &Pending,
+        seen: Observation,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) {
         self.observe(now, &seen, out);
         if pending.exchange == Exchange::Motion {
             self.not_executed = false;
         }
         self.stop_answered(now, pending, &seen, out);
-        self.job_answered(now, pending.exchange, &seen, out);
+        self.job_answered(now, pending, &seen, data, out);
     }
 
     fn refused(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
@@ -225,7 +264,7 @@ impl Axis {
         if !self.is_armed() || pending.exchange != Exchange::Motion {
             return;
         }
-        if self.not_executed {
+        if self.not_executed || pending.once {
             self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
             return;
         }

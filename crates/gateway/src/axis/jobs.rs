@@ -1,14 +1,16 @@
-//! What a host has asked for and takes several exchanges: arming, reading the state, provisioning, clearing.
+//! What a host has asked for and takes exchanges of its own: arming, reading the state, provisioning, clearing, native
+//! commands, relative moves.
 //!
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
+use super::exchanges::Pending;
 use super::{Axis, Observation};
-use crate::motor::{self, Exchange};
+use crate::motor::{self, Command, Exchange};
 use crate::outbox::{Outbox, Ticket};
 use crate::time::{Duration, Instant};
-use host_protocol::replies::{Armed, Done, MotorTimeoutReport};
+use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
-    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, TripReason,
+    AxisParameter, AxisState, Bytes, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, TripReason,
 };
 
 /// A sequence of exchanges under way for a host.
@@ -29,7 +31,7 @@ pub(crate) struct Job {
 const TAKEN_WITHIN: Duration = Duration::from_millis(250);
 
 /// What the job is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum JobKind {
     /// Arm the axis; it gets this epoch.
     Arm {
@@ -45,6 +47,24 @@ pub(crate) enum JobKind {
     },
     /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the tripped state.
     Clear,
+    /// Send a native command that is no motion, and hand its reply on.
+    Native {
+        /// The command.
+        command: Command,
+        /// It only asks, so that it may be asked again.
+        asks: bool,
+    },
+    /// Hand on the reply to the native motion in the mailbox.
+    NativeMotion,
+    /// Read the position, and hold its sum with the distance.
+    MoveRelative {
+        /// rad.
+        distance_rad: f32,
+        /// rad/s.
+        speed_limit_rad_s: f32,
+        /// When the permission to move ends.
+        expires: Option<Instant>,
+    },
 }
 
 impl JobKind {
@@ -57,6 +77,9 @@ impl JobKind {
             Self::Provision { timeout_ms } => {
                 return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
             }
+            Self::Native { .. } => &[Exchange::Native],
+            Self::NativeMotion => &[Exchange::Motion],
+            Self::MoveRelative { .. } => &[Exchange::Position],
         };
         steps.get(index).copied()
     }
@@ -74,7 +97,9 @@ impl Axis {
             self.holding = false;
             self.enter(AxisState::Arming, out);
         }
-        self.pass_over_steps(now, out);
+        if self.pass_over_steps() {
+            self.finish(now, &Observation::default(), &[], out);
+        }
     }
 
     /// Whether a job of any kind is under way.
@@ -88,28 +113,50 @@ impl Axis {
         job.kind.step(job.step, self.config.protocol()?)
     }
 
-    /// Passes over the steps that this motor has no command for; at the end the job is done.
-    fn pass_over_steps(&mut self, now: Instant, out: &mut Outbox<'_>) {
+    /// The native command of the job.
+    pub(super) fn native_command(&self) -> Option<Command> {
+        match self.job.as_ref()?.kind {
+            JobKind::Native { command, .. } => Some(command),
+            _ => None,
+        }
+    }
+
+    /// A newer setpoint takes the place of a motion whose result is still owed.
+    pub(super) fn supersede(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let moves = |job: &Job| matches!(job.kind, JobKind::NativeMotion | JobKind::MoveRelative { .. });
+        if self.job.as_ref().is_some_and(moves) {
+            self.fail(now, Error::Superseded { axis: self.index }, out);
+        }
+    }
+
+    /// Passes over the steps that this motor has no command for. Returns whether none is left.
+    fn pass_over_steps(&mut self) -> bool {
         while let Some(exchange) = self.job_exchange() {
             let needless = exchange == Exchange::OverwritePending && !self.write_waits;
-            if !needless && motor::command(exchange, &self.config).is_some() {
-                return;
+            let has_command = matches!(exchange, Exchange::Motion | Exchange::Native)
+                || motor::command(exchange, &self.config).is_some();
+            if !needless && has_command {
+                return false;
             }
             if let Some(job) = &mut self.job {
                 job.step += 1;
             }
         }
-        self.finish(now, out);
+        true
     }
 
     pub(super) fn job_answered(
         &mut self,
         now: Instant,
-        exchange: Exchange,
+        pending: &Pending,
         seen: &Observation,
+        data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        if self.job_exchange() != Some(exchange) {
+        let exchange = pending.exchange;
+        // The reply to the setpoint before is not that of the native motion.
+        let other_motion = exchange == Exchange::Motion && !self.is_in_force(&pending.command);
+        if self.job_exchange() != Some(exchange) || other_motion {
             return;
         }
         if let Err(error) = self.check_step(exchange, seen) {
@@ -121,7 +168,9 @@ impl Axis {
             job.unanswered = 0;
             job.since = now;
         }
-        self.pass_over_steps(now, out);
+        if self.pass_over_steps() {
+            self.finish(now, seen, data, out);
+        }
     }
 
     pub(super) fn job_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
@@ -130,6 +179,8 @@ impl Axis {
         }
         let tries = self.config.missed_replies();
         let Some(job) = &mut self.job else { return };
+        // What changes the motor is sent once: whether it was carried out is not known.
+        let tries = if matches!(job.kind, JobKind::Native { asks: false, .. }) { 1 } else { tries };
         job.unanswered = job.unanswered.saturating_add(1);
         job.since = now;
         if job.unanswered >= tries {
@@ -173,7 +224,7 @@ impl Axis {
     /// Ends the job because a stop needs the motor. Who only reads is told what is known.
     pub(super) fn interrupt(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         if self.job.as_ref().is_some_and(|job| job.kind == JobKind::ReadState) {
-            self.finish(now, out);
+            self.finish(now, &Observation::default(), &[], out);
         } else {
             self.fail(now, error, out);
         }
@@ -266,7 +317,8 @@ impl Axis {
         (job.step + 1..).map_while(|step| job.kind.step(step, protocol)).any(|later| later == exchange)
     }
 
-    fn finish(&mut self, now: Instant, out: &mut Outbox<'_>) {
+    /// The last step is done: `seen` and `data` are what its reply told.
+    fn finish(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
         let result = match kind {
             JobKind::Arm { epoch } => match self.check_motor_timeout() {
@@ -288,6 +340,15 @@ impl Axis {
                 self.enter(AxisState::Idle, out);
                 Ok(Reply::Clear(Done {}))
             }
+            JobKind::Native { .. } | JobKind::NativeMotion => {
+                Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
+            }
+            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => match seen.position_rad {
+                Some(start) => self
+                    .hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
+                    .map(Reply::MoveRelative),
+                None => Err(Error::NoReply { axis: self.index, hint: NoReplyHint::None }),
+            },
         };
         match result {
             Ok(reply) => {

@@ -1,9 +1,13 @@
 //! The limits of an axis: setpoints beyond them are refused, measured values beyond them trip.
 
 use super::{Axis, Observation};
+use crate::motor::Demand;
 use crate::outbox::Outbox;
-use crate::time::Instant;
-use host_protocol::{AxisParameter, Error, Quantity, Setpoint, TripReason};
+use crate::time::{Duration, Instant};
+use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, StateField, TripReason};
+
+/// How long a turning motor that nobody here moves is left alone where its own timeout is not known.
+const UNKNOWN_TIMEOUT_PAUSE: Duration = Duration::from_millis(5_000);
 
 impl Axis {
     /// Refuses a setpoint that is not a number or lies beyond a limit of the axis.
@@ -22,12 +26,62 @@ impl Axis {
                 within(Quantity::Velocity, velocity_rad_s, -limit, limit)
             }
             Setpoint::Position { position_rad, speed_limit_rad_s } => {
+                self.check_speed_limit(speed_limit_rad_s)?;
+                self.check_position(position_rad)
+            }
+            Setpoint::Impedance {
+                position_rad,
+                velocity_rad_s,
+                stiffness_nm_per_rad,
+                damping_nm_s_per_rad,
+                torque_nm,
+            } => {
                 let fastest = self.limit(AxisParameter::VelocityLimitRadS);
-                within(Quantity::SpeedLimit, speed_limit_rad_s, 0.0, fastest)?;
-                let (min, max) = self.position_range();
-                within(Quantity::Position, position_rad, min, max)
+                let torque = self.limit(AxisParameter::TorqueLimitNm);
+                within(Quantity::Velocity, velocity_rad_s, -fastest, fastest)?;
+                within(Quantity::Stiffness, stiffness_nm_per_rad, 0.0, f32::INFINITY)?;
+                within(Quantity::Damping, damping_nm_s_per_rad, 0.0, f32::INFINITY)?;
+                within(Quantity::Torque, torque_nm, -torque, torque)?;
+                self.check_position(position_rad)
             }
         }
+    }
+
+    /// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+    pub(super) fn check_demand(&self, demand: Demand) -> Result<(), Error> {
+        let axis = self.index;
+        let unnoticed = |quantity| Err(Error::CannotCheckLimit { axis, quantity });
+        match demand {
+            Demand::Prepared => Ok(()),
+            Demand::Setpoint(Setpoint::Position { speed_limit_rad_s: 0.0, .. })
+            | Demand::Distance { speed_limit_rad_s: 0.0, .. } => Err(Error::SpeedLimitZero { axis }),
+            Demand::Setpoint(setpoint) => self.check_limits(setpoint),
+            Demand::Unlimited { .. } if self.limit(AxisParameter::VelocityLimitRadS).is_finite() => {
+                unnoticed(Quantity::Velocity)
+            }
+            Demand::Unlimited { position_rad } => self.check_position(position_rad),
+            Demand::Distance { distance_rad, speed_limit_rad_s } => {
+                self.check_speed_limit(speed_limit_rad_s)?;
+                let (min, max) = self.position_range();
+                if min.is_infinite() && max.is_infinite() {
+                    return Ok(());
+                }
+                match self.measured.number(StateField::Position) {
+                    Some(position) => self.check_position(position + distance_rad),
+                    None => unnoticed(Quantity::Position),
+                }
+            }
+        }
+    }
+
+    pub(super) fn check_speed_limit(&self, speed_limit_rad_s: f32) -> Result<(), Error> {
+        let fastest = self.limit(AxisParameter::VelocityLimitRadS);
+        within(Quantity::SpeedLimit, speed_limit_rad_s, 0.0, fastest)
+    }
+
+    fn check_position(&self, position_rad: f32) -> Result<(), Error> {
+        let (min, max) = self.position_range();
+        within(Quantity::Position, position_rad, min, max)
     }
 
     /// Takes in what a reply tells, and trips an armed axis on a fault or a limit.
@@ -45,6 +99,7 @@ impl Axis {
             return;
         }
         if !self.is_armed() {
+            self.leave_turning_motor_alone(now, seen);
             return;
         }
         if let Some(faults) = seen.faults
@@ -53,6 +108,16 @@ impl Axis {
             self.trip(now, TripReason::MotorFault { faults }, out);
         } else if let Some(reason) = self.exceeded(seen) {
             self.trip(now, reason, out);
+        }
+    }
+
+    /// An idle axis that is read for somebody who watches, and turns: something else has set it in motion. Reading on would
+    /// keep its own timeout from stopping it.
+    fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
+        let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
+        if self.state == AxisState::Idle && turns {
+            let pause = self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
+            self.state_poll_at = now + pause;
         }
     }
 
@@ -80,10 +145,12 @@ impl Axis {
         let slack = |limit: f32| if limit.is_finite() { limit.abs().max(1.0) * margin } else { 0.0 };
         let velocity = self.limit(AxisParameter::VelocityLimitRadS) * (1.0 + margin);
         let current = self.limit(AxisParameter::CurrentLimitA) * (1.0 + margin);
+        let torque = self.limit(AxisParameter::TorqueLimitNm) * (1.0 + margin);
         let hottest = self.limit(AxisParameter::TemperatureLimitC);
         let (lowest, highest) = self.position_range();
         beyond(Quantity::Velocity, seen.velocity_rad_s, -velocity, velocity)
             .or_else(|| beyond(Quantity::Current, seen.current_a, -current, current))
+            .or_else(|| beyond(Quantity::Torque, seen.torque_nm, -torque, torque))
             .or_else(|| {
                 beyond(
                     Quantity::Position,

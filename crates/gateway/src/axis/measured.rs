@@ -1,7 +1,7 @@
 //! What is known of a motor, in SI units, and how old it is.
 
 use crate::time::Instant;
-use host_protocol::{FaultReading, Reading};
+use host_protocol::{FaultReading, Reading, StateField, StateFields};
 
 /// What one reply of a motor tells, in SI units and in the axis's direction; `None` where it says nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -9,6 +9,8 @@ pub(crate) struct Observation {
     pub position_rad: Option<f32>,
     pub velocity_rad_s: Option<f32>,
     pub current_a: Option<f32>,
+    /// RMD motion mode; compared with the limit, not kept.
+    pub torque_nm: Option<f32>,
     pub voltage_v: Option<f32>,
     pub motor_temperature_c: Option<f32>,
     pub driver_temperature_c: Option<f32>,
@@ -28,106 +30,95 @@ pub(crate) struct Observation {
     pub commanded_zero: Option<bool>,
 }
 
-/// A value with the time at which its reply arrived.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Dated<T> {
-    value: T,
-    at: Instant,
-}
+/// Fields that are numbers; the last field is the fault word.
+const NUMBERS: usize = StateField::ALL.len() - 1;
 
-/// The latest of everything a motor has told.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// The latest of everything a motor has told. Kept apart by kind, so that 32 axes take little room.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Measured {
-    position_rad: Option<Dated<f32>>,
-    velocity_rad_s: Option<Dated<f32>>,
-    current_a: Option<Dated<f32>>,
-    voltage_v: Option<Dated<f32>>,
-    motor_temperature_c: Option<Dated<f32>>,
-    driver_temperature_c: Option<Dated<f32>>,
-    faults: Option<Dated<u16>>,
+    /// By field; without meaning where the field is not known.
+    numbers: [f32; NUMBERS],
+    faults: u16,
+    /// When the reply that told each field arrived.
+    at: [Instant; StateField::ALL.len()],
+    known: StateFields,
     pub fault_record: Option<u16>,
 }
 
 impl Measured {
     pub const fn new() -> Self {
         Self {
-            position_rad: None,
-            velocity_rad_s: None,
-            current_a: None,
-            voltage_v: None,
-            motor_temperature_c: None,
-            driver_temperature_c: None,
-            faults: None,
+            numbers: [0.0; NUMBERS],
+            faults: 0,
+            at: [Instant::from_micros(0); StateField::ALL.len()],
+            known: StateFields::NONE,
             fault_record: None,
         }
     }
 
     /// Keeps what the observation says; what it does not say stays as it was.
     pub fn update(&mut self, at: Instant, seen: &Observation) {
-        fn keep<T>(slot: &mut Option<Dated<T>>, value: Option<T>, at: Instant) {
-            if let Some(value) = value {
-                *slot = Some(Dated { value, at });
+        let numbers = [
+            (StateField::Position, seen.position_rad),
+            (StateField::Velocity, seen.velocity_rad_s),
+            (StateField::Current, seen.current_a),
+            (StateField::Voltage, seen.voltage_v),
+            (StateField::MotorTemperature, seen.motor_temperature_c),
+            (StateField::DriverTemperature, seen.driver_temperature_c),
+        ];
+        for (field, value) in numbers {
+            if let (Some(value), Some(place)) = (value, self.numbers.get_mut(index(field))) {
+                *place = value;
+                self.note(field, at);
             }
         }
-        keep(&mut self.position_rad, seen.position_rad, at);
-        keep(&mut self.velocity_rad_s, seen.velocity_rad_s, at);
-        keep(&mut self.current_a, seen.current_a, at);
-        keep(&mut self.voltage_v, seen.voltage_v, at);
-        keep(&mut self.motor_temperature_c, seen.motor_temperature_c, at);
-        keep(&mut self.driver_temperature_c, seen.driver_temperature_c, at);
-        keep(&mut self.faults, seen.faults, at);
+        if let Some(faults) = seen.faults {
+            self.faults = faults;
+            self.note(StateField::Faults, at);
+        }
         if seen.fault_record.is_some() {
             self.fault_record = seen.fault_record;
         }
     }
 
-    pub fn position_rad(&self) -> Option<f32> {
-        self.position_rad.map(|d| d.value)
+    fn note(&mut self, field: StateField, at: Instant) {
+        if let Some(place) = self.at.get_mut(index(field)) {
+            *place = at;
+        }
+        self.known = self.known.with(field);
     }
 
-    pub fn velocity_rad_s(&self) -> Option<f32> {
-        self.velocity_rad_s.map(|d| d.value)
-    }
-
-    pub fn current_a(&self) -> Option<f32> {
-        self.current_a.map(|d| d.value)
+    /// The latest value of a field that is a number.
+    pub fn number(&self, field: StateField) -> Option<f32> {
+        self.numbers.get(index(field)).copied().filter(|_| self.known.contains(field))
     }
 
     pub fn fault_word(&self) -> Option<u16> {
-        self.faults.map(|d| d.value)
+        self.known.contains(StateField::Faults).then_some(self.faults)
     }
 
     /// The velocity, if it was measured at `since` or later.
     pub fn velocity_since(&self, since: Instant) -> Option<f32> {
-        self.velocity_rad_s.filter(|d| d.at >= since).map(|d| d.value)
+        let at = self.at.get(index(StateField::Velocity)).copied()?;
+        self.number(StateField::Velocity).filter(|_| at >= since)
     }
 
-    /// The readings as the host sees them at `now`.
-    pub fn readings(&self, now: Instant) -> Readings {
-        let dated = |slot: Option<Dated<f32>>| {
-            slot.map(|d| Reading { value: d.value, age_us: now.since(d.at).as_micros_u32() })
-        };
-        Readings {
-            position_rad: dated(self.position_rad),
-            velocity_rad_s: dated(self.velocity_rad_s),
-            current_a: dated(self.current_a),
-            voltage_v: dated(self.voltage_v),
-            motor_temperature_c: dated(self.motor_temperature_c),
-            driver_temperature_c: dated(self.driver_temperature_c),
-            faults: self
-                .faults
-                .map(|d| FaultReading { word: d.value, age_us: now.since(d.at).as_micros_u32() }),
-        }
+    /// The latest value of a field that is a number, as the host sees it at `now`.
+    pub fn reading(&self, now: Instant, field: StateField) -> Option<Reading> {
+        Some(Reading { value: self.number(field)?, age_us: self.age_us(now, field) })
+    }
+
+    /// The fault word as the host sees it at `now`.
+    pub fn faults(&self, now: Instant) -> Option<FaultReading> {
+        Some(FaultReading { word: self.fault_word()?, age_us: self.age_us(now, StateField::Faults) })
+    }
+
+    fn age_us(&self, now: Instant, field: StateField) -> u32 {
+        self.at.get(index(field)).map_or(u32::MAX, |at| now.since(*at).as_micros_u32())
     }
 }
 
-/// Everything dated of one axis.
-pub(crate) struct Readings {
-    pub position_rad: Option<Reading>,
-    pub velocity_rad_s: Option<Reading>,
-    pub current_a: Option<Reading>,
-    pub voltage_v: Option<Reading>,
-    pub motor_temperature_c: Option<Reading>,
-    pub driver_temperature_c: Option<Reading>,
-    pub faults: Option<FaultReading>,
+fn index(field: StateField) -> usize {
+    // Fields are numbered from 1 without gaps.
+    usize::from(field.number()).saturating_sub(1)
 }

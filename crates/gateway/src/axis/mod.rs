@@ -18,16 +18,19 @@ pub(crate) use exchanges::Reception;
 pub(crate) use jobs::{Job, JobKind};
 use measured::Measured;
 pub(crate) use measured::Observation;
+pub(crate) use motion::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
-use crate::motor::{self, Command};
+use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Silence};
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisParameter, AxisState, AxisSummary, MotorTimeout, Trip};
+use host_protocol::{
+    AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, StateField, StateFields, Trip,
+};
 use motion::Motion;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
@@ -44,6 +47,8 @@ pub(crate) struct Axis {
     pub motor_timeout: MotorTimeout,
     pub measured: Measured,
     pub trip: Option<Trip>,
+    /// The trip has still to reach the others of its group.
+    trip_spreads: bool,
     /// The epoch of the latest arming; setpoints must carry it.
     epoch: u32,
     motion: Option<Motion>,
@@ -63,6 +68,8 @@ pub(crate) struct Axis {
     not_executed: bool,
     /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
     holding: bool,
+    /// Somebody has subscribed to the axis: an idle one is polled too.
+    watched: bool,
     /// Requests in a row for the fault word that told nothing.
     faults_unread: u8,
     /// D5: an asynchronous write waited in the motor when it was last asked.
@@ -70,6 +77,7 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
+    #[inline(never)]
     pub const fn new(index: u8) -> Self {
         Self {
             index,
@@ -78,6 +86,7 @@ impl Axis {
             motor_timeout: MotorTimeout::Unknown,
             measured: Measured::new(),
             trip: None,
+            trip_spreads: false,
             epoch: 0,
             motion: None,
             stop: None,
@@ -92,6 +101,7 @@ impl Axis {
             motion_had_its_turn: false,
             not_executed: false,
             holding: false,
+            watched: false,
             faults_unread: 0,
             write_waits: false,
         }
@@ -100,6 +110,11 @@ impl Axis {
     /// Whether motion is allowed or under way, so that polls, limits and trips apply.
     pub fn is_armed(&self) -> bool {
         matches!(self.state, AxisState::Armed | AxisState::Active)
+    }
+
+    /// Whether motion is allowed to whoever knows this epoch.
+    pub fn is_armed_in(&self, epoch: u32) -> bool {
+        self.is_armed() && self.epoch == epoch
     }
 
     /// Whether the axis may be configured: nothing is allowed and nothing is under way.
@@ -114,7 +129,24 @@ impl Axis {
 
     /// Whether the axis waits for a reply of its motor that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(p.exchange).is_none())
+        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none())
+    }
+
+    /// Whether somebody has subscribed to the axis.
+    pub fn watch(&mut self, watched: bool) {
+        self.watched = watched;
+    }
+
+    /// Whether an exchange is only for those who watch an idle axis, so that raw access goes before it.
+    pub fn is_for_watchers(&self, exchange: Exchange) -> bool {
+        self.state == AxisState::Idle
+            && self.job.is_none()
+            && !(self.holding && exchange == Exchange::Velocity)
+    }
+
+    /// A native command is about to change the motor: what was known of its own timeout may no longer hold.
+    pub fn forget_motor_timeout(&mut self) {
+        self.motor_timeout = MotorTimeout::Unknown;
     }
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it.
@@ -135,6 +167,14 @@ impl Axis {
                 Some(Duration::from_millis(u64::from(timeout_ms)))
             }
             _ => None,
+        }
+    }
+
+    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
+    fn unreachable_silence(&self) -> Duration {
+        match self.programmed_timeout() {
+            Some(timeout) => timeout.and_a_half(),
+            None => self.config.stop_repeat(),
         }
     }
 
@@ -160,23 +200,39 @@ impl Axis {
 
     /// The axis as a host sees it.
     pub fn report(&self, now: Instant) -> AxisReport {
-        let readings = self.measured.readings(now);
+        let reading = |field| self.measured.reading(now, field);
         AxisReport {
             axis: self.index,
             state: self.state,
             epoch: self.is_armed().then_some(self.epoch),
             trip: self.trip,
-            position_rad: readings.position_rad,
-            velocity_rad_s: readings.velocity_rad_s,
-            current_a: readings.current_a,
-            voltage_v: readings.voltage_v,
-            motor_temperature_c: readings.motor_temperature_c,
-            driver_temperature_c: readings.driver_temperature_c,
-            faults: readings.faults,
+            position_rad: reading(StateField::Position),
+            velocity_rad_s: reading(StateField::Velocity),
+            current_a: reading(StateField::Current),
+            voltage_v: reading(StateField::Voltage),
+            motor_temperature_c: reading(StateField::MotorTemperature),
+            driver_temperature_c: reading(StateField::DriverTemperature),
+            faults: self.measured.faults(now),
             fault_record: self.measured.fault_record,
             motor_timeout: self.motor_timeout,
             standstill: self.standstill(),
             stop_acknowledged: self.stop.as_ref().is_some_and(Stop::is_acknowledged),
+        }
+    }
+
+    /// The chosen fields of the axis for a subscriber.
+    pub fn sample(&self, now: Instant, fields: StateFields) -> Event {
+        let wanted = |field| self.measured.reading(now, field).filter(|_| fields.contains(field));
+        Event::Sample {
+            axis: self.index,
+            state: self.state,
+            position_rad: wanted(StateField::Position),
+            velocity_rad_s: wanted(StateField::Velocity),
+            current_a: wanted(StateField::Current),
+            voltage_v: wanted(StateField::Voltage),
+            motor_temperature_c: wanted(StateField::MotorTemperature),
+            driver_temperature_c: wanted(StateField::DriverTemperature),
+            faults: self.measured.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
     }
 

@@ -1,10 +1,28 @@
 //! The setpoint in force: a mailbox for the latest one.
 
-use super::Axis;
-use crate::motor::{self, Command, Exchange};
-use crate::outbox::Outbox;
+use super::{Axis, JobKind};
+use crate::motor::{self, Command, Demand, Exchange};
+use crate::outbox::{Outbox, Ticket};
 use crate::time::{Duration, Instant};
+use host_protocol::replies::MoveTarget;
 use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, TripReason};
+
+/// What a host gives with everything that moves.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Permit {
+    /// That of the arming it belongs to.
+    pub epoch: u32,
+    /// The low 32 bits of the gateway time at which it ends.
+    pub expires_at_us: u32,
+}
+
+/// A native command that moves.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NativeMotion {
+    pub demand: Demand,
+    /// Sending it again would move the motor again.
+    pub once: bool,
+}
 
 /// A setpoint and the command that carries it out.
 #[derive(Debug, Clone, Copy)]
@@ -12,13 +30,19 @@ pub(super) struct Motion {
     pub command: Command,
     /// When the permission to move ends; `None` only where the axis is configured without expiry, which is unsafe.
     expires: Option<Instant>,
-    /// When it is to be sent next.
-    pub due: Instant,
+    /// When it is to be sent next; `None` once it has been and must not be again.
+    pub due: Option<Instant>,
+    /// Sending it again would move the motor again.
+    once: bool,
 }
 
 impl Motion {
     pub fn deadline(&self) -> Option<Instant> {
         self.expires
+    }
+
+    pub fn is_once(&self) -> bool {
+        self.once
     }
 }
 
@@ -35,6 +59,81 @@ impl Axis {
         setpoint: Setpoint,
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
+        let expires = self.permission(now, epoch, expires_at_us)?;
+        self.check_limits(setpoint)?;
+        let command = motor::motion(self.index, setpoint, &self.config)?;
+        self.supersede(now, out);
+        self.take_motion(now, command, expires, false, out);
+        Ok(())
+    }
+
+    /// Takes a native command that moves, or says why not. `ticket` is answered when the motor has answered it.
+    pub fn move_natively(
+        &mut self,
+        now: Instant,
+        permit: Permit,
+        command: Command,
+        motion: NativeMotion,
+        ticket: Ticket,
+        out: &mut Outbox<'_>,
+    ) -> Result<(), Error> {
+        let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
+        self.check_demand(motion.demand)?;
+        if self.is_busy() {
+            return Err(Error::Busy { axis: self.index });
+        }
+        self.take_motion(now, command, expires, motion.once, out);
+        self.start(now, JobKind::NativeMotion, ticket, out);
+        Ok(())
+    }
+
+    /// Starts a relative move: the position is read first.
+    pub fn move_relative(
+        &mut self,
+        now: Instant,
+        permit: Permit,
+        distance_rad: f32,
+        speed_limit_rad_s: f32,
+        ticket: Ticket,
+        out: &mut Outbox<'_>,
+    ) -> Result<(), Error> {
+        let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
+        if !distance_rad.is_finite() {
+            return Err(Error::NotANumber { quantity: Quantity::Position });
+        }
+        // What does not depend on the position is refused before it is read.
+        self.check_speed_limit(speed_limit_rad_s)?;
+        motor::motion(self.index, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, &self.config)?;
+        if self.is_busy() {
+            return Err(Error::Busy { axis: self.index });
+        }
+        self.start(now, JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires }, ticket, out);
+        Ok(())
+    }
+
+    /// The position has been read: from now on its sum with the distance is held.
+    pub(super) fn hold_relative(
+        &mut self,
+        now: Instant,
+        start_rad: f32,
+        distance_rad: f32,
+        speed_limit_rad_s: f32,
+        expires: Option<Instant>,
+        out: &mut Outbox<'_>,
+    ) -> Result<MoveTarget, Error> {
+        if let Some(expired) = expires.filter(|at| *at <= now) {
+            return Err(Error::Stale { now_us: now.low_bits(), expires_at_us: expired.low_bits() });
+        }
+        let target_rad = start_rad + distance_rad;
+        let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s };
+        self.check_limits(setpoint)?;
+        let command = motor::motion(self.index, setpoint, &self.config)?;
+        self.take_motion(now, command, expires, false, out);
+        Ok(MoveTarget { start_rad, target_rad })
+    }
+
+    /// The end of the permission to move that a host gives, or why it gives none.
+    fn permission(&self, now: Instant, epoch: u32, expires_at_us: u32) -> Result<Option<Instant>, Error> {
         let axis = self.index;
         match (self.state, &self.trip) {
             (AxisState::Armed | AxisState::Active, _) => {}
@@ -46,14 +145,22 @@ impl Axis {
         if epoch != self.epoch {
             return Err(Error::StaleEpoch { current: Some(self.epoch) });
         }
-        let expires = self.expiry(now, expires_at_us)?;
-        self.check_limits(setpoint)?;
-        let command = motor::motion(axis, setpoint, &self.config)?;
-        self.motion = Some(Motion { command, expires, due: now });
+        self.expiry(now, expires_at_us)
+    }
+
+    /// Puts a checked command into the mailbox.
+    fn take_motion(
+        &mut self,
+        now: Instant,
+        command: Command,
+        expires: Option<Instant>,
+        once: bool,
+        out: &mut Outbox<'_>,
+    ) {
+        self.motion = Some(Motion { command, expires, due: Some(now), once });
         if self.state == AxisState::Armed {
             self.enter(AxisState::Active, out);
         }
-        Ok(())
     }
 
     /// The expiry as a point in gateway time: later than now, and not later than the axis's TTL allows.
@@ -84,15 +191,24 @@ impl Axis {
 
     pub(super) fn resend_motion(&mut self, now: Instant) {
         if let Some(motion) = &mut self.motion {
-            motion.due = now;
+            motion.due = Some(now);
         }
     }
 
-    /// How often the state is polled: a holding motor without a setpoint must hear something as often as a setpoint would
-    /// tell it.
+    /// Whether the mailbox still holds this very command.
+    pub(super) fn is_in_force(&self, command: &Command) -> bool {
+        self.motion.as_ref().is_some_and(|motion| motion.command == *command)
+    }
+
+    /// How often the state is polled: a motor that holds, or moves by a command that is not sent again, must hear something
+    /// as often as a setpoint would tell it.
     pub(super) fn state_poll(&self) -> Duration {
         let configured = self.config.state_poll();
-        if self.must_hold() && self.motion.is_none() { configured.min(self.refresh()) } else { configured }
+        let unfed = match &self.motion {
+            Some(motion) => motion.once,
+            None => self.must_hold(),
+        };
+        if unfed { configured.min(self.refresh()) } else { configured }
     }
 
     /// Plans what comes after an exchange that the bus has just taken.
@@ -103,15 +219,20 @@ impl Axis {
         match exchange {
             Exchange::Motion => {
                 if let Some(motion) = &mut self.motion {
-                    motion.due = now + refresh;
+                    motion.due = (!motion.once).then_some(now + refresh);
                 }
             }
             Exchange::Faults => self.fault_poll_at = now + self.config.fault_poll(),
             _ => {}
         }
+        let silence = self.unreachable_silence();
         if let Some(stop) = &mut self.stop {
-            stop.handed(now, exchange, &self.config);
-        } else if self.job.is_none() && exchange != Exchange::Motion && exchange != Exchange::Faults {
+            stop.handed(now, exchange, &self.config, silence);
+            return;
+        }
+        // While armed the fault word has a rhythm of its own.
+        let of_its_own = exchange == Exchange::Motion || (exchange == Exchange::Faults && self.is_armed());
+        if self.job_exchange() != Some(exchange) && !of_its_own {
             self.state_poll_at = now + self.state_poll();
             self.poll_turn = self.poll_turn.wrapping_add(1);
         }

@@ -67,6 +67,8 @@ pub(crate) struct Stop {
     /// Stop commands in a row that were not answered, or were refused.
     unconfirmed: u8,
     unreachable: bool,
+    /// The first of the two stops that an unreachable motor is sent between silences has gone.
+    second_follows: bool,
     /// When the phase's next exchange is due.
     next_at: Instant,
     /// When the stop command is due again although the phase is another one.
@@ -94,6 +96,7 @@ impl Stop {
             standstill_readings: 0,
             unconfirmed: 0,
             unreachable: false,
+            second_follows: false,
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
@@ -172,12 +175,8 @@ impl Stop {
     }
 
     /// The bus has taken an exchange of the stop.
-    pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
-        let repeat = if self.phase == Phase::Confirmed || self.unreachable {
-            config.stop_repeat()
-        } else {
-            UNCONFIRMED_REPEAT
-        };
+    pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig, silence: Duration) {
+        let repeat = if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
         self.moved_at = now;
         match exchange {
             Exchange::OutputOff if self.phase != Phase::OutputOff => {
@@ -187,7 +186,12 @@ impl Stop {
             Exchange::Stop => {
                 self.handed = self.handed.saturating_add(1);
                 self.repeat_at = now + repeat;
-                self.next_at = if self.unreachable { now + repeat } else { now };
+                self.next_at = now;
+                if self.unreachable {
+                    // Two stops, then silence: whatever we send may be feeding the motor's own timeout (GUARANTEES G4).
+                    self.second_follows = !self.second_follows;
+                    self.next_at = if self.second_follows { now } else { now + silence };
+                }
                 self.read_after_repeat = self.phase == Phase::Confirmed;
             }
             Exchange::Velocity => {
@@ -307,7 +311,7 @@ impl Axis {
     /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES G4).
     fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let enough = self.config.stops_before_unreachable();
-        let repeat = self.config.stop_repeat();
+        let silence = self.unreachable_silence();
         let Some(stop) = &mut self.stop else { return };
         stop.moved_at = now;
         stop.unconfirmed = stop.unconfirmed.saturating_add(1);
@@ -319,8 +323,9 @@ impl Axis {
         // Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
         stop.braked = false;
         stop.acknowledged = false;
+        stop.second_follows = false;
         stop.go(now, Phase::Command);
-        stop.next_at = now + repeat;
+        stop.next_at = now + silence;
         if self.state == AxisState::Stopping {
             self.trip(now, TripReason::StopUnconfirmed, out);
         }

@@ -3,7 +3,9 @@
 use super::{Axis, Stop};
 use crate::outbox::Outbox;
 use crate::time::Instant;
-use host_protocol::{AxisState, Error, Event, Protocol, StopAction, Trip, TripReason};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event, Protocol, StateField, StopAction, Trip, TripReason,
+};
 
 impl Axis {
     /// Latches a trip with its reason and starts the stop. Only states in which motion is possible can trip.
@@ -18,16 +20,27 @@ impl Axis {
         let trip = Trip {
             reason,
             time_us: now.as_micros(),
-            velocity_rad_s: self.measured.velocity_rad_s(),
-            position_rad: self.measured.position_rad(),
-            current_a: self.measured.current_a(),
+            velocity_rad_s: self.measured.number(StateField::Velocity),
+            position_rad: self.measured.number(StateField::Position),
+            current_a: self.measured.number(StateField::Current),
             unreachable: false,
         };
         self.trip = Some(trip);
+        self.trip_spreads = self.trip_group().is_some();
         self.state = AxisState::Tripped { confirmed: false };
         self.begin_stop(now);
         self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
+    }
+
+    /// Axes that trip together have the same.
+    pub fn trip_group(&self) -> Option<u32> {
+        self.config.unsigned(AxisParameter::TripGroup)
+    }
+
+    /// The group that a new trip of this axis has still to reach.
+    pub fn take_spreading_trip(&mut self) -> Option<u32> {
+        core::mem::take(&mut self.trip_spreads).then(|| self.trip_group()).flatten()
     }
 
     /// Stops and disarms on request: from any state in which the motor may move, and from rest, where a stop does no harm.

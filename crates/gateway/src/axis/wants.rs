@@ -41,6 +41,7 @@ impl Axis {
         };
         let command = match exchange {
             Exchange::Motion => self.motion.as_ref()?.command,
+            Exchange::Native => self.native_command()?,
             other => motor::command(other, &self.config)?,
         };
         Some(Want { priority, exchange, command })
@@ -66,7 +67,7 @@ impl Axis {
         }
         match self.state {
             AxisState::Armed | AxisState::Active => {
-                let motion = self.motion.as_ref().map(|motion| (Exchange::Motion, motion.due));
+                let motion = self.motion.as_ref().and_then(|motion| Some((Exchange::Motion, motion.due?)));
                 let polls = [
                     Some((Exchange::Faults, self.fault_poll_at)),
                     self.poll_exchange().map(|exchange| (exchange, self.state_poll_at)),
@@ -74,8 +75,9 @@ impl Axis {
                 ];
                 self.choose(now, self.earliest([motion, None, None]), self.earliest(polls))
             }
-            AxisState::Idle if self.holding => {
-                self.earliest([job, Some((Exchange::Velocity, self.state_poll_at)), None])
+            AxisState::Idle => {
+                let poll = self.idle_poll().map(|exchange| (exchange, self.state_poll_at));
+                self.earliest([job, poll, None])
             }
             _ => self.earliest([job, None, None]),
         }
@@ -105,11 +107,25 @@ impl Axis {
             .min_by_key(|(_, at)| *at)
     }
 
-    /// The poll whose turn it is, of those this motor has commands for.
+    /// The poll of an armed axis whose turn it is.
     fn poll_exchange(&self) -> Option<Exchange> {
-        let polls = motor::sequences(self.config.protocol()?).polls;
-        (0..polls.len())
-            .filter_map(|offset| polls.get((self.poll_turn + offset) % polls.len()).copied())
+        self.in_turn(motor::sequences(self.config.protocol()?).polls, self.poll_turn)
+    }
+
+    /// The poll of an idle axis: a motor that holds is watched every other time, whatever else somebody wants to know.
+    fn idle_poll(&self) -> Option<Exchange> {
+        if self.holding && (!self.watched || self.poll_turn.is_multiple_of(2)) {
+            return Some(Exchange::Velocity);
+        }
+        let state = motor::sequences(self.config.protocol()?).state;
+        let turn = if self.holding { self.poll_turn / 2 } else { self.poll_turn };
+        self.watched.then(|| self.in_turn(state, turn)).flatten()
+    }
+
+    /// The exchange whose turn it is, of those this motor has commands for.
+    fn in_turn(&self, exchanges: &[Exchange], turn: usize) -> Option<Exchange> {
+        (0..exchanges.len())
+            .filter_map(|offset| exchanges.get((turn + offset) % exchanges.len()).copied())
             .find(|exchange| motor::command(*exchange, &self.config).is_some())
     }
 }

@@ -18,8 +18,11 @@ use host_protocol::replies::BusReport;
 use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
 use line::Line;
 
-/// Pause before a bus that is off is started again.
-const BUS_OFF_PAUSE: Duration = Duration::from_millis(100);
+/// Pause before a bus that is off is started again: the first, and the longest of those that double while it goes off anew.
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
+const LONGEST_PAUSE: Duration = Duration::from_millis(1_600);
+/// A bus that has run for so long has recovered: the next pause is the first again.
+const RECOVERED_AFTER: Duration = Duration::from_millis(2_000);
 
 /// One bus of the gateway.
 pub(crate) struct Bus {
@@ -36,6 +39,10 @@ pub(crate) struct Bus {
     pub raw: Option<Raw>,
     /// When a bus that is off is started again.
     restart_at: Option<Instant>,
+    /// When it was started last.
+    started_at: Instant,
+    /// The pause before that.
+    pause: Duration,
     /// The axis that was served last; the next one after it goes first.
     turn: u8,
 }
@@ -50,6 +57,8 @@ struct InFlight {
     /// When it counts as not acknowledged.
     deadline: Instant,
     overdue: bool,
+    /// Asked back from the controller, which must report by then.
+    cancel_by: Option<Instant>,
 }
 
 impl Bus {
@@ -71,6 +80,8 @@ impl Bus {
             line: Line::new(local_echo),
             raw: None,
             restart_at: None,
+            started_at: Instant::from_micros(0),
+            pause: Duration::ZERO,
             turn: 0,
         }
     }
@@ -97,6 +108,7 @@ impl Bus {
     /// Takes a configuration that has been checked. The port restarts the bus.
     pub fn configure(&mut self, now: Instant, config: BusConfig, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.config = Some(config);
+        self.pause = Duration::ZERO;
         self.restart(now, axes, out);
     }
 
@@ -104,6 +116,7 @@ impl Bus {
     fn restart(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.generation = self.generation.wrapping_add(1);
         self.restart_at = None;
+        self.started_at = now;
         self.line.restart();
         self.empty(now, axes, out);
     }
@@ -113,6 +126,14 @@ impl Bus {
         if self.restart_at.is_some_and(|at| at <= now) {
             self.restart(now, axes, out);
         }
+    }
+
+    /// The pause before the next start: it grows as long as each start leads to nothing (GUARANTEES G7).
+    fn next_pause(&self, now: Instant) -> Duration {
+        if self.pause == Duration::ZERO || now.since(self.started_at) >= RECOVERED_AFTER {
+            return FIRST_PAUSE;
+        }
+        self.pause.times(2).min(LONGEST_PAUSE)
     }
 
     pub fn setup(&self) -> Option<BusSetup> {
@@ -143,7 +164,10 @@ impl Bus {
         (self.transmit_errors, self.receive_errors) = errors;
         if state == BusState::BusOff {
             // Also for a bus that is still off after it was started again.
-            self.restart_at.get_or_insert(now + BUS_OFF_PAUSE);
+            if self.restart_at.is_none() {
+                self.pause = self.next_pause(now);
+                self.restart_at = Some(now + self.pause);
+            }
         } else {
             self.restart_at = None;
         }

@@ -84,7 +84,7 @@ impl Bus {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        match axis.received(now, received, out) {
+        match axis.received(now, received, data, out) {
             Reception::Answer => self.line.answered(),
             Reception::Unasked if received.is_notice() => {
                 let mut notice = [0; MAX_CAN_DATA];

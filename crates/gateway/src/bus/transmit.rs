@@ -16,6 +16,8 @@ const MAX_OUTSTANDING: usize = 4;
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
+/// A controller that has neither sent nor given back a frame within this and four frame times is started again.
+const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// Longest stuffed standard data frame with intermission, bits.
 pub(super) const LONGEST_FRAME_BITS: u64 = 135;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
@@ -58,8 +60,40 @@ impl Bus {
         }
     }
 
-    /// Looks for frames that nobody has acknowledged in time.
+    /// The next frame that the controller should give back: its axis has replaced it.
+    pub fn poll_cancel(&mut self, now: Instant, axes: &[Axis]) -> Option<u8> {
+        if self.kind() != BusKind::Can {
+            return None;
+        }
+        let by = now + CANCELLED_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
+            let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
+            let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
+            if axis.is_some_and(|axis| axis.has_replaced(slot)) {
+                in_flight.cancel_by = Some(by);
+                return Some(slot);
+            }
+        }
+        None
+    }
+
+    /// The controller has given back the frame in `slot`.
+    pub fn cancelled(&mut self, now: Instant, slot: u8, axes: &mut [Axis]) {
+        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take) else {
+            return;
+        };
+        self.counters.cancelled = self.counters.cancelled.saturating_add(1);
+        if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
+            axis.withdrawn(now, slot);
+        }
+    }
+
+    /// Looks for frames that nobody has acknowledged, or that the controller has not given back, in time.
     pub fn expire_in_flight(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        if self.in_flight.iter().flatten().filter_map(|f| f.cancel_by).any(|by| by <= now) {
+            self.restart(now, axes, out);
+            return;
+        }
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| !f.overdue && f.deadline <= now) else {
                 continue;
@@ -81,12 +115,18 @@ impl Bus {
     /// Earliest time after `after` at which the bus must be looked at again.
     pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
         let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
+        let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by);
         let gap = self.bit_time(GAP_BITS);
         let line = match self.kind() {
             BusKind::Rs485 => [Some(self.line.ready_at(true, gap)), Some(self.line.ready_at(false, gap))],
             BusKind::Can => [None, None],
         };
-        overdue.chain(line.into_iter().flatten()).chain(self.restart_at).filter(|at| *at > after).min()
+        overdue
+            .chain(cancels)
+            .chain(line.into_iter().flatten())
+            .chain(self.restart_at)
+            .filter(|at| *at > after)
+            .min()
     }
 
     /// The axis to serve now: stops first, then in turn.
@@ -101,6 +141,9 @@ impl Bus {
             let index = (turn + offset) % axes.len();
             let Some(axis) = axes.get(index).filter(here) else { continue };
             let Some(want) = axis.wants(now) else { continue };
+            if self.raw.is_some() && axis.is_for_watchers(want.exchange) {
+                continue;
+            }
             let allowed = match want.priority {
                 Priority::Ordinary => may_ordinary,
                 Priority::FirstStop | Priority::Stop => self.may_send_stop(now, axis, &want),
@@ -194,7 +237,7 @@ impl Bus {
             }
         };
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
-            *place = Some(InFlight { axis, id, deadline: now + within, overdue: false });
+            *place = Some(InFlight { axis, id, deadline: now + within, overdue: false, cancel_by: None });
         }
         Transmit { slot, frame }
     }

@@ -89,8 +89,29 @@ impl Events {
         self.dropped_requests.add(now_us);
     }
 
+    /// Whether the host has said hello.
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Events that were never queued have been lost.
+    pub fn count_dropped(&mut self, count: u32) {
+        self.dropped = self.dropped.saturating_add(count);
+    }
+
+    /// Writes an event that does not wait in the queue.
+    pub fn send_at_once(&mut self, time_us: u64, event: &Event, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        let dropped = take(&mut self.dropped);
+        self.write(Waiting { time_us, dropped, event: *event }, out)
+    }
+
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        let Waiting { time_us, dropped, event } = self.next()?;
+        let waiting = self.next()?;
+        self.write(waiting, out)
+    }
+
+    fn write(&mut self, waiting: Waiting, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        let Waiting { time_us, dropped, event } = waiting;
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
         event.encode_frame(sequence, dropped, time_us, out).ok()

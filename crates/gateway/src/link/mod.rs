@@ -6,6 +6,7 @@
 
 mod events;
 mod replies;
+mod subscription;
 #[cfg(test)]
 mod tests;
 
@@ -13,12 +14,14 @@ pub use replies::Slot;
 
 use events::Events;
 use host_protocol::{
-    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, requests::Hello,
+    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields, requests::Hello,
+    requests::Subscribe,
 };
 use replies::{Replies, Reserved};
+use subscription::Subscription;
 
 /// What one link may cost in RAM, bytes.
-const MEMORY_BUDGET: usize = 6 * 1024;
+const MEMORY_BUDGET: usize = 7 * 1024;
 
 const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 
@@ -38,6 +41,7 @@ pub struct Link {
     replies: Replies,
     events: Events,
     last_valid_us: Option<u64>,
+    subscription: Option<Subscription>,
 }
 
 impl Default for Link {
@@ -55,6 +59,7 @@ impl Link {
             replies: Replies::new(),
             events: Events::new(),
             last_valid_us: None,
+            subscription: None,
         }
     }
 
@@ -79,6 +84,7 @@ impl Link {
         {
             self.replies.clear();
             self.events.start_session(speaks_our_version(hello));
+            self.subscription = None;
         }
         match self.replies.reserve(&frame) {
             Reserved::Repeated => None,
@@ -107,6 +113,56 @@ impl Link {
         self.events.push(now_us, event);
     }
 
+    /// Replaces the host's subscription.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if the period is too short or too long; the subscription before then stays.
+    pub fn subscribe(&mut self, now_us: u64, request: &Subscribe) -> Result<(), Error> {
+        self.subscription = Subscription::new(now_us, request)?;
+        self.tick(now_us);
+        Ok(())
+    }
+
+    /// Whether the host has subscribed to this axis.
+    #[must_use]
+    pub fn watches(&self, axis: u8) -> bool {
+        self.subscription.as_ref().is_some_and(|subscription| subscription.watches(axis))
+    }
+
+    /// Begins the subscription's next period, or ends it when the host is silent. Returns whether it has ended.
+    pub fn tick(&mut self, now_us: u64) -> bool {
+        let last_valid_us = self.last_valid_us.unwrap_or(0);
+        let Some(subscription) = &mut self.subscription else { return false };
+        if subscription.has_lapsed(now_us, last_valid_us) {
+            self.subscription = None;
+            return true;
+        }
+        subscription.tick(now_us);
+        false
+    }
+
+    /// When [`tick`](Self::tick) is due, µs.
+    #[must_use]
+    pub fn deadline(&self) -> Option<u64> {
+        let last_valid_us = self.last_valid_us.unwrap_or(0);
+        self.subscription.as_ref().map(|subscription| subscription.deadline(last_valid_us))
+    }
+
+    /// The next axis to tell of, and what of it. To be followed by [`sample`](Self::sample).
+    pub fn next_sample(&mut self) -> Option<(u8, StateFields)> {
+        if !self.events.is_open() {
+            return None;
+        }
+        let (axis, fields, missed) = self.subscription.as_mut()?.take()?;
+        self.events.count_dropped(missed);
+        Some((axis, fields))
+    }
+
+    /// Writes a sample to `out` and returns its length.
+    pub fn sample(&mut self, now_us: u64, event: &Event, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.events.send_at_once(now_us, event, out)
+    }
+
     /// Writes the next frame for the host to `out` and returns its length: replies first, then events.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(out))
@@ -115,7 +171,8 @@ impl Link {
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.
     #[must_use]
     pub fn has_output(&self) -> bool {
-        self.replies.has_output() || self.events.has_output()
+        let sample = self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
+        self.replies.has_output() || self.events.has_output() || sample
     }
 }
 

@@ -1,9 +1,10 @@
 //! Motors with `D5`/`5D` frames in the core's words.
 
-use super::{Exchange, Sequences, Verdict, fit};
+use super::native::{Demand, Effect, Native};
+use super::{Command, Exchange, Sequences, Verdict, fit};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
-use d5::{Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
+use d5::{Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
 use embedded_can::{Id, StandardId};
 use host_protocol::{AxisParameter, CanFrame, Error, Quantity, Setpoint};
 
@@ -79,6 +80,34 @@ pub(super) fn motion(setpoint: Setpoint, sign: f32) -> Result<Option<Request>, E
         max: limit,
     })?;
     Ok(Some(Request::Write { register: Register::SPEED, value: Value::Word(word) }))
+}
+
+/// What the eight bytes of a request do; `None` where the manual lists no such command.
+pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
+    let Ok(frame) = data.try_into() else { return Ok(None) };
+    let Ok((address, request)) = d5::decode_request_frame(frame) else { return Ok(None) };
+    if let Some(node) = config.node()
+        && Node::new(node).map(Address::Node) != Ok(address)
+    {
+        return Err(Error::NotThisNode { axis, node });
+    }
+    let velocity = |word| {
+        let velocity_rad_s = config.sign() * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
+        Setpoint::Velocity { velocity_rad_s }
+    };
+    let effect = match request {
+        Request::Unknown { .. } => return Ok(None),
+        Request::QueryId | Request::Read { .. } | Request::ReadMagneticAngle => Effect::Asks,
+        Request::Write { register: Register::SPEED, value: Value::Word(word) } => {
+            Effect::of_setpoint(velocity(word), d5::decode_speed(word).0 == 0)
+        }
+        Request::AsyncWrite { register: Register::SPEED, value: Value::Word(word) } => {
+            Effect::MovesOnce(Demand::Setpoint(velocity(word)))
+        }
+        Request::Execute => Effect::MovesOnce(Demand::Prepared),
+        _ => Effect::Changes,
+    };
+    Ok(Some(Native { command: Command::D5(request), effect }))
 }
 
 /// Level 2 answers reads and writes, level 1 reads only, others nothing (D12).

@@ -5,6 +5,8 @@
 pub(crate) enum Exchange {
     /// The setpoint in force; its command is kept with the setpoint.
     Motion,
+    /// A native command that is no motion; its command is kept with the job.
+    Native,
     /// The stop command of the axis's stop action.
     Stop,
     /// A further stop command for devices with a position controller (thruster protocol, LS).

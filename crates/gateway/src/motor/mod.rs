@@ -3,10 +3,13 @@
 
 mod d5;
 mod exchange;
+mod impedance;
+mod native;
 mod rmd;
 mod thruster;
 
 pub(crate) use exchange::Exchange;
+pub(crate) use native::{Demand, Effect, Native, native};
 
 use crate::axis::{AxisConfig, Observation};
 use crate::port::MAX_SERIAL;
@@ -82,7 +85,7 @@ impl Received {
     /// What the frame tells by itself, whoever asked.
     pub fn observation(&self, config: &AxisConfig) -> Observation {
         match self {
-            Self::Rmd { reply, .. } => rmd::observe(reply, config.sign()),
+            Self::Rmd { reply, .. } => rmd::observe(reply, config),
             Self::Thruster { reply, .. } => thruster::observe(reply, config.sign()),
             Self::D5 { reply, .. } => d5::observe(reply, config.sign()),
         }
@@ -114,7 +117,7 @@ pub(crate) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
         return Err(Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() });
     };
     let command = match protocol {
-        Protocol::Rmd => rmd::motion(axis, setpoint, sign).map(|r| r.map(Command::Rmd)),
+        Protocol::Rmd => rmd::motion(axis, setpoint, sign, config).map(|r| r.map(Command::Rmd)),
         Protocol::Thruster => {
             thruster::motion(axis, setpoint, sign, config).map(|r| r.map(Command::Thruster))
         }
@@ -134,7 +137,8 @@ pub(crate) const fn can_stop_by(protocol: Protocol, action: StopAction) -> bool 
 /// Whether the motor answers this command at all.
 pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
     match command {
-        Command::Rmd(_) | Command::Thruster(_) => true,
+        Command::Rmd(request) => request.is_answered(),
+        Command::Thruster(_) => true,
         Command::D5(request) => d5::is_answered(request, config),
     }
 }
@@ -157,11 +161,13 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     })
 }
 
-/// The reply window of an exchange where the motor needs longer than its bus's window.
-pub(crate) fn slow_reply(exchange: Exchange) -> Option<Duration> {
-    match exchange {
+/// The reply window of a command where the motor needs longer than its bus's window.
+pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
+    match command {
         // Motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20).
-        Exchange::ReleaseBrake | Exchange::LockBrake => Some(Duration::from_millis(300)),
+        Command::Rmd(::rmd::Request::ReleaseBrake | ::rmd::Request::LockBrake) => {
+            Some(Duration::from_millis(300))
+        }
         _ => None,
     }
 }
@@ -169,7 +175,7 @@ pub(crate) fn slow_reply(exchange: Exchange) -> Option<Duration> {
 /// What a received frame is to a command.
 pub(crate) fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
     match (command, received) {
-        (Command::Rmd(request), Received::Rmd { reply, .. }) => rmd::judge(request, reply, config.sign()),
+        (Command::Rmd(request), Received::Rmd { reply, .. }) => rmd::judge(request, reply, config),
         (Command::Thruster(request), Received::Thruster { reply, .. }) => {
             thruster::judge(request, reply, config.sign())
         }

@@ -1,6 +1,7 @@
 //! MyActuator RMD (V3.6) in the core's words.
 
-use super::{Exchange, Sequences, Verdict, fit};
+use super::native::{Demand, Effect, Native};
+use super::{Command, Exchange, Sequences, Verdict, fit, impedance};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
@@ -43,8 +44,14 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
     })
 }
 
-pub(super) fn motion(axis: u8, setpoint: Setpoint, sign: f32) -> Result<Option<Request>, Error> {
+pub(super) fn motion(
+    axis: u8,
+    setpoint: Setpoint,
+    sign: f32,
+    config: &AxisConfig,
+) -> Result<Option<Request>, Error> {
     Ok(Some(match setpoint {
+        Setpoint::Impedance { .. } => Request::MotionMode { command: impedance::command(setpoint, config)? },
         Setpoint::Current { current_a } => {
             let limit = convert::from_hundredths(i32::from(i16::MAX));
             let count = convert::to_hundredths(sign * current_a);
@@ -74,20 +81,75 @@ pub(super) fn motion(axis: u8, setpoint: Setpoint, sign: f32) -> Result<Option<R
     }))
 }
 
-pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
+/// What the eight data bytes of a request do; `None` where the manual lists no such command.
+pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
+    let request = Request::decode(data.try_into().ok()?);
+    let position = |angle: Centidegrees| sign * convert::centidegrees_to_rad(angle.0);
+    let degrees = |speed: SpeedLimit| convert::degrees_to_rad(i32::from(speed.0));
+    let effect = match request {
+        Request::Unknown { .. } => return None,
+        Request::ReadPid
+        | Request::ReadAcceleration
+        | Request::ReadEncoderPosition
+        | Request::ReadEncoderRawPosition
+        | Request::ReadEncoderOffset
+        | Request::ReadMultiTurnAngle
+        | Request::ReadStatus1
+        | Request::ReadStatus2
+        | Request::ReadStatus3
+        | Request::ReadRunMode
+        | Request::ReadPower
+        | Request::ReadRunTime
+        | Request::ReadVersionDate
+        | Request::ReadModel => Effect::Asks,
+        Request::Shutdown | Request::Stop => Effect::Stops,
+        Request::TorqueCurrent { current } => {
+            let current_a = sign * convert::from_hundredths(i32::from(current.0));
+            Effect::Moves(Demand::Setpoint(Setpoint::Current { current_a }))
+        }
+        Request::Velocity { speed } => {
+            let velocity_rad_s = sign * convert::centidegrees_to_rad(speed.0);
+            Effect::Moves(Demand::Setpoint(Setpoint::Velocity { velocity_rad_s }))
+        }
+        Request::PositionTracking { angle } => {
+            Effect::Moves(Demand::Unlimited { position_rad: position(angle) })
+        }
+        Request::AbsolutePosition { max_speed, angle } => {
+            Effect::Moves(Demand::Setpoint(Setpoint::Position {
+                position_rad: position(angle),
+                speed_limit_rad_s: degrees(max_speed),
+            }))
+        }
+        Request::LimitedPositionTracking { max_speed, angle } => {
+            let speed_limit_rad_s = convert::centidegrees_to_rad(i32::from(max_speed.0));
+            let position_rad = position(angle);
+            Effect::Moves(Demand::Setpoint(Setpoint::Position { position_rad, speed_limit_rad_s }))
+        }
+        Request::IncrementalPosition { max_speed, angle } => Effect::MovesOnce(Demand::Distance {
+            distance_rad: position(angle),
+            speed_limit_rad_s: degrees(max_speed),
+        }),
+        _ => Effect::Changes,
+    };
+    Some(Native { command: Command::Rmd(request), effect })
+}
+
+pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
     match rmd::answer(request, reply) {
         // All zero is an answer that may as well be the request thrown back: it tells nothing (PROTOCOL-NOTES R30).
         Answer::Reply(
             Reply::TorqueCurrent { motion } | Reply::Velocity { motion } | Reply::AbsolutePosition { motion },
         ) if motion == Motion::default() => Verdict::Answer(Observation::default()),
-        Answer::Reply(reply) => Verdict::Answer(observe(&reply, sign)),
+        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config)),
         Answer::NotExecuted => Verdict::NotExecuted,
         _ => Verdict::Unrelated,
     }
 }
 
-pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
+pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
+    let sign = config.sign();
     match reply {
+        Reply::MotionMode { feedback } => impedance::observe(feedback, config),
         Reply::MultiTurnAngle { angle } => Observation {
             position_rad: Some(sign * convert::centidegrees_to_rad(angle.0)),
             ..Observation::default()

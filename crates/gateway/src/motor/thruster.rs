@@ -1,6 +1,7 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
-use super::{Exchange, Sequences, Verdict, fit};
+use super::native::{Demand, Effect, Native};
+use super::{Command, Exchange, Sequences, Verdict, fit};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint};
@@ -83,12 +84,54 @@ pub(super) fn motion(
             let position = fit(count, Quantity::Position, position_rad, (-limit, limit))?;
             Request::AbsolutePosition { speed: RpmLimit(speed), position: Decidegrees(position) }
         }
-        Setpoint::Position { .. } | Setpoint::Current { .. } => return Ok(None),
+        Setpoint::Position { .. } | Setpoint::Current { .. } | Setpoint::Impedance { .. } => return Ok(None),
     };
     match request.encode() {
         Ok(_) => Ok(Some(request)),
         Err(refusal) => Err(in_si(setpoint, refusal)),
     }
+}
+
+/// What the data field of a request does; `None` where the manual lists no such command.
+pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
+    let request = Request::decode(data).ok()?;
+    let position = |position: Decidegrees| sign * convert::decidegrees_to_rad(position.0);
+    let rpm = |speed: RpmLimit| convert::rpm_to_rad_s(i32::from(speed.0));
+    let effect = match request {
+        Request::Unknown { .. } => return None,
+        Request::ReadSpeed
+        | Request::ReadCurrent
+        | Request::ReadVoltage
+        | Request::ReadMotorTemperature
+        | Request::ReadDriverTemperature
+        | Request::ReadFaults
+        | Request::ReadFaultRecord
+        | Request::ReadParameter { .. }
+        | Request::ReadPositionLimits
+        | Request::ReadAbsolutePosition
+        | Request::ReadRelativePosition => Effect::Asks,
+        Request::EmergencyStop => Effect::Stops,
+        Request::Signal { signal } => {
+            let fraction = sign * convert::from_hundredths(i32::from(signal.0));
+            Effect::of_setpoint(Setpoint::Signal { fraction }, signal.0 == 0)
+        }
+        Request::Speed { speed } => {
+            let velocity_rad_s = sign * convert::rpm_to_rad_s(i32::from(speed.0));
+            Effect::of_setpoint(Setpoint::Velocity { velocity_rad_s }, speed.0 == 0)
+        }
+        Request::AbsolutePosition { speed, position: target } => {
+            Effect::Moves(Demand::Setpoint(Setpoint::Position {
+                position_rad: position(target),
+                speed_limit_rad_s: rpm(speed),
+            }))
+        }
+        Request::RelativePosition { speed, position: distance } => Effect::MovesOnce(Demand::Distance {
+            distance_rad: position(distance),
+            speed_limit_rad_s: rpm(speed),
+        }),
+        _ => Effect::Changes,
+    };
+    Some(Native { command: Command::Thruster(request), effect })
 }
 
 /// Refuses a timeout that the device cannot keep.
@@ -119,6 +162,7 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
             (Quantity::Velocity, velocity_rad_s, bounds)
         }
         Setpoint::Current { current_a } => (Quantity::Current, current_a, (0.0, 0.0)),
+        Setpoint::Impedance { torque_nm, .. } => (Quantity::Torque, torque_nm, (0.0, 0.0)),
     };
     Error::OutOfRange { quantity, value, min: bounds.0, max: bounds.1 }
 }

@@ -117,6 +117,11 @@ pub fn hello(rig: &mut Rig) {
     rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 7 })).unwrap();
 }
 
+/// The host begins another session.
+pub fn hello_again(rig: &mut Rig) {
+    rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 })).unwrap();
+}
+
 /// Arms axis 0 and returns its epoch.
 pub fn arm(rig: &mut Rig) -> u32 {
     arm_axis(rig, 0)
@@ -138,8 +143,27 @@ pub fn setpoint(rig: &Rig, epoch: u32, ttl_us: u64, setpoint: Setpoint) -> Reque
     axis_setpoint(rig, 0, epoch, ttl_us, setpoint)
 }
 
+/// The low 32 bits of the time `ttl_us` from now.
+pub fn expiry(rig: &Rig, ttl_us: u64) -> u32 {
+    (rig.now() + gateway::Duration::from_micros(ttl_us)).low_bits()
+}
+
+/// A native command of axis 0, its data in hex; what moves lives 80 ms.
+pub fn native(rig: &Rig, epoch: u32, data: &str) -> Request {
+    let data = host_protocol::Bytes::from_slice(&crate::text::unhex(data)).unwrap();
+    Request::Native(requests::Native { axis: 0, epoch, expires_at_us: expiry(rig, TTL_US), data })
+}
+
+/// The data of a native command's reply in hex.
+pub fn answered(result: Result<Reply, Error>) -> String {
+    match result {
+        Ok(Reply::Native(reply)) => crate::text::hex(&reply.data),
+        other => panic!("{other:?}"),
+    }
+}
+
 fn axis_setpoint(rig: &Rig, axis: u8, epoch: u32, ttl_us: u64, setpoint: Setpoint) -> Request {
-    let expires_at_us = (rig.now() + gateway::Duration::from_micros(ttl_us)).low_bits();
+    let expires_at_us = expiry(rig, ttl_us);
     Request::Setpoint(requests::Setpoint { axis, epoch, expires_at_us, setpoint })
 }
 

@@ -31,6 +31,36 @@ fn is_supported(rig: &mut Rig, request: Request, protocol: Protocol) -> bool {
     }
 }
 
+/// What a cell promises of the bench's motors, which are on CAN.
+fn is_expected(cell: &str, position_device: bool) -> bool {
+    match cell {
+        "with `position_device`" => position_device,
+        "yes" | "on CAN" => true,
+        "no" => false,
+        other => panic!("a cell says {other}"),
+    }
+}
+
+#[test]
+fn relative_moves_are_those_of_the_reference() {
+    for (column, protocol) in Protocol::ALL.iter().copied().enumerate() {
+        for position_device in [false, true] {
+            let mut rig = rig_of(protocol);
+            bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(position_device));
+            let request = requests::MoveRelative {
+                axis: 0,
+                epoch: arm(&mut rig),
+                expires_at_us: bench::expiry(&rig, 80_000),
+                distance_rad: 0.1,
+                speed_limit_rad_s: 5.0,
+            };
+            let expected = is_expected(cell("`MoveRelative`", column), position_device);
+            let supported = is_supported(&mut rig, Request::MoveRelative(request), protocol);
+            assert_eq!(supported, expected, "{protocol}");
+        }
+    }
+}
+
 #[test]
 fn setpoints_are_those_of_the_reference() {
     let setpoints = [
@@ -38,6 +68,16 @@ fn setpoints_are_those_of_the_reference() {
         ("setpoint `Current`", Setpoint::Current { current_a: 0.1 }),
         ("setpoint `Velocity`", Setpoint::Velocity { velocity_rad_s: 5.0 }),
         ("setpoint `Position`", Setpoint::Position { position_rad: 0.1, speed_limit_rad_s: 5.0 }),
+        (
+            "setpoint `Impedance`",
+            Setpoint::Impedance {
+                position_rad: 0.1,
+                velocity_rad_s: 0.0,
+                stiffness_nm_per_rad: 1.0,
+                damping_nm_s_per_rad: 0.1,
+                torque_nm: 0.0,
+            },
+        ),
     ];
     for (column, protocol) in Protocol::ALL.iter().copied().enumerate() {
         for (row, value) in setpoints {
@@ -47,10 +87,7 @@ fn setpoints_are_those_of_the_reference() {
                 bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, flag);
                 let epoch = arm(&mut rig);
                 let request = setpoint(&rig, epoch, 80_000, value);
-                let expected = match cell(row, column) {
-                    "with `position_device`" => position_device,
-                    word => word == "yes",
-                };
+                let expected = is_expected(cell(row, column), position_device);
                 assert_eq!(is_supported(&mut rig, request, protocol), expected, "{row} of {protocol}");
             }
         }

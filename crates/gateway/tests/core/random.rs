@@ -34,6 +34,8 @@ struct Run {
     /// Requests that come before any random one.
     configuration: std::vec::IntoIter<(u8, Request)>,
     silent_until_us: u64,
+    /// Frames given back.
+    cancelled: u32,
 }
 
 impl Run {
@@ -51,6 +53,7 @@ impl Run {
             knowledge: Knowledge::default(),
             configuration: hellos.into_iter().chain(configuration).collect::<Vec<_>>().into_iter(),
             silent_until_us: 0,
+            cancelled: 0,
         }
     }
 
@@ -187,6 +190,12 @@ impl Run {
 
     fn transmit(&mut self) {
         for bus in (0..).take(BUSES) {
+            while let Some(slot) = self.gateway.poll_cancel(Instant::from_micros(self.now_us), bus) {
+                if self.port.give_back(self.now_us, bus, slot) {
+                    self.cancelled += 1;
+                    self.feed(Event::Cancelled { bus, slot });
+                }
+            }
             let mut frames = 0;
             while let Some(transmit) = self.gateway.poll_transmit(Instant::from_micros(self.now_us), bus) {
                 frames += 1;
@@ -263,12 +272,14 @@ impl Drop for Run {
 /// Runs every seed from a time on, and sees to it that they reached what they are to check.
 fn run_all(seeds: impl IntoIterator<Item = u64>, start_us: u64) {
     let mut total = Seen::default();
+    let mut cancelled = 0;
     for seed in seeds {
         let mut run = Run::new(seed, start_us);
         for _ in 0..STEPS {
             run.step();
         }
         run.settle();
+        cancelled += run.cancelled;
         let Seen { motion, trips, confirmed, unreachable } = run.knowledge.seen;
         total.motion += motion;
         total.trips += trips;
@@ -277,6 +288,7 @@ fn run_all(seeds: impl IntoIterator<Item = u64>, start_us: u64) {
     }
     let Seen { motion, trips, confirmed, unreachable } = total;
     assert!(motion > 1_000 && trips > 100 && confirmed > 100 && unreachable > 0, "{total:?}");
+    assert!(cancelled > 3, "{cancelled} frames given back");
 }
 
 #[test]

@@ -69,6 +69,8 @@ pub struct Rig {
     pub echo: Echo,
     /// The CAN wires touch: a bus goes off as often as it is started.
     pub shorted: bool,
+    /// The controllers never report a frame that they were to give back.
+    pub stubborn: bool,
     /// The CAN cables are cut: nothing is acknowledged.
     cut: bool,
     /// Frames that wait in a controller for an acknowledgement: bus, slot, text.
@@ -108,6 +110,7 @@ impl Rig {
             motor: Box::new(|_, _, _| None),
             echo: Echo::Clean,
             shorted: false,
+            stubborn: false,
             cut: false,
             held: Vec::new(),
             generations: [None; BUSES],
@@ -132,7 +135,30 @@ impl Rig {
             }
             self.run(100);
         }
-        panic!("no answer to {request:?}; said {:?}", self.said);
+        panic!("no answer to {request:?}; said {:?}; wire {:?}", self.said, self.wire);
+    }
+
+    /// Sends a request on another link and returns what it is answered there within 100 ms.
+    pub fn ask_as(&mut self, link: u8, request: &Request) -> Result<Reply, Error> {
+        self.sequence += 1;
+        let mut out = [0; MAX_FRAME];
+        let length = request.encode_frame(self.sequence, &mut out).unwrap();
+        self.handle(Event::HostBytes { link, bytes: &out[..length] });
+        let mut deframer = Deframer::new();
+        for _ in 0..1_000 {
+            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+                for byte in &out[..length] {
+                    let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+                    match frame.kind {
+                        Kind::Reply => return Ok(Reply::decode(frame.number, frame.body).unwrap()),
+                        Kind::Error => return Err(Error::decode(frame.number, frame.body).unwrap()),
+                        Kind::Event | Kind::Request => {}
+                    }
+                }
+            }
+            self.run(100);
+        }
+        panic!("no answer to {request:?}");
     }
 
     /// Sends a request without waiting.
@@ -184,6 +210,11 @@ impl Rig {
                 serial => self.due.push((at, serial)),
             }
         }
+    }
+
+    /// What waits in the controllers.
+    pub fn held_texts(&self) -> Vec<&str> {
+        self.held.iter().map(|(.., text)| text.as_str()).collect()
     }
 
     /// Joins the cables again: what waits in the controllers leaves.
@@ -269,7 +300,21 @@ impl Rig {
         }
     }
 
+    /// Frames that wait for an acknowledgement are given back when the core asks for them; those that are on the wire go on.
+    fn give_back(&mut self) {
+        for bus in 0..3 {
+            while let Some(slot) = self.gateway.poll_cancel(self.now(), bus) {
+                let held = self.held.len();
+                self.held.retain(|(on, of, _)| (*on, *of) != (bus, slot));
+                if self.held.len() < held && !self.stubborn {
+                    self.gateway.handle(self.now(), Event::Cancelled { bus, slot });
+                }
+            }
+        }
+    }
+
     fn drain(&mut self) {
+        self.give_back();
         for bus in 0..3 {
             while let Some(Transmit { slot, frame }) = self.gateway.poll_transmit(self.now(), bus) {
                 let text = match frame {

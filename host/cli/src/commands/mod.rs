@@ -4,7 +4,10 @@ mod arm;
 mod axes;
 mod bus;
 mod configure;
+mod drive;
 mod info;
+mod moving;
+mod native;
 mod raw;
 mod set;
 mod stop;
@@ -22,6 +25,8 @@ pub fn run(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Configure(_)
             | Command::Arm { .. }
             | Command::Set(_)
+            | Command::Move(_)
+            | Command::Native(_)
             | Command::Clear { .. }
             | Command::Raw { .. }
     );
@@ -45,6 +50,8 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Configure(arguments) => configure::run(session, arguments),
         Command::Arm { axes, duration } => arm::run(session, axes, *duration),
         Command::Set(arguments) => set::run(session, arguments),
+        Command::Move(arguments) => moving::run(session, arguments),
+        Command::Native(arguments) => native::run(session, arguments),
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),
         Command::Clear { target, unreachable } => stop::clear(session, *target, *unreachable),
@@ -52,7 +59,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
             let axes = session.axes_or_all(axis.as_slice())?;
             session.print_states(&axes)
         }
-        Command::Watch { axes, period, count } => watch::run(session, axes, *period, *count),
+        Command::Watch(arguments) => watch::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
         Command::Raw { bus, action } => raw::run(session, *bus, action),
     }

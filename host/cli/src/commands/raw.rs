@@ -104,7 +104,7 @@ fn serial_frame(text: &str) -> Result<Bytes<MAX_SERIAL_FRAME>, Failure> {
 }
 
 /// Pairs of hexadecimal digits; spaces, dots and colons between them are ignored.
-fn bytes(text: &str) -> Option<Vec<u8>> {
+pub(super) fn bytes(text: &str) -> Option<Vec<u8>> {
     const HEX: u32 = 16;
     let digits: Option<Vec<u8>> = text
         .chars()

@@ -2,50 +2,118 @@
 
 use std::time::Duration;
 
+use host_protocol::{Event, EventMessage, StateField, StateFields};
+use serde_json::json as object;
+
+use crate::args::WatchArgs;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::output::to_json;
+use crate::json;
 use crate::session::{Session, print_event};
 use crate::states;
 
-/// Prints states at a rhythm and events as they come.
-pub fn run(session: &mut Session, axes: &[u8], period_ms: u64, count: Option<u64>) -> Result<(), Failure> {
-    interrupt::note();
-    let axes = session.axes_or_all(axes)?;
-    let period = Duration::from_millis(period_ms);
-    let mut printed = 0;
-    let mut next = session.client.now();
-    while count.is_none_or(|count| printed < count) && !interrupt::came() {
-        let mut reports = Vec::new();
-        for axis in &axes {
-            reports.push(session.client.read_state(*axis)?);
-        }
-        // The headings once: the columns of later rows keep their order, if not always their width.
-        let lines = states::table(&reports).lines();
-        for line in lines.iter().skip(usize::from(printed > 0)) {
-            session.out.text(line)?;
-        }
-        for report in &reports {
-            session.out.object(&to_json(report))?;
-        }
-        printed += 1;
-        next += period;
-        if count.is_none_or(|count| printed < count) {
-            print_events_until(session, next)?;
-        }
-    }
-    Ok(())
-}
-
-fn print_events_until(session: &mut Session, end: Duration) -> Result<(), Failure> {
-    while session.client.now() < end && !interrupt::came() {
-        let left = end.saturating_sub(session.client.now());
-        if let Some(event) = session.client.poll_event(left.min(LONGEST_WAIT))? {
-            print_event(&event, session.out)?;
-        }
-    }
-    Ok(())
-}
-
 /// An interrupt is looked for this often.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
+/// What was lost is told this often.
+const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
+
+/// Prints samples at the rhythm of the subscription and events as they come.
+pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
+    interrupt::note();
+    let axes = session.axes_or_all(&arguments.axes)?;
+    if axes.is_empty() {
+        session.out.text("no axis is configured: there are only events to follow")?;
+    }
+    let fields = match arguments.fields.as_slice() {
+        [] => states::ALL,
+        fields => StateFields::of(fields),
+    };
+    let left = arguments.count.map(|count| axes.iter().map(|axis| (*axis, count)).collect());
+    let period = Duration::from_millis(arguments.period);
+    session.client.subscribe(&axes, fields, period)?;
+    let watched = Watch { fields, left, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
+    let reachable = match &watched {
+        Ok(()) => true,
+        Err(failure) => failure.is_from_gateway(),
+    };
+    if reachable { watched.and(session.client.unsubscribe().map_err(Failure::from)) } else { watched }
+}
+
+struct Watch {
+    fields: StateFields,
+    /// How many samples of each axis are still to come; `None` for no end.
+    left: Option<Vec<(u8, u64)>>,
+    /// What was lost since that was said last.
+    lost: u64,
+    /// What was lost so far between the gateway and here.
+    lost_on_the_way: u64,
+    /// Of the columns so far; none before the headings.
+    widths: Vec<usize>,
+}
+
+impl Watch {
+    fn follow(&mut self, session: &mut Session) -> Result<(), Failure> {
+        let mut tell_lost_at = session.client.now() + TELL_LOST_EVERY;
+        while !self.is_complete() && !interrupt::came() {
+            session.client.keep_subscription()?;
+            if let Some(message) = session.client.poll_event(LONGEST_WAIT)? {
+                self.count_lost(session, message.dropped);
+                match &message.event {
+                    Event::Sample { axis, .. } if self.is_wanted(*axis) => self.print(session, &message)?,
+                    Event::Sample { .. } => {}
+                    _ => print_event(&EventMessage { dropped: 0, ..message }, session.out)?,
+                }
+            }
+            if session.client.now() >= tell_lost_at {
+                tell_lost_at = session.client.now() + TELL_LOST_EVERY;
+                self.tell_lost(session)?;
+            }
+        }
+        self.tell_lost(session)
+    }
+
+    fn is_complete(&self) -> bool {
+        self.left.as_ref().is_some_and(|left| left.iter().all(|(_, count)| *count == 0))
+    }
+
+    /// Counts a sample of an axis; whether it is to be printed.
+    fn is_wanted(&mut self, axis: u8) -> bool {
+        let Some(left) = &mut self.left else { return true };
+        let count = left.iter_mut().find(|(of, count)| *of == axis && *count > 0);
+        count.map(|(_, count)| *count -= 1).is_some()
+    }
+
+    /// Counts the samples and events that are missing before what comes next: those that the gateway had no room for, and
+    /// those that were damaged or too many on the way.
+    fn count_lost(&mut self, session: &Session, dropped: u32) {
+        let losses = session.client.losses();
+        let on_the_way = losses.damaged + losses.events_dropped;
+        self.lost += u64::from(dropped) + (on_the_way - self.lost_on_the_way);
+        self.lost_on_the_way = on_the_way;
+    }
+
+    /// Says how many were lost since it was said last.
+    fn tell_lost(&mut self, session: &Session) -> Result<(), Failure> {
+        match std::mem::take(&mut self.lost) {
+            0 => Ok(()),
+            lost => {
+                session.out.either(format!("{lost} samples or events were lost"), &object!({ "lost": lost }))
+            }
+        }
+    }
+
+    fn print(&mut self, session: &Session, message: &EventMessage) -> Result<(), Failure> {
+        if session.out.is_json() {
+            let mut sample = json::event(message);
+            if let Some(sample) = sample.as_object_mut() {
+                let left_out = StateField::ALL.iter().filter(|field| !self.fields.contains(**field));
+                left_out.for_each(|field| drop(sample.remove(states::json_name(*field))));
+            }
+            return session.out.object(&sample);
+        }
+        let Some(table) = states::sample(&message.event, self.fields) else { return Ok(()) };
+        let headings_printed = !self.widths.is_empty();
+        let lines = table.lines_in(&mut self.widths);
+        lines.iter().skip(usize::from(headings_printed)).try_for_each(|line| session.out.text(line))
+    }
+}

@@ -3,6 +3,7 @@
 mod bus;
 mod d5;
 mod line;
+mod native;
 mod number;
 mod reader;
 mod record;
@@ -17,6 +18,8 @@ use host_protocol::CanFrame;
 
 use crate::args::{BusKind, DecodeArgs, ProtocolChoice};
 use crate::failure::Failure;
+pub use native::reply;
+
 use bus::Buses;
 use line::{Content, Line, Origin, Unreadable};
 use reader::Lines;

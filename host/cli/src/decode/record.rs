@@ -226,6 +226,14 @@ impl<W: Write> Record<W> {
         self.out.write_all(&self.line)
     }
 
+    /// The line by itself, without its end.
+    pub fn into_line(mut self) -> String {
+        if self.json {
+            self.line.push(b'}');
+        }
+        String::from_utf8_lossy(&self.line).trim_end().to_owned()
+    }
+
     pub fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }

@@ -84,6 +84,9 @@ fn words(setpoint: Setpoint) -> String {
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
             format!("position {position_rad} rad at up to {speed_limit_rad_s} rad/s")
         }
+        Setpoint::Impedance { position_rad, stiffness_nm_per_rad, .. } => {
+            format!("a spring of {stiffness_nm_per_rad} N·m/rad about {position_rad} rad")
+        }
     }
 }
 

@@ -5,7 +5,7 @@ mod list;
 mod wanted;
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
-use host_protocol::CanFrame;
+use host_protocol::{CanFrame, Protocol};
 use serde_json::{Value, json};
 
 use crate::args::{BusKind, CodecChoice, EncodeArgs};
@@ -40,15 +40,50 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
     out.either(&frame, &object)
 }
 
-fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
+/// The data field of a command for the motor of an axis, without CAN id or serial framing.
+pub fn data_field(
+    protocol: Protocol,
+    node: u8,
+    command: &str,
+    fields: Vec<(String, String)>,
+) -> Result<Vec<u8>, Failure> {
+    match protocol {
+        Protocol::Rmd => {
+            let request = codec::rmd::build(&Wanted::of(CodecChoice::Rmd, node, command, fields), &|_| None)?;
+            if is_for_all(&request) || matches!(request, rmd::Request::MotionMode { .. }) {
+                return Err(Failure::Usage(format!(
+                    "`{command}` goes to a CAN id of its own, which native commands do not reach. Use `mgw set AXIS impedance` \
+                     for motion mode, `mgw raw` for the others"
+                )));
+            }
+            request.encode().map(|data| data.to_vec()).map_err(codec::rmd::refused)
+        }
+        Protocol::Thruster => {
+            let wanted = Wanted::of(CodecChoice::Thruster, node, command, fields);
+            let request = codec::thruster::build(&wanted, &|_| None)?;
+            request.encode().map(|data| data.as_slice().to_vec()).map_err(codec::thruster::refused)
+        }
+        Protocol::D5 => {
+            let wanted = Wanted::of(CodecChoice::D5, node, command, fields);
+            let request = codec::d5::build(&wanted, &d5_register)?;
+            let address = d5::Address::Node(d5::Node::new(node).map_err(codec::d5::refused)?);
+            d5::request_frame(address, &request).map(|data| data.to_vec()).map_err(codec::d5::refused)
+        }
+    }
+}
+
+/// These go to every motor whatever the node, so none is needed.
+fn is_for_all(request: &rmd::Request) -> bool {
     use rmd::Request;
-    let request = codec::rmd::build(wanted, &|_| None)?;
-    // These go to every motor whatever the node, so none is needed.
-    let is_for_all = matches!(
+    matches!(
         request,
         Request::ReadCanId | Request::SetCanId { .. } | Request::ReadRs485Id | Request::SetRs485Id { .. }
-    );
-    let to = if is_for_all { wanted.to.unwrap_or(To::All) } else { wanted.to()? };
+    )
+}
+
+fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
+    let request = codec::rmd::build(wanted, &|_| None)?;
+    let to = if is_for_all(&request) { wanted.to.unwrap_or(To::All) } else { wanted.to()? };
     let node = match to {
         To::Node(node) => Some(rmd::Node::new(node).map_err(codec::rmd::refused)?),
         To::All => None,

@@ -74,6 +74,13 @@ impl Wanted {
         Ok(Self { protocol, to, bus, can_id, list, command, fields })
     }
 
+    /// A command for one motor, as other commands of `mgw` take it from their options.
+    pub fn of(protocol: CodecChoice, node: u8, command: &str, fields: Vec<(String, String)>) -> Self {
+        let command = Some(command.replace('-', "_"));
+        let fields = fields.into_iter().map(|(name, value)| (name.replace('-', "_"), value)).collect();
+        Self { protocol, to: Some(To::Node(node)), bus: None, can_id: None, list: false, command, fields }
+    }
+
     /// The name of the command.
     pub fn command(&self) -> Result<&str, Failure> {
         self.command.as_deref().ok_or_else(|| usage("which command? --list shows them all".into()))

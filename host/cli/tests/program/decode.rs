@@ -285,10 +285,10 @@ fn d5_on_both_buses() {
                 r#"{"frame":"5D0B040512200046","direction":"reply","protocol":"d5","node":11,"command":"execute","register":18,"register_name":"status","faults":[],"faults_raw":32}
                    {"frame":"5D0B05CE07EEEEC1","direction":"reply","protocol":"d5","node":11,"command":"faulty_self_test","motor_error":"checksum","command_code":206}"#,
             ),
-            // Two registers read at once, whose fields have one name.
+            // Two registers read at once.
             (
                 "5D0B05022E851EE3",
-                r#"{"frame":"5D0B05022E851EE3","direction":"reply","protocol":"d5","node":11,"command":"read","register":46,"register_name":"board_temperature","temperature_c":-5,"next_temperature_c":30}"#,
+                r#"{"frame":"5D0B05022E851EE3","direction":"reply","protocol":"d5","node":11,"command":"read","register":46,"register_name":"board_temperature","board_temperature_c":-5,"motor_temperature_c":30}"#,
             ),
             (
                 "0FE#D5FE050600000009",

@@ -50,6 +50,9 @@ fn wrong_usage_has_exit_code_2() {
         &["watch", "--period", "0"],
         &["configure"],
         &["sim", "--listen", "here"],
+        &["--port", "tcp:nowhere", "info"],
+        &["--port", "/dev/ttyACM0@fast", "info"],
+        &["--port", "", "info"],
     ] {
         mgw(arguments).failure(2);
     }
@@ -119,6 +122,40 @@ fn a_second_host_is_not_in_command() {
     // Reading and stopping need no authority.
     sim.mgw_once_connected(&["state"]).success();
     sim.mgw_once_connected(&["stop", "0"]).success();
+}
+
+#[test]
+fn options_of_a_setpoint_belong_to_its_kind() {
+    let sim = Sim::start();
+    for (arguments, said) in [
+        (&["velocity", "1", "--stiffness", "5"][..], "--stiffness belongs to `impedance`"),
+        (&["impedance", "1", "--speed-limit", "5"], "--speed-limit belongs to `position`"),
+        (&["impedance", "1", "--stiffness", "5"], "--damping"),
+        (&["position", "1"], "--speed-limit"),
+    ] {
+        let text = sim.mgw(&[&["set", "0"], arguments].concat()).failure(2);
+        assert!(text.contains(said), "{arguments:?}: {text}");
+    }
+}
+
+/// Whoever has no link hears so, and so does the simulator.
+#[test]
+fn when_all_links_are_taken_the_next_host_is_told() {
+    const MORE_THAN_ANY: usize = 16;
+    let sim = Sim::start();
+    let mut watching = Vec::new();
+    let refused = (0..MORE_THAN_ANY).find_map(|_| {
+        let watch = Process::start(&["--port", &sim.port, "watch", "0"]);
+        watch.wait_for("a sample", |line| line.contains("idle").then_some(()));
+        watching.push(watch);
+        let outcome = sim.mgw(&["--json", "stop"]);
+        (outcome.code != Some(0)).then_some(outcome)
+    });
+    let error = error(refused.expect("there is an end of links"), 1);
+    assert_eq!(error["name"], "LinksTaken");
+    assert!(error["message"].as_str().unwrap().contains("all host links are taken"), "{error}");
+    let refused = format!("refused: all {} host links are taken", watching.len());
+    sim.process.wait_for("the refusal", |line| line.contains(&refused).then_some(()));
 }
 
 #[test]

@@ -189,9 +189,9 @@ impl Sim {
         self.mgw_despite("is in command", arguments)
     }
 
-    /// Repeats a command until one of the two host links is free for it.
+    /// Repeats a command until one of the host links is free for it.
     pub fn mgw_once_connected(&self, arguments: &[&str]) -> Outcome {
-        self.mgw_despite("the connection to the gateway failed", arguments)
+        self.mgw_despite("all host links are taken", arguments)
     }
 
     fn mgw_despite(&self, passing: &str, arguments: &[&str]) -> Outcome {

@@ -6,7 +6,7 @@ use std::io;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::replies::{Done, HelloReply, Pong};
+use host_protocol::replies::{Done, HelloReply, MoveTarget, NativeReply, Pong};
 use host_protocol::{
     BootReason, Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request,
 };
@@ -154,6 +154,9 @@ pub fn healthy(heard: &Heard) -> Vec<Said> {
         Request::Ping(_) => Reply::Ping(Pong { time_us: heard.time_us }),
         Request::Setpoint(_) => Reply::Setpoint(Done {}),
         Request::Stop(_) => Reply::Stop(Done {}),
+        Request::Subscribe(_) => Reply::Subscribe(Done {}),
+        Request::MoveRelative(_) => Reply::MoveRelative(MoveTarget { start_rad: 0.5, target_rad: 2.0 }),
+        Request::Native(request) => Reply::Native(NativeReply { data: request.data.clone() }),
         other => panic!("the script does not know {other:?}"),
     };
     vec![(2 * LATENCY, reply_bytes(heard.sequence, &reply))]

@@ -2,4 +2,6 @@
 
 mod hold;
 mod line;
+mod natives;
 mod session;
+mod subscription;

@@ -29,6 +29,8 @@ pub(crate) enum CanOutcome {
         /// Every station that received it.
         to: Vec<Station>,
     },
+    /// A frame that was asked back has not been sent and will not be.
+    Cancelled { station: Station, slot: u8 },
     /// The error state or a counter of a station changed.
     State { station: Station, state: BusState, transmit: u16, receive: u16 },
 }
@@ -104,7 +106,16 @@ impl CanBus {
     /// Hands a frame to a station's controller. `corrupt`: its checksum will be wrong.
     pub(crate) fn send(&mut self, station: Station, slot: u8, frame: CanFrame, corrupt: bool) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {
-            node.enqueue(Pending { slot, bits: FrameBits::of(&frame), frame, corrupt });
+            node.enqueue(Pending { slot, bits: FrameBits::of(&frame), frame, corrupt, cancelled: false });
+        }
+    }
+
+    /// Asks a frame back from a station's controller. Its outcome tells whether it was sent all the same.
+    pub(crate) fn cancel(&mut self, station: Station, slot: u8) {
+        if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station)
+            && node.cancel(slot)
+        {
+            self.outcomes.push_back(CanOutcome::Cancelled { station, slot });
         }
     }
 
@@ -228,7 +239,9 @@ impl CanBus {
                 Fate::Unacknowledged => node.counters.missing_acknowledgement(),
                 Fate::BitError | Fate::Collision => node.counters.transmit_error(),
             }
-            node.retry();
+            if let Some(slot) = node.retry() {
+                self.outcomes.push_back(CanOutcome::Cancelled { station: node.station, slot });
+            }
             if node.counters.is_passive() {
                 let free_at = sent.end + bit_time(INTERMISSION + SUSPEND, node.bitrate);
                 node.not_before = free_at;
@@ -332,7 +345,11 @@ impl CanBus {
                 continue;
             };
             for at in broken.senders {
-                nodes.get_mut(at).into_iter().for_each(Node::retry);
+                if let Some(node) = nodes.get_mut(at)
+                    && let Some(slot) = node.retry()
+                {
+                    self.outcomes.push_back(CanOutcome::Cancelled { station: node.station, slot });
+                }
             }
             medium.free_at = now + bit_time(ERROR_FRAME + INTERMISSION, island.bitrate);
         }

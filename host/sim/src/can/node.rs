@@ -22,6 +22,8 @@ pub(super) struct Pending {
     pub(super) frame: CanFrame,
     pub(super) bits: FrameBits,
     pub(super) corrupt: bool,
+    /// Asked back: it is not sent again.
+    pub(super) cancelled: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -77,11 +79,26 @@ impl Node {
         self.sending = self.next_index().and_then(|at| self.queue.remove(at));
     }
 
-    /// The frame on its way has failed and waits for another attempt.
-    pub(super) fn retry(&mut self) {
-        if let Some(pending) = self.sending.take() {
-            self.queue.push_front(pending);
+    /// The frame on its way has failed and waits for another attempt, unless it was asked back: then its slot is returned.
+    pub(super) fn retry(&mut self) -> Option<u8> {
+        let pending = self.sending.take()?;
+        if pending.cancelled {
+            return Some(pending.slot);
         }
+        self.queue.push_front(pending);
+        None
+    }
+
+    /// Gives a frame back: at once, or when its attempt on the wire fails. Whether it is back now.
+    pub(super) fn cancel(&mut self, slot: u8) -> bool {
+        if let Some(at) = self.queue.iter().position(|pending| pending.slot == slot) {
+            self.queue.remove(at);
+            return true;
+        }
+        if let Some(sending) = self.sending.as_mut().filter(|pending| pending.slot == slot) {
+            sending.cancelled = true;
+        }
+        false
     }
 
     /// Drops every frame it holds.

@@ -41,7 +41,7 @@ fn sent(outcomes: &[CanOutcome]) -> Vec<(Station, String, u128, u128)> {
             CanOutcome::Sent { from, frame, start, end, .. } => {
                 Some((*from, frame.to_string(), start.as_micros(), end.as_micros()))
             }
-            CanOutcome::State { .. } => None,
+            CanOutcome::State { .. } | CanOutcome::Cancelled { .. } => None,
         })
         .collect()
 }
@@ -198,4 +198,39 @@ fn an_unplugged_station_neither_hears_nor_acknowledges() {
     assert_eq!(sent(&run(&mut bus, us(5_000))), []);
     bus.set_plugged(us(5_000), A, true);
     assert_eq!(sent(&run(&mut bus, us(6_000))).len(), 1);
+}
+
+/// A frame that waits is given back at once; one that nobody acknowledges, at the end of its attempt; one that is
+/// acknowledged has been sent.
+#[test]
+fn frames_are_given_back_unless_they_are_sent_all_the_same() {
+    let cancelled = |outcomes: &[CanOutcome]| -> Vec<u8> {
+        let slot_of = |outcome: &CanOutcome| match outcome {
+            CanOutcome::Cancelled { station: Station::Gateway, slot } => Some(*slot),
+            _ => None,
+        };
+        outcomes.iter().filter_map(slot_of).collect()
+    };
+    let at = Duration::from_micros;
+    let mut bus = bus(&[Station::Gateway, A]);
+    bus.send(Station::Gateway, 0, frame(0x100, &[]), false);
+    bus.send(Station::Gateway, 1, frame(0x200, &[]), false);
+    bus.arbitrate(Duration::ZERO);
+    bus.cancel(Station::Gateway, 0);
+    bus.cancel(Station::Gateway, 1);
+    let mut outcomes: Vec<_> = std::iter::from_fn(|| bus.poll()).collect();
+    assert_eq!(cancelled(&outcomes), [1]);
+    outcomes = run(&mut bus, at(1_000));
+    assert_eq!(cancelled(&outcomes), []);
+    assert_eq!(sent(&outcomes).len(), 1);
+
+    bus.set_fault(at(1_000), BusFault::Cut);
+    bus.send(Station::Gateway, 0, frame(0x100, &[]), false);
+    bus.arbitrate(at(1_000));
+    bus.cancel(Station::Gateway, 0);
+    let outcomes = run(&mut bus, at(3_000));
+    assert_eq!(cancelled(&outcomes), [0]);
+    assert_eq!(sent(&outcomes).len(), 0);
+    bus.set_fault(at(3_000), BusFault::None);
+    assert_eq!(sent(&run(&mut bus, at(5_000))).len(), 0);
 }

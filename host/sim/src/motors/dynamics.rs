@@ -58,6 +58,9 @@ pub(crate) enum Drive {
     Position { rad: f64, max_speed: f64 },
     /// Held by the brake.
     Locked,
+    /// A current as of a spring and a damper, A: `amps_per_rad` × (`rad` − position) + `amp_s_per_rad` × (`rad_s` − speed) +
+    /// `amps`.
+    Spring { rad: f64, rad_s: f64, amps_per_rad: f64, amp_s_per_rad: f64, amps: f64 },
 }
 
 /// Shaft, winding and supply of one motor.
@@ -138,6 +141,7 @@ impl Plant {
             Drive::Current(current) => current.abs() >= self.of.max_current_a / 2.0,
             Drive::Speed { rad_s, .. } => rad_s != 0.0,
             Drive::Position { rad, .. } => (rad - self.position_rad).abs() > POSITION_REACHED,
+            Drive::Spring { .. } => self.spring_current(0.0).abs() >= self.of.max_current_a / 2.0,
         };
         self.stuck && pushes
     }
@@ -166,6 +170,7 @@ impl Plant {
             Drive::Current(current) => at_rest && current == 0.0,
             Drive::Speed { rad_s, .. } => at_rest && (rad_s == 0.0 || self.stuck),
             Drive::Position { rad, .. } => at_rest && (rad == self.position_rad || self.stuck),
+            Drive::Spring { .. } => at_rest && self.spring_current(0.0) == 0.0,
         }
     }
 
@@ -194,7 +199,11 @@ impl Plant {
         match self.drive {
             Drive::Off => relax(speed, 0.0, dt, of.mechanical_s, SPEED_REACHED),
             Drive::Locked => relax(speed, 0.0, dt, BRAKE_S, SPEED_REACHED),
-            Drive::Current(current) => {
+            Drive::Current(_) | Drive::Spring { .. } => {
+                let current = match self.drive {
+                    Drive::Current(current) => current,
+                    _ => self.spring_current(dt),
+                };
                 let target = within(current, of.max_current_a) * of.speed_per_ampere;
                 relax(speed, within(target, of.max_speed_rad_s), dt, of.mechanical_s, SPEED_REACHED)
             }
@@ -211,12 +220,21 @@ impl Plant {
         }
     }
 
+    /// The current that a spring asks for, A, of the position that the shaft will have after `dt`: so it gains no energy from
+    /// the length of the steps.
+    fn spring_current(&self, dt: f64) -> f64 {
+        let Drive::Spring { rad, rad_s, amps_per_rad, amp_s_per_rad, amps } = self.drive else { return 0.0 };
+        let position = self.position_rad + self.speed_rad_s * dt;
+        amps_per_rad * (rad - position) + amp_s_per_rad * (rad_s - self.speed_rad_s) + amps
+    }
+
     /// The current that the motion needs, A.
     fn wanted_current(&self, acceleration: f64) -> f64 {
         let limit = self.of.max_current_a;
         let needed = match self.drive {
             Drive::Off | Drive::Locked => 0.0,
             Drive::Current(current) => current,
+            Drive::Spring { .. } => self.spring_current(0.0),
             Drive::Speed { rad_s, .. } if self.is_stalled() => limit.copysign(rad_s),
             Drive::Position { rad, .. } if self.is_stalled() => limit.copysign(rad - self.position_rad),
             Drive::Speed { .. } | Drive::Position { .. } => {
@@ -335,6 +353,45 @@ mod tests {
         near(plant.current_a(), -10.0, 0.01);
         near(plant.motor_c(), 25.0 + 50.0 * 0.632, 0.2);
         near(plant.driver_c(), 25.0 + 25.0 * 0.632, 0.2);
+    }
+
+    /// A spring of 2 A/rad that 3 A push against rests 1.5 rad further; a damper alone sustains a part of its speed.
+    #[test]
+    fn a_spring_rests_where_its_currents_add_up_to_none() {
+        let spring = |amps, amp_s_per_rad| Drive::Spring {
+            rad: 1.0,
+            rad_s: 0.0,
+            amps_per_rad: 2.0,
+            amp_s_per_rad,
+            amps,
+        };
+        let plant = running(spring(3.0, 0.5), ms(10_000));
+        near(plant.position_rad(), 2.5, 0.01);
+        near(plant.speed_rad_s(), 0.0, 0.001);
+        near(running(spring(0.0, 0.5), ms(10_000)).position_rad(), 1.0, 0.01);
+        let damper = Drive::Spring { rad: 0.0, rad_s: 4.0, amps_per_rad: 0.0, amp_s_per_rad: 0.6, amps: 0.0 };
+        // 0.6 (4 − v) A sustain 5 rad/s for each ampere: v = 3 rad/s.
+        near(running(damper, ms(5_000)).speed_rad_s(), 3.0, 0.01);
+    }
+
+    /// Without damping its swing is lost to friction and not fed by the steps; held fast it stalls.
+    #[test]
+    fn a_stiff_spring_swings_out_and_a_stuck_one_stalls() {
+        let stiff =
+            Drive::Spring { rad: 0.01, rad_s: 0.0, amps_per_rad: 400.0, amp_s_per_rad: 0.0, amps: 0.0 };
+        near(running(stiff, ms(5_000)).position_rad(), 0.01, 0.001);
+        let mut plant = Plant::new(MOTOR);
+        plant.set_stuck(true);
+        plant.set_drive(Drive::Spring {
+            rad: 1.0,
+            rad_s: 0.0,
+            amps_per_rad: 6.0,
+            amp_s_per_rad: 0.0,
+            amps: 0.0,
+        });
+        plant.advance(ms(100));
+        assert!(plant.is_stalled());
+        near(plant.current_a(), 6.0, 0.01);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use embedded_can::{Frame, Id};
 use host_protocol::CanFrame;
 use rmd::{
     Celsius, Centiamps, Centidegrees, Decivolts, Degrees, DegreesPerSecond, Faults, Milliseconds, Motion,
-    Node, RawNotice, Reply, Request, command,
+    MotionFeedback, MotionRanges, Node, RawNotice, Reply, Request, Span, command,
 };
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
@@ -49,6 +49,13 @@ const CHARACTERISTICS: Characteristics = Characteristics {
 };
 /// Acceleration limit of the speed loop, rad/s².
 const ACCELERATION: f64 = 200.0;
+
+/// Torque at the shaft for each ampere, N·m: the manual's 24 N·m at the current limit.
+const NM_PER_AMPERE: f64 = 24.0 / 20.0;
+/// The divisors with which the manual reads the words of motion mode (RMD V3.6 §5.4).
+const POSITION_DIVISOR: f64 = 65_536.0;
+const WORD_DIVISOR: f64 = 4_095.0;
+const POSITION_LAST: f64 = 65_535.0;
 
 /// How the motor is connected.
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
@@ -172,7 +179,7 @@ impl Rmd {
             cx.command(name);
             return self.carry_out(cx, request);
         }
-        let is_motion = command::CLOSED_LOOP.contains(&request.command());
+        let is_motion = is_motion(request);
         let is_stop = matches!(request, Request::Stop | Request::Shutdown);
         let ignored = if std::mem::take(&mut self.deaf_once) {
             Some("first after the timeout")
@@ -196,8 +203,12 @@ impl Rmd {
         self.apply_drive();
     }
 
-    /// Answers with the request's own bytes.
+    /// Answers with the request's own bytes. Motion mode, whose replies have another form, is answered with the state (an
+    /// assumption).
     fn throw_back(&self, cx: &mut Context<'_>, request: &Request) {
+        if let Request::MotionMode { .. } = request {
+            return self.answer(cx, &Reply::MotionMode { feedback: self.feedback() });
+        }
         // Request and reply of a command have the same code and length, so the bytes decode as a reply.
         if let Ok(data) = request.encode()
             && let Ok(reply) = Reply::decode(&data)
@@ -219,6 +230,21 @@ impl Rmd {
                 let rad = (f64::from(angle.0) / 100.0).to_radians();
                 Some(Drive::Position { rad, max_speed: f64::from(max_speed.0).to_radians() })
             }
+            Request::IncrementalPosition { max_speed, angle } => {
+                let distance = (f64::from(angle.0) / 100.0).to_radians();
+                let rad = self.plant.position_rad() + distance;
+                Some(Drive::Position { rad, max_speed: f64::from(max_speed.0).to_radians() })
+            }
+            Request::MotionMode { command } => {
+                let target = MotionRanges::DEFAULT.target(&command);
+                Some(Drive::Spring {
+                    rad: target.position_rad,
+                    rad_s: target.velocity_rad_s,
+                    amps_per_rad: target.kp / NM_PER_AMPERE,
+                    amp_s_per_rad: target.kd / NM_PER_AMPERE,
+                    amps: target.torque_nm / NM_PER_AMPERE,
+                })
+            }
             _ => None,
         };
         self.wanted = wanted.unwrap_or(self.wanted);
@@ -232,6 +258,8 @@ impl Rmd {
             Request::TorqueCurrent { .. } => Reply::TorqueCurrent { motion },
             Request::Velocity { .. } => Reply::Velocity { motion },
             Request::AbsolutePosition { .. } => Reply::AbsolutePosition { motion },
+            Request::IncrementalPosition { .. } => Reply::IncrementalPosition { motion },
+            Request::MotionMode { .. } => Reply::MotionMode { feedback: self.feedback() },
             Request::ReleaseBrake => {
                 let takes = cx.random.between(RELEASE_MIN, RELEASE_MAX);
                 self.release_at = Some(cx.now + takes);
@@ -252,7 +280,7 @@ impl Rmd {
             // Commands that are not simulated are echoed.
             _ => return self.throw_back(cx, request),
         };
-        if command::CLOSED_LOOP.contains(&request.command()) && std::mem::take(&mut self.locked_by_timeout) {
+        if is_motion(request) && std::mem::take(&mut self.locked_by_timeout) {
             // Communication is back to normal, and so is the motor (RMD V3.6 §2.30.4).
             cx.log(MotorEvent::BrakeReleased);
         }
@@ -293,6 +321,21 @@ impl Rmd {
         }
     }
 
+    /// The state in the words of motion mode; beyond their ranges it stays at their ends (RMD V3.6 §5.3).
+    fn feedback(&self) -> MotionFeedback {
+        let word = |value: f64, Span { min, max }: Span, divisor: f64, last: f64| {
+            to_u16(((value - min) / (max - min) * divisor).clamp(0.0, last))
+        };
+        let ranges = MotionRanges::DEFAULT;
+        let torque_nm = self.plant.current_a() * NM_PER_AMPERE;
+        MotionFeedback {
+            id: self.node.get(),
+            position: word(self.plant.position_rad(), ranges.position_rad, POSITION_DIVISOR, POSITION_LAST),
+            velocity: word(self.plant.speed_rad_s(), ranges.velocity_rad_s, WORD_DIVISOR, WORD_DIVISOR),
+            torque: word(torque_nm, ranges.torque_nm, WORD_DIVISOR, WORD_DIVISOR),
+        }
+    }
+
     fn status_1(&self) -> Reply {
         Reply::Status1 {
             temperature: Celsius(to_i8(self.plant.motor_c())),
@@ -312,8 +355,6 @@ impl Model for Rmd {
             }
         } else if let Ok((node, request)) = rmd::can::decode_request(frame)
             && node == self.node
-            // Motion mode is not simulated: this motor does not know it.
-            && !matches!(request, Request::MotionMode { .. })
         {
             self.hear(cx, &request);
         }
@@ -385,6 +426,11 @@ impl Model for Rmd {
     }
 }
 
+/// Commands that move: closed-loop ones, and motion mode.
+fn is_motion(request: &Request) -> bool {
+    command::CLOSED_LOOP.contains(&request.command()) || matches!(request, Request::MotionMode { .. })
+}
+
 fn name(request: &Request) -> &'static str {
     match request {
         Request::ReadMultiTurnAngle => "0x92 read angle",
@@ -395,6 +441,8 @@ fn name(request: &Request) -> &'static str {
         Request::TorqueCurrent { .. } => "0xA1 current",
         Request::Velocity { .. } => "0xA2 velocity",
         Request::AbsolutePosition { .. } => "0xA4 position",
+        Request::IncrementalPosition { .. } => "0xA8 incremental position",
+        Request::MotionMode { .. } => "motion mode",
         Request::ReleaseBrake => "0x77 release brake",
         Request::LockBrake => "0x78 lock brake",
         Request::SetCommunicationTimeout { .. } => "0xB3 timeout",

@@ -65,6 +65,17 @@ fn it_goes_to_a_position() {
     assert!(matches!(motor.last_event(), Some(MotorEvent::Stopped { .. })));
 }
 
+/// 0xA8, 180° at 500 degrees per second (RMD V3.6 §2.22), twice: each one moves it anew.
+#[test]
+fn it_goes_by_a_distance() {
+    let mut motor = motor();
+    for _ in 0..2 {
+        assert!(motor.ask(ID, &[0xA8, 0x00, 0xF4, 0x01, 0x50, 0x46, 0x00, 0x00])[0].starts_with("241#A819"));
+        motor.run_ms(3_000);
+    }
+    assert_eq!(motor.ask(ID, &[0x92, 0, 0, 0, 0, 0, 0, 0]), ["241#92000000A08C0000"]);
+}
+
 /// 1 A (RMD V3.6 §2.17.4) sustains 5 rad/s.
 #[test]
 fn it_follows_a_current() {
@@ -72,6 +83,55 @@ fn it_follows_a_current() {
     motor.ask(ID, &[0xA1, 0, 0, 0, 0x64, 0x00, 0, 0]);
     motor.run_ms(3_000);
     motor.assert_speed(5.0);
+}
+
+const MOTION_ID: u16 = 0x401;
+/// 1 rad at 50 N·m/rad and 5 N·m·s/rad: words 0x8A3D, 0x800, 0x19A, 0xFFF, 0x800 (RMD V3.6 §5.4).
+const SPRING: [u8; 8] = [0x8A, 0x3D, 0x80, 0x01, 0x9A, 0xFF, 0xF8, 0x00];
+
+/// The middle of each word is 0, so the first reply shows it: 0x8000, 0x800, 0x800 rounded up from 2047.5.
+#[test]
+fn motion_mode_is_a_spring_and_a_damper() {
+    let mut motor = motor();
+    assert_eq!(motor.ask(MOTION_ID, &SPRING), ["501#0180008008000000"]);
+    motor.run_ms(5_000);
+    let position = motor.motor.position_rad();
+    assert!((position - 1.0).abs() < 0.01, "{position} rad");
+    assert!(motor.motor.speed_rad_s().abs() < 0.001);
+    // The same spring, pushed by 10 N·m: 0.2 rad further.
+    motor.ask(MOTION_ID, &[0x8A, 0x3D, 0x80, 0x01, 0x9A, 0xFF, 0xFB, 0x55]);
+    motor.run_ms(5_000);
+    let position = motor.motor.position_rad();
+    assert!((position - 1.2).abs() < 0.02, "{position} rad");
+    assert_eq!(motor.ask(0x402, &SPRING), [""; 0], "to another motor");
+}
+
+/// A stop, its own timeout and a fault end it as any other motion.
+#[test]
+fn motion_mode_ends_as_other_commands_do() {
+    /// No gains, 5 N·m: word 0x9AB. It sustains 20 rad/s.
+    const PUSH: [u8; 8] = [0x80, 0x00, 0x80, 0x00, 0x00, 0x00, 0x09, 0xAB];
+    let mut motor = motor();
+    motor.ask(ID, &TIMEOUT_1000);
+    motor.keep_asking(MOTION_ID, &PUSH, 900);
+    assert!(motor.motor.speed_rad_s() > 15.0);
+    motor.ask(ID, &STOP);
+    motor.run_ms(900);
+    motor.assert_speed(0.0);
+
+    motor.keep_asking(MOTION_ID, &PUSH, 900);
+    motor.run_ms(1_100);
+    motor.assert_speed(0.0);
+    // The first command after the timeout is ignored; the reply shows the state, at rest.
+    let replies = motor.ask(MOTION_ID, &PUSH);
+    assert!(replies[0].starts_with("501#01") && replies[0].ends_with("8008000000"), "{replies:?}");
+    motor.assert_speed(0.0);
+    motor.keep_asking(MOTION_ID, &PUSH, 900);
+    assert!(motor.motor.speed_rad_s() > 15.0);
+
+    motor.inject(Injection::FaultBits(0x0004));
+    motor.keep_asking(MOTION_ID, &PUSH, 2_000);
+    motor.assert_speed(0.0);
 }
 
 #[test]

@@ -104,7 +104,7 @@ impl Server {
         let taken = |link: &u8| self.connections.iter().any(|connection| connection.link == *link);
         let links = self.world.host_links();
         let Some(link) = (0..links).find(|link| !taken(link)) else {
-            log(&format!("{peer} refused: all {links} host links are in use"));
+            log(&format!("{peer} refused: all {links} host links are taken"));
             return;
         };
         match Connection::new(stream, peer, link) {

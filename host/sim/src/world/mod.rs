@@ -249,6 +249,9 @@ impl World {
                 let (state, transmit_errors, receive_errors) = (BusState::Active, 0, 0);
                 self.gateway.handle(now, Event::BusState { bus, state, transmit_errors, receive_errors });
             }
+            while let Some(slot) = self.gateway.poll_cancel(now, bus) {
+                port.cancel(slot);
+            }
             while port.takes_frames()
                 && let Some(transmit) = self.gateway.poll_transmit(now, bus)
             {
@@ -314,6 +317,13 @@ impl World {
                     self.tell(Event::CanReceived { bus, frame });
                 }
             }
+            CanOutcome::Cancelled { station: Station::Gateway, slot } => {
+                let held = self.ports.get_mut(usize::from(bus)).is_some_and(|port| port.release(slot));
+                if held {
+                    self.tell(Event::Cancelled { bus, slot });
+                }
+            }
+            CanOutcome::Cancelled { .. } => {}
             CanOutcome::State { station: Station::Gateway, state, transmit, receive } => {
                 if state == BusState::BusOff
                     && let Some(port) = self.ports.get_mut(usize::from(bus))

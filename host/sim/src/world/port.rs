@@ -78,6 +78,13 @@ impl Port {
         }
     }
 
+    /// The gateway asks a frame back.
+    pub(super) fn cancel(&mut self, slot: u8) {
+        if let Medium::Can(bus) = &mut self.medium {
+            bus.cancel(Station::Gateway, slot);
+        }
+    }
+
     /// A frame of the gateway has left; whether it held one in that slot.
     pub(super) fn release(&mut self, slot: u8) -> bool {
         self.held.get_mut(usize::from(slot)).is_some_and(std::mem::take)

@@ -4,7 +4,7 @@ use super::dice::Dice;
 use super::plant::{AXES, BUS_SETUP, MOTORS, POSITION_DEVICE, Purpose};
 use host_protocol::{
     AxisParameter, AxisState, Bytes, CanFrame, ClearTarget, Deframer, Event as HostEvent, EventMessage, Kind,
-    Protocol, ProtocolSet, RawFrame, Reply, Request, Setpoint, StopTarget, Value, requests,
+    Protocol, ProtocolSet, RawFrame, Reply, Request, Setpoint, StateFields, StopTarget, Value, requests,
 };
 use std::collections::BTreeMap;
 
@@ -183,7 +183,7 @@ fn configure_bus(bus: u8) -> Request {
 pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Request {
     let axis = dice.pick(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     let bus = dice.pick(&[0, 1, 2]);
-    match dice.below(60) {
+    match dice.below(68) {
         0 if dice.percent(3) => hello(7),
         1 => Request::TakeAuthority(requests::TakeAuthority {}),
         2 if dice.percent(1) => Request::ReleaseAuthority(requests::ReleaseAuthority {}),
@@ -230,8 +230,66 @@ pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Reque
             let parameter = AxisParameter::TtlUs.number();
             Request::ReadAxisParameter(requests::ReadAxisParameter { axis, parameter })
         }
+        57..=61 => any_native(dice, now_us, axis, knowledge.epochs[usize::from(axis)]),
+        62..=63 => {
+            let distance_rad = (f32::from(dice.byte()) - 128.0) / 40.0;
+            let (expires_at_us, epoch) = permit(dice, now_us, knowledge.epochs[usize::from(axis)]);
+            let speed_limit_rad_s = dice.pick(&[0.0, 1.0, 5.0]);
+            let request =
+                requests::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+            Request::MoveRelative(request)
+        }
+        64 => {
+            let fields = StateFields::from_bits(dice.byte());
+            let axes = dice.pick(&[0, 1, 0b10_1010_1010, u32::MAX]);
+            Request::Subscribe(requests::Subscribe {
+                axes,
+                fields,
+                period_us: dice.pick(&[999, 5_000, 100_000]),
+            })
+        }
         _ => Request::Ping(requests::Ping {}),
     }
+}
+
+/// Whether the setpoint is meant in good time and for the right epoch: mostly.
+fn permit(dice: &mut Dice, now_us: u64, epoch: u32) -> (u32, u32) {
+    let ttl_us = if dice.percent(95) { 90_000 } else { dice.below(100_100) };
+    let expires_at_us = gateway::Instant::from_micros(now_us + ttl_us).low_bits();
+    (expires_at_us, epoch.wrapping_add(u32::from(dice.percent(5))))
+}
+
+/// A command of the manual, or bytes that are none.
+fn any_native(dice: &mut Dice, now_us: u64, axis: u8, epoch: u32) -> Request {
+    let motor = &MOTORS[usize::from(axis)];
+    let random = dice.bytes(9);
+    let data = match motor.protocol {
+        _ if dice.percent(10) => random,
+        Protocol::Rmd => {
+            let command = dice.pick(&[
+                0x30, 0x43, 0x64, 0x70, 0x76, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA3, 0xA4,
+                0xA8, 0xB3,
+            ]);
+            vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
+        }
+        Protocol::Thruster => {
+            let command = dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LS", b"ST", b"CI", b"MQ"]);
+            let [first, second] = *command;
+            let long = vec![first, second, 0, dice.byte(), 0, 0, 0, dice.byte()];
+            let short = vec![first, second, 0, 0];
+            dice.pick(&[long, short])
+        }
+        Protocol::D5 => {
+            let command = dice.pick(&[1, 2, 3, 4, 5]);
+            let body =
+                [motor.node, 5, command, dice.pick(&[0x20, 0x26, 0x15]), dice.byte(), dice.pick(&[0, 2])];
+            let sum = body.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+            std::iter::once(0xD5).chain(body).chain([sum]).collect()
+        }
+    };
+    let (expires_at_us, epoch) = permit(dice, now_us, epoch);
+    let data = data.into_iter().take(8).collect();
+    Request::Native(requests::Native { axis, epoch, expires_at_us, data })
 }
 
 fn any_setpoint(dice: &mut Dice, now_us: u64, axis: u8, epoch: u32) -> Request {
@@ -246,14 +304,19 @@ fn any_setpoint(dice: &mut Dice, now_us: u64, axis: u8, epoch: u32) -> Request {
     let current = Setpoint::Current { current_a: value };
     let velocity = Setpoint::Velocity { velocity_rad_s: value };
     let position = Setpoint::Position { position_rad: value, speed_limit_rad_s: value.abs() };
+    let impedance = Setpoint::Impedance {
+        position_rad: value,
+        velocity_rad_s: 0.0,
+        stiffness_nm_per_rad: value.abs(),
+        damping_nm_s_per_rad: 1.0,
+        torque_nm: value,
+    };
     let setpoint = match MOTORS[usize::from(axis)].protocol {
         _ if dice.percent(10) => dice.pick(&[signal, current, velocity, position]),
         Protocol::Thruster => signal,
         Protocol::D5 => velocity,
-        _ => dice.pick(&[current, velocity, position]),
+        _ => dice.pick(&[current, velocity, position, impedance]),
     };
-    let ttl_us = if dice.percent(95) { 90_000 } else { dice.below(100_100) };
-    let expires_at_us = gateway::Instant::from_micros(now_us + ttl_us).low_bits();
-    let epoch = epoch.wrapping_add(u32::from(dice.percent(5)));
+    let (expires_at_us, epoch) = permit(dice, now_us, epoch);
     Request::Setpoint(requests::Setpoint { axis, epoch, expires_at_us, setpoint })
 }

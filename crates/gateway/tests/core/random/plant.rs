@@ -60,6 +60,8 @@ pub enum Purpose {
 #[derive(Debug, Clone)]
 pub struct ToMotor {
     pub axis: usize,
+    /// Under the id of RMD motion mode.
+    motion_mode: bool,
     pub data: Vec<u8>,
 }
 
@@ -70,26 +72,36 @@ impl ToMotor {
         match frame {
             Outgoing::Can(frame) => {
                 let Id::Standard(id) = frame.id() else { return None };
-                let is_for = |ids: (u16, u16)| ids.0 == id.as_raw();
-                let axis = MOTORS.iter().position(|motor| of_bus(motor) && motor.ids.is_some_and(is_for))?;
-                Some(Self { axis, data: frame.data().to_vec() })
+                let motion_mode = |motor: &Motor| {
+                    motor.protocol == Protocol::Rmd && u16::from(motor.node) + 0x400 == id.as_raw()
+                };
+                let is_for =
+                    |motor: &Motor| motor.ids.is_some_and(|ids| ids.0 == id.as_raw() || motion_mode(motor));
+                let axis = MOTORS.iter().position(|motor| of_bus(motor) && is_for(motor))?;
+                let motion_mode = motion_mode(&MOTORS[axis]);
+                Some(Self { axis, motion_mode, data: frame.data().to_vec() })
             }
             Outgoing::Serial(bytes) => {
                 let [0x3E, node, 8, data @ .., _, _] = bytes.as_slice() else { return None };
                 let axis = MOTORS.iter().position(|motor| of_bus(motor) && motor.node == *node)?;
-                Some(Self { axis, data: data.to_vec() })
+                Some(Self { axis, motion_mode: false, data: data.to_vec() })
             }
         }
     }
 
     pub fn purpose(&self) -> Purpose {
         match (MOTORS[self.axis].protocol, self.data.as_slice()) {
+            _ if self.motion_mode => Purpose::Motion,
             (Protocol::Rmd, [0xA1..=0xA8, ..]) => Purpose::Motion,
             (Protocol::Rmd, [0x80 | 0x81, ..]) => Purpose::Stop,
             (Protocol::Thruster, [b'T', b'C', _, _, 0, 0, 0, 0]) => Purpose::Stop,
-            (Protocol::Thruster, [b'T' | b'V', b'C', _, _, _, _, _, _] | [b'L', b'A', ..]) => Purpose::Motion,
+            (Protocol::Thruster, [b'T' | b'V', b'C', _, _, _, _, _, _] | [b'L', b'A' | b'R', ..]) => {
+                Purpose::Motion
+            }
             (Protocol::D5, [_, _, _, 3, 0x20, 0, 0, _]) => Purpose::Stop,
-            (Protocol::D5, [_, _, _, 3, 0x20, ..]) => Purpose::Motion,
+            // The stop sequence overwrites what waits by speed 0.
+            (Protocol::D5, [_, _, _, 4, 0x20, 0, 0, _]) => Purpose::Other,
+            (Protocol::D5, [_, _, _, 3 | 4, 0x20, ..] | [_, _, _, 5, ..]) => Purpose::Motion,
             _ => Purpose::Other,
         }
     }
@@ -98,11 +110,13 @@ impl ToMotor {
     pub fn reply(&self, dice: &mut Dice) -> Option<FromMotor> {
         let mut data = self.data.clone();
         match MOTORS[self.axis].protocol {
+            // Nothing turns and nothing pulls (RMD V3.6 §5.3).
+            _ if self.motion_mode => data = vec![MOTORS[self.axis].node, 0x80, 0, 0x80, 0x08, 0, 0, 0],
             Protocol::Rmd => rmd_reply(&mut data, dice),
             Protocol::Thruster => thruster_reply(&mut data, dice),
             Protocol::D5 => d5_reply(&mut data, dice),
         }
-        (!dice.one_in(300)).then_some(FromMotor { axis: self.axis, data })
+        (!dice.one_in(300)).then_some(FromMotor { axis: self.axis, motion_mode: self.motion_mode, data })
     }
 }
 
@@ -153,6 +167,7 @@ fn d5_reply(data: &mut [u8], dice: &mut Dice) {
 #[derive(Debug, Clone)]
 pub struct FromMotor {
     pub axis: usize,
+    motion_mode: bool,
     pub data: Vec<u8>,
 }
 
@@ -163,7 +178,9 @@ impl FromMotor {
 
     /// Arbitration id of the reply; `None` on RS485.
     pub fn id(&self) -> Option<u16> {
-        MOTORS[self.axis].ids.map(|(_, reply)| reply)
+        let motor = &MOTORS[self.axis];
+        let usual = motor.ids.map(|(_, reply)| reply)?;
+        Some(if self.motion_mode { 0x500 + u16::from(motor.node) } else { usual })
     }
 
     /// The reply as it goes over RS485.

@@ -42,6 +42,16 @@ impl Port {
         self.held.push(Held { bus, slot, frame, leaves_at_us });
     }
 
+    /// Gives back a frame that is not on the wire yet; whether it was one.
+    pub fn give_back(&mut self, now_us: u64, bus: u8, slot: u8) -> bool {
+        const ON_THE_WIRE_US: u64 = 160;
+        let held = self.held.len();
+        let is_back =
+            |held: &Held| (held.bus, held.slot) == (bus, slot) && held.leaves_at_us > now_us + ON_THE_WIRE_US;
+        self.held.retain(|held| !is_back(held));
+        self.held.len() < held
+    }
+
     /// Drops what a bus holds.
     pub fn drop_frames(&mut self, bus: u8) {
         self.held.retain(|held| held.bus != bus);

@@ -1,0 +1,149 @@
+//! What a host has subscribed to: which axes are due to be told of, and which were not in time.
+
+use host_protocol::{Error, Quantity, StateFields, requests};
+
+/// Shortest and longest time between two samples of an axis, µs.
+const PERIOD_US: (u32, u32) = (1_000, 10_000_000);
+/// A host that has sent nothing valid for so long is not told any more, µs.
+const SILENCE_US: u64 = 5_000_000;
+
+/// A subscription in force.
+pub struct Subscription {
+    /// Bit 0 is axis 0.
+    axes: u32,
+    fields: StateFields,
+    period_us: u64,
+    next_us: u64,
+    /// Axes whose sample of this period has not gone out.
+    due: u32,
+    /// Where the turn goes on, so that a slow link leaves out no axis for ever.
+    turn: u8,
+    /// Samples that were not out when the next were due.
+    missed: u32,
+}
+
+impl Subscription {
+    /// What the host asks for; `None` where it asks for nothing any more.
+    pub fn new(now_us: u64, request: &requests::Subscribe) -> Result<Option<Self>, Error> {
+        let (min, max) = PERIOD_US;
+        if !(min..=max).contains(&request.period_us) {
+            #[allow(clippy::cast_precision_loss)]
+            let [value, min, max] = [request.period_us, min, max].map(|us| us as f32);
+            return Err(Error::OutOfRange { quantity: Quantity::Period, value, min, max });
+        }
+        let subscription = Self {
+            axes: request.axes,
+            fields: request.fields,
+            period_us: u64::from(request.period_us),
+            next_us: now_us,
+            due: 0,
+            turn: 0,
+            missed: 0,
+        };
+        Ok((request.axes != 0).then_some(subscription))
+    }
+
+    pub fn watches(&self, axis: u8) -> bool {
+        axis_bit(axis) & self.axes != 0
+    }
+
+    /// Whether the host has been silent for too long to be told any more.
+    pub fn has_lapsed(&self, now_us: u64, last_valid_us: u64) -> bool {
+        now_us >= last_valid_us + SILENCE_US
+    }
+
+    /// When something is to be done for it.
+    pub fn deadline(&self, last_valid_us: u64) -> u64 {
+        self.next_us.min(last_valid_us + SILENCE_US)
+    }
+
+    /// Begins the next period, if it is time.
+    pub fn tick(&mut self, now_us: u64) {
+        if now_us < self.next_us {
+            return;
+        }
+        self.missed = self.missed.saturating_add(self.due.count_ones());
+        self.due = self.axes;
+        // On the grid of the periods; those that nobody could serve are passed over.
+        let late = (now_us - self.next_us) / self.period_us;
+        self.next_us += (late + 1) * self.period_us;
+    }
+
+    pub fn is_due(&self) -> bool {
+        self.due != 0
+    }
+
+    /// The next axis to tell of, what of it, and how many samples were missed since the last one.
+    pub fn take(&mut self) -> Option<(u8, StateFields, u32)> {
+        let later = self.due & u32::MAX.checked_shl(u32::from(self.turn)).unwrap_or(0);
+        let from = if later == 0 { self.due } else { later };
+        let axis = u8::try_from(from.trailing_zeros()).ok().filter(|_| from != 0)?;
+        self.due &= !axis_bit(axis);
+        self.turn = axis + 1;
+        Some((axis, self.fields, core::mem::take(&mut self.missed)))
+    }
+}
+
+fn axis_bit(axis: u8) -> u32 {
+    1u32.checked_shl(u32::from(axis)).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn subscription(axes: u32, period_us: u32) -> Subscription {
+        let request = requests::Subscribe { axes, fields: StateFields::NONE, period_us };
+        Subscription::new(1_000, &request).unwrap().unwrap()
+    }
+
+    #[test]
+    fn each_axis_is_due_once_in_a_period() {
+        let mut subscription = subscription(0b1010, 2_000);
+        subscription.tick(1_000);
+        assert_eq!(subscription.take(), Some((1, StateFields::NONE, 0)));
+        assert_eq!(subscription.take(), Some((3, StateFields::NONE, 0)));
+        assert_eq!(subscription.take(), None);
+        subscription.tick(2_999);
+        assert!(!subscription.is_due());
+        subscription.tick(3_000);
+        assert!(subscription.is_due());
+    }
+
+    #[test]
+    fn what_was_not_taken_in_time_is_counted_and_the_grid_is_kept() {
+        let mut subscription = subscription(0b11, 1_000);
+        subscription.tick(1_000);
+        subscription.tick(5_400);
+        assert_eq!(subscription.take(), Some((0, StateFields::NONE, 2)));
+        assert_eq!(subscription.deadline(1_000), 6_000);
+    }
+
+    #[test]
+    fn a_link_with_room_for_one_sample_in_a_period_serves_the_axes_in_turn() {
+        let mut subscription = subscription(0b1000_0000_0000_0000_0000_0000_0000_0101, 1_000);
+        let mut served = Vec::new();
+        for period in 1..=4 {
+            subscription.tick(period * 1_000);
+            served.extend(subscription.take().map(|(axis, ..)| axis));
+        }
+        assert_eq!(served, [0, 2, 31, 0]);
+    }
+
+    #[test]
+    fn the_last_axis_has_a_bit_and_none_beyond() {
+        let subscription = subscription(1 << 31, 1_000);
+        assert!(subscription.watches(31) && !subscription.watches(32) && !subscription.watches(0));
+    }
+
+    #[test]
+    fn a_period_out_of_range_is_refused_and_no_axis_ends_it() {
+        let request = |axes, period_us| requests::Subscribe { axes, fields: StateFields::NONE, period_us };
+        assert!(Subscription::new(0, &request(1, 999)).is_err());
+        assert!(Subscription::new(0, &request(0, 10_000_001)).is_err());
+        assert!(matches!(Subscription::new(0, &request(0, 1_000)), Ok(None)));
+    }
+}

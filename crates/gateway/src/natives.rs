@@ -1,0 +1,121 @@
+//! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
+
+use crate::axis::{JobKind, NativeMotion, Permit};
+use crate::gateway::Gateway;
+use crate::motor::{self, Effect, Native};
+use crate::outbox::Ticket;
+use crate::requests::{Outcome, Result};
+use crate::time::Instant;
+use host_protocol::{AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, replies, requests};
+
+impl Gateway {
+    /// Does what the decoded bytes ask for, under the rules of what they do (GUARANTEES G2).
+    pub(crate) fn native(
+        &mut self,
+        now: Instant,
+        request: &requests::Native,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        let index = request.axis;
+        let axis = self.axis(index)?;
+        if axis.state == AxisState::Unconfigured {
+            let parameter = axis.config.missing().map_or(0, AxisParameter::number);
+            return Err(Error::NotConfigured { axis: index, parameter });
+        }
+        let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
+        let native = motor::native(index, &request.data, kind, &axis.config)?;
+        let idle = axis.state == AxisState::Idle;
+        let permitted = axis.is_armed_in(request.epoch);
+        match native.effect {
+            Effect::Asks => self.ask_natively(now, index, native, ticket),
+            Effect::Rests(demand) if permitted => {
+                self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
+            }
+            Effect::Stops | Effect::Rests(_) if !idle => {
+                self.stop(now, StopTarget::Axis(index))?;
+                Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
+            }
+            Effect::Stops | Effect::Rests(_) | Effect::Changes => {
+                self.change_natively(now, index, native, ticket)
+            }
+            Effect::Moves(demand) => {
+                self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
+            }
+            Effect::MovesOnce(demand) => {
+                self.move_natively(now, request, native, NativeMotion { demand, once: true }, ticket)
+            }
+        }
+    }
+
+    pub(crate) fn move_relative(
+        &mut self,
+        now: Instant,
+        request: &requests::MoveRelative,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        self.refuse_e_stopped(request.axis)?;
+        let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
+        let (distance, speed) = (request.distance_rad, request.speed_limit_rad_s);
+        self.with_axis(now, request.axis, |axis, out| {
+            axis.move_relative(now, permit, distance, speed, ticket, out)
+        })??;
+        Ok(Outcome::Later)
+    }
+
+    /// A command that only asks is as free as reading the state, but not told from what is known already.
+    fn ask_natively(&mut self, now: Instant, index: u8, native: Native, ticket: Ticket) -> Result<Outcome> {
+        let axis = self.axis(index)?;
+        let free = matches!(
+            axis.state,
+            AxisState::Idle | AxisState::Armed | AxisState::Active | AxisState::Tripped { confirmed: true }
+        );
+        if !free {
+            return Err(Error::Busy { axis: index });
+        }
+        self.ready_bus(axis)?;
+        self.start(now, index, JobKind::Native { command: native.command, asks: true }, ticket)
+    }
+
+    fn change_natively(
+        &mut self,
+        now: Instant,
+        index: u8,
+        native: Native,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        self.authority.take(now, ticket.link)?;
+        let axis = self.idle_axis(index)?;
+        if axis.is_busy() {
+            return Err(Error::Busy { axis: index });
+        }
+        if native.effect == Effect::Changes {
+            self.axis_mut(index)?.forget_motor_timeout();
+        }
+        self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
+    }
+
+    fn move_natively(
+        &mut self,
+        now: Instant,
+        request: &requests::Native,
+        native: Native,
+        motion: NativeMotion,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        self.authority.take(now, ticket.link)?;
+        self.refuse_e_stopped(request.axis)?;
+        let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
+        self.with_axis(now, request.axis, |axis, out| {
+            axis.move_natively(now, permit, native.command, motion, ticket, out)
+        })??;
+        Ok(Outcome::Later)
+    }
+
+    /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.
+    pub(crate) fn refuse_e_stopped(&self, axis: u8) -> Result<()> {
+        if self.e_stopped && self.axis(axis)?.trip.is_none() {
+            return Err(Error::EStopped {});
+        }
+        Ok(())
+    }
+}

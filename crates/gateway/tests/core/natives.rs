@@ -1,0 +1,315 @@
+//! Native commands: the manuals' bytes, under the rules of what they do (GUARANTEES G2).
+
+use crate::bench::{self, answered, arm, native, run_with_host};
+use crate::rig::{Instead, Rig};
+use host_protocol::{
+    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, Request, Setpoint,
+    StopAction, TripReason, Value, requests,
+};
+
+/// Frames on a bus since a time that are exactly this.
+fn count(rig: &Rig, bus: u8, since_us: u64, text: &str) -> usize {
+    rig.sent_since(bus, since_us).iter().filter(|sent| **sent == text).count()
+}
+
+fn tripped(rig: &mut Rig) -> Option<TripReason> {
+    bench::state(rig).trip.map(|trip| trip.reason)
+}
+
+#[test]
+fn a_command_that_only_asks_is_free_and_its_reply_comes_as_it_is() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let since = rig.now_us;
+    let request = native(&rig, 0, "9A00000000000000");
+    assert_eq!(answered(rig.ask(request)), "9A320001E5010000");
+    assert_eq!(rig.sent_since(0, since), ["141#9A00000000000000"]);
+
+    let (mut rig, _) = bench::thruster();
+    let request = native(&rig, 0, "51560000");
+    assert_eq!(answered(rig.ask(request)), "5156000000000000");
+
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    let since = rig.now_us;
+    let request = native(&rig, 0, "9C00000000000000");
+    assert_eq!(answered(rig.ask(request)), "9C32640000002D00");
+    assert_eq!(rig.sent_since(2, since), ["3E01089C00000000000000F230"]); // PROTOCOL-NOTES R1
+}
+
+#[test]
+fn a_question_that_is_lost_is_asked_again_and_then_given_up() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| if text.contains("#B2") { Instead::Nothing } else { Instead::AsUsual });
+    let since = rig.now_us;
+    let request = native(&rig, 0, "B200000000000000");
+    assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
+    assert_eq!(count(&rig, 0, since, "141#B200000000000000"), 3);
+}
+
+#[test]
+fn what_moves_obeys_the_rules_of_setpoints() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let velocity = "A200000010270000"; // RMD V3.6 §2.18.4, example 1: 100 °/s
+    let request = native(&rig, 0, velocity);
+    assert_eq!(rig.ask(request), Err(Error::NotArmed { axis: 0, state: AxisState::Idle }));
+    bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(2.0));
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+
+    let request = native(&rig, epoch + 1, velocity);
+    assert_eq!(rig.ask(request), Err(Error::StaleEpoch { current: Some(epoch) }));
+    let data = host_protocol::Bytes::from_slice(&[0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]).unwrap();
+    let late = requests::Native { axis: 0, epoch, expires_at_us: rig.now().low_bits(), data };
+    assert!(matches!(rig.ask(Request::Native(late)), Err(Error::Stale { .. })));
+    let request = native(&rig, epoch, "A2000000204E0000"); // 200 °/s
+    assert!(matches!(rig.ask(request), Err(Error::OutOfRange { quantity: Quantity::Velocity, .. })));
+    assert_eq!(count(&rig, 0, since, "141#A200000010270000"), 0);
+    assert_eq!(count(&rig, 0, since, "141#A2000000204E0000"), 0);
+
+    let request = native(&rig, epoch, velocity);
+    assert_eq!(answered(rig.ask(request)), "A232640000002D00");
+    run_with_host(&mut rig, 60_000);
+    assert_eq!(count(&rig, 0, since, "141#A200000010270000"), 4); // at 0, 20, 40 and 60 ms
+    run_with_host(&mut rig, 40_000);
+    assert_eq!(tripped(&mut rig), Some(TripReason::SetpointExpired));
+}
+
+#[test]
+fn the_direction_of_the_axis_turns_the_limits_and_not_the_bytes() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::Direction, Value::Signed(-1));
+    bench::parameter(&mut rig, 0, AxisParameter::PositionMinRad, Value::Float(-7.0));
+    bench::parameter(&mut rig, 0, AxisParameter::PositionMaxRad, Value::Float(0.0));
+    let epoch = arm(&mut rig);
+    // 360° of the motor is −2π of the axis; −360° would be beyond its limit.
+    let request = native(&rig, epoch, "A400F401A08C0000");
+    assert_eq!(answered(rig.ask(request)), "A432640000002D00");
+    let request = native(&rig, epoch, "A400F4016073FFFF");
+    let refused = rig.ask(request);
+    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+}
+
+#[test]
+fn a_relative_move_goes_out_once_and_ends_with_its_permission() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| match text.get(4..6) {
+        Some("A8") => Instead::Says("241#A8326400F4012D00"),
+        _ => Instead::AsUsual,
+    });
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "A800F40110270000"); // 100° on, at 500 °/s
+    assert_eq!(answered(rig.ask(request)), "A8326400F4012D00");
+    run_with_host(&mut rig, 70_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Active);
+    // The motor's own timeout is not known, so it hears something every 20 ms.
+    assert!(rig.longest_gap_us(0, since, "141#") <= 21_000);
+    run_with_host(&mut rig, 500_000);
+    assert_eq!(count(&rig, 0, since, "141#A800F40110270000"), 1);
+    assert_eq!(tripped(&mut rig), Some(TripReason::SetpointExpired));
+}
+
+#[test]
+fn a_relative_move_that_is_not_answered_trips_and_is_not_sent_again() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| if text.contains("#A8") { Instead::Nothing } else { Instead::AsUsual });
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "A800F40110270000");
+    assert_eq!(rig.ask(request), Err(Error::Tripped { axis: 0, reason: TripReason::MotorSilent }));
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(count(&rig, 0, since, "141#A800F40110270000"), 1);
+    bench::assert_tripped(&mut rig, TripReason::MotorSilent, true);
+}
+
+#[test]
+fn a_relative_move_that_is_thrown_back_is_refused_and_not_sent_again() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold); // this motor throws 0xA8 back
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "A800F40110270000");
+    let reason = TripReason::CommandRefused { faults: Some(0) };
+    assert_eq!(rig.ask(request), Err(Error::Tripped { axis: 0, reason }));
+    run_with_host(&mut rig, 100_000);
+    assert_eq!(count(&rig, 0, since, "141#A800F40110270000"), 1);
+}
+
+#[test]
+fn the_thruster_s_relative_move_and_the_d5_s_execute_go_out_once_too() {
+    let (mut rig, _) = bench::thruster();
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "4C52001E000000C8"); // 30 rpm, 20°
+    assert_eq!(answered(rig.ask(request)), "4C52001E000000C8");
+    run_with_host(&mut rig, 60_000);
+    assert_eq!(count(&rig, 0, since, "30B#4C52001E000000C8"), 1);
+
+    let (mut rig, _) = bench::d5();
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "D50B05042058028E"); // speed 600, to wait
+    answered(rig.ask(request));
+    let request = native(&rig, epoch, "D50B050500000015"); // now
+    answered(rig.ask(request));
+    run_with_host(&mut rig, 60_000);
+    assert_eq!(count(&rig, 1, since, "00B#D50B05042058028E"), 1);
+    assert_eq!(count(&rig, 1, since, "00B#D50B050500000015"), 1);
+}
+
+#[test]
+fn a_stop_runs_the_stop_action_of_an_axis_that_may_move() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    bench::move_axis(&mut rig, bench::VELOCITY);
+    let since = rig.now_us;
+    let request = native(&rig, 0, "8100000000000000");
+    assert_eq!(answered(rig.ask(request)), "");
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(count(&rig, 0, since, bench::HOLD), 0);
+    assert!(count(&rig, 0, since, bench::COAST) >= 2);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+
+    let since = rig.now_us;
+    let request = native(&rig, 0, "8100000000000000");
+    assert_eq!(answered(rig.ask(request)), "8100000000000000");
+    assert_eq!(rig.sent_since(0, since), [bench::HOLD]);
+}
+
+#[test]
+fn what_changes_the_motor_needs_an_idle_axis_and_is_sent_once() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let zero = "6400000000000000";
+    arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, 0, zero);
+    assert_eq!(rig.ask(request), Err(Error::NotIdle { axis: 0, state: AxisState::Armed }));
+    bench::disarm(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    assert_eq!(count(&rig, 0, since, "141#6400000000000000"), 0);
+
+    rig.instead(|text| if text.contains("#64") { Instead::Nothing } else { Instead::AsUsual });
+    let request = native(&rig, 0, zero);
+    assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
+    assert_eq!(count(&rig, 0, since, "141#6400000000000000"), 1);
+    // Nothing answers a reset.
+    let request = native(&rig, 0, "7600000000000000");
+    assert_eq!(answered(rig.ask(request)), "");
+}
+
+#[test]
+fn a_change_takes_away_what_was_known_of_the_motor_s_own_timeout() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 200 };
+    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    assert_eq!(bench::state(&mut rig).motor_timeout, MotorTimeout::Written { timeout_ms: 200 });
+    let request = native(&rig, 0, "B300000000000000");
+    assert_eq!(answered(rig.ask(request)), "B300000000000000");
+    assert_eq!(bench::state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+}
+
+#[test]
+fn what_is_no_command_of_the_manual_is_refused() {
+    let refused = |rig: &mut Rig, protocol, data: &str| {
+        let since = rig.now_us;
+        let request = native(rig, 0, data);
+        assert_eq!(rig.ask(request), Err(Error::NotACommand { axis: 0, protocol }), "{data}");
+        assert_eq!(rig.sent_since(0, since).len() + rig.sent_since(1, since).len(), 0, "{data}");
+    };
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    for data in ["", "9A", "9A000000000000", "AA00000000000000", "7900000000000000", "2009000000000000"] {
+        refused(&mut rig, Protocol::Rmd, data);
+    }
+    let (mut rig, _) = bench::thruster();
+    for data in ["5156", "4142000000000000", "4342000000000003", "5354000000000001"] {
+        refused(&mut rig, Protocol::Thruster, data);
+    }
+    let (mut rig, _) = bench::d5();
+    // A wrong checksum, a register that is only read, an unknown command.
+    for data in ["D50B05032058028E", "D50B0503260000 39".replace(' ', "").as_str(), "D50B050900000019"] {
+        refused(&mut rig, Protocol::D5, data);
+    }
+}
+
+#[test]
+fn what_is_for_another_motor_or_for_all_is_refused() {
+    let (mut rig, _) = bench::d5();
+    let epoch = arm(&mut rig);
+    for data in ["D50C05032058028E", "D5FE050500000008"] {
+        let since = rig.now_us;
+        let request = native(&rig, epoch, data);
+        assert_eq!(rig.ask(request), Err(Error::NotThisNode { axis: 0, node: 0x0B }), "{data}");
+        assert!(!rig.sent_since(1, since).iter().any(|sent| sent.ends_with(data)));
+    }
+}
+
+#[test]
+fn a_limit_that_could_be_broken_unnoticed_bars_the_command() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(20.0));
+    bench::parameter(&mut rig, 0, AxisParameter::PositionMaxRad, Value::Float(7.0));
+    let epoch = arm(&mut rig);
+    let request = native(&rig, epoch, "A300000010270000"); // a position as fast as the motor can
+    assert_eq!(rig.ask(request), Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Velocity }));
+    // It stands at 2π: 100° further is beyond 7 rad.
+    let request = native(&rig, epoch, "A800F40110270000");
+    let refused = rig.ask(request);
+    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    let request = native(&rig, epoch, "A400000010270000");
+    assert_eq!(rig.ask(request), Err(Error::SpeedLimitZero { axis: 0 }));
+}
+
+#[test]
+fn a_newer_setpoint_takes_the_place_of_a_native_motion() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| if text.contains("#A1") { Instead::Nothing } else { Instead::AsUsual });
+    let epoch = arm(&mut rig);
+    let current = native(&rig, epoch, "A100000064000000");
+    let sequence = rig.send(&current);
+    let velocity = bench::setpoint(&rig, epoch, 80_000, bench::VELOCITY);
+    rig.ask(velocity).unwrap();
+    assert_eq!(rig.answer(sequence), Some(Err(Error::Superseded { axis: 0 })));
+}
+
+#[test]
+fn the_e_stop_bars_native_motion_and_relative_moves() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    let request = native(&rig, 1, "A200000010270000");
+    assert_eq!(rig.ask(request), Err(Error::EStopped {}));
+}
+
+#[test]
+fn one_host_asks_while_the_other_one_commands() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = bench::move_axis(&mut rig, Setpoint::Current { current_a: 1.0 });
+    let other = |rig: &mut Rig, data| {
+        let request = native(rig, epoch, data);
+        rig.ask_as(1, &request)
+    };
+    assert_eq!(answered(other(&mut rig, "9A00000000000000")), "9A320001E5010000");
+    assert_eq!(other(&mut rig, "A200000010270000"), Err(Error::NotInCommand { holder: 0 }));
+    assert_eq!(other(&mut rig, "6400000000000000"), Err(Error::NotInCommand { holder: 0 }));
+    assert_eq!(other(&mut rig, "8100000000000000").map(|reply| matches!(reply, Reply::Native(_))), Ok(true));
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+}
+
+#[test]
+fn a_setpoint_of_0_is_motion_with_the_epoch_of_an_armed_axis_and_else_a_stop() {
+    let zero = "5443000000000000";
+    let (mut rig, _) = bench::thruster();
+    let epoch = bench::move_axis(&mut rig, Setpoint::Signal { fraction: 0.1 });
+    let request = native(&rig, epoch, zero);
+    assert_eq!(answered(rig.ask(request)), zero);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Active);
+    let request = native(&rig, 0, zero);
+    assert_eq!(answered(rig.ask(request)), "");
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    let request = native(&rig, 0, zero);
+    assert_eq!(answered(rig.ask(request)), zero);
+
+    let (mut rig, _) = bench::d5();
+    bench::move_axis(&mut rig, bench::D5_VELOCITY);
+    let request = native(&rig, 0, "D50B050320000033");
+    assert_eq!(answered(rig.ask(request)), "");
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+}

@@ -1,0 +1,138 @@
+//! Relative moves: the position is read once, and then an absolute target is held.
+
+use crate::bench::{self, arm, expiry, run_with_host};
+use crate::rig::{Instead, Rig};
+use host_protocol::replies::MoveTarget;
+use host_protocol::{
+    AxisParameter, AxisState, Error, Protocol, Quantity, Reply, Request, StopAction, TripReason, Value,
+    requests,
+};
+
+/// A quarter of a radian on from where the bench's motors stand, 360°: to 374.32°, at 115 °/s.
+const TARGET: &str = "141#A400730038920000";
+
+fn relative(rig: &Rig, epoch: u32, distance_rad: f32, speed_limit_rad_s: f32) -> Request {
+    let expires_at_us = expiry(rig, 80_000);
+    Request::MoveRelative(requests::MoveRelative {
+        axis: 0,
+        epoch,
+        expires_at_us,
+        distance_rad,
+        speed_limit_rad_s,
+    })
+}
+
+fn sent(rig: &Rig, since_us: u64) -> usize {
+    rig.sent_since(0, since_us).iter().filter(|text| text.starts_with("141#A4")).count()
+}
+
+#[test]
+fn the_target_is_held_like_a_position_setpoint_until_it_expires() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    let Ok(Reply::MoveRelative(MoveTarget { start_rad, target_rad })) = rig.ask(request) else {
+        panic!("no target");
+    };
+    assert_eq!((start_rad, target_rad), (core::f32::consts::TAU, core::f32::consts::TAU + 0.25));
+    run_with_host(&mut rig, 60_000);
+    let targets = rig.sent_since(0, since);
+    assert!(targets.iter().filter(|text| **text == TARGET).count() >= 3);
+    assert!(!targets.iter().any(|text| text.contains("#A8")));
+    run_with_host(&mut rig, 60_000);
+    assert_eq!(bench::state(&mut rig).trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
+}
+
+#[test]
+fn lost_reads_are_repeated_and_move_nothing_twice() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let mut lost = 2;
+    rig.instead(move |text| {
+        if text.contains("#92") && lost > 0 {
+            lost -= 1;
+            return Instead::Nothing;
+        }
+        Instead::AsUsual
+    });
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    assert!(matches!(rig.ask(request), Ok(Reply::MoveRelative(_))));
+    run_with_host(&mut rig, 30_000);
+    assert!(
+        rig.sent_since(0, since).iter().filter(|text| text.starts_with("141#A4")).all(|text| *text == TARGET)
+    );
+    assert!(sent(&rig, since) > 0);
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_before_the_position_is_read() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(3.0));
+    let request = relative(&rig, 0, 0.25, 2.0);
+    assert_eq!(rig.ask(request), Err(Error::NotArmed { axis: 0, state: AxisState::Idle }));
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let refused = |rig: &mut Rig, epoch, distance, speed| {
+        let request = relative(rig, epoch, distance, speed);
+        rig.ask(request).unwrap_err()
+    };
+    assert_eq!(refused(&mut rig, epoch - 1, 0.25, 2.0), Error::StaleEpoch { current: Some(epoch) });
+    assert_eq!(refused(&mut rig, epoch, f32::NAN, 2.0), Error::NotANumber { quantity: Quantity::Position });
+    assert_eq!(refused(&mut rig, epoch, 0.25, 0.0), Error::SpeedLimitZero { axis: 0 });
+    assert_eq!(
+        refused(&mut rig, epoch, 0.25, 3.5),
+        Error::OutOfRange { quantity: Quantity::SpeedLimit, value: 3.5, min: 0.0, max: 3.0 }
+    );
+    assert_eq!(sent(&rig, since), 0);
+
+    let (mut rig, _) = bench::d5();
+    let epoch = arm(&mut rig);
+    assert_eq!(refused(&mut rig, epoch, 0.25, 2.0), Error::Unsupported { axis: 0, protocol: Protocol::D5 });
+}
+
+#[test]
+fn a_target_beyond_the_limit_is_refused_and_nothing_moves() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::PositionMaxRad, Value::Float(6.5));
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    let refused = rig.ask(request);
+    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(sent(&rig, since), 0);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Armed);
+}
+
+#[test]
+fn a_permission_that_ends_while_the_position_is_read_moves_nothing() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let expires_at_us = expiry(&rig, 200); // shorter than a frame and its reply take
+    let request = Request::MoveRelative(requests::MoveRelative {
+        axis: 0,
+        epoch,
+        expires_at_us,
+        distance_rad: 0.25,
+        speed_limit_rad_s: 2.0,
+    });
+    assert!(matches!(rig.ask(request), Err(Error::Stale { .. })));
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(sent(&rig, since), 0);
+}
+
+#[test]
+fn a_stop_while_the_position_is_read_ends_the_move() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    let sequence = rig.send(&request);
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    assert!(matches!(rig.answer(sequence), Some(Err(Error::Busy { .. }))));
+    assert_eq!(sent(&rig, since), 0);
+}

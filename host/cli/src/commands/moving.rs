@@ -1,0 +1,72 @@
+//! `mgw move`
+
+use std::time::Duration;
+
+use host_protocol::Setpoint;
+use host_protocol::replies::{AxisReport, MoveTarget};
+use mgw_client::Hold;
+use serde_json::{Value, json};
+
+use super::drive::{Rounds, drive};
+use crate::args::MoveArgs;
+use crate::failure::Failure;
+use crate::output::number;
+use crate::session::Session;
+
+/// An axis that has arrived is slower than this, rad/s.
+const SLOW_RAD_S: f32 = 0.05;
+/// What says that it has arrived is younger than this, µs.
+const FRESH_US: u32 = 1_000_000;
+
+/// Arms an axis, moves it by a distance and holds it there, stops it and disarms it.
+pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
+    let MoveArgs { axis, distance, speed_limit, tolerance, duration } = *arguments;
+    if tolerance.is_nan() || tolerance <= 0.0 {
+        return Err(Failure::Usage("--tolerance is an angle above 0".to_owned()));
+    }
+    drive(session, axis, |session, armed| {
+        let target = session.client.move_relative(axis, armed.epoch, distance, speed_limit, armed.ttl)?;
+        let MoveTarget { start_rad, target_rad } = target;
+        session.out.either(
+            format!("axis {axis} moves from {start_rad:.3} rad to {target_rad:.3} rad"),
+            &json!({ "axis": axis, "start_rad": number(start_rad), "target_rad": number(target_rad) }),
+        )?;
+        let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
+        let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
+        let mut rounds = Rounds::new(session, axis);
+        let is_there = |report: &AxisReport| has_arrived(report, target_rad, tolerance);
+        let held = session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
+            rounds.turn_until(client, is_there)
+        });
+        let latest = rounds.latest;
+        rounds.end(session, held)?;
+        tell(session, axis, target_rad, latest.as_ref(), tolerance)
+    })
+}
+
+/// At rest near its target, by readings that are not old.
+fn has_arrived(report: &AxisReport, target_rad: f32, tolerance_rad: f32) -> bool {
+    let (Some(position), Some(velocity)) = (report.position_rad, report.velocity_rad_s) else { return false };
+    position.age_us.max(velocity.age_us) < FRESH_US
+        && (position.value - target_rad).abs() <= tolerance_rad
+        && velocity.value.abs() < SLOW_RAD_S
+}
+
+fn tell(
+    session: &Session,
+    axis: u8,
+    target_rad: f32,
+    latest: Option<&AxisReport>,
+    tolerance_rad: f32,
+) -> Result<(), Failure> {
+    let arrived = latest.is_some_and(|report| has_arrived(report, target_rad, tolerance_rad));
+    let position = latest.and_then(|report| report.position_rad);
+    let place =
+        position.map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
+    let text = if arrived { "has arrived" } else { "has not arrived" };
+    let position = position.map_or(Value::Null, |position| number(position.value));
+    session.out.either(
+        format!("axis {axis} {text}: it is at {place}"),
+        &json!({ "axis": axis, "arrived": arrived, "position_rad": position }),
+    )
+}

@@ -1,0 +1,164 @@
+//! `mgw native`
+
+use std::time::Duration;
+
+use host_protocol::{AxisParameter, Bytes, Error, MAX_CAN_DATA, Protocol};
+use mgw_client::{ClientError, NativeHold};
+use serde_json::json;
+
+use super::drive::{ArmedAxis, Rounds, drive};
+use super::raw;
+use crate::args::NativeArgs;
+use crate::decode;
+use crate::effect::{self, Effect};
+use crate::encode;
+use crate::failure::Failure;
+use crate::parameters;
+use crate::session::Session;
+
+/// A command that cannot be kept up is ended by a stop before it expires, which would trip the axis: by this part of the axis's
+/// TTL, and by the time that the stop may need to get there.
+const ONCE_MARGIN_PARTS: u32 = 10;
+const ONCE_MARGIN_MIN: Duration = Duration::from_millis(30);
+
+/// A native command, and whose it is.
+struct Command {
+    axis: u8,
+    protocol: Protocol,
+    node: u8,
+    data: Bytes<MAX_CAN_DATA>,
+    effect: Effect,
+}
+
+/// Sends the command and prints the reply; what moves is armed before, kept up, and stopped.
+pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure> {
+    let command = command(session, arguments)?;
+    match (command.effect, arguments.duration) {
+        (Effect::Moves | Effect::MovesOnce, None) => Err(Failure::Usage(
+            "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so long and stopped"
+                .to_owned(),
+        )),
+        (Effect::Moves, Some(duration)) => {
+            drive(session, command.axis, |session, armed| keep_up(session, &command, armed, duration))
+        }
+        (Effect::MovesOnce, Some(duration)) => {
+            drive(session, command.axis, |session, armed| once(session, &command, armed, duration))
+        }
+        (Effect::Stops | Effect::Other, Some(_)) => {
+            Err(Failure::Usage("--for is for commands that move the motor; this one does not".to_owned()))
+        }
+        (Effect::Stops | Effect::Other, None) => {
+            let reply = session.client.native(command.axis, 0, command.data.clone(), Duration::ZERO)?;
+            print(session, &command, &reply)
+        }
+    }
+}
+
+fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Failure> {
+    let axis = arguments.axis;
+    let (protocol, node) = motor(session, axis)?;
+    let data = match &arguments.command {
+        Some(name) => {
+            let fields = arguments.fields.iter().map(|field| {
+                parameters::split(field).map(|(name, value)| (name.to_owned(), value.to_owned()))
+            });
+            encode::data_field(protocol, node, name, fields.collect::<Result<_, _>>()?)?
+        }
+        None => data_field(&arguments.data)?,
+    };
+    let effect = effect::of(protocol, &data);
+    let too_long = |_| {
+        Failure::Usage(format!(
+            "a data field has at most {MAX_CAN_DATA} bytes; leave CAN id and framing away"
+        ))
+    };
+    Ok(Command { axis, protocol, node, data: Bytes::from_slice(&data).map_err(too_long)?, effect })
+}
+
+/// Protocol and node of the motor of an axis.
+fn motor(session: &mut Session, axis: u8) -> Result<(Protocol, u8), Failure> {
+    let max_axes = session.client.hello().max_axes;
+    if axis >= max_axes {
+        return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
+    }
+    let axes = session.client.list_axes()?;
+    let summary = axes.iter().find(|summary| summary.axis == axis);
+    let missing = |parameter: AxisParameter| Error::NotConfigured { axis, parameter: parameter.number() };
+    let protocol = summary.and_then(|summary| summary.protocol);
+    let protocol = protocol.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Protocol)))?;
+    let node = summary.and_then(|summary| summary.node);
+    let node = node.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Node)))?;
+    Ok((protocol, node))
+}
+
+/// Bytes in hexadecimal, with spaces wherever they please between them.
+fn data_field(words: &[String]) -> Result<Vec<u8>, Failure> {
+    let mut data = Vec::new();
+    for word in words {
+        let bytes = raw::bytes(word).ok_or_else(|| {
+            Failure::Usage(format!(
+                "`{word}` is no sequence of bytes. Write the data field in hexadecimal, for example A100000064000000"
+            ))
+        })?;
+        data.extend(bytes);
+    }
+    Ok(data)
+}
+
+/// Sends the command again and again before it expires.
+fn keep_up(
+    session: &mut Session,
+    command: &Command,
+    armed: ArmedAxis,
+    duration: Duration,
+) -> Result<(), Failure> {
+    let ArmedAxis { axis, epoch, ttl } = armed;
+    let reply = session.client.native(axis, epoch, command.data.clone(), ttl)?;
+    print(session, command, &reply)?;
+    let hold = NativeHold { axis, epoch, data: command.data.clone(), ttl };
+    let mut rounds = Rounds::new(session, axis);
+    let held = session.client.hold_native(&hold, duration, |client| rounds.turn(client));
+    rounds.end(session, held)
+}
+
+/// Sends the command once, and waits nearly as long as it is valid.
+fn once(
+    session: &mut Session,
+    command: &Command,
+    armed: ArmedAxis,
+    duration: Duration,
+) -> Result<(), Failure> {
+    let ArmedAxis { axis, epoch, ttl } = armed;
+    let longest = ttl.saturating_sub(ONCE_MARGIN_MIN.max(ttl / ONCE_MARGIN_PARTS));
+    if longest < duration {
+        let seconds = longest.as_secs_f32();
+        session.out.text(format!(
+            "it goes out once and is stopped after {seconds:.3} s; a greater ttl_us of the axis allows more"
+        ))?;
+    }
+    let end = session.client.now() + duration.min(longest);
+    let reply = session.client.native(axis, epoch, command.data.clone(), ttl);
+    let mut rounds = Rounds::new(session, axis);
+    let held = match reply {
+        Ok(reply) => {
+            print(session, command, &reply)?;
+            let left = end.saturating_sub(session.client.now());
+            session.client.hold(left, |client| rounds.turn(client))
+        }
+        Err(error) => Err(error),
+    };
+    rounds.end(session, held)
+}
+
+fn print(session: &Session, command: &Command, reply: &[u8]) -> Result<(), Failure> {
+    let Command { axis, protocol, node, ref data, effect } = *command;
+    if reply.is_empty() {
+        let text = match effect {
+            Effect::Stops => "carried out as a stop of the axis, or not answered by its motor",
+            _ => "the motor does not answer this command",
+        };
+        return session.out.either(format!("axis {axis}: {text}"), &json!({ "axis": axis, "frame": "" }));
+    }
+    let json = session.out.is_json();
+    session.out.line(&decode::reply(axis, protocol, node, data, reply, json))
+}

@@ -1,0 +1,53 @@
+//! `mgw move`.
+
+use serde_json::Value;
+
+use crate::support::Sim;
+
+fn arrival(lines: &[Value]) -> &Value {
+    lines.iter().find(|line| line["arrived"].is_boolean()).unwrap_or_else(|| panic!("{lines:?}"))
+}
+
+#[test]
+fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
+    let sim = Sim::patient();
+    for (distance, target) in [("1.5", 1.5), ("-0.5", 1.0)] {
+        let lines = sim.mgw(&["--json", "move", "0", distance, "--speed-limit", "5"]).json_lines();
+        let goal = lines.iter().find_map(|line| line["target_rad"].as_f64()).unwrap();
+        assert!((goal - target).abs() < 0.05, "{lines:?}");
+        let arrived = arrival(&lines);
+        assert_eq!(arrived["arrived"], true, "{lines:?}");
+        assert!((arrived["position_rad"].as_f64().unwrap() - goal).abs() <= 0.02, "{arrived}");
+        assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{lines:?}");
+        assert_eq!(lines.last().unwrap()["state"], "Idle");
+    }
+    let text = sim.mgw(&["move", "3", "1", "--speed-limit", "5", "--tolerance", "0.1"]).success();
+    assert!(text.contains("axis 3 moves from 0.000 rad to 1.000 rad"), "{text}");
+    assert!(text.contains("axis 3 has arrived") && text.ends_with("axis 3 is idle\n"), "{text}");
+}
+
+#[test]
+fn for_ends_it_on_the_way() {
+    let sim = Sim::patient();
+    let lines = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]).json_lines();
+    assert_eq!(arrival(&lines)["arrived"], false, "{lines:?}");
+    assert_eq!(lines.last().unwrap()["state"], "Idle");
+}
+
+#[test]
+fn what_cannot_be_moved_so_is_refused_and_disarmed() {
+    let sim = Sim::patient();
+    for (arguments, name) in [
+        (&["1", "1", "--speed-limit", "1"][..], "Unsupported"),
+        (&["0", "1", "--speed-limit", "0"], "SpeedLimitZero"),
+        (&["0", "nan", "--speed-limit", "1"], "NotANumber"),
+        (&["0", "1", "--speed-limit", "1000"], "OutOfRange"),
+    ] {
+        let text = sim.mgw(&[&["--json", "move"], arguments].concat()).failure(1);
+        let error: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(error["error"]["name"], name, "{arguments:?}: {error}");
+        assert_eq!(sim.await_state(arguments[0], |_| true)["state"], "Idle");
+    }
+    sim.mgw(&["move", "0", "1"]).failure(2);
+    sim.mgw(&["move", "0", "1", "--speed-limit", "1", "--tolerance", "0"]).failure(2);
+}

@@ -1,0 +1,113 @@
+//! `mgw native`: data fields of the manuals through the gateway.
+
+use serde_json::{Value, json};
+
+use crate::support::Sim;
+
+/// The words of a command line.
+fn native(sim: &Sim, words: &str) -> crate::support::Outcome {
+    sim.mgw(&[&["native"], words.split_whitespace().collect::<Vec<_>>().as_slice()].concat())
+}
+
+#[test]
+fn reads_are_answered_in_the_words_of_decode() {
+    let sim = Sim::start();
+    for (words, command, field) in [
+        // RMD V3.6 §2.13 on CAN and RS485, Thruster manual §2.1, D5 manual register 0x26.
+        ("0 9C00000000000000", "read_status_2", "speed_dps"),
+        ("3 9C 00 00 00 00 00 00 00", "read_status_2", "speed_dps"),
+        ("0 --command read-status-2", "read_status_2", "speed_dps"),
+        ("1 51560000", "read_speed", "speed_rpm"),
+        ("1 --command read_speed", "read_speed", "speed_rpm"),
+        ("2 D50B050226000038", "read", "speed_dps"),
+        ("2 --command read --field register=current_speed --field bytes=2", "read", "speed_dps"),
+    ] {
+        let lines = native(&sim, &format!("{words} --json")).json_lines();
+        let [line] = lines.as_slice() else { panic!("{words}: {lines:?}") };
+        assert_eq!((&line["command"], &line["direction"]), (&json!(command), &json!("reply")), "{words}");
+        assert_eq!(line["axis"].as_u64(), words.get(..1).unwrap().parse().ok(), "{words}: {line}");
+        assert_eq!(line[field], 0, "{words}: {line}");
+        assert!(line["frame"].as_str().is_some_and(|data| data.len() == 16), "{words}: {line}");
+    }
+    let text = native(&sim, "0 9C00000000000000").success();
+    assert!(text.starts_with("9C19000000000000") && text.contains("temperature_c=25"), "{text}");
+}
+
+#[test]
+fn what_moves_is_armed_kept_up_and_stopped() {
+    let sim = Sim::patient();
+    for (words, frame) in [
+        ("0 --command torque_current --field current_a=1", "A1"),
+        ("0 A2 00 00 00 10 27 00 00", "A2"),
+        ("1 --command signal --field signal_percent=-20", "5443"),
+        ("2 --command write --field register=speed --field value=600", "5D0B050320"),
+        ("3 A2000000F0D8FFFF", "A2"),
+    ] {
+        let text = native(&sim, words).failure(2);
+        assert!(text.contains("--for SECONDS"), "{words}: {text}");
+        let lines = native(&sim, &format!("{words} --for 1 --json")).json_lines();
+        let has = |is: &dyn Fn(&Value) -> bool| lines.iter().any(is);
+        assert!(has(&|line| line["frame"].as_str().is_some_and(|data| data.starts_with(frame))), "{lines:?}");
+        let moved =
+            |line: &Value| line["velocity_rad_s"]["value"].as_f64().is_some_and(|speed| speed.abs() > 0.5);
+        assert!(has(&moved), "{words}: {lines:?}");
+        assert!(has(&|line| line["event"] == "StopConfirmed"), "{words}: {lines:?}");
+        assert_eq!(lines.last().unwrap()["state"], "Idle", "{words}");
+    }
+}
+
+/// 0xA8, 90° at 500 °/s: had it gone out twice it would have gone twice as far.
+#[test]
+fn what_moves_by_a_distance_goes_out_once() {
+    let sim = Sim::patient();
+    let text = native(&sim, "0 A800F40128230000 --for 2").success();
+    assert!(text.contains("incremental_position") && text.ends_with("axis 0 is idle\n"), "{text}");
+    let position = sim.await_state("0", |_| true)["position_rad"]["value"].as_f64().unwrap();
+    assert!((position - std::f64::consts::FRAC_PI_2).abs() < 0.05, "{position}");
+}
+
+#[test]
+fn what_stops_is_a_stop_and_what_changes_the_motor_goes_to_an_idle_one() {
+    let sim = Sim::patient();
+    let line = &native(&sim, "0 8100000000000000 --json").json_lines()[0];
+    assert_eq!((&line["command"], &line["axis"]), (&json!("stop"), &json!(0)), "{line}");
+    let line = &native(&sim, "0 --command read_acceleration --field index=0 --json").failure(2);
+    assert!(line.contains("index"), "{line}");
+    let line = &native(&sim, "0 43000000E8030000 --json").json_lines()[0];
+    assert_eq!(line["command"], "write_acceleration", "{line}");
+    // The gateway no longer relies on what it knew of the motor's own timeout.
+    let text = sim.mgw(&["arm", "0", "--for", "0.1"]).failure(1);
+    assert!(text.contains("timeout"), "{text}");
+}
+
+#[test]
+fn slips_are_told_before_anything_is_sent() {
+    let sim = Sim::start();
+    for (words, said) in [
+        ("0", "DATA"),
+        ("0 9C0", "`9C0`"),
+        ("0 9C zz", "`zz`"),
+        ("0 3E01089C00000000000000F230", "at most 8 bytes"),
+        ("0 9C00000000000000 --for 1", "this one does not"),
+        ("0 9C00000000000000 --command stop", "cannot be used with"),
+        ("0 --field current_a=1", "--command"),
+        ("0 --command torque", "torque_current"),
+        ("0 --command torque_current", "--current_a"),
+        ("0 --command torque_current --field current_a", "NAME=VALUE"),
+        ("0 --command read_can_id", "CAN id of its own"),
+    ] {
+        let text = native(&sim, words).failure(2);
+        assert!(text.contains(said), "{words}: {text}");
+    }
+    for (words, name) in [
+        ("40 9C00000000000000", "UnknownAxis"),
+        ("9 9C00000000000000", "NotConfigured"),
+        ("0 FF00000000000000", "NotACommand"),
+        ("2 D50C050226000039", "NotThisNode"),
+        ("0 --command torque_current --field current_a=400", "OutOfRange"),
+    ] {
+        let text = native(&sim, &format!("{words} --json")).failure(1);
+        let error: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(error["error"]["name"], name, "{words}: {error}");
+    }
+}

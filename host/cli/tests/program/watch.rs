@@ -1,0 +1,67 @@
+//! `mgw watch`: the subscription as a user sees it.
+
+use serde_json::Value;
+
+use crate::support::{Process, Sim};
+
+#[test]
+fn as_many_samples_of_each_axis_as_asked() {
+    let sim = Sim::start();
+    let lines = sim.mgw(&["--json", "watch", "0", "1", "--period", "50", "--count", "3"]).json_lines();
+    for axis in [0, 1] {
+        let samples = lines.iter().filter(|line| line["event"] == "Sample" && line["axis"] == axis);
+        assert_eq!(samples.count(), 3, "{lines:?}");
+    }
+    // Once every configured axis: headings and a row for each.
+    let text = sim.mgw(&["watch", "--count", "1"]).success();
+    assert!(text.starts_with("axis  state         position rad  velocity rad/s  current A"), "{text}");
+    assert_eq!(text.lines().count(), 5, "{text}");
+}
+
+#[test]
+fn chosen_fields_with_their_own_ages() {
+    let sim = Sim::start();
+    let arguments =
+        ["--json", "watch", "0", "--fields", "velocity,faults", "--period", "100", "--count", "10"];
+    let lines = sim.mgw(&arguments).json_lines();
+    let last = lines.last().unwrap();
+    assert_eq!(last["state"], "Idle");
+    let names: Vec<&String> = last.as_object().unwrap().keys().collect();
+    assert_eq!(names, ["axis", "dropped", "event", "faults", "state", "time_us", "velocity_rad_s"]);
+    let age = |field: &str| last[field]["age_us"].as_u64().unwrap_or(u64::MAX);
+    assert!(age("velocity_rad_s") < 1_000_000 && age("faults") < 1_000_000, "{last}");
+    assert_ne!(age("velocity_rad_s"), age("faults"), "{last}");
+    let text = sim.mgw(&["watch", "0", "--fields", "faults,position", "--count", "1"]).success();
+    assert!(text.starts_with("axis  state         position rad  faults\n"), "{text}");
+    let text = sim.mgw(&["watch", "0", "--fields", "speed"]).failure(2);
+    assert!(text.contains("position, velocity, current"), "{text}");
+}
+
+#[test]
+fn events_come_between_and_ctrl_c_ends_it() {
+    let sim = Sim::patient();
+    let mut watch = Process::start(&["--port", &sim.port, "--json", "watch", "0", "--period", "20"]);
+    let parse = |line: &str| serde_json::from_str::<Value>(line).unwrap();
+    watch.wait_for("a sample", |line| (parse(line)["event"] == "Sample").then_some(()));
+    sim.mgw(&["set", "0", "velocity", "2", "--for", "0.3"]).success();
+    watch.wait_for("motion", |line| {
+        parse(line)["velocity_rad_s"]["value"].as_f64().filter(|speed| *speed > 1.0)
+    });
+    watch.wait_for("the confirmed stop", |line| (parse(line)["event"] == "StopConfirmed").then_some(()));
+    assert_eq!(watch.interrupt(), Some(0));
+}
+
+/// More than a link of 921600 baud carries: what does not fit is counted, and the rest still comes.
+#[test]
+fn samples_that_the_link_cannot_carry_are_counted() {
+    const COUNT: usize = 500;
+    let sim = Sim::start();
+    let arguments = ["watch", "0", "3", "--period", "1", "--count", &COUNT.to_string()];
+    let lines = sim.mgw(&[&["--json"], arguments.as_slice()].concat()).json_lines();
+    let sum = |field: &str| lines.iter().filter_map(|line| line[field].as_u64()).sum::<u64>();
+    let (lost, dropped) = (sum("lost"), sum("dropped"));
+    assert!(dropped > 10 && lost >= dropped, "{lost} lost, {dropped} of them by the gateway");
+    assert_eq!(lines.iter().filter(|line| line["event"] == "Sample").count(), 2 * COUNT);
+    let text = sim.mgw(&arguments).success();
+    assert!(text.ends_with(" samples or events were lost\n"), "{text}");
+}
