@@ -75,7 +75,7 @@ impl Happenings {
         self.queue.receive().await
     }
 
-    /// How many frames were lost since the last call.
+    /// How many frames were lost since the last call, at least: the controller says that it lost frames, not how many.
     pub fn take_lost(&self) -> u32 {
         self.lost.swap(0, Ordering::Relaxed)
     }

@@ -16,6 +16,7 @@ pub enum Station {
 
 /// What one station sends at once.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub enum Wire {
     /// A CAN frame.
     Can(CanFrame),
@@ -35,6 +36,7 @@ impl fmt::Display for Wire {
 
 /// What is wrong with the cable of a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub enum BusFault {
     /// Nothing.
     #[default]

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 /// SplitMix64: 64 bits of state, every seed is a good one.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Random(u64);
 
 impl Random {

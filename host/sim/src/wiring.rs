@@ -36,6 +36,7 @@ pub static BOARD: Board = Board {
 
 /// One motor and where it is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotorWiring {
     /// Index of the bus.
     pub bus: u8,

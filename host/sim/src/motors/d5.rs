@@ -47,17 +47,23 @@ const CHARACTERISTICS: Characteristics = Characteristics {
 const LATCHED: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
 
 /// The motor's firmware: a register file, and what writing to it does.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct D5 {
     /// Requests are heard, and answers sent, under this CAN id.
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::can_id"))]
     can_id: StandardId,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_node"))]
     node: Node,
     plant: Plant,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_registers"))]
     registers: [u8; 256],
     /// The one asynchronous write that can wait.
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_write"))]
     waiting: Option<(Register, Value)>,
     last_command: u8,
     last_heard: Option<Duration>,
     timed_out: bool,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_faults"))]
     faults: Faults,
     stall: StallGuard,
 }

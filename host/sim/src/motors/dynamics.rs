@@ -17,6 +17,7 @@ const WINDING_S: f64 = 0.002;
 
 /// The constants of one motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Characteristics {
     /// No-load speed, rad/s.
     pub(crate) max_speed_rad_s: f64,
@@ -44,6 +45,7 @@ pub(crate) struct Characteristics {
 
 /// What the driver does with the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Drive {
     /// Output off: the shaft runs out.
     #[default]
@@ -63,6 +65,7 @@ pub(crate) enum Drive {
 
 /// Shaft, winding and supply of one motor.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Plant {
     of: Characteristics,
     drive: Drive,

@@ -27,6 +27,7 @@ pub enum Injection {
 
 /// The faults that are in force in one motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Injections {
     pub(crate) mute: bool,
     pub(crate) unplugged: bool,

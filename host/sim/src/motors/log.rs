@@ -9,6 +9,7 @@ const KEPT: usize = 10_000;
 
 /// Something that happened in a motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub enum MotorEvent {
     /// A command other than a read arrived. Repeats of the same command are not logged.
     CommandReceived {
@@ -50,6 +51,8 @@ pub enum MotorEvent {
 
 /// One line of a motor's log.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "snapshot", serde(bound(deserialize = "'de: 'static")))]
 pub struct LogEntry {
     /// When, in µs of the simulated time.
     pub time_us: u64,
@@ -59,6 +62,7 @@ pub struct LogEntry {
 
 /// The log of one motor.
 #[derive(Debug, Clone, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotorLog {
     entries: VecDeque<LogEntry>,
     /// Entries that have been dropped.

@@ -3,10 +3,15 @@
 mod counts;
 mod d5;
 mod dynamics;
+mod framer;
 mod injection;
 mod log;
 mod model;
 mod rmd;
+#[cfg(feature = "snapshot")]
+mod snapshot;
+#[cfg(all(test, feature = "snapshot"))]
+mod snapshot_tests;
 mod stall;
 #[cfg(test)]
 mod test_motor;
@@ -19,7 +24,7 @@ use host_protocol::{CanFrame, Protocol};
 
 pub use self::injection::Injection;
 pub use self::log::{LogEntry, MotorEvent, MotorLog};
-pub(crate) use self::model::Outgoing;
+pub use self::model::Outgoing;
 
 use self::injection::Injections;
 use self::model::{Context, Model};
@@ -31,10 +36,45 @@ const MOVING_RAD_S: f64 = 0.1;
 /// Below this speed the log calls it stopped, rad/s.
 const STOPPED_RAD_S: f64 = 0.01;
 
+/// The firmware of a motor.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+enum Make {
+    Rmd(rmd::Rmd),
+    Thruster(thruster::Thruster),
+    D5(Box<d5::D5>),
+}
+
+impl Make {
+    fn model(&self) -> &dyn Model {
+        match self {
+            Self::Rmd(model) => model,
+            Self::Thruster(model) => model,
+            Self::D5(model) => model.as_ref(),
+        }
+    }
+
+    fn model_mut(&mut self) -> &mut dyn Model {
+        match self {
+            Self::Rmd(model) => model,
+            Self::Thruster(model) => model,
+            Self::D5(model) => model.as_mut(),
+        }
+    }
+}
+
 /// One simulated motor.
+///
+/// A [`World`](crate::World) runs its motors itself. On a bus of your own you are the bus: you let the motor's time
+/// pass ([`Motor::advance`]) at each [`Motor::next_event`] and before you look at it, tell it what it hears, and carry
+/// what it sends ([`Motor::take_ready`]). Times count from one start and never go back; at a time that has passed
+/// already nothing more happens.
+///
+/// With the feature `snapshot` it can be serialised; one that was deserialised goes on exactly as the original would.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "snapshot", serde(bound(deserialize = "'de: 'static")))]
 pub struct Motor {
     wiring: MotorWiring,
-    model: Box<dyn Model>,
+    make: Make,
     injected: Injections,
     log: MotorLog,
     random: Random,
@@ -44,20 +84,38 @@ pub struct Motor {
 }
 
 impl Motor {
+    /// A motor on a CAN bus of your own. `seed` decides its reply times and its garbage.
+    ///
+    /// # Errors
+    /// If its protocol has no such node.
+    pub fn on_can(wiring: MotorWiring, seed: u64) -> Result<Self, WiringError> {
+        Self::new(wiring, false, seed)
+    }
+
+    /// A motor on an RS485 line of your own. `seed` decides its reply times and its garbage.
+    ///
+    /// # Errors
+    /// If its protocol has no such node, or the simulator has it on CAN only.
+    pub fn on_rs485(wiring: MotorWiring, seed: u64) -> Result<Self, WiringError> {
+        Self::new(wiring, true, seed)
+    }
+
     pub(crate) fn new(wiring: MotorWiring, serial: bool, seed: u64) -> Result<Self, WiringError> {
         let refused = WiringError::Node { protocol: wiring.protocol, node: wiring.node };
-        let model: Box<dyn Model> = match wiring.protocol {
+        let make = match wiring.protocol {
             Protocol::Rmd => {
                 let node = ::rmd::Node::new(wiring.node).map_err(|_| refused)?;
                 let interface =
                     if serial { rmd::Interface::rs485(wiring.bitrate) } else { rmd::Interface::Can };
-                Box::new(rmd::Rmd::new(node, interface))
+                Make::Rmd(rmd::Rmd::new(node, interface))
             }
             Protocol::Thruster if !serial => {
-                Box::new(thruster::Thruster::new(::thruster::Node::new(wiring.node).map_err(|_| refused)?))
+                let node = ::thruster::Node::new(wiring.node).map_err(|_| refused)?;
+                Make::Thruster(thruster::Thruster::new(node))
             }
             Protocol::D5 if !serial => {
-                Box::new(d5::D5::new(::d5::Node::new(wiring.node).map_err(|_| refused)?))
+                let node = ::d5::Node::new(wiring.node).map_err(|_| refused)?;
+                Make::D5(Box::new(d5::D5::new(node)))
             }
             Protocol::Thruster | Protocol::D5 => {
                 return Err(WiringError::NotOnSerial { protocol: wiring.protocol });
@@ -65,7 +123,7 @@ impl Motor {
         };
         Ok(Self {
             wiring,
-            model,
+            make,
             injected: Injections::default(),
             log: MotorLog::default(),
             random: Random::new(seed),
@@ -90,29 +148,39 @@ impl Motor {
         self.wiring.node
     }
 
+    /// Its bitrate, bit/s.
+    pub fn bitrate(&self) -> u32 {
+        self.wiring.bitrate
+    }
+
+    /// Whether its cable is off the bus: then it hears nothing, and nothing that it sends arrives.
+    pub fn is_unplugged(&self) -> bool {
+        self.injected.unplugged
+    }
+
     /// Speed of the shaft, rad/s, counter-clockwise positive; at most 1 ms old.
     pub fn speed_rad_s(&self) -> f64 {
-        self.model.plant().speed_rad_s()
+        self.make.model().plant().speed_rad_s()
     }
 
     /// Angle of the shaft since the start, rad; at most 1 ms old.
     pub fn position_rad(&self) -> f64 {
-        self.model.plant().position_rad()
+        self.make.model().plant().position_rad()
     }
 
     /// Current of the winding, A; at most 1 ms old.
     pub fn current_a(&self) -> f64 {
-        self.model.plant().current_a()
+        self.make.model().plant().current_a()
     }
 
     /// Its fault word, bits as its manual numbers them.
     pub fn fault_word(&self) -> u16 {
-        self.model.fault_word()
+        self.make.model().fault_word()
     }
 
     /// Its own communication timeout; `None` while that is switched off.
     pub fn own_timeout(&self) -> Option<Duration> {
-        self.model.own_timeout()
+        self.make.model().own_timeout()
     }
 
     /// What it saw and did.
@@ -120,51 +188,56 @@ impl Motor {
         &self.log
     }
 
-    pub(crate) fn inject(&mut self, now: Duration, injection: Injection) {
+    /// Puts a fault into it, or takes it out again. That an unplugged motor hears nothing is the bus's business.
+    pub fn inject(&mut self, now: Duration, injection: Injection) {
         self.injected.apply(injection);
         self.advance(now);
     }
 
-    pub(crate) fn power_cycle(&mut self, now: Duration) {
+    /// Switches it off and on again. What it was about to send is lost; its shaft keeps its speed for that moment.
+    pub fn power_cycle(&mut self, now: Duration) {
         self.advance(now);
         self.outbox.clear();
-        self.model.power_cycle();
+        self.make.model_mut().power_cycle();
         self.advance(now);
     }
 
-    /// When it will do something next.
-    pub(crate) fn next_event(&self) -> Option<Duration> {
+    /// When it will do something next; `None` while it only waits.
+    pub fn next_event(&self) -> Option<Duration> {
         let sends = self.outbox.first().map(|message| message.at);
-        let events = [sends, self.model.next_timer(), self.model.plant().next_step()];
+        let events = [sends, self.make.model().next_timer(), self.make.model().plant().next_step()];
         events.into_iter().flatten().min()
     }
 
     /// Lets time pass up to `now`.
-    pub(crate) fn advance(&mut self, now: Duration) {
-        self.model.plant_mut().set_stuck(self.injected.stuck_rotor);
-        self.model.plant_mut().advance(now);
+    pub fn advance(&mut self, now: Duration) {
+        self.make.model_mut().plant_mut().set_stuck(self.injected.stuck_rotor);
+        self.make.model_mut().plant_mut().advance(now);
         self.with_model(now, |model, cx| model.run(cx));
     }
 
-    pub(crate) fn hear_frame(&mut self, now: Duration, frame: &CanFrame) {
+    /// Takes in a frame of its CAN bus, whoever it is for, when its last bit has arrived.
+    pub fn hear_frame(&mut self, now: Duration, frame: &CanFrame) {
         self.advance(now);
         self.with_model(now, |model, cx| model.hear_frame(cx, frame));
     }
 
-    pub(crate) fn hear_byte(&mut self, now: Duration, byte: u8) {
+    /// Takes in a byte of its RS485 line when its stop bit has arrived.
+    pub fn hear_byte(&mut self, now: Duration, byte: u8) {
         self.advance(now);
         self.with_model(now, |model, cx| model.hear_byte(cx, byte));
     }
 
-    /// The next message that is due.
-    pub(crate) fn take_ready(&mut self, now: Duration) -> Option<Outgoing> {
+    /// The next message that is due for its bus controller.
+    pub fn take_ready(&mut self, now: Duration) -> Option<Outgoing> {
         self.outbox.first().is_some_and(|message| message.at <= now).then(|| self.outbox.remove(0))
     }
 
     /// Calls the model, then logs what has become of the motor.
     fn with_model(&mut self, now: Duration, call: impl FnOnce(&mut dyn Model, &mut Context<'_>)) {
-        let Self { model, injected, log, random, outbox, moving, logged_faults, .. } = self;
-        call(model.as_mut(), &mut Context { now, injected, log, random, outbox });
+        let Self { make, injected, log, random, outbox, moving, logged_faults, .. } = self;
+        let model = make.model_mut();
+        call(model, &mut Context { now, injected, log, random, outbox });
         let speed_rad_s = model.plant().speed_rad_s();
         if !*moving && speed_rad_s.abs() > MOVING_RAD_S {
             *moving = true;

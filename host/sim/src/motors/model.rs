@@ -40,13 +40,16 @@ pub(super) trait Model: Send {
     fn plant_mut(&mut self) -> &mut Plant;
 }
 
-/// A message that a motor will send.
+/// A message that a motor sends.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Outgoing {
-    pub(crate) at: Duration,
-    pub(crate) wire: Wire,
-    /// It has a wrong CAN checksum.
-    pub(crate) corrupt: bool,
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+pub struct Outgoing {
+    /// When it hands the message to its bus controller.
+    pub at: Duration,
+    /// What it sends.
+    pub wire: Wire,
+    /// It has a wrong CAN checksum: every receiver destroys it, and it is not sent again.
+    pub corrupt: bool,
 }
 
 /// What surrounds a model while it is called.

@@ -11,6 +11,7 @@ use rmd::{
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
+use super::framer::Framer;
 use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
@@ -57,20 +58,23 @@ const WORD_DIVISOR: f64 = 4_095.0;
 const POSITION_LAST: f64 = 65_535.0;
 
 /// How the motor is connected.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) enum Interface {
     Can,
-    Rs485 { deframer: rmd::rs485::Deframer, last_byte: Duration, gap: Duration },
+    Rs485 { framer: Framer, last_byte: Duration, gap: Duration },
 }
 
 impl Interface {
     pub(super) fn rs485(baud: u32) -> Self {
         let gap = bit_time(FRAME_GAP_BITS, baud);
-        Self::Rs485 { deframer: rmd::rs485::Deframer::new(), last_byte: Duration::ZERO, gap }
+        Self::Rs485 { framer: Framer::default(), last_byte: Duration::ZERO, gap }
     }
 }
 
 /// The motor's firmware.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Rmd {
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::rmd_node"))]
     node: Node,
     interface: Interface,
     plant: Plant,
@@ -87,6 +91,7 @@ pub(super) struct Rmd {
     brake_released: bool,
     release_at: Option<Duration>,
     notice_at: Option<Duration>,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::rmd_faults"))]
     faults: Faults,
     stall: StallGuard,
 }
@@ -356,12 +361,12 @@ impl Model for Rmd {
     }
 
     fn hear_byte(&mut self, cx: &mut Context<'_>, byte: u8) {
-        let Interface::Rs485 { deframer, last_byte, gap } = &mut self.interface else { return };
+        let Interface::Rs485 { framer, last_byte, gap } = &mut self.interface else { return };
         if cx.now.saturating_sub(*last_byte) > *gap {
-            deframer.reset();
+            framer.reset();
         }
         *last_byte = cx.now;
-        let Some(frame) = deframer.push(byte) else { return };
+        let Some(frame) = framer.push(byte) else { return };
         let [_, id, _, data @ .., _, _] = &frame;
         if *id == BROADCAST_RS485_ID {
             self.hear(cx, &Request::decode(data));

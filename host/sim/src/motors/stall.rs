@@ -7,6 +7,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Watches one motor.
 #[derive(Debug, Clone, Copy, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct StallGuard {
     since: Option<Duration>,
 }

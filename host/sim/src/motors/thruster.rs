@@ -57,7 +57,9 @@ const LATCHED: Faults = Faults::EE_ACCESS
     .union(Faults::ENCODER);
 
 /// The thruster's firmware.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Thruster {
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::thruster_node"))]
     node: Node,
     plant: Plant,
     /// The speed it was told to run at, rad/s.
@@ -70,7 +72,9 @@ pub(super) struct Thruster {
     before_timeout_rad_s: f64,
     /// Zero has been commanded since the start or the last timeout.
     zero_seen: bool,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::thruster_faults"))]
     faults: Faults,
+    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::thruster_faults"))]
     record: Faults,
     stall: StallGuard,
 }

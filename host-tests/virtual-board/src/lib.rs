@@ -1,0 +1,15 @@
+//! The virtual board: the very image that would be flashed onto a NUCLEO-H743ZI, on an emulated STM32H743.
+
+pub mod can_motors;
+pub mod fdcan;
+pub mod host_uart;
+pub mod iwdg;
+pub mod machine;
+pub mod message_ram;
+pub mod nodes;
+pub mod outside;
+pub mod part;
+pub mod rs485_line;
+pub mod serial_port;
+pub mod serve;
+pub mod transport;

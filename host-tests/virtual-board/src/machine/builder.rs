@@ -1,0 +1,136 @@
+//! A board before it is switched on: which image, how fast, what hangs on its ports.
+
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+use std::{env, fmt, fs};
+
+use rigless::chip::can;
+use rigless::cpu::armv7m::code_address;
+use rigless::image::{Image, digest};
+use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
+use rigless::symbols::Symbols;
+use rigless::time::VirtualNanos;
+
+use super::board::NucleoH743zi;
+use super::core_thread::{CoreThread, PoweredOff};
+use super::handles::{CanNode, CanPort, Line, UartPort};
+use super::recorder::Recorder;
+use super::{Machine, Snapshot};
+use crate::part::Part;
+use crate::serial_port::FarEnd;
+
+/// The variable that names the image.
+const IMAGE_VARIABLE: &str = "MOTOR_GATEWAY_ELF";
+/// Where the firmware's logger keeps its control block.
+const RTT_SYMBOL: &str = "_SEGGER_RTT";
+
+/// Why there is no image to run.
+#[derive(Debug)]
+pub enum ImageError {
+    /// The variable is not set.
+    Unnamed,
+    /// The file cannot be read.
+    Unreadable(PathBuf, std::io::Error),
+    /// The file is no image for the part.
+    Unusable(PathBuf, String),
+}
+
+impl fmt::Display for ImageError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unnamed => write!(formatter, "{IMAGE_VARIABLE} names no firmware image")?,
+            Self::Unreadable(path, error) => write!(formatter, "{}: {error}", path.display())?,
+            Self::Unusable(path, error) => write!(formatter, "{}: {error}", path.display())?,
+        }
+        write!(
+            formatter,
+            ". Build the image with `cargo fw` in the repository's root and set {IMAGE_VARIABLE} to the absolute \
+             path of target/thumbv7em-none-eabihf/firmware/motor-gateway"
+        )
+    }
+}
+
+impl std::error::Error for ImageError {}
+
+/// The image that the variable `MOTOR_GATEWAY_ELF` names.
+///
+/// # Errors
+///
+/// If it names none.
+pub fn image_path() -> Result<PathBuf, ImageError> {
+    env::var_os(IMAGE_VARIABLE).map(PathBuf::from).ok_or(ImageError::Unnamed)
+}
+
+/// A board that is not switched on yet.
+#[derive(Debug)]
+pub struct Builder {
+    part: Box<Part>,
+    image: Image,
+    symbols: Symbols,
+    instructions_per_second: NonZeroU64,
+}
+
+impl Builder {
+    /// With the image in that file.
+    ///
+    /// # Errors
+    ///
+    /// If the file is none.
+    ///
+    /// # Panics
+    ///
+    /// If the emulator's part is not the one our models are for: a defect of this crate.
+    pub fn new(image: &Path) -> Result<Self, ImageError> {
+        let bytes = fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
+        let unusable = |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
+        let symbols = Symbols::read(&bytes, code_address).map_err(|error| unusable(&error))?;
+        let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
+        let part = Box::new(Part::new().unwrap_or_else(|error| panic!("{error}")));
+        Ok(Self { part, image, symbols, instructions_per_second: INSTRUCTIONS_PER_SECOND })
+    }
+
+    /// How fast the core is; 250 million instructions a second unless set.
+    ///
+    /// # Panics
+    ///
+    /// On 0.
+    #[must_use]
+    pub fn instructions_per_second(mut self, rate: u64) -> Self {
+        self.instructions_per_second = NonZeroU64::new(rate).expect("a core that runs");
+        self
+    }
+
+    /// Hangs a node on a CAN bus. `bitrate`: the bits per second at which it runs, `None` for whatever the controller
+    /// runs at. Two nodes at rates that differ destroy each other's frames.
+    pub fn can_node<P: can::Peer>(&mut self, port: CanPort, peer: P, bitrate: Option<u32>) -> CanNode<P> {
+        CanNode::new(port, self.part.fdcan[port.index()].attach(peer, bitrate))
+    }
+
+    /// Hangs the far end on a serial line. It speaks at the rate of the board.
+    pub fn line<P: FarEnd>(&mut self, port: UartPort, peer: P) -> Line<P> {
+        self.part.serial[port.index()].attach(peer);
+        Line::new(port)
+    }
+
+    /// Switches the board on. It stands before its first instruction.
+    #[must_use]
+    pub fn power_on(self) -> Machine {
+        self.start(None)
+    }
+
+    /// Goes on from where the snapshot was taken, with the same image and the same peers in the same places.
+    #[must_use]
+    pub fn resume(self, snapshot: &Snapshot) -> Machine {
+        self.start(Some(snapshot.clone()))
+    }
+
+    fn start(self, from: Option<Snapshot>) -> Machine {
+        let Self { part, image, symbols, instructions_per_second } = self;
+        let firmware = digest(std::slice::from_ref(&image), None);
+        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok());
+        let board = NucleoH743zi::new(part, instructions_per_second);
+        let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
+        let core = CoreThread::start(PoweredOff { board, image, firmware, recorder }, from);
+        Machine { core, firmware, symbols, reached }
+    }
+}

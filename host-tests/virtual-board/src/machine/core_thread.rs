@@ -1,0 +1,259 @@
+//! The emulation on a thread of its own, which stands still while the test thinks.
+//!
+//! The emulator calls its driver at every stop. At the instant to which it was ordered to run, the driver hands the
+//! part over to the test's thread and waits for the next order, with which the part comes back.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+use rigless::emulator::{self, Driver, Host, Settled, Start, Stop, StopReason};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::time::VirtualNanos;
+
+use super::board::NucleoH743zi;
+use super::recorder::Recorder;
+use super::snapshot::Snapshot;
+use crate::part::Part;
+
+/// A board before its first instruction.
+pub struct PoweredOff {
+    /// The board.
+    pub board: NucleoH743zi,
+    /// What it runs.
+    pub image: Image,
+    /// Which image that is, as a snapshot names it.
+    pub firmware: [u8; 32],
+    /// What is kept of the run.
+    pub recorder: Recorder,
+}
+
+/// What the test's thread holds while the emulation stands still.
+struct Lent {
+    part: Box<Part>,
+    stop: Stop,
+}
+
+/// Something to do while the emulation stands still.
+type Job = Box<dyn FnOnce(&mut Session<NucleoH743zi>, &mut dyn Host, Stop, &mut Recorder) + Send>;
+
+/// What to do next.
+enum Order {
+    Do(Job),
+    RunTo(VirtualNanos),
+    End,
+}
+
+/// The test's end of the emulation.
+pub struct CoreThread {
+    orders: Sender<(Box<Part>, Order)>,
+    stops: Receiver<Lent>,
+    /// `None` only while the emulation runs, or after it has failed.
+    lent: Option<Box<Part>>,
+    stop: Stop,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl CoreThread {
+    /// Starts it: from reset, standing before the first instruction, or where the snapshot was taken.
+    pub fn start(powered_off: PoweredOff, from: Option<Snapshot>) -> Self {
+        let (orders, orders_out) = channel();
+        let (stops_in, stops) = channel();
+        let thread = std::thread::Builder::new()
+            .name("emulation".to_owned())
+            .spawn(move || run(powered_off, from.as_ref(), orders_out, stops_in))
+            .expect("a thread for the emulation");
+        let stop = Stop { at: VirtualNanos(0), instruction_count: 0, reason: StopReason::Deadline };
+        let mut started = Self { orders, stops, lent: None, stop, thread: Some(thread) };
+        started.wait();
+        started
+    }
+
+    /// Where it stands.
+    pub fn stop(&self) -> Stop {
+        self.stop
+    }
+
+    /// The part.
+    pub fn part(&self) -> &Part {
+        self.lent.as_ref().expect("the emulation stands still")
+    }
+
+    /// The part.
+    pub fn part_mut(&mut self) -> &mut Part {
+        self.lent.as_mut().expect("the emulation stands still")
+    }
+
+    /// Lets it run to an instant.
+    pub fn run_to(&mut self, instant: VirtualNanos) {
+        self.send(Order::RunTo(instant));
+        self.wait();
+    }
+
+    /// Does something on the emulation's side, where its memory and reports are.
+    pub fn order<R: Send + 'static>(
+        &mut self,
+        job: impl FnOnce(&mut Session<NucleoH743zi>, &mut dyn Host, Stop, &mut Recorder) -> R + Send + 'static,
+    ) -> R {
+        let (result_in, result) = channel();
+        self.send(Order::Do(Box::new(move |session, host, stop, recorder| {
+            // The other end waits for it.
+            let _ = result_in.send(job(session, host, stop, recorder));
+        })));
+        self.wait();
+        result.recv().expect("the job was done before the emulation stopped again")
+    }
+
+    fn send(&mut self, order: Order) {
+        let part = self.lent.take().expect("the emulation stands still");
+        if self.orders.send((part, order)).is_err() {
+            self.fail();
+        }
+    }
+
+    fn wait(&mut self) {
+        match self.stops.recv() {
+            Ok(Lent { part, stop }) => {
+                self.lent = Some(part);
+                self.stop = stop;
+            }
+            Err(_) => self.fail(),
+        }
+    }
+
+    /// The emulation has ended by itself: with a panic, which goes on here.
+    fn fail(&mut self) -> ! {
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            _ => panic!("the emulation has ended"),
+        }
+    }
+}
+
+impl Drop for CoreThread {
+    fn drop(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        if let Some(part) = self.lent.take() {
+            // If it has failed in the meantime, there is nothing to end.
+            let _ = self.orders.send((part, Order::End));
+        }
+        // A panic over there has been told, or the test is failing already.
+        let _ = thread.join();
+    }
+}
+
+/// The emulation's thread.
+fn run(
+    powered_off: PoweredOff,
+    from: Option<&Snapshot>,
+    orders: Receiver<(Box<Part>, Order)>,
+    stops: Sender<Lent>,
+) {
+    let PoweredOff { board, image, firmware, recorder } = powered_off;
+    // Asked to reach instant 0: it stops before the first instruction.
+    let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
+    let mut recorder = recorder;
+    let resume = from.map(|snapshot| {
+        snapshot.load(&mut session, &firmware, &mut recorder).unwrap_or_else(|error| failed(error))
+    });
+    let images = [image];
+    let mut start = Start::new(&images);
+    start.resume = resume.as_ref();
+    let driver = Rendezvous {
+        orders,
+        stops,
+        recorder,
+        target: VirtualNanos(0),
+        next_drain: Recorder::next_drain(from.map_or(VirtualNanos(0), Snapshot::at)),
+        resets: session.resets().len(),
+        resuming: from.is_some(),
+    };
+    if let Err(error) = emulator::run(session, &start, driver) {
+        failed(error);
+    }
+}
+
+fn failed(error: impl std::fmt::Display) -> ! {
+    panic!("the emulation: {error}")
+}
+
+/// The emulation's end of the rendezvous.
+struct Rendezvous {
+    orders: Receiver<(Box<Part>, Order)>,
+    stops: Sender<Lent>,
+    recorder: Recorder,
+    /// Where to stand still next.
+    target: VirtualNanos,
+    /// When the log is drained next.
+    next_drain: VirtualNanos,
+    /// Resets seen so far.
+    resets: usize,
+    /// A run from a snapshot has not yet stood where that was taken.
+    resuming: bool,
+}
+
+impl Rendezvous {
+    /// Stands still until the test orders to run; `None`: to end.
+    fn stand(
+        &mut self,
+        session: &mut Session<NucleoH743zi>,
+        host: &mut dyn Host,
+        stop: Stop,
+    ) -> Option<VirtualNanos> {
+        loop {
+            if let Some(error) = session.take_error() {
+                failed(error);
+            }
+            let part = session.board_mut().lend();
+            self.stops.send(Lent { part, stop }).ok()?;
+            let (part, order) = self.orders.recv().ok()?;
+            session.board_mut().take_back(part);
+            match order {
+                Order::Do(job) => job(session, host, stop, &mut self.recorder),
+                Order::RunTo(instant) => {
+                    self.target = instant;
+                    return Some(self.next_stop());
+                }
+                Order::End => return None,
+            }
+        }
+    }
+
+    fn next_stop(&self) -> VirtualNanos {
+        self.next_drain.min(self.target)
+    }
+}
+
+impl Driver<NucleoH743zi> for Rendezvous {
+    fn on_settled(&mut self, session: &mut Session<NucleoH743zi>, host: &mut dyn Host, settled: Settled) {
+        match settled {
+            Settled::Access { access, value } => self.recorder.access(&access, value),
+            Settled::Hit(hit) => self.recorder.hit(hit),
+            Settled::Stop(stop) if self.resuming => {
+                self.resuming = false;
+                // A machine that is dropped here must still run to its end: one stop.
+                let next = self.stand(session, host, stop).unwrap_or(stop.at);
+                session.run_until(next);
+            }
+            _ => {}
+        }
+        // Start-up code sets the log's memory up anew: take what is in it before the core starts again.
+        if session.resets().len() != self.resets {
+            self.resets = session.resets().len();
+            self.recorder.drain(host);
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<NucleoH743zi>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        if stop.at >= self.next_drain {
+            self.next_drain = Recorder::next_drain(stop.at);
+            self.recorder.drain(host);
+        }
+        if stop.at >= self.target { self.stand(session, host, stop) } else { Some(self.next_stop()) }
+    }
+}

@@ -1,0 +1,105 @@
+//! Names of the board's ports, and typed handles to what hangs there.
+
+use std::marker::PhantomData;
+
+/// The CAN buses of the board, as the gateway numbers them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CanPort {
+    /// FDCAN1.
+    Bus0,
+    /// FDCAN2.
+    Bus1,
+}
+
+impl CanPort {
+    /// Its place among the part's FDCANs.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Bus0 => 0,
+            Self::Bus1 => 1,
+        }
+    }
+}
+
+/// The serial ports of the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UartPort {
+    /// Host link 0: USART3, on a real board the ST-LINK's virtual COM port.
+    Host0,
+    /// Host link 1: USART6.
+    Host1,
+    /// Bus 2: USART2, to an RS485 transceiver.
+    Rs485,
+}
+
+impl UartPort {
+    /// Its place among [`Part::serial`](crate::part::Part::serial).
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Host0 => 0,
+            Self::Host1 => 1,
+            Self::Rs485 => 2,
+        }
+    }
+}
+
+/// A node on a CAN bus, of type `P`.
+pub struct CanNode<P> {
+    port: CanPort,
+    index: usize,
+    peer: PhantomData<fn() -> P>,
+}
+
+impl<P> CanNode<P> {
+    pub(super) const fn new(port: CanPort, index: usize) -> Self {
+        Self { port, index, peer: PhantomData }
+    }
+
+    /// Its bus.
+    #[must_use]
+    pub const fn port(self) -> CanPort {
+        self.port
+    }
+
+    /// Its place among the nodes there.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self.index
+    }
+}
+
+impl<P> Clone for CanNode<P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for CanNode<P> {}
+
+/// The far end of a serial line, of type `P`.
+pub struct Line<P> {
+    port: UartPort,
+    peer: PhantomData<fn() -> P>,
+}
+
+impl<P> Line<P> {
+    pub(super) const fn new(port: UartPort) -> Self {
+        Self { port, peer: PhantomData }
+    }
+
+    /// Its port.
+    #[must_use]
+    pub const fn port(self) -> UartPort {
+        self.port
+    }
+}
+
+impl<P> Clone for Line<P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for Line<P> {}

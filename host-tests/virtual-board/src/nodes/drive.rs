@@ -1,0 +1,46 @@
+//! Changing a peer between two runs where it has to know the time: what it does next may come earlier by that.
+
+use rigless::chip::{Timeline, can};
+use rigless::mcu::Mcu;
+
+use super::instant;
+use crate::machine::{CanNode, Line, Machine};
+use crate::part::{FDCAN_NAMES, Part};
+use crate::serial_port::FarEnd;
+
+impl Machine {
+    /// Changes a node of a CAN bus now.
+    ///
+    /// # Panics
+    ///
+    /// Never: the handle comes from hanging the node there.
+    pub fn drive_node<P: can::Peer, T>(
+        &mut self,
+        node: CanNode<P>,
+        change: impl FnOnce(&mut P, &mut Timeline<'_, '_>) -> T,
+    ) -> T {
+        let (at, port) = (instant(self.now()), node.port().index());
+        let Part { stm32, fdcan, .. } = self.part_mut();
+        let slot = stm32.bus().slot(FDCAN_NAMES[port]).expect("the part has both controllers");
+        let (_, mut context) = stm32.bus_mut().drive(at, slot);
+        let peer = fdcan[port].nodes_mut()[node.index()].peer_mut();
+        change(peer, &mut Timeline::new(&mut context))
+    }
+
+    /// Changes the far end of a serial line now.
+    ///
+    /// # Panics
+    ///
+    /// Never: the handle comes from hanging it there.
+    pub fn drive_line<P: FarEnd, T>(
+        &mut self,
+        line: Line<P>,
+        change: impl FnOnce(&mut P, &mut Timeline<'_, '_>) -> T,
+    ) -> T {
+        let at = instant(self.now());
+        let answer = self.part_mut().drive_serial(line.port().index(), at, |port, registers, context| {
+            port.drive(registers, context, change)
+        });
+        answer.expect("the far end that was hung here")
+    }
+}

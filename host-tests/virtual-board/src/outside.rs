@@ -1,0 +1,132 @@
+//! Everything outside the board as one wiring of the simulator describes it: two computers, and motors on its buses.
+
+use mgw_sim::{Injection, Motor, MotorWiring, Wiring, WiringError};
+
+use crate::can_motors::CanMotor;
+use crate::host_uart::HostUart;
+use crate::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
+use crate::rs485_line::Rs485Line;
+
+/// The board's buses, as the gateway numbers them.
+const CAN_PORTS: [CanPort; 2] = [CanPort::Bus0, CanPort::Bus1];
+const RS485_BUS: u8 = 2;
+
+/// Where a motor hangs.
+#[derive(Clone, Copy)]
+enum Place {
+    Can(CanNode<CanMotor>),
+    /// Its index on the RS485 line.
+    Rs485(usize),
+}
+
+/// Handles to what hangs on the board's ports.
+#[derive(Clone)]
+pub struct Outside {
+    /// The computers at host links 0 and 1.
+    pub hosts: [Line<HostUart>; 2],
+    /// The RS485 line.
+    pub rs485: Line<Rs485Line>,
+    motors: Vec<(u8, Place)>,
+}
+
+impl Outside {
+    /// Hangs two computers, an RS485 line and these motors on a board. Buses 0 and 1 are CAN, bus 2 is the RS485 line.
+    /// `seed` decides the motors' reply times.
+    ///
+    /// # Errors
+    ///
+    /// If a motor cannot be connected as the wiring says.
+    pub fn connect(board: &mut Builder, motors: &[MotorWiring], seed: u64) -> Result<Self, WiringError> {
+        let mut line = Rs485Line::new();
+        let mut places = Vec::with_capacity(motors.len());
+        for (wiring, seed) in motors.iter().zip(seed..) {
+            let place = match CAN_PORTS.get(usize::from(wiring.bus)) {
+                Some(port) => {
+                    let motor = CanMotor::new(*wiring, seed)?;
+                    Place::Can(board.can_node(*port, motor, Some(wiring.bitrate)))
+                }
+                None if wiring.bus == RS485_BUS => Place::Rs485(line.connect(*wiring, seed)?),
+                None => {
+                    return Err(WiringError::Bus { bus: wiring.bus, buses: usize::from(RS485_BUS) + 1 });
+                }
+            };
+            places.push((wiring.bus, place));
+        }
+        let hosts = [UartPort::Host0, UartPort::Host1].map(|port| board.line(port, HostUart::new()));
+        Ok(Self { hosts, rs485: board.line(UartPort::Rs485, line), motors: places })
+    }
+
+    /// [`Outside::connect`] with the motors of [`Wiring::four_motors`]: an RMD (node 1) and a thruster (0x0B) on bus 0, a
+    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line. Their indexes are 0 to 3.
+    ///
+    /// # Panics
+    ///
+    /// Never: this wiring is sound.
+    pub fn four_motors(board: &mut Builder, seed: u64) -> Self {
+        Self::connect(board, &Wiring::four_motors().motors, seed).expect("a sound wiring")
+    }
+
+    /// How many motors there are.
+    #[must_use]
+    pub fn motors(&self) -> usize {
+        self.motors.len()
+    }
+
+    /// The bus of a motor.
+    ///
+    /// # Panics
+    ///
+    /// If there is none with this index.
+    #[must_use]
+    pub fn bus(&self, motor: usize) -> u8 {
+        self.motors[motor].0
+    }
+
+    /// A motor, in the order of the wiring: its shaft, its faults, its log.
+    ///
+    /// # Panics
+    ///
+    /// If there is none with this index.
+    pub fn motor<'a>(&self, machine: &'a mut Machine, motor: usize) -> &'a Motor {
+        match self.motors[motor].1 {
+            Place::Can(node) => machine.node(node).motor(),
+            Place::Rs485(index) => machine.line(self.rs485).motor(index),
+        }
+    }
+
+    /// Puts a fault into a motor, or takes it out again. Unplugged, a motor on CAN acknowledges nothing either.
+    ///
+    /// # Panics
+    ///
+    /// If there is none with this index.
+    pub fn inject(&self, machine: &mut Machine, motor: usize, injection: Injection) {
+        match self.motors[motor].1 {
+            Place::Can(node) => {
+                machine.drive_node(node, |motor, timeline| motor.inject(injection, timeline));
+                if let Injection::Unplugged(off) = injection {
+                    machine.silence_node(node, off);
+                }
+            }
+            Place::Rs485(index) => {
+                machine.drive_line(self.rs485, |line, timeline| line.inject(index, injection, timeline));
+            }
+        }
+    }
+
+    /// Switches a motor off and on again.
+    ///
+    /// # Panics
+    ///
+    /// If there is none with this index.
+    pub fn power_cycle(&self, machine: &mut Machine, motor: usize) {
+        match self.motors[motor].1 {
+            Place::Can(node) => machine.drive_node(node, CanMotor::power_cycle),
+            Place::Rs485(index) => {
+                machine.drive_line(self.rs485, |line, timeline| line.power_cycle(index, timeline));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,93 @@
+//! The client library's transport over a host UART, in virtual time.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::io;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mgw_client::Transport;
+
+use crate::host_uart::HostUart;
+use crate::machine::{Line, Machine};
+
+/// How often a waiting client looks for bytes: two bytes' time.
+const LOOK: Duration = Duration::from_micros(20);
+/// After so long nothing is about to come, and it looks less often.
+const PATIENCE: Duration = Duration::from_millis(2);
+/// How often then.
+const LAZY_LOOK: Duration = Duration::from_micros(200);
+
+/// A host link of a board as a client's transport: waiting and sleeping let the board run.
+///
+/// Several transports may share one board; each of them moves it on.
+#[derive(Clone)]
+pub struct BoardTransport {
+    machine: Rc<RefCell<Machine>>,
+    line: Line<HostUart>,
+    /// Taken from the line, not yet asked for.
+    unread: VecDeque<u8>,
+}
+
+impl BoardTransport {
+    /// Over the line on which that computer hangs.
+    #[must_use]
+    pub fn new(machine: &Rc<RefCell<Machine>>, line: Line<HostUart>) -> Self {
+        Self { machine: Rc::clone(machine), line, unread: VecDeque::new() }
+    }
+
+    /// The board behind it.
+    #[must_use]
+    pub fn machine(&self) -> &Rc<RefCell<Machine>> {
+        &self.machine
+    }
+
+    /// The computer's end of the line.
+    #[must_use]
+    pub fn line(&self) -> Line<HostUart> {
+        self.line
+    }
+}
+
+impl Transport for BoardTransport {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.machine.borrow_mut().line(self.line).send(bytes);
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        let mut machine = self.machine.borrow_mut();
+        let start = machine.now();
+        loop {
+            self.unread.extend(machine.line(self.line).take());
+            if !self.unread.is_empty() {
+                let count = self.unread.len().min(buffer.len());
+                for (place, byte) in buffer.iter_mut().zip(self.unread.drain(..count)) {
+                    *place = byte;
+                }
+                return Ok(count);
+            }
+            let waited = machine.now().saturating_sub(start);
+            let Some(left) = timeout.checked_sub(waited).filter(|left| !left.is_zero()) else { return Ok(0) };
+            let look = if waited < PATIENCE { LOOK } else { LAZY_LOOK };
+            machine.run_for(look.min(left));
+        }
+    }
+
+    fn now(&self) -> Duration {
+        self.machine.borrow().now()
+    }
+
+    fn sleep(&mut self, duration: Duration) {
+        self.machine.borrow_mut().run_for(duration);
+    }
+
+    fn reconnect(&mut self) -> io::Result<()> {
+        self.unread.clear();
+        self.machine.borrow_mut().line(self.line).clear();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,265 @@
+//! The image and its two CAN controllers: it starts them, sends, receives, and survives a bus that fails.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use host_protocol::replies::BusReport;
+use host_protocol::{BusState, CanFrame, Protocol, ProtocolSet, RawFrame};
+use mgw_client::Client;
+use rigless::chip::can::{Frame, Id, Offer, Pattern};
+use rigless::time::VirtualNanos;
+use virtual_board::fdcan::{BitTime, FrameEnd, Sender, Wiring};
+use virtual_board::host_uart::HostUart;
+use virtual_board::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
+use virtual_board::transport::BoardTransport;
+
+const BITRATE: u32 = 1_000_000;
+const REPLY_WINDOW: Duration = Duration::from_millis(5);
+
+/// A board whose bus 0 the host has configured and opened for raw frames.
+struct Lab {
+    machine: Rc<RefCell<Machine>>,
+    client: Client<BoardTransport>,
+}
+
+impl Lab {
+    fn power_on(mut builder: Builder) -> Self {
+        let host = builder.line(UartPort::Host0, HostUart::new());
+        Self::of(builder.power_on(), host)
+    }
+
+    fn of(machine: Machine, host: Line<HostUart>) -> Self {
+        let machine = Rc::new(RefCell::new(machine));
+        let client = Client::connect_as(BoardTransport::new(&machine, host), 1, 1).expect("hello");
+        let mut lab = Self { machine, client };
+        lab.configure(0, BITRATE);
+        lab.client.raw_open(0).expect("open");
+        lab
+    }
+
+    fn configure(&mut self, bus: u8, bitrate: u32) {
+        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
+        self.client.configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW).expect("configured");
+    }
+
+    fn run_for(&mut self, duration: Duration) {
+        self.machine.borrow_mut().run_for(duration);
+    }
+
+    fn send(&mut self, id: u16, data: &[u8]) {
+        let frame = CanFrame::standard(id, data).expect("a frame");
+        self.client.raw_send(0, RawFrame::Can(frame)).expect("taken over");
+    }
+
+    fn status(&mut self) -> BusReport {
+        self.client.bus_status(0).expect("status")
+    }
+
+    fn heard(&self, node: CanNode<Pattern>) -> Vec<u16> {
+        let mut machine = self.machine.borrow_mut();
+        let heard = machine.node(node).heard();
+        heard.iter().map(|(_, frame)| u16::try_from(frame.id.value()).expect("11 bits")).collect()
+    }
+
+    fn ends(&self) -> Vec<FrameEnd> {
+        self.machine.borrow().can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect()
+    }
+}
+
+/// Cuts the bus, sends, and waits until the controller is in the middle of an attempt.
+fn sending_alone(mut lab: Lab) -> Lab {
+    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Cut);
+    lab.send(0x141, &[1, 2, 3, 4, 5, 6, 7, 8]);
+    let sending = |machine: &mut Machine| machine.can(CanPort::Bus0).is_sending();
+    assert!(lab.machine.borrow_mut().run_until(Duration::from_millis(5), sending));
+    lab
+}
+
+fn data_frame(id: u16, data: &[u8]) -> Frame {
+    Frame::data_frame(Id::Standard(id), data)
+}
+
+/// A board with one node on bus 0.
+fn with_node(pattern: Pattern) -> (Lab, CanNode<Pattern>) {
+    let mut builder = Machine::builder();
+    let node = builder.can_node(CanPort::Bus0, pattern, Some(BITRATE));
+    (Lab::power_on(builder), node)
+}
+
+#[test]
+fn both_controllers_leave_init_at_the_rates_that_the_host_chose() {
+    let (mut lab, _) = with_node(Pattern::default());
+    lab.configure(1, 210_526);
+    lab.run_for(Duration::from_millis(1));
+    let machine = lab.machine.borrow();
+    // 80 MHz: 4 × 20 and 19 × 20 cycles a bit.
+    assert_eq!(machine.can(CanPort::Bus0).bit_time(), BitTime::of_cycles(80, 80_000_000));
+    assert_eq!(machine.can(CanPort::Bus1).bit_time(), BitTime::of_cycles(380, 80_000_000));
+    assert!(machine.can(CanPort::Bus0).is_on_bus() && machine.can(CanPort::Bus1).is_on_bus());
+    drop(machine);
+    let reports = lab.machine.borrow_mut().reports();
+    assert!(reports.told.iter().all(|told| told.instance == "RCC"), "{:?}", reports.told);
+    assert!(reports.unimplemented.is_empty() && reports.unmapped.is_empty() && reports.refused.is_empty());
+}
+
+#[test]
+fn a_raw_frame_goes_out_and_its_answer_comes_in() {
+    let (mut lab, node) = with_node(Pattern::default());
+    lab.send(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]);
+    lab.run_for(Duration::from_millis(1));
+    {
+        let mut machine = lab.machine.borrow_mut();
+        assert_eq!(machine.node(node).heard()[0].1, data_frame(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]));
+        let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
+        machine.node(node).queue(Offer { since, frame: data_frame(0x241, &[1, 2, 3]), fault: None });
+    }
+    lab.run_for(Duration::from_millis(1));
+    let received = lab.client.raw_receive(0).expect("frames").frames;
+    let frames: Vec<RawFrame> = received.iter().map(|received| received.frame.clone()).collect();
+    assert_eq!(frames, [RawFrame::Can(CanFrame::standard(0x241, &[1, 2, 3]).expect("a frame"))]);
+    let status = lab.status();
+    assert_eq!((status.state, status.transmit_errors, status.receive_errors), (BusState::Active, 0, 0));
+    assert_eq!((status.counters.sent, status.counters.received), (1, 1));
+    let log = lab.machine.borrow_mut().can_mut(CanPort::Bus0).take_log();
+    assert_eq!(
+        log.iter().map(|record| record.sender).collect::<Vec<_>>(),
+        [Sender::Controller, Sender::Node(0)]
+    );
+}
+
+#[test]
+fn without_acknowledgement_the_bus_is_passive_and_active_again_with_it() {
+    let (mut lab, node) = with_node(Pattern::default());
+    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Cut);
+    lab.send(0x141, &[1]);
+    lab.run_for(Duration::from_millis(30));
+    let status = lab.status();
+    assert_eq!((status.state, status.transmit_errors), (BusState::Passive, 128));
+    assert!(lab.ends().iter().all(|end| *end == FrameEnd::Unacknowledged));
+    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Connected);
+    for _ in 0..40 {
+        lab.send(0x142, &[2]);
+        lab.run_for(Duration::from_millis(1));
+    }
+    lab.run_for(Duration::from_millis(20));
+    assert_eq!(lab.status().state, BusState::Active);
+    assert!(lab.heard(node).len() >= 40);
+}
+
+#[test]
+fn destroyed_frames_put_the_bus_off_and_the_core_starts_it_again() {
+    let (mut lab, node) = with_node(Pattern::default().disturbing(32));
+    lab.send(0x141, &[1]);
+    let machine = Rc::clone(&lab.machine);
+    let off = |machine: &mut Machine| !machine.can(CanPort::Bus0).is_on_bus();
+    assert!(machine.borrow_mut().run_until(Duration::from_millis(10), off));
+    assert_eq!(lab.ends(), [FrameEnd::Destroyed; 32]);
+    let status = lab.status();
+    assert_eq!(status.state, BusState::BusOff);
+    assert_eq!(status.counters.bus_offs, 1);
+    let on = |machine: &mut Machine| machine.can(CanPort::Bus0).is_on_bus();
+    assert!(machine.borrow_mut().run_until(Duration::from_secs(2), on));
+    lab.run_for(Duration::from_millis(20));
+    assert_eq!(lab.status().state, BusState::Active);
+    lab.send(0x142, &[2]);
+    lab.run_for(Duration::from_millis(1));
+    assert_eq!(lab.heard(node), [0x142], "the frame from before was taken back");
+}
+
+#[test]
+fn a_short_puts_the_bus_off_until_it_is_mended() {
+    let (mut lab, node) = with_node(Pattern::default());
+    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Shorted);
+    lab.send(0x141, &[1]);
+    lab.run_for(Duration::from_millis(5));
+    assert_eq!(lab.status().state, BusState::BusOff);
+    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Connected);
+    let machine = Rc::clone(&lab.machine);
+    assert!(
+        machine
+            .borrow_mut()
+            .run_until(Duration::from_secs(2), |machine| { machine.can(CanPort::Bus0).is_on_bus() })
+    );
+    lab.run_for(Duration::from_millis(20));
+    lab.send(0x142, &[2]);
+    lab.run_for(Duration::from_millis(1));
+    assert_eq!(lab.status().state, BusState::Active);
+    assert_eq!(lab.heard(node), [0x142]);
+}
+
+#[test]
+fn a_node_at_another_rate_brings_errors_and_no_answer() {
+    let mut builder = Machine::builder();
+    let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(500_000));
+    let mut lab = Lab::power_on(builder);
+    lab.send(0x141, &[1]);
+    lab.run_for(Duration::from_millis(30));
+    let status = lab.status();
+    assert_eq!(status.state, BusState::Passive);
+    assert_eq!(lab.heard(node), []);
+    assert!(lab.ends().contains(&FrameEnd::Destroyed));
+}
+
+#[test]
+fn a_core_that_is_too_slow_loses_frames_and_counts_that() {
+    const FRAMES: u32 = 100;
+    // 50 µs a frame: 250 instructions.
+    let mut builder = Machine::builder().instructions_per_second(5_000_000);
+    let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
+    let mut lab = Lab::power_on(builder);
+    {
+        let mut machine = lab.machine.borrow_mut();
+        let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
+        for _ in 0..FRAMES {
+            machine.node(node).queue(Offer { since, frame: data_frame(0x555, &[]), fault: None });
+        }
+    }
+    lab.run_for(Duration::from_millis(500));
+    let counters = lab.status().counters;
+    assert_eq!(lab.ends().len(), FRAMES as usize, "each was acknowledged");
+    assert!(counters.receive_overflows > 0, "{counters:?}");
+    assert!(counters.received > 0 && counters.received < FRAMES, "{counters:?}");
+}
+
+#[test]
+fn a_snapshot_in_mid_frame_goes_on_alike() {
+    let build = || {
+        let mut builder = Machine::builder();
+        let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
+        let host = builder.line(UartPort::Host0, HostUart::new());
+        (builder, node, host)
+    };
+    let (builder, node, host) = build();
+    let lab = sending_alone(Lab::of(builder.power_on(), host));
+    let mut original = lab.machine.borrow_mut();
+    let snapshot = original.snapshot();
+    let (builder, copied_node, _) = build();
+    let mut copy = builder.resume(&snapshot);
+    assert!(copy.can(CanPort::Bus0).is_sending());
+    for machine in [&mut *original, &mut copy] {
+        machine.wire_can(CanPort::Bus0, Wiring::Connected);
+        machine.run_for(Duration::from_millis(100));
+    }
+    assert_eq!(copy.can(CanPort::Bus0).log(), original.can(CanPort::Bus0).log());
+    assert_eq!(copy.node(copied_node).heard(), original.node(node).heard());
+    assert_eq!(original.node(node).heard().len(), 1);
+    assert_eq!(copy.access_digest(), original.access_digest());
+    assert_eq!(copy.instructions(), original.instructions());
+}
+
+#[test]
+fn a_reset_in_mid_frame_breaks_the_frame_off_and_leaves_the_nodes_alone() {
+    let (lab, node) = with_node(Pattern::default());
+    let lab = sending_alone(lab);
+    let mut machine = lab.machine.borrow_mut();
+    machine.wire_can(CanPort::Bus0, Wiring::Connected);
+    let before = machine.can_mut(CanPort::Bus0).take_log();
+    assert_eq!(before, [], "it is the first attempt");
+    machine.reset_by_pin();
+    machine.run_for(Duration::from_millis(20));
+    let ends: Vec<FrameEnd> = machine.can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect();
+    assert_eq!(ends, [FrameEnd::Destroyed]);
+    assert!(!machine.can(CanPort::Bus0).is_on_bus());
+    assert_eq!(machine.node(node).heard(), []);
+}
