@@ -34,7 +34,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 fn check_request(address: Address, request: &Request) {
-    let fields = shown_fields!(d5, request);
+    let fields = shown_fields(|visit| request.visit_fields(visit));
     match request_frame(address, request) {
         Ok(frame) => assert_eq!(decode_frame(&frame), Ok(Message::Request(address, *request))),
         Err(error) => {
@@ -71,7 +71,7 @@ fn check_reply(node: Node, reply: &Reply) {
         Err(error) => _ = error.to_string(),
     }
     _ = reply.name();
-    _ = shown_fields!(d5, reply);
+    _ = shown_fields(|visit| reply.visit_fields(visit));
 }
 
 fn check_answer(request: &Request, from: Node, reply: &Reply) {

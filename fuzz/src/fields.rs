@@ -1,24 +1,24 @@
 //! The fields that a codec shows of a request, on their way back into a request.
 
-/// A macro, because each codec has a `FieldValue` of its own.
-macro_rules! shown_fields {
-    ($codec:ident, $request:expr) => {{
-        let mut numbers = std::collections::BTreeMap::new();
-        $request.visit_fields(&mut |name, value| {
-            let number = match value {
-                $codec::FieldValue::Integer(value) => value as f64,
-                $codec::FieldValue::Physical(value) => value,
-                $codec::FieldValue::Bool(value) => f64::from(u8::from(value)),
-                $codec::FieldValue::Flags { raw, names } => {
-                    names(raw, &mut |_| ());
-                    f64::from(raw)
-                }
-                $codec::FieldValue::Text(_) | $codec::FieldValue::Bytes(_) => return,
-            };
-            numbers.insert(name, number);
-        });
-        numbers
-    }};
-}
+use std::collections::BTreeMap;
 
-pub(crate) use shown_fields;
+use codec::FieldValue;
+
+/// The numbers of a message that hands its fields to what `visit` is given.
+pub(crate) fn shown_fields(visit: impl FnOnce(&mut codec::Visit<'_>)) -> BTreeMap<&'static str, f64> {
+    let mut numbers = BTreeMap::new();
+    visit(&mut |name, value| {
+        let number = match value {
+            FieldValue::Integer(value) => value as f64,
+            FieldValue::Physical(value) => value,
+            FieldValue::Bool(value) => f64::from(u8::from(value)),
+            FieldValue::Flags { raw, names } => {
+                names(raw, &mut |_| ());
+                f64::from(raw)
+            }
+            FieldValue::Text(_) | FieldValue::Bytes(_) => return,
+        };
+        numbers.insert(name, number);
+    });
+    numbers
+}

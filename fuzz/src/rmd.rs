@@ -27,7 +27,7 @@ pub fn check(bytes: &[u8]) {
                 Err(error) => _ = error.to_string(),
             }
             _ = reply.name();
-            _ = shown_fields!(rmd, reply);
+            _ = shown_fields(|visit| reply.visit_fields(visit));
         }
         Err(error) => _ = error.to_string(),
     }
@@ -48,7 +48,7 @@ fn check_request(target: Target, request: &Request) {
         Ok(frame) => assert_eq!(can::decode_any_request(&frame), Ok((target, *request))),
         Err(error) => _ = error.to_string(),
     }
-    let fields = shown_fields!(rmd, request);
+    let fields = shown_fields(|visit| request.visit_fields(visit));
     // The words of motion mode are converted by other divisors one way than the other (RMD V3.6 §5.4).
     if request.encode().is_ok() && !matches!(request, Request::Unknown { .. } | Request::MotionMode { .. }) {
         let built = Request::build(request.name(), &|name| fields.get(name).copied());

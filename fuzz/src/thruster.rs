@@ -31,7 +31,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 fn check_request(node: Node, request: &Request) {
-    let fields = shown_fields!(thruster, request);
+    let fields = shown_fields(|visit| request.visit_fields(visit));
     match can::request::<CanFrame>(node, request) {
         Ok(frame) => assert_eq!(can::decode_request(&frame), Ok((node, *request))),
         Err(error) => {
@@ -51,7 +51,7 @@ fn check_reply(node: Node, reply: &Reply) {
         Err(error) => _ = error.to_string(),
     }
     _ = reply.name();
-    _ = shown_fields!(thruster, reply);
+    _ = shown_fields(|visit| reply.visit_fields(visit));
 }
 
 fn check_answer(request: &Request, reply: &Reply) {

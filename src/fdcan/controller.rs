@@ -87,7 +87,8 @@ impl<'d> Controller<'d> {
     fn given_back(&mut self) -> Option<u8> {
         let pending = self.registers.txbrp().read();
         let is_back = |held: &Held| held.asked_back && !pending.trp(held.place);
-        let (slot, held) = (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
+        let (slot, held) =
+            (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
         *held = None;
         // Another one may be back too.
         self.happenings.report(Happening::CancellationFinished);

@@ -6,8 +6,8 @@ use d5::{Address, DecodeError, FRAME_LEN, Message, Reply, Request};
 use embedded_can::Frame;
 use host_protocol::CanFrame;
 
+use super::put;
 use super::record::{Direction, Motor, Record};
-use super::{put, visit};
 
 const NAME: &str = "d5";
 
@@ -35,14 +35,14 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Address::Broadcast => Motor::All,
             };
             record.message(Direction::Request, NAME, &motor, request.name());
-            visit!(d5, request, record);
+            request.visit_fields(&mut put(record));
             if let Request::Unknown { .. } = request {
                 record.unknown_command();
             }
         }
         Ok(Message::Reply(node, reply)) => {
             record.message(Direction::Reply, NAME, &Motor::Node(node.get()), reply.name());
-            write_fields(&reply, record);
+            reply.visit_fields(&mut put(record));
             if let Reply::Unknown { .. } = reply {
                 record.unknown_command();
             }
@@ -52,19 +52,6 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
             record.error(error_name(&error), &error);
         }
     }
-}
-
-/// Two registers read at once may have fields of one name: that of the second gets a name of its own.
-fn write_fields<W: Write>(reply: &Reply, record: &mut Record<W>) {
-    let mut last = "";
-    reply.visit_fields(&mut |name, value| {
-        if name == last {
-            put!(d5, record, &format!("next_{name}"), value);
-        } else {
-            put!(d5, record, name, value);
-        }
-        last = name;
-    });
 }
 
 fn error_name(error: &DecodeError) -> &'static str {

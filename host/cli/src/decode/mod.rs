@@ -13,6 +13,7 @@ mod thruster;
 
 use std::io::{self, BufReader, BufWriter, Read, Write};
 
+use codec::FieldValue;
 use embedded_can::{Frame, Id};
 use host_protocol::CanFrame;
 
@@ -38,28 +39,17 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     Decoder::new(args, Record::new(output, json)).run(io::stdin().lock())
 }
 
-/// Hands a field of a codec to a record.
-macro_rules! put {
-    ($codec:ident, $record:expr, $name:expr, $value:expr) => {
-        match $value {
-            ::$codec::FieldValue::Integer(value) => $record.integer($name, value),
-            ::$codec::FieldValue::Physical(value) => $record.physical($name, value),
-            ::$codec::FieldValue::Bool(value) => $record.boolean($name, value),
-            ::$codec::FieldValue::Flags { raw, names } => $record.flags($name, raw, names),
-            ::$codec::FieldValue::Text(text) => $record.text($name, text),
-            ::$codec::FieldValue::Bytes(bytes) => $record.bytes($name, bytes),
-        }
-    };
+/// Takes the fields of a message into a record.
+fn put<W: Write>(record: &mut Record<W>) -> impl FnMut(&'static str, FieldValue<'_>) {
+    |name, value| match value {
+        FieldValue::Integer(value) => record.integer(name, value),
+        FieldValue::Physical(value) => record.physical(name, value),
+        FieldValue::Bool(value) => record.boolean(name, value),
+        FieldValue::Flags { raw, names } => record.flags(name, raw, names),
+        FieldValue::Text(text) => record.text(name, text),
+        FieldValue::Bytes(bytes) => record.bytes(name, bytes),
+    }
 }
-use put;
-
-/// Hands every field of a message of a codec to a record.
-macro_rules! visit {
-    ($codec:ident, $message:expr, $record:expr) => {
-        $message.visit_fields(&mut |name, value| $crate::decode::put!($codec, $record, name, value))
-    };
-}
-use visit;
 
 struct Decoder<'a, W: Write> {
     args: &'a DecodeArgs,

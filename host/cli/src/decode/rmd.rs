@@ -6,8 +6,8 @@ use host_protocol::CanFrame;
 use rmd::rs485::FRAME_LEN;
 use rmd::{Answer, DecodeError, Function, Node, Reply, Request, Target};
 
+use super::put;
 use super::record::{Direction, Motor as Addressee, Record};
-use super::visit;
 use crate::args::DirectionChoice;
 
 const NAME: &str = "rmd";
@@ -222,7 +222,7 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Target::All => Addressee::All,
             };
             record.message(Direction::Request, NAME, &motor, request.name());
-            visit!(rmd, request, record);
+            request.visit_fields(&mut put(record));
             request.info().is_some()
         }
         Ok(Message::Reply(node, reply)) => write_reply(Direction::Reply, node, &reply, record),
@@ -244,7 +244,7 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
 
 fn write_reply<W: Write>(direction: Direction, node: Node, reply: &Reply, record: &mut Record<W>) -> bool {
     record.message(direction, NAME, &Addressee::Node(node.get()), reply.name());
-    visit!(rmd, reply, record);
+    reply.visit_fields(&mut put(record));
     reply.info().is_some()
 }
 

@@ -6,8 +6,8 @@ use embedded_can::Id;
 use host_protocol::CanFrame;
 use thruster::{DecodeError, Headerless, Node, Reply, Request, ReturnFlags, ReturnSource, Returned, command};
 
+use super::put;
 use super::record::{Direction, Motor, Record};
-use super::visit;
 
 const NAME: &str = "thruster";
 /// One place for each id.
@@ -157,14 +157,14 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
     let is_known = match message {
         Ok(Message::Request(node, request)) => {
             record.message(Direction::Request, NAME, &Motor::Node(node.get()), request.name());
-            visit!(thruster, request, record);
+            request.visit_fields(&mut put(record));
             request.info().is_some()
         }
         Ok(Message::Reply(node, reply)) => write_reply(Direction::Reply, node, &reply, record),
         Ok(Message::Event(node, reply)) => write_reply(Direction::Event, node, &reply, record),
         Ok(Message::Headerless(node, values)) => {
             record.message(Direction::Reply, NAME, &Motor::Node(node.get()), Headerless::NAME);
-            visit!(thruster, values, record);
+            values.visit_fields(&mut put(record));
             true
         }
         Err(error) => {
@@ -179,7 +179,7 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
 
 fn write_reply<W: Write>(direction: Direction, node: Node, reply: &Reply, record: &mut Record<W>) -> bool {
     record.message(direction, NAME, &Motor::Node(node.get()), reply.name());
-    visit!(thruster, reply, record);
+    reply.visit_fields(&mut put(record));
     reply.info().is_some()
 }
 

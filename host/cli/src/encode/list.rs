@@ -1,7 +1,9 @@
 //! Every command of a protocol with its fields, units and ranges.
 
+use ::codec::FieldInfo;
 use serde_json::json;
 
+use super::by_name::{Codec, D5, RMD, THRUSTER, range};
 use crate::args::CodecChoice;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -10,67 +12,59 @@ use crate::table::Table;
 /// Prints the table of a codec.
 pub fn run(protocol: CodecChoice, out: Output) -> Result<(), Failure> {
     match protocol {
-        CodecChoice::Rmd => rmd(out),
-        CodecChoice::Thruster => thruster(out),
+        CodecChoice::Rmd => commands(&RMD, out),
+        CodecChoice::Thruster => commands(&THRUSTER, out),
         CodecChoice::D5 => {
-            d5(out)?;
+            commands(&D5, out)?;
             registers(out)
         }
     }
 }
 
-macro_rules! list {
-    ($codec:ident) => {
-        fn $codec(out: Output) -> Result<(), Failure> {
-            use super::codec::$codec::{is_sendable, range};
-            for info in ::$codec::COMMANDS {
-                out.text(format!("{}  0x{:02X}  {}", info.name, info.code, info.section))?;
-                if !info.note.is_empty() {
-                    out.text(format!("    {}", info.note))?;
-                }
-                for field in info.request {
-                    let step = if field.counts_per_unit == 1.0 {
-                        String::new()
-                    } else {
-                        format!(", step {}", short(field.lsb()))
-                    };
-                    out.text(format!("    --{:<20}  {}{step}", field.name, range(field)))?;
-                }
-                let names: Vec<&str> = info.reply.iter().map(|field| field.name).collect();
-                if !names.is_empty() {
-                    out.text(format!("    reply: {}", names.join(", ")))?;
-                }
-                let fields = |fields: &[::$codec::FieldInfo]| -> Vec<serde_json::Value> {
-                    let field = |field: &::$codec::FieldInfo| {
-                        json!({
-                            "name": field.name,
-                            "unit": field.unit,
-                            "kind": format!("{:?}", field.kind).to_lowercase(),
-                            "min": field.min,
-                            "max": field.max,
-                            "step": field.lsb(),
-                        })
-                    };
-                    fields.iter().map(field).collect()
-                };
-                out.object(&json!({
-                    "command": info.name,
-                    "code": info.code,
-                    "section": info.section,
-                    "sendable": is_sendable(info),
-                    "request": fields(info.request),
-                    "reply": fields(info.reply),
-                    "note": info.note,
-                }))?;
-            }
-            Ok(())
+fn commands<R>(codec: &Codec<R>, out: Output) -> Result<(), Failure> {
+    for info in codec.commands {
+        out.text(format!("{}  0x{:02X}  {}", info.name, info.code, info.section))?;
+        if !info.note.is_empty() {
+            out.text(format!("    {}", info.note))?;
         }
-    };
+        for field in info.request {
+            let step = if field.counts_per_unit == 1.0 {
+                String::new()
+            } else {
+                format!(", step {}", short(field.lsb()))
+            };
+            out.text(format!("    --{:<20}  {}{step}", field.name, range(field)))?;
+        }
+        let names: Vec<&str> = info.reply.iter().map(|field| field.name).collect();
+        if !names.is_empty() {
+            out.text(format!("    reply: {}", names.join(", ")))?;
+        }
+        out.object(&json!({
+            "command": info.name,
+            "code": info.code,
+            "section": info.section,
+            "sendable": codec.is_sendable(info),
+            "request": objects(info.request),
+            "reply": objects(info.reply),
+            "note": info.note,
+        }))?;
+    }
+    Ok(())
 }
 
-list!(rmd);
-list!(thruster);
-list!(d5);
+fn objects(fields: &[FieldInfo]) -> Vec<serde_json::Value> {
+    let object = |field: &FieldInfo| {
+        json!({
+            "name": field.name,
+            "unit": field.unit,
+            "kind": format!("{:?}", field.kind).to_lowercase(),
+            "min": field.min,
+            "max": field.max,
+            "step": field.lsb(),
+        })
+    };
+    fields.iter().map(object).collect()
+}
 
 /// The registers that `read` and `write` take.
 fn registers(out: Output) -> Result<(), Failure> {

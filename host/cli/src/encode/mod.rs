@@ -1,6 +1,6 @@
 //! `mgw encode`: a frame from the names of a command and its fields.
 
-mod codec;
+mod by_name;
 mod list;
 mod wanted;
 
@@ -12,6 +12,7 @@ use crate::args::{BusKind, CodecChoice, EncodeArgs};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::words;
+use by_name::{D5, RMD, THRUSTER, refused};
 use wanted::{To, Wanted};
 
 /// Prints the frame, or the list of commands.
@@ -49,25 +50,25 @@ pub fn data_field(
 ) -> Result<Vec<u8>, Failure> {
     match protocol {
         Protocol::Rmd => {
-            let request = codec::rmd::build(&Wanted::of(CodecChoice::Rmd, node, command, fields), &|_| None)?;
+            let request = RMD.build(&Wanted::of(CodecChoice::Rmd, node, command, fields))?;
             if is_for_all(&request) || matches!(request, rmd::Request::MotionMode { .. }) {
                 return Err(Failure::Usage(format!(
                     "`{command}` goes to a CAN id of its own, which native commands do not reach. Use `mgw set AXIS impedance` \
                      for motion mode, `mgw raw` for the others"
                 )));
             }
-            request.encode().map(|data| data.to_vec()).map_err(codec::rmd::refused)
+            request.encode().map(|data| data.to_vec()).map_err(refused)
         }
         Protocol::Thruster => {
             let wanted = Wanted::of(CodecChoice::Thruster, node, command, fields);
-            let request = codec::thruster::build(&wanted, &|_| None)?;
-            request.encode().map(|data| data.as_slice().to_vec()).map_err(codec::thruster::refused)
+            let request = THRUSTER.build(&wanted)?;
+            request.encode().map(|data| data.as_slice().to_vec()).map_err(refused)
         }
         Protocol::D5 => {
             let wanted = Wanted::of(CodecChoice::D5, node, command, fields);
-            let request = codec::d5::build(&wanted, &d5_register)?;
-            let address = d5::Address::Node(d5::Node::new(node).map_err(codec::d5::refused)?);
-            d5::request_frame(address, &request).map(|data| data.to_vec()).map_err(codec::d5::refused)
+            let request = D5.build(&wanted)?;
+            let address = d5::Address::Node(d5::Node::new(node).map_err(refused)?);
+            d5::request_frame(address, &request).map(|data| data.to_vec()).map_err(refused)
         }
     }
 }
@@ -82,10 +83,10 @@ fn is_for_all(request: &rmd::Request) -> bool {
 }
 
 fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
-    let request = codec::rmd::build(wanted, &|_| None)?;
+    let request = RMD.build(wanted)?;
     let to = if is_for_all(&request) { wanted.to.unwrap_or(To::All) } else { wanted.to()? };
     let node = match to {
-        To::Node(node) => Some(rmd::Node::new(node).map_err(codec::rmd::refused)?),
+        To::Node(node) => Some(rmd::Node::new(node).map_err(refused)?),
         To::All => None,
     };
     let frame = match (wanted.bus.unwrap_or(BusKind::Can), node) {
@@ -94,28 +95,28 @@ fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
         (BusKind::Rs485, Some(node)) => rmd::rs485::request(node, &request).map(|bytes| words::hex(&bytes)),
         (BusKind::Rs485, None) => rmd::rs485::broadcast(&request).map(|bytes| words::hex(&bytes)),
     };
-    frame.map_err(codec::rmd::refused)
+    frame.map_err(refused)
 }
 
 fn thruster_frame(wanted: &Wanted) -> Result<String, Failure> {
     if wanted.bus == Some(BusKind::Rs485) {
         return Err(Failure::Usage("thrusters have no serial line: leave `--bus rs485` away".to_owned()));
     }
-    let request = codec::thruster::build(wanted, &|_| None)?;
+    let request = THRUSTER.build(wanted)?;
     let To::Node(node) = wanted.to()? else {
         return Err(Failure::Usage("thrusters are commanded one by one: give `--node` a number".to_owned()));
     };
-    let node = thruster::Node::new(node).map_err(codec::thruster::refused)?;
-    thruster::can::request(node, &request).map(can_text).map_err(codec::thruster::refused)
+    let node = thruster::Node::new(node).map_err(refused)?;
+    thruster::can::request(node, &request).map(can_text).map_err(refused)
 }
 
 fn d5_frame(wanted: &Wanted) -> Result<String, Failure> {
-    let request = codec::d5::build(wanted, &d5_register)?;
+    let request = D5.build(wanted)?;
     let address = match wanted.to()? {
-        To::Node(node) => d5::Address::Node(d5::Node::new(node).map_err(codec::d5::refused)?),
+        To::Node(node) => d5::Address::Node(d5::Node::new(node).map_err(refused)?),
         To::All => d5::Address::Broadcast,
     };
-    let bytes = d5::request_frame(address, &request).map_err(codec::d5::refused)?;
+    let bytes = d5::request_frame(address, &request).map_err(refused)?;
     if wanted.bus == Some(BusKind::Rs485) {
         return Ok(words::hex(&bytes));
     }
@@ -124,12 +125,7 @@ fn d5_frame(wanted: &Wanted) -> Result<String, Failure> {
         // As the codec assumes it: the number of the motor, or of a broadcast.
         None => Id::Standard(StandardId::new(u16::from(address.id())).unwrap_or(StandardId::MAX)),
     };
-    d5::can::request(id, address, &request).map(can_text).map_err(codec::d5::refused)
-}
-
-/// A register by its name, for the field that takes its address.
-fn d5_register(text: &str) -> Option<f64> {
-    d5::REGISTERS.iter().find(|info| info.name == text).map(|info| f64::from(info.register.0))
+    d5::can::request(id, address, &request).map(can_text).map_err(refused)
 }
 
 fn can_text(frame: CanFrame) -> String {
