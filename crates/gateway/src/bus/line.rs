@@ -10,6 +10,17 @@ pub(super) const GAP_BITS: u64 = 20;
 /// The part of a reply window that delays a stop, at most (GUARANTEES G5).
 const STOP_DELAY: Duration = Duration::from_millis(1);
 
+/// What a byte from the line is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Heard {
+    /// Our own.
+    Echo,
+    /// Somebody else's.
+    Byte,
+    /// Somebody else's, and the last of a frame.
+    Frame([u8; FRAME_LEN]),
+}
+
 /// The state of one serial line.
 pub(super) struct Line {
     local_echo: bool,
@@ -85,8 +96,8 @@ impl Line {
         self.awaited = None;
     }
 
-    /// Takes a byte in; returns a whole frame that is not our own echo.
-    pub fn receive(&mut self, now: Instant, byte: u8) -> Option<[u8; FRAME_LEN]> {
+    /// Takes a byte in.
+    pub fn receive(&mut self, now: Instant, byte: u8) -> Heard {
         self.active_at = now;
         match self.echo.front() {
             Some(expected) if *expected == byte => {
@@ -94,19 +105,21 @@ impl Line {
                 if self.echo.is_empty() {
                     self.sent_frame = None;
                 }
-                return None;
+                return Heard::Echo;
             }
             // Noise, a collision, or a line without echo: from here on only the whole frame is known as ours.
             Some(_) => self.echo.clear(),
             None => {}
         }
-        let frame = self.deframer.push(byte)?;
-        if self.sent_frame == Some(frame) {
+        match self.deframer.push(byte) {
             // 0x80 and 0x81 are answered by the same bytes: taken for the answer, our own echo would confirm a stop.
-            self.sent_frame = None;
-            return None;
+            Some(frame) if self.sent_frame == Some(frame) => {
+                self.sent_frame = None;
+                Heard::Byte
+            }
+            Some(frame) => Heard::Frame(frame),
+            None => Heard::Byte,
         }
-        Some(frame)
     }
 
     /// Bytes that belonged to no frame, since the start.

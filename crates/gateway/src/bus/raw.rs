@@ -33,23 +33,17 @@ impl Raw {
         self.to_send.pop_front()
     }
 
-    /// Keeps received bytes for the host: they join the latest ones unless the line was idle in between.
-    pub fn keep_bytes(&mut self, now: Instant, bytes: &[u8], idle: Duration) {
-        let mut joins = self.heard_at + idle > now;
+    /// Keeps a received byte for the host: it joins the latest ones unless the line was idle in between.
+    pub fn keep_byte(&mut self, now: Instant, byte: u8, idle: Duration) {
+        let joins = self.heard_at + idle > now;
         self.heard_at = now;
-        for byte in bytes {
-            let joined = match self.received.back_mut() {
-                Some(ReceivedFrame { frame: RawFrame::Serial(latest), .. }) if joins => {
-                    latest.push(*byte).is_ok()
-                }
-                _ => false,
-            };
-            if !joined {
-                let mut first = Bytes::new();
-                let _ = first.push(*byte);
-                self.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Serial(first) });
-                joins = true;
-            }
+        let joined = match self.received.back_mut() {
+            Some(ReceivedFrame { frame: RawFrame::Serial(latest), .. }) if joins => latest.push(byte).is_ok(),
+            _ => false,
+        };
+        if !joined {
+            let first = Bytes::from_iter([byte]);
+            self.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Serial(first) });
         }
     }
 

@@ -1,6 +1,7 @@
 //! What arrives on a bus, and whom it is for.
 
 use super::Bus;
+use super::line::Heard;
 use crate::axis::{Axis, Reception};
 use crate::motor::{self, Received};
 use crate::outbox::Outbox;
@@ -40,11 +41,12 @@ impl Bus {
             return;
         }
         let idle = self.bit_time(RAW_IDLE_BITS);
-        if let Some(raw) = &mut self.raw {
-            raw.keep_bytes(now, bytes, idle);
-        }
         for byte in bytes {
-            if let Some(frame) = self.line.receive(now, *byte) {
+            let heard = self.line.receive(now, *byte);
+            if let Some(raw) = self.raw.as_mut().filter(|_| heard != Heard::Echo) {
+                raw.keep_byte(now, *byte, idle);
+            }
+            if let Heard::Frame(frame) = heard {
                 self.serial_frame(now, &frame, axes, out);
             }
         }

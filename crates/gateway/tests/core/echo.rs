@@ -2,7 +2,7 @@
 
 use crate::bench::{self, VELOCITY, listed, move_axis, outcomes, run_with_host, stop};
 use crate::rig::Echo;
-use host_protocol::{AxisState, Event as HostEvent, StopAction};
+use host_protocol::{AxisState, Event as HostEvent, RawFrame, Reply, Request, StopAction, requests};
 
 #[test]
 fn an_echo_behind_noise_does_not_confirm_the_stop_of_a_dead_motor() {
@@ -27,4 +27,21 @@ fn a_line_without_echo_never_confirms_a_stop_and_its_axis_ends_unreachable() {
     run_with_host(&mut rig, 2_000_000);
     assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+}
+
+#[test]
+fn raw_access_hears_the_motor_and_not_our_own_bytes() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2 })).unwrap();
+    let bytes = crate::text::unhex("3E01089C00000000000000F230"); // PROTOCOL-NOTES R1
+    let frame = RawFrame::Serial(bytes.into_iter().collect());
+    rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame })).unwrap();
+    rig.run(10_000);
+    let Ok(Reply::RawReceive(received)) = rig.ask(Request::RawReceive(requests::RawReceive { bus: 2 }))
+    else {
+        panic!("nothing received");
+    };
+    let [received] = received.frames.as_slice() else { panic!("{:?}", received.frames) };
+    let RawFrame::Serial(bytes) = &received.frame else { panic!("{received:?}") };
+    assert_eq!(crate::text::hex(&bytes[..11]), "3E01089C32640000002D00");
 }
