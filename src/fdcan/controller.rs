@@ -82,11 +82,11 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Frees the slot of a frame that was asked back and has left its place without having been sent: a sent one was
-    /// reported before its cancellation was.
+    /// Frees the slot of a frame that was asked back and has left its place without having been sent; one that was sent all the
+    /// same is reported as such.
     fn given_back(&mut self) -> Option<u8> {
-        let pending = self.registers.txbrp().read();
-        let is_back = |held: &Held| held.asked_back && !pending.trp(held.place);
+        let (finished, sent) = (self.registers.txbcf().read(), self.registers.txbto().read());
+        let is_back = |held: &Held| held.asked_back && finished.cf(held.place) && !sent.to(held.place);
         let (slot, held) =
             (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
         *held = None;

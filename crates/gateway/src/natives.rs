@@ -35,7 +35,7 @@ impl Gateway {
                 self.stop(now, StopTarget::Axis(index))?;
                 Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
             }
-            Effect::Stops | Effect::Rests(_) | Effect::Changes => {
+            Effect::Stops | Effect::Rests(_) | Effect::Changes { .. } => {
                 self.change_natively(now, index, native, ticket)
             }
             Effect::Moves(demand) => {
@@ -84,11 +84,15 @@ impl Gateway {
         ticket: Ticket,
     ) -> Result<Outcome> {
         self.authority.take(now, ticket.link)?;
-        let axis = self.idle_axis(index)?;
-        if axis.is_busy() {
+        if let Effect::Changes { .. } = native.effect {
+            self.refuse_e_stopped(index)?;
+        }
+        self.idle_axis(index)?;
+        self.with_axis(now, index, |axis, out| axis.make_way(now, out))?;
+        if self.axis(index)?.is_busy() {
             return Err(Error::Busy { axis: index });
         }
-        if native.effect == Effect::Changes {
+        if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)

@@ -79,6 +79,7 @@ impl Gateway {
             Request::ListAxes(request) => Reply::ListAxes(self.list_axes(request.first)),
             Request::RemoveAxis(request) => {
                 self.remove_axis(request.axis)?;
+                self.watch();
                 Reply::RemoveAxis(done)
             }
             Request::ProvisionMotorTimeout(request) => return self.provision(now, request, ticket),

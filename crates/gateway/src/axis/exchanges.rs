@@ -5,7 +5,7 @@ use super::{Axis, Observation};
 use crate::motor::{self, Command, Exchange, Received, Verdict};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
-use host_protocol::TripReason;
+use host_protocol::{AxisState, TripReason};
 
 /// A request handed to the bus.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +22,14 @@ pub(super) struct Pending {
     pub unambiguous: bool,
     /// Sending it again would move the motor again.
     once: bool,
+    /// Which motion of the axis it is, if it is one.
+    pub motion: u32,
+    /// The bus had taken it when the job under way began.
+    pub predates_job: bool,
 }
+
+/// How often a motor that does not answer is asked for who watches it.
+const SILENT_POLL: Duration = Duration::from_millis(1_000);
 
 impl Pending {
     pub fn is_waiting(&self) -> bool {
@@ -71,9 +78,18 @@ impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
         let unambiguous = !self.is_displaced(&command);
-        let once = exchange == Exchange::Motion && self.motion.as_ref().is_some_and(Motion::is_once);
-        let window = Duration::ZERO;
-        self.pending = Some(Pending { exchange, command, slot, window, until: None, unambiguous, once });
+        let motion = self.motion.as_ref().filter(|_| exchange == Exchange::Motion);
+        self.pending = Some(Pending {
+            exchange,
+            command,
+            slot,
+            window: Duration::ZERO,
+            until: None,
+            unambiguous,
+            once: motion.is_some_and(Motion::is_once),
+            motion: motion.map_or(0, |motion| motion.number),
+            predates_job: false,
+        });
         self.note_handed(now, exchange);
     }
 
@@ -108,9 +124,22 @@ impl Axis {
         let waits = |of: u8, until: Option<Instant>| of == slot && until.is_none();
         let displaced = self.displaced.as_ref().is_some_and(|d| waits(d.slot, d.until));
         let superseded = self.pending.as_ref().is_some_and(|p| {
-            p.exchange == Exchange::Motion && waits(p.slot, p.until) && !self.is_in_force(&p.command)
+            // The same setpoint again is the same frame; the same distance again is another move.
+            let replaced = if p.once { !self.is_latest(p.motion) } else { !self.is_in_force(&p.command) };
+            p.exchange == Exchange::Motion && waits(p.slot, p.until) && replaced
         });
         displaced || superseded
+    }
+
+    /// Whether the request under way is answered by this node, which is not the axis's own.
+    pub fn awaits_node(&self, node: u8) -> bool {
+        let waiting = self.pending.as_ref().filter(|p| p.is_waiting());
+        waiting.is_some_and(|p| motor::answering_node(&p.command, &self.config) == Some(node))
+    }
+
+    /// Whether the frame in `slot` is the request under way.
+    pub fn has_pending(&self, slot: u8) -> bool {
+        self.pending.as_ref().is_some_and(|p| p.slot == slot)
     }
 
     /// The frame in `slot` will not leave any more.
@@ -219,8 +248,12 @@ impl Axis {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
+        if self.state == AxisState::Idle && self.job.is_none() && !self.holding {
+            // Who watches a motor that does not answer must not take the others' time.
+            self.state_poll_at = now + SILENT_POLL;
+        }
         self.stop_unanswered(now, pending.exchange, out);
-        self.job_unanswered(now, pending.exchange, out);
+        self.job_unanswered(now, &pending, out);
     }
 
     fn completed(

@@ -68,6 +68,11 @@ pub(crate) enum JobKind {
 }
 
 impl JobKind {
+    /// Whether it changes nothing, in the motor or in the gateway.
+    fn only_asks(self) -> bool {
+        matches!(self, Self::ReadState | Self::Native { asks: true, .. })
+    }
+
     fn step(self, index: usize, protocol: Protocol) -> Option<Exchange> {
         let sequences = motor::sequences(protocol);
         let steps = match self {
@@ -88,9 +93,15 @@ impl JobKind {
 impl Axis {
     /// Starts a job. The caller has checked that the state allows it.
     pub fn start(&mut self, now: Instant, kind: JobKind, ticket: Ticket, out: &mut Outbox<'_>) {
+        if !kind.only_asks() {
+            self.make_way(now, out);
+        }
         if self.job.is_some() {
             out.answer(ticket, &Err(Error::Busy { axis: self.index }));
             return;
+        }
+        if let Some(pending) = &mut self.pending {
+            pending.predates_job = true;
         }
         self.job = Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false });
         if matches!(kind, JobKind::Arm { .. }) {
@@ -99,6 +110,13 @@ impl Axis {
         }
         if self.pass_over_steps() {
             self.finish(now, &Observation::default(), &[], out);
+        }
+    }
+
+    /// Ends a job that only asks, for one that does something: nobody who looks on may keep others from acting.
+    pub fn make_way(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.job.as_ref().is_some_and(|job| job.kind.only_asks()) {
+            self.interrupt(now, Error::Busy { axis: self.index }, out);
         }
     }
 
@@ -129,6 +147,11 @@ impl Axis {
         }
     }
 
+    /// Since when the job has waited for its step: what is overdue for longer goes first.
+    pub(super) fn job_since(&self) -> Instant {
+        self.job.as_ref().map(|job| job.since).unwrap_or_default()
+    }
+
     /// Passes over the steps that this motor has no command for. Returns whether none is left.
     fn pass_over_steps(&mut self) -> bool {
         while let Some(exchange) = self.job_exchange() {
@@ -155,8 +178,9 @@ impl Axis {
     ) {
         let exchange = pending.exchange;
         // The reply to the setpoint before is not that of the native motion.
-        let other_motion = exchange == Exchange::Motion && !self.is_in_force(&pending.command);
-        if self.job_exchange() != Some(exchange) || other_motion {
+        let other_motion = exchange == Exchange::Motion && !self.is_latest(pending.motion);
+        // Nor does a poll that was under way before the job began tell what was asked for since.
+        if self.job_exchange() != Some(exchange) || other_motion || pending.predates_job {
             return;
         }
         if let Err(error) = self.check_step(exchange, seen) {
@@ -173,7 +197,8 @@ impl Axis {
         }
     }
 
-    pub(super) fn job_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+    pub(super) fn job_unanswered(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
+        let exchange = pending.exchange;
         if self.job_exchange() != Some(exchange) {
             return;
         }
@@ -185,6 +210,7 @@ impl Axis {
         job.since = now;
         if job.unanswered >= tries {
             let hint = match exchange {
+                _ if !pending.is_waiting() => NoReplyHint::NotAcknowledged,
                 // A D5 motor at acknowledgement level 0 answers nothing, not even this (D12).
                 Exchange::AckLevel => NoReplyHint::AckLevelZero,
                 _ => NoReplyHint::None,

@@ -52,6 +52,8 @@ pub(crate) struct Axis {
     /// The epoch of the latest arming; setpoints must carry it.
     epoch: u32,
     motion: Option<Motion>,
+    /// Motions so far.
+    motions: u32,
     stop: Option<Stop>,
     job: Option<Job>,
     pending: Option<Pending>,
@@ -89,6 +91,7 @@ impl Axis {
             trip_spreads: false,
             epoch: 0,
             motion: None,
+            motions: 0,
             stop: None,
             job: None,
             pending: None,
@@ -137,8 +140,8 @@ impl Axis {
         self.watched = watched;
     }
 
-    /// Whether an exchange is only for those who watch an idle axis, so that raw access goes before it.
-    pub fn is_for_watchers(&self, exchange: Exchange) -> bool {
+    /// Whether an exchange is only for those who watch an idle axis, so that everything else goes before it.
+    fn is_for_watchers(&self, exchange: Exchange) -> bool {
         self.state == AxisState::Idle
             && self.job.is_none()
             && !(self.holding && exchange == Exchange::Velocity)
@@ -154,6 +157,7 @@ impl Axis {
         if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
             self.motor_timeout = MotorTimeout::Unknown;
             self.measured = Measured::new();
+            self.holding = false;
         }
         self.holding &= self.must_hold();
         let state = if complete { AxisState::Idle } else { AxisState::Unconfigured };

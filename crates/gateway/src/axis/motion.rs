@@ -28,6 +28,8 @@ pub(crate) struct NativeMotion {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Motion {
     pub command: Command,
+    /// Counts the motions of the axis.
+    pub number: u32,
     /// When the permission to move ends; `None` only where the axis is configured without expiry, which is unsafe.
     expires: Option<Instant>,
     /// When it is to be sent next; `None` once it has been and must not be again.
@@ -79,6 +81,8 @@ impl Axis {
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
         self.check_demand(motion.demand)?;
+        self.make_way(now, out);
+        self.supersede(now, out);
         if self.is_busy() {
             return Err(Error::Busy { axis: self.index });
         }
@@ -104,6 +108,8 @@ impl Axis {
         // What does not depend on the position is refused before it is read.
         self.check_speed_limit(speed_limit_rad_s)?;
         motor::motion(self.index, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, &self.config)?;
+        self.make_way(now, out);
+        self.supersede(now, out);
         if self.is_busy() {
             return Err(Error::Busy { axis: self.index });
         }
@@ -157,7 +163,8 @@ impl Axis {
         once: bool,
         out: &mut Outbox<'_>,
     ) {
-        self.motion = Some(Motion { command, expires, due: Some(now), once });
+        self.motions = self.motions.wrapping_add(1);
+        self.motion = Some(Motion { command, number: self.motions, expires, due: Some(now), once });
         if self.state == AxisState::Armed {
             self.enter(AxisState::Active, out);
         }
@@ -198,6 +205,11 @@ impl Axis {
     /// Whether the mailbox still holds this very command.
     pub(super) fn is_in_force(&self, command: &Command) -> bool {
         self.motion.as_ref().is_some_and(|motion| motion.command == *command)
+    }
+
+    /// Whether it is this motion that the mailbox holds.
+    pub(super) fn is_latest(&self, number: u32) -> bool {
+        self.motion.as_ref().is_some_and(|motion| motion.number == number)
     }
 
     /// How often the state is polled: a motor that holds, or moves by a command that is not sent again, must hear something

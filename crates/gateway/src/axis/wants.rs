@@ -3,7 +3,7 @@
 use super::Axis;
 use crate::motor::{self, Command, Exchange};
 use crate::time::Instant;
-use host_protocol::AxisState;
+use host_protocol::{AxisParameter, AxisState};
 
 /// What goes first on a bus. The order is the order of sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -14,6 +14,8 @@ pub(crate) enum Priority {
     Stop,
     /// Everything else.
     Ordinary,
+    /// Polls of an idle axis, for who watches it.
+    Watch,
 }
 
 /// A request that an axis wants sent now.
@@ -37,6 +39,7 @@ impl Axis {
         let priority = match (&self.stop, exchange) {
             (Some(stop), _) if stop.is_unsent() => Priority::FirstStop,
             (Some(_), Exchange::Stop) => Priority::Stop,
+            _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
         let command = match exchange {
@@ -48,13 +51,13 @@ impl Axis {
     }
 
     /// When the axis will want something, if nothing happens before.
-    pub(super) fn next_want_at(&self, now: Instant) -> Option<Instant> {
+    pub fn next_want_at(&self, now: Instant) -> Option<Instant> {
         self.next_exchange(now).map(|(_, at)| at)
     }
 
     /// The next exchange and the time from which on it is wanted. Whatever is overdue longest goes first.
     fn next_exchange(&self, now: Instant) -> Option<(Exchange, Instant)> {
-        let job = self.job_exchange().map(|exchange| (exchange, Instant::default()));
+        let job = self.job_exchange().map(|exchange| (exchange, self.job_since()));
         if let Some(stop) = &self.stop {
             let next = stop.next();
             return match (next, job) {
@@ -107,9 +110,41 @@ impl Axis {
             .min_by_key(|(_, at)| *at)
     }
 
-    /// The poll of an armed axis whose turn it is.
+    /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
     fn poll_exchange(&self) -> Option<Exchange> {
-        self.in_turn(motor::sequences(self.config.protocol()?).polls, self.poll_turn)
+        let sequences = motor::sequences(self.config.protocol()?);
+        let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);
+        let further = |exchange: &Exchange| {
+            *exchange != Exchange::Faults
+                && !sequences.polls.contains(exchange)
+                && self.is_asked_for(*exchange)
+        };
+        if place == 2 {
+            let count = sequences.state.iter().filter(|exchange| further(exchange)).count();
+            if let Some(turn) = round.checked_rem(count) {
+                return sequences.state.iter().copied().filter(further).nth(turn);
+            }
+        }
+        self.in_turn(sequences.polls, self.poll_turn - round)
+    }
+
+    /// Whether what an exchange reads is limited by the configuration, or somebody watches the axis.
+    fn is_asked_for(&self, exchange: Exchange) -> bool {
+        let limited = |parameters: &[AxisParameter]| {
+            parameters.iter().any(|parameter| self.config.float(*parameter).is_some())
+        };
+        let asked = self.watched
+            || match exchange {
+                Exchange::Position => {
+                    limited(&[AxisParameter::PositionMinRad, AxisParameter::PositionMaxRad])
+                }
+                Exchange::Current => limited(&[AxisParameter::CurrentLimitA]),
+                Exchange::MotorTemperature | Exchange::DriverTemperature => {
+                    limited(&[AxisParameter::TemperatureLimitC])
+                }
+                _ => false,
+            };
+        asked && motor::command(exchange, &self.config).is_some()
     }
 
     /// The poll of an idle axis: a motor that holds is watched every other time, whatever else somebody wants to know.

@@ -37,6 +37,8 @@ pub(crate) struct Bus {
     in_flight: [Option<InFlight>; TRANSMIT_SLOTS],
     line: Line,
     pub raw: Option<Raw>,
+    /// When the frame that has waited longest for an acknowledgement counts as unacknowledged, although it was taken back.
+    carried_deadline: Option<Instant>,
     /// When a bus that is off is started again.
     restart_at: Option<Instant>,
     /// When it was started last.
@@ -57,6 +59,8 @@ struct InFlight {
     /// When it counts as not acknowledged.
     deadline: Instant,
     overdue: bool,
+    /// Part of a stop: it stays in the controller until it leaves.
+    is_stop: bool,
     /// Asked back from the controller, which must report by then.
     cancel_by: Option<Instant>,
 }
@@ -79,6 +83,7 @@ impl Bus {
             in_flight: [None; TRANSMIT_SLOTS],
             line: Line::new(local_echo),
             raw: None,
+            carried_deadline: None,
             restart_at: None,
             started_at: Instant::from_micros(0),
             pause: Duration::ZERO,
@@ -190,6 +195,7 @@ impl Bus {
     /// The port has dropped every frame it held.
     fn empty(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.in_flight = [None; TRANSMIT_SLOTS];
+        self.carried_deadline = None;
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
             axis.forget_exchanges(now, out);
         }

@@ -103,9 +103,10 @@ impl Bus {
     }
 }
 
-/// Whether a frame of this bus comes from the axis's motor.
+/// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one while it changes its id.
 fn is_from(axis: &Axis, bus: u8, received: &Received) -> bool {
-    axis.config
-        .address()
-        .is_some_and(|a| a.bus == bus && a.protocol == received.protocol() && a.node == received.node())
+    axis.config.address().is_some_and(|a| {
+        let node = received.node();
+        a.bus == bus && a.protocol == received.protocol() && (a.node == node || axis.awaits_node(node))
+    })
 }

@@ -20,6 +20,8 @@ const ACKNOWLEDGE_FRAMES: u64 = 4;
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// Longest stuffed standard data frame with intermission, bits.
 pub(super) const LONGEST_FRAME_BITS: u64 = 135;
+/// A request and its reply, on CAN or RS485, bits.
+const LONGEST_EXCHANGE_BITS: u64 = 2 * LONGEST_FRAME_BITS;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
 const INTERNAL_ENCODING: u16 = 1;
 
@@ -51,6 +53,7 @@ impl Bus {
             return;
         };
         self.counters.sent = self.counters.sent.saturating_add(1);
+        self.carried_deadline = None;
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, window);
@@ -69,7 +72,15 @@ impl Bus {
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
-            if axis.is_some_and(|axis| axis.has_replaced(slot)) {
+            let unwanted = match axis {
+                // What was given up must not leave when nobody expects it any more.
+                Some(axis) => {
+                    axis.has_replaced(slot)
+                        || in_flight.overdue && !in_flight.is_stop && !axis.has_pending(slot)
+                }
+                None => self.raw.is_none(),
+            };
+            if unwanted {
                 in_flight.cancel_by = Some(by);
                 return Some(slot);
             }
@@ -83,6 +94,10 @@ impl Bus {
             return;
         };
         self.counters.cancelled = self.counters.cancelled.saturating_add(1);
+        if !in_flight.overdue {
+            let carried = self.carried_deadline.unwrap_or(in_flight.deadline);
+            self.carried_deadline = Some(carried.min(in_flight.deadline));
+        }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.withdrawn(now, slot);
         }
@@ -99,6 +114,7 @@ impl Bus {
                 continue;
             };
             in_flight.overdue = true;
+            self.carried_deadline = None;
             self.counters.missed_acknowledgements = self.counters.missed_acknowledgements.saturating_add(1);
             // What is behind it cannot leave either: whatever is armed on this bus is out of reach.
             for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
@@ -141,11 +157,9 @@ impl Bus {
             let index = (turn + offset) % axes.len();
             let Some(axis) = axes.get(index).filter(here) else { continue };
             let Some(want) = axis.wants(now) else { continue };
-            if self.raw.is_some() && axis.is_for_watchers(want.exchange) {
-                continue;
-            }
             let allowed = match want.priority {
                 Priority::Ordinary => may_ordinary,
+                Priority::Watch => may_ordinary && self.may_watch(now, axes),
                 Priority::FirstStop | Priority::Stop => self.may_send_stop(now, axis, &want),
             };
             if allowed && best.as_ref().is_none_or(|(_, chosen)| want.priority < chosen.priority) {
@@ -161,6 +175,13 @@ impl Bus {
             BusKind::Can => free && (outstanding < MAX_OUTSTANDING || !self.carries(Protocol::Thruster)),
             BusKind::Rs485 => free && self.line.ready_at(false, self.bit_time(GAP_BITS)) <= now,
         }
+    }
+
+    /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
+    fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
+        let until = now + self.reply_window() + self.bit_time(LONGEST_EXCHANGE_BITS);
+        let due = |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
+        self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
     }
 
     fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want) -> bool {
@@ -206,7 +227,8 @@ impl Bus {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
         };
-        Some(self.launch(now, slot, Some(axis.index), frame, within))
+        let is_stop = want.exchange.is_stop();
+        Some(self.launch(now, slot, Some(axis.index), frame, within, is_stop))
     }
 
     fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
@@ -218,7 +240,7 @@ impl Bus {
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
         let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
-        Some(self.launch(now, ORDINARY_SLOT, None, frame, within))
+        Some(self.launch(now, ORDINARY_SLOT, None, frame, within, false))
     }
 
     fn launch(
@@ -228,6 +250,7 @@ impl Bus {
         axis: Option<u8>,
         frame: Outgoing,
         within: Duration,
+        is_stop: bool,
     ) -> Transmit {
         let id: Option<Id> = match &frame {
             Outgoing::Can(frame) => Some(frame.id()),
@@ -237,7 +260,9 @@ impl Bus {
             }
         };
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
-            *place = Some(InFlight { axis, id, deadline: now + within, overdue: false, cancel_by: None });
+            // A setpoint that takes the place of another one has no more time than that had.
+            let deadline = self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
+            *place = Some(InFlight { axis, id, deadline, overdue: false, is_stop, cancel_by: None });
         }
         Transmit { slot, frame }
     }

@@ -105,7 +105,10 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
             Effect::MovesOnce(Demand::Setpoint(velocity(word)))
         }
         Request::Execute => Effect::MovesOnce(Demand::Prepared),
-        _ => Effect::Changes,
+        Request::Write { register: Register::TIMEOUT_SWITCH | Register::ID, .. } | Request::Reset => {
+            Effect::Changes { timeout: true }
+        }
+        _ => Effect::Changes { timeout: false },
     };
     Ok(Some(Native { command: Command::D5(request), effect }))
 }

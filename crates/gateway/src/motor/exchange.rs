@@ -51,3 +51,13 @@ pub(crate) enum Exchange {
         timeout_ms: u32,
     },
 }
+
+impl Exchange {
+    /// Whether it is a command that stops, or keeps a stopped motor so.
+    pub fn is_stop(self) -> bool {
+        matches!(
+            self,
+            Self::Stop | Self::PositionStop | Self::OverwritePending | Self::LockBrake | Self::OutputOff
+        )
+    }
+}

@@ -143,6 +143,17 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
     }
 }
 
+/// The node whose reply a command waits for, where that is not simply the axis's: after a change of the id.
+pub(crate) fn answering_node(command: &Command, config: &AxisConfig) -> Option<u8> {
+    match command {
+        Command::D5(request) => {
+            let node = ::d5::Node::new(config.node()?).ok()?;
+            Some(request.answering_node(node).get())
+        }
+        Command::Rmd(_) | Command::Thruster(_) => None,
+    }
+}
+
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
     let checked = match config.protocol() {

@@ -25,7 +25,10 @@ pub(crate) enum Effect {
     /// Each time it is sent it moves the motor anew.
     MovesOnce(Demand),
     /// It changes the motor: its memory, its brake, its id, its clock.
-    Changes,
+    Changes {
+        /// What is known of the motor's own timeout may no longer hold.
+        timeout: bool,
+    },
 }
 
 impl Effect {
@@ -44,7 +47,7 @@ pub(crate) enum Demand {
     /// A position, at whatever speed the motor can.
     Unlimited { position_rad: f32 },
     /// A distance.
-    Distance { distance_rad: f32, speed_limit_rad_s: f32 },
+    Distance { speed_limit_rad_s: f32 },
     /// What an earlier command has prepared, and was checked then.
     Prepared,
 }
@@ -57,7 +60,7 @@ pub(crate) fn native(axis: u8, data: &[u8], kind: BusKind, config: &AxisConfig) 
     let sign = config.sign();
     let native = match protocol {
         Protocol::Rmd => rmd::native(data, sign),
-        Protocol::Thruster => thruster::native(data, sign),
+        Protocol::Thruster => thruster::native(axis, data, config)?,
         Protocol::D5 => d5::native(axis, data, config)?,
     };
     let encodes = |native: &Native| match kind {

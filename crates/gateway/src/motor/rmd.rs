@@ -125,11 +125,13 @@ pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
             let position_rad = position(angle);
             Effect::Moves(Demand::Setpoint(Setpoint::Position { position_rad, speed_limit_rad_s }))
         }
-        Request::IncrementalPosition { max_speed, angle } => Effect::MovesOnce(Demand::Distance {
-            distance_rad: position(angle),
-            speed_limit_rad_s: degrees(max_speed),
-        }),
-        _ => Effect::Changes,
+        Request::IncrementalPosition { max_speed, .. } => {
+            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: degrees(max_speed) })
+        }
+        Request::SetCommunicationTimeout { .. } | Request::Reset | Request::SetBaudRate { .. } => {
+            Effect::Changes { timeout: true }
+        }
+        _ => Effect::Changes { timeout: false },
     };
     Some(Native { command: Command::Rmd(request), effect })
 }

@@ -4,7 +4,7 @@ use super::native::{Demand, Effect, Native};
 use super::{Command, Exchange, Sequences, Verdict, fit};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
-use host_protocol::{AxisParameter, Error, Quantity, Setpoint};
+use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
 use thruster::{Answer, Decidegrees, EncodeError, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit};
 
 pub(super) const SEQUENCES: Sequences = Sequences {
@@ -93,12 +93,18 @@ pub(super) fn motion(
 }
 
 /// What the data field of a request does; `None` where the manual lists no such command.
-pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
-    let request = Request::decode(data).ok()?;
+pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
+    let sign = config.sign();
+    let Ok(request) = Request::decode(data) else { return Ok(None) };
+    let positions = matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
+    if positions && !config.flag(AxisParameter::PositionDevice) {
+        // A stop would not reach the position controller (GUARANTEES G4, stop table).
+        return Err(Error::Unsupported { axis, protocol: Protocol::Thruster });
+    }
     let position = |position: Decidegrees| sign * convert::decidegrees_to_rad(position.0);
     let rpm = |speed: RpmLimit| convert::rpm_to_rad_s(i32::from(speed.0));
     let effect = match request {
-        Request::Unknown { .. } => return None,
+        Request::Unknown { .. } => return Ok(None),
         Request::ReadSpeed
         | Request::ReadCurrent
         | Request::ReadVoltage
@@ -125,13 +131,16 @@ pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
                 speed_limit_rad_s: rpm(speed),
             }))
         }
-        Request::RelativePosition { speed, position: distance } => Effect::MovesOnce(Demand::Distance {
-            distance_rad: position(distance),
-            speed_limit_rad_s: rpm(speed),
-        }),
-        _ => Effect::Changes,
+        Request::RelativePosition { speed, .. } => {
+            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: rpm(speed) })
+        }
+        Request::SetTimeout { .. }
+        | Request::SetId { .. }
+        | Request::SetBitrate { .. }
+        | Request::SetParameter { .. } => Effect::Changes { timeout: true },
+        _ => Effect::Changes { timeout: false },
     };
-    Some(Native { command: Command::Thruster(request), effect })
+    Ok(Some(Native { command: Command::Thruster(request), effect }))
 }
 
 /// Refuses a timeout that the device cannot keep.

@@ -2,7 +2,9 @@
 
 use crate::bench::{self, HOLD, VELOCITY, arm, run_with_host, setpoint, stop};
 use crate::rig::Rig;
-use host_protocol::{Reply, Request, Setpoint, StopAction, requests};
+use host_protocol::{
+    CanFrame, Error, Event, NoReplyHint, RawFrame, Reply, Request, Setpoint, StopAction, TripReason, requests,
+};
 
 /// The setpoints of the bench and a slower one, on the wire (RMD V3.6 §2.18).
 const FAST: &str = "141#A200000010270000";
@@ -77,4 +79,61 @@ fn a_controller_that_does_not_report_is_started_again() {
     rig.run(3_000);
     assert_eq!(rig.gateway.bus_setup(0).unwrap().generation, before + 1);
     assert_eq!(rig.held_texts(), [HOLD]);
+}
+
+#[test]
+fn what_was_given_up_does_not_leave_when_nobody_expects_it_any_more() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    rig.cut();
+    let release_brake = bench::native(&rig, 0, "7700000000000000");
+    let sequence = rig.send(&release_brake);
+    run_with_host(&mut rig, 100_000);
+    let hint = NoReplyHint::NotAcknowledged;
+    assert_eq!(rig.answer(sequence), Some(Err(Error::NoReply { axis: 0, hint })));
+    assert_eq!(rig.held_texts(), Vec::<&str>::new());
+    // A stop of the same id finds its place free.
+    stop(&mut rig);
+    run_with_host(&mut rig, 10_000);
+    assert_eq!(rig.held_texts(), [HOLD]);
+}
+
+#[test]
+fn a_raw_frame_does_not_outlive_the_raw_access() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 0 })).unwrap();
+    rig.cut();
+    let frame = CanFrame::standard(0x141, &crate::text::unhex("A200000010270000")).unwrap();
+    rig.ask(Request::RawSend(requests::RawSend { bus: 0, frame: RawFrame::Can(frame) })).unwrap();
+    assert_eq!(rig.held_texts(), [FAST]);
+    rig.run(1_000_000); // the host is silent: its authority is lost, and with it the raw access
+    assert_eq!(rig.held_texts(), Vec::<&str>::new());
+}
+
+/// 20 ms and 4 frame times after the first setpoint that nobody acknowledged; that one may come 10 ms after the cut: a
+/// reply that is missing closes its window first, and the next setpoint its period.
+#[test]
+fn changing_setpoints_do_not_put_off_the_missing_acknowledgement() {
+    for phase in 0..50 {
+        let (mut rig, _) = bench::rmd(StopAction::Hold);
+        let epoch = arm(&mut rig);
+        let mut velocity_rad_s = 1.0;
+        let mut go_on = |rig: &mut Rig, us| {
+            velocity_rad_s += 0.001;
+            let request = setpoint(rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s });
+            rig.send(&request);
+            rig.run(us);
+        };
+        (0..30).for_each(|_| go_on(&mut rig, 5_000));
+        go_on(&mut rig, phase * 100);
+        rig.cut();
+        let cut_at = rig.now_us;
+        (0..20).for_each(|_| go_on(&mut rig, 5_000));
+        let trip_of = |event: &Event| match event {
+            Event::Tripped { trip, .. } => Some((trip.reason, trip.time_us - cut_at)),
+            _ => None,
+        };
+        let (reason, after_us) = rig.events().into_iter().find_map(trip_of).expect("a trip");
+        assert_eq!(reason, TripReason::NotAcknowledged);
+        assert!(after_us <= 31_000, "{after_us} µs after the cut");
+    }
 }

@@ -1,6 +1,6 @@
 //! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a hanging load drops.
 
-use crate::bench::{self, arm, disarm, run_with_host};
+use crate::bench::{self, VELOCITY, arm, disarm, run_with_host};
 use crate::motors::Shared;
 use crate::rig::Rig;
 use host_protocol::{AxisParameter, Error, Request, StopAction, Value, requests};
@@ -60,4 +60,16 @@ fn an_arming_that_fails_goes_on_holding() {
     let gap = rig.longest_gap_us(0, since, "141#");
     assert!(gap <= 500_000 / 3, "{gap} µs");
     assert!(rig.now_us - rig.wire.last().unwrap().0 <= 500_000 / 3);
+}
+
+#[test]
+fn another_node_is_another_motor_and_is_not_held() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::move_axis(&mut rig, VELOCITY);
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 300_000);
+    bench::parameter(&mut rig, 0, AxisParameter::Node, Value::Unsigned(5));
+    let since = rig.now_us;
+    run_with_host(&mut rig, 300_000);
+    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
 }

@@ -3,6 +3,7 @@
 mod bad_input;
 mod bench;
 mod brake;
+mod bystanders;
 mod cancellation;
 mod capabilities;
 mod clearing;

@@ -136,6 +136,7 @@ fn a_relative_move_that_is_thrown_back_is_refused_and_not_sent_again() {
 #[test]
 fn the_thruster_s_relative_move_and_the_d5_s_execute_go_out_once_too() {
     let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
     let epoch = arm(&mut rig);
     let since = rig.now_us;
     let request = native(&rig, epoch, "4C52001E000000C8"); // 30 rpm, 20°
@@ -248,10 +249,9 @@ fn a_limit_that_could_be_broken_unnoticed_bars_the_command() {
     let epoch = arm(&mut rig);
     let request = native(&rig, epoch, "A300000010270000"); // a position as fast as the motor can
     assert_eq!(rig.ask(request), Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Velocity }));
-    // It stands at 2π: 100° further is beyond 7 rad.
+    // Where a distance ends depends on where it begins.
     let request = native(&rig, epoch, "A800F40110270000");
-    let refused = rig.ask(request);
-    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    assert_eq!(rig.ask(request), Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Position }));
     let request = native(&rig, epoch, "A400000010270000");
     assert_eq!(rig.ask(request), Err(Error::SpeedLimitZero { axis: 0 }));
 }
@@ -312,4 +312,77 @@ fn a_setpoint_of_0_is_motion_with_the_epoch_of_an_armed_axis_and_else_a_stop() {
     let request = native(&rig, 0, "D50B050320000033");
     assert_eq!(answered(rig.ask(request)), "");
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+}
+
+#[test]
+fn the_reply_to_a_superseded_move_does_not_answer_the_same_move_asked_for_again() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| match text.get(4..6) {
+        Some("A8") => Instead::Says("241#A8326400F4012D00"),
+        _ => Instead::AsUsual,
+    });
+    let epoch = arm(&mut rig);
+    rig.run(3_000);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, "A800F40110270000");
+    let first = rig.send(&request);
+    let velocity = bench::setpoint(&rig, epoch, 80_000, bench::VELOCITY);
+    rig.ask(velocity).unwrap();
+    let request = native(&rig, epoch, "A800F40110270000");
+    let second = rig.send(&request);
+    rig.run(370); // the first has been answered; the second is only handed over
+    assert_eq!(rig.answer(first), Some(Err(Error::Superseded { axis: 0 })));
+    assert_eq!(rig.answer(second), None);
+    rig.run(2_000);
+    assert_eq!(answered(rig.answer(second).unwrap()), "A8326400F4012D00");
+    assert_eq!(count(&rig, 0, since, "141#A800F40110270000"), 2);
+}
+
+#[test]
+fn a_newer_native_motion_takes_the_place_of_one_that_is_not_answered() {
+    let (mut rig, _) = bench::thruster();
+    rig.instead(|text| if text.ends_with("000A") { Instead::Nothing } else { Instead::AsUsual });
+    let epoch = arm(&mut rig);
+    let request = native(&rig, epoch, "544300000000000A");
+    let first = rig.send(&request);
+    rig.run(1_000);
+    let request = native(&rig, epoch, "5443000000000000");
+    assert_eq!(answered(rig.ask(request)), "5443000000000000");
+    assert_eq!(rig.answer(first), Some(Err(Error::Superseded { axis: 0 })));
+}
+
+/// D5 manual, register 0x03: the reply to a change of the id comes from the new id.
+#[test]
+fn a_new_id_is_confirmed_from_the_new_id() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|text| match text {
+        "00B#D50B05030305001B" => Instead::Says("005#5D05050303050015"),
+        _ => Instead::AsUsual,
+    });
+    let request = native(&rig, 0, "D50B05030305001B");
+    assert_eq!(answered(rig.ask(request)), "5D05050303050015");
+}
+
+#[test]
+fn nothing_is_changed_while_the_e_stop_is_latched() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 2_000_000);
+    let since = rig.now_us;
+    let release_brake = native(&rig, 0, "7700000000000000");
+    assert_eq!(rig.ask(release_brake), Err(Error::EStopped {}));
+    assert_eq!(count(&rig, 0, since, "141#7700000000000000"), 0);
+    let question = native(&rig, 0, "9A00000000000000");
+    assert!(rig.ask(question).is_ok());
+}
+
+#[test]
+fn a_thruster_without_encoder_takes_no_position_natively() {
+    let (mut rig, _) = bench::thruster();
+    let epoch = arm(&mut rig);
+    for data in ["4C41001E000000C8", "4C52001E000000C8"] {
+        let request = native(&rig, epoch, data);
+        let unsupported = Error::Unsupported { axis: 0, protocol: Protocol::Thruster };
+        assert_eq!(rig.ask(request), Err(unsupported), "{data}");
+    }
 }

@@ -136,3 +136,18 @@ fn a_stop_while_the_position_is_read_ends_the_move() {
     assert!(matches!(rig.answer(sequence), Some(Err(Error::Busy { .. }))));
     assert_eq!(sent(&rig, since), 0);
 }
+
+#[test]
+fn the_position_is_read_after_the_request_and_not_before() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let polled = |rig: &Rig| rig.wire.last().is_some_and(|(_, _, text)| text.starts_with("141#92"));
+    while !polled(&rig) {
+        rig.send(&Request::Ping(requests::Ping {}));
+        rig.run(50);
+    }
+    let since = rig.now_us + 1;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    assert!(matches!(rig.ask(request), Ok(Reply::MoveRelative(_))));
+    assert!(rig.sent_since(0, since).contains(&"141#9200000000000000"));
+}

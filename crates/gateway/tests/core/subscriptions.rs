@@ -1,9 +1,10 @@
 //! Subscriptions: the state of chosen axes, told at a period.
 
 use crate::bench::{self, run_with_host};
-use crate::rig::Rig;
+use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisState, Error, Event, Quantity, Request, StateField, StateFields, StopAction, requests,
+    AxisParameter, AxisState, Error, Event, Protocol, Quantity, Request, StateField, StateFields, StopAction,
+    TripReason, Value, requests,
 };
 
 const FIELDS: StateFields = StateFields::of(&[StateField::Position, StateField::Faults]);
@@ -141,4 +142,46 @@ fn a_host_that_has_not_said_hello_is_told_nothing() {
     run_with_host(&mut rig, 20_000);
     let mut out = [0; host_protocol::MAX_FRAME];
     assert_eq!(rig.gateway.poll_host(1, &mut out), None);
+}
+
+#[test]
+fn an_armed_axis_is_read_for_what_a_limit_or_a_watcher_asks_for() {
+    let (mut rig, _) = bench::thruster();
+    let fields = StateFields::of(&[StateField::Voltage, StateField::MotorTemperature]);
+    let request = requests::Subscribe { axes: 1, fields, period_us: 50_000 };
+    rig.ask(Request::Subscribe(request)).unwrap();
+    bench::arm(&mut rig);
+    run_with_host(&mut rig, 3_000_000);
+    let events = rig.events();
+    let Some(Event::Sample { voltage_v: Some(voltage), motor_temperature_c: Some(temperature), .. }) =
+        events.iter().rev().find(|event| matches!(event, Event::Sample { .. }))
+    else {
+        panic!("no sample");
+    };
+    assert!(voltage.age_us < 1_000_000 && temperature.age_us < 1_000_000, "{voltage:?} {temperature:?}");
+
+    let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::TemperatureLimitC, Value::Float(60.0));
+    let hot = |text: &str| text.contains("#5154");
+    rig.instead(move |text| if hot(text) { Instead::Says("28B#515400000000005A") } else { Instead::AsUsual });
+    bench::arm(&mut rig);
+    run_with_host(&mut rig, 1_000_000);
+    let reason = bench::state(&mut rig).trip.map(|trip| trip.reason);
+    assert!(
+        matches!(reason, Some(TripReason::LimitExceeded { quantity: Quantity::Temperature, .. })),
+        "{reason:?}"
+    );
+}
+
+#[test]
+fn an_axis_that_is_removed_and_configured_anew_is_still_watched() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    subscribe(&mut rig, 1, 50_000).unwrap();
+    run_with_host(&mut rig, 100_000);
+    rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })).unwrap();
+    bench::configure_axis(&mut rig, 0, 0, Protocol::Rmd, 1, StopAction::Coast);
+    run_with_host(&mut rig, 100_000);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 500_000);
+    assert!(rig.sent_since(0, since).len() >= 8);
 }
