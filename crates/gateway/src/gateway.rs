@@ -9,7 +9,7 @@ use crate::port::{Board, BusSetup, Event, Transmit};
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
 use heapless::Vec;
-use host_protocol::{Error, MAX_FRAME, TripReason};
+use host_protocol::{AxisState, Error, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
@@ -169,7 +169,7 @@ impl Gateway {
         }
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        for axis in axes.iter_mut() {
+        for axis in axes.iter_mut().filter(|axis| axis.state != AxisState::Unconfigured) {
             axis.expire_motion(now, &mut out);
             axis.expire_pending(now, &mut out);
         }

@@ -10,6 +10,10 @@ pub(crate) struct AxisConfig {
     values: [u32; PARAMETERS],
     /// Which of them are set: bit 0 for the first parameter.
     set: u64,
+    /// What is asked for at every frame, kept apart from the values that say it.
+    bus: Option<u8>,
+    protocol: Option<Protocol>,
+    node: Option<u8>,
 }
 
 const PARAMETERS: usize = AxisParameter::ALL.len();
@@ -25,7 +29,7 @@ pub(crate) struct Address {
 
 impl AxisConfig {
     pub const fn new() -> Self {
-        Self { values: [0; PARAMETERS], set: 0 }
+        Self { values: [0; PARAMETERS], set: 0, bus: None, protocol: None, node: None }
     }
 
     /// Sets a parameter after checking type and range.
@@ -35,6 +39,14 @@ impl AxisConfig {
         if let Some(slot) = self.values.get_mut(index) {
             *slot = to_bits(value);
             self.set |= 1 << index;
+        }
+        match parameter {
+            AxisParameter::Bus => self.bus = self.small(parameter),
+            AxisParameter::Node => self.node = self.small(parameter),
+            AxisParameter::Protocol => {
+                self.protocol = self.unsigned(parameter).and_then(|p| Protocol::try_from(p).ok());
+            }
+            _ => {}
         }
         Ok(())
     }
@@ -59,15 +71,15 @@ impl AxisConfig {
     }
 
     pub fn bus(&self) -> Option<u8> {
-        self.small(AxisParameter::Bus)
+        self.bus
     }
 
     pub fn protocol(&self) -> Option<Protocol> {
-        self.unsigned(AxisParameter::Protocol).and_then(|p| Protocol::try_from(p).ok())
+        self.protocol
     }
 
     pub fn node(&self) -> Option<u8> {
-        self.small(AxisParameter::Node)
+        self.node
     }
 
     pub fn address(&self) -> Option<Address> {

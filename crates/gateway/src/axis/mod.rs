@@ -254,6 +254,9 @@ impl Axis {
 
     /// Earliest time after `after` at which the axis must be looked at again.
     pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
+        if self.state == AxisState::Unconfigured {
+            return None;
+        }
         let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
         let pending = self.pending.as_ref().and_then(Pending::deadline);
         let expiry = self.motion.as_ref().and_then(Motion::deadline);

@@ -29,7 +29,7 @@ pub(crate) struct Want {
 impl Axis {
     /// What the axis wants sent at `now`.
     pub fn wants(&self, now: Instant) -> Option<Want> {
-        if self.pending.is_some() {
+        if self.pending.is_some() || self.state == AxisState::Unconfigured {
             return None;
         }
         let (exchange, at) = self.next_exchange(now)?;
