@@ -217,8 +217,9 @@ impl fmt::Display for Error {
             ),
             Self::NotACommand { axis, protocol } => write!(
                 f,
-                "these bytes are no command that {protocol} motors as that of axis {axis} take; see mgw encode \
-                 --protocol {protocol} --list"
+                "axis {axis} speaks {protocol}, and these bytes are no command of that manual or carry a value \
+                 that it does not allow; see mgw encode --protocol {} --list",
+                protocol.name()
             ),
             Self::NotThisNode { axis, node } => write!(
                 f,

@@ -43,7 +43,7 @@ Examples:
   candump -L can0 | mgw decode                     captured frames in words; needs no gateway
 
 Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal; counter-clockwise is positive.
-Exit codes: 0 done, 1 refused or failed, 2 wrong usage.";
+Exit codes: 0 done; 1 refused or failed, a value out of its range too; 2 wrong usage.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -113,8 +113,9 @@ pub enum Command {
     ///
     /// What only asks needs no authority, what changes the motor needs an idle axis, and what stops it is carried out as a
     /// stop. What moves it needs --for: the axis is armed, the command is sent and kept up for so long, then the axis is
-    /// stopped and disarmed. Commands that move by a distance or start what waits in the motor go out once and for the TTL of
-    /// the axis at most: raise its `ttl_us` for longer ones.
+    /// stopped and disarmed. Commands that move by a distance go out once and for the TTL of the axis at most: raise its `ttl_us`
+    /// for longer ones. What waits in a D5 motor for `execute` does not outlast a call of mgw, so `execute`, and `async_write`
+    /// of the speed, are refused.
     #[command(after_help = "Examples:\n  \
             mgw native 0 9C00000000000000                                  RMD: read status 2\n  \
             mgw native 0 --command read_status_2                           the same by name\n  \
@@ -333,7 +334,7 @@ pub struct WatchArgs {
     #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub period: u64,
     /// Samples of each axis; without it until Ctrl-C
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub count: Option<u64>,
 }
 
@@ -351,7 +352,7 @@ pub struct NativeArgs {
     #[arg(long = "field", value_name = "NAME=VALUE", requires = "command", allow_hyphen_values = true)]
     pub fields: Vec<String>,
     /// Move: seconds to keep the command up
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -368,8 +369,8 @@ pub struct MoveArgs {
     /// How near to the target it has arrived, rad
     #[arg(long, default_value_t = 0.02, value_name = "RAD")]
     pub tolerance: f32,
-    /// Seconds to try at most; without it until it has arrived
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -398,7 +399,7 @@ pub struct SetArgs {
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -446,6 +447,11 @@ fn seconds(text: &str) -> Result<std::time::Duration, String> {
     let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
     std::time::Duration::try_from_secs_f64(value)
         .map_err(|_| "must be a number of seconds that is not negative".to_owned())
+}
+
+fn some_seconds(text: &str) -> Result<std::time::Duration, String> {
+    let duration = seconds(text)?;
+    if duration.is_zero() { Err("must be more than 0 seconds".to_owned()) } else { Ok(duration) }
 }
 
 fn state_field(text: &str) -> Result<host_protocol::StateField, String> {

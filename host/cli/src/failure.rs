@@ -3,11 +3,12 @@
 use std::fmt;
 use std::io;
 
-use host_protocol::Error;
+use host_protocol::{AxisState, Error};
 use mgw_client::{ClientError, ConnectError};
 use serde_json::{Map, Value, json};
 
 use crate::output::{number, to_json};
+use crate::words;
 
 /// Exit code of a command that was refused or failed.
 const FAILED: u8 = 1;
@@ -19,6 +20,8 @@ const WRONG_USAGE: u8 = 2;
 pub enum Failure {
     /// The gateway refused, or could not be reached.
     Client(ClientError),
+    /// What the gateway would refuse, or does, in words of its own.
+    Explained { error: Error, text: String },
     /// What was typed, or stands in a file, makes no sense.
     Usage(String),
     /// A codec refuses a value.
@@ -33,6 +36,10 @@ pub enum Failure {
     File { path: String, source: io::Error },
     /// An axis tripped while it was to be held.
     Tripped { axis: u8, reason: String },
+    /// An axis that was to be held is no longer armed, and nobody here has stopped it.
+    StoppedElsewhere { axis: u8, state: AxisState },
+    /// A move ended on the way.
+    NotArrived { axis: u8, place: String, target_rad: f32 },
     /// The motor did not confirm its stop in time.
     StopNotConfirmed { axis: u8 },
     /// The demonstration did not end as it must.
@@ -47,7 +54,7 @@ impl Failure {
     /// A name that programs can rely on: the gateway's own for its errors.
     fn name(&self) -> &'static str {
         match self {
-            Self::Client(ClientError::Gateway(error)) => error.name(),
+            Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => error.name(),
             Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
             Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
             Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
@@ -60,6 +67,8 @@ impl Failure {
             Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
             Self::Tripped { .. } => "Tripped",
+            Self::StoppedElsewhere { .. } => "StoppedElsewhere",
+            Self::NotArrived { .. } => "NotArrived",
             Self::StopNotConfirmed { .. } => "StopNotConfirmed",
             Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
@@ -70,7 +79,11 @@ impl Failure {
     /// The object that `--json` prints on standard error.
     pub fn to_json(&self) -> Value {
         let mut error = json!({ "name": self.name(), "message": self.to_string() });
-        if let (Self::Client(ClientError::Gateway(cause)), Some(fields)) = (self, error.as_object_mut()) {
+        if let (
+            Self::Client(ClientError::Gateway(cause)) | Self::Explained { error: cause, .. },
+            Some(fields),
+        ) = (self, error.as_object_mut())
+        {
             fields.insert("number".to_owned(), json!(cause.number()));
             fields.extend(data(cause));
         }
@@ -138,13 +151,23 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Client(error) => error.fmt(f),
-            Self::Usage(text) | Self::Demonstration(text) | Self::Refused { message: text, .. } => {
-                f.write_str(text)
-            }
+            Self::Usage(text)
+            | Self::Demonstration(text)
+            | Self::Explained { text, .. }
+            | Self::Refused { message: text, .. } => f.write_str(text),
             Self::File { path, source } => write!(f, "cannot read {path} ({source}). Check the path"),
             Self::Tripped { axis, reason } => write!(
                 f,
                 "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw state {axis}` shows the last values"
+            ),
+            Self::StoppedElsewhere { axis, state } => write!(
+                f,
+                "somebody else stopped axis {axis}, it is {}: another host, or the gateway because it had not heard from this one",
+                words::axis_state(*state)
+            ),
+            Self::NotArrived { axis, place, target_rad } => write!(
+                f,
+                "axis {axis} has not arrived: it is at {place} and was to go to {target_rad:.3} rad. Give it more time with --for, or a greater --speed-limit"
             ),
             Self::StopNotConfirmed { axis } => write!(
                 f,

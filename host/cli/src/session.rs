@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisState, Event, EventMessage};
+use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage};
 use mgw_client::{Client, ClientError, Transport, open};
 use serde_json::json;
 
@@ -46,6 +46,24 @@ impl Session {
         Ok(self.client.list_axes()?.iter().map(|axis| axis.axis).collect())
     }
 
+    /// Refuses axes of which not one parameter is set, with what follows from that.
+    pub fn refuse_unconfigured(&mut self, axes: &[u8], so: &str) -> Result<(), Failure> {
+        let configured = self.client.list_axes()?;
+        let max_axes = self.client.hello().max_axes;
+        for axis in axes.iter().copied() {
+            if axis >= max_axes {
+                return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
+            }
+            if !configured.iter().any(|summary| summary.axis == axis) {
+                return Err(Failure::Explained {
+                    error: Error::NotConfigured { axis, parameter: AxisParameter::Bus.number() },
+                    text: format!("axis {axis} is not configured: {so}; `mgw axes` lists those that are"),
+                });
+            }
+        }
+        Ok(())
+    }
+
     /// Prints the events that wait, and returns the trip of one of `axes`, if there is one among them.
     pub fn print_events(&mut self, axes: &[u8]) -> Result<Option<Failure>, Failure> {
         print_events(&mut self.client, axes, self.out)
@@ -55,7 +73,7 @@ impl Session {
     pub fn print_states(&mut self, axes: &[u8]) -> Result<(), Failure> {
         let mut reports = Vec::new();
         for axis in axes {
-            reports.push(self.client.read_state(*axis)?);
+            reports.push(self.client.read_state_when_free(*axis)?);
         }
         self.out.table(&states::table(&reports))?;
         self.out.object(&json!({ "axes": reports.iter().map(to_json).collect::<Vec<_>>() }))
@@ -65,7 +83,7 @@ impl Session {
     pub fn await_stop(&mut self, axis: u8) -> Result<AxisReport, Failure> {
         let end = self.client.now() + STOP_PATIENCE;
         loop {
-            let report = self.client.read_state(axis)?;
+            let report = self.client.read_state_when_free(axis)?;
             if !is_stopping(report.state) {
                 return Ok(report);
             }

@@ -72,6 +72,27 @@ pub fn table(reports: &[AxisReport]) -> Table {
     table
 }
 
+/// The age of the youngest reading of a sample, µs.
+pub fn youngest_us(event: &Event) -> Option<u32> {
+    let Event::Sample {
+        position_rad,
+        velocity_rad_s,
+        current_a,
+        voltage_v,
+        motor_temperature_c,
+        driver_temperature_c,
+        faults,
+        ..
+    } = event
+    else {
+        return None;
+    };
+    let readings =
+        [position_rad, velocity_rad_s, current_a, voltage_v, motor_temperature_c, driver_temperature_c];
+    let ages = readings.into_iter().flatten().map(|reading| reading.age_us);
+    ages.chain(faults.iter().map(|faults| faults.age_us)).min()
+}
+
 /// A sample as the row of a table that grows with time, under its headings; nothing of another event.
 pub fn sample(event: &Event, fields: StateFields) -> Option<Table> {
     let Event::Sample {

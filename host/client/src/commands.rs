@@ -5,8 +5,8 @@ use std::time::Duration;
 use host_protocol::replies::{Armed, AxisReport, BusReport, HelloReply, MoveTarget, RawFrames};
 use host_protocol::requests as ask;
 use host_protocol::{
-    AxisParameter, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, MAX_CAN_DATA, MotorTimeout,
-    ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
+    AxisParameter, AxisState, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, MAX_CAN_DATA,
+    MotorTimeout, ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
 };
 
 use crate::client::Client;
@@ -15,6 +15,10 @@ use crate::transport::Transport;
 
 /// Arming, provisioning and native commands talk with the motor, brake release and its confirmation included.
 pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
+
+/// How often an axis that is busy is asked in all, and how long after each time.
+const BUSY_TRIES: u32 = 5;
+const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
 impl<T: Transport> Client<T> {
     /// Says hello again and returns what the gateway says of itself now. To the gateway that is a new session: if this
@@ -260,6 +264,33 @@ impl<T: Transport> Client<T> {
         self.request_within(&request, MOTOR_DEADLINE).map(|reply| reply.data)
     }
 
+    /// As [`native`](Self::native), asked again a few times while the axis is carrying out another request: a question of
+    /// another host is soon answered. Not for a command that moves by a distance, which is better refused than late.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request); `Busy` at once of an axis that is arming or stopping.
+    pub fn native_when_free(
+        &mut self,
+        axis: u8,
+        epoch: u32,
+        data: Bytes<MAX_CAN_DATA>,
+        ttl: Duration,
+    ) -> Result<Bytes<MAX_CAN_DATA>, ClientError> {
+        for _ in 1..BUSY_TRIES {
+            match self.native(axis, epoch, data.clone(), ttl) {
+                Err(ClientError::Gateway(busy @ Error::Busy { .. })) => {
+                    let state = self.read_state_when_free(axis)?.state;
+                    if matches!(state, AxisState::Arming | AxisState::Stopping) {
+                        return Err(busy.into());
+                    }
+                    self.transport_mut().sleep(BUSY_PAUSE);
+                }
+                answer => return answer,
+            }
+        }
+        self.native(axis, epoch, data, ttl)
+    }
+
     /// Has the gateway send [`Sample`](host_protocol::Event::Sample) events, one for each of `axes` in each `period` of
     /// 1 ms to 10 s; [`poll_event`](Self::poll_event) returns them. It replaces the subscription before. Call
     /// [`keep_subscription`](Self::keep_subscription) between two looks at the events, or it ends after 5 s.
@@ -298,6 +329,20 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request).
     pub fn read_state(&mut self, axis: u8) -> Result<AxisReport, ClientError> {
         self.request(&ask::ReadState { axis })
+    }
+
+    /// As [`read_state`](Self::read_state), asked again a few times while the axis is carrying out another request.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn read_state_when_free(&mut self, axis: u8) -> Result<AxisReport, ClientError> {
+        for _ in 1..BUSY_TRIES {
+            match self.read_state(axis) {
+                Err(ClientError::Gateway(Error::Busy { .. })) => self.transport_mut().sleep(BUSY_PAUSE),
+                answer => return answer,
+            }
+        }
+        self.read_state(axis)
     }
 
     /// Opens a bus for raw frames.

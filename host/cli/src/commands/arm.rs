@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
-use mgw_client::ClientError;
+use host_protocol::Error;
+use mgw_client::{Client, ClientError, Transport};
 use serde_json::json;
 
+use super::drive::no_longer_armed;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::output::to_json;
+use crate::output::{Output, to_json};
 use crate::session::{Session, go_on, print_events};
 use crate::words;
 
@@ -27,6 +29,7 @@ fn arm_and_hold(
     duration: Option<Duration>,
     armed_axes: &mut Vec<u8>,
 ) -> Result<(), Failure> {
+    let mut held = Vec::new();
     for axis in axes {
         // Noted before it is asked for: an answer that is lost may have armed it all the same.
         armed_axes.push(*axis);
@@ -35,6 +38,7 @@ fn arm_and_hold(
                 armed_axes.pop();
             }
         })?;
+        held.push((*axis, armed.epoch));
         let timeout = words::motor_timeout(armed.motor_timeout);
         session.out.either(
             format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
@@ -44,18 +48,45 @@ fn arm_and_hold(
     if duration.is_none() {
         session.out.text("Ctrl-C disarms")?;
     }
-    hold_link(session, axes, duration.unwrap_or(Duration::MAX))
+    hold_link(session, &held, duration.unwrap_or(Duration::MAX))
 }
 
 /// Keeps the link alive and prints events until the time is over, the user interrupts, or an axis trips.
-fn hold_link(session: &mut Session, axes: &[u8], duration: Duration) -> Result<(), Failure> {
+fn hold_link(session: &mut Session, held: &[(u8, u32)], duration: Duration) -> Result<(), Failure> {
     let out = session.out;
+    let axes: Vec<u8> = held.iter().map(|(axis, _)| *axis).collect();
     let mut failure = None;
     session.client.hold(duration, |client| {
-        failure = print_events(client, axes, out).unwrap_or_else(Some);
+        failure = look(client, &axes, held, out).unwrap_or_else(Some);
         go_on(failure.as_ref())
     })?;
-    failure.map_or(Ok(()), Err)
+    match failure.or(look(&mut session.client, &axes, held, out)?) {
+        Some(failure) => Err(failure),
+        None => Ok(()),
+    }
+}
+
+/// Prints events, and returns why an axis is no longer armed.
+fn look<T: Transport>(
+    client: &mut Client<T>,
+    axes: &[u8],
+    held: &[(u8, u32)],
+    out: Output,
+) -> Result<Option<Failure>, Failure> {
+    if let Some(tripped) = print_events(client, axes, out)? {
+        return Ok(Some(tripped));
+    }
+    for (axis, epoch) in held {
+        let report = match client.read_state(*axis) {
+            // Another host has asked something; the next round tells.
+            Err(ClientError::Gateway(Error::Busy { .. })) => continue,
+            report => report?,
+        };
+        if let Some(failure) = no_longer_armed(&report, *epoch) {
+            return Ok(Some(failure));
+        }
+    }
+    Ok(None)
 }
 
 fn disarm(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {

@@ -36,6 +36,7 @@ pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failu
         }
         Some(ConfigureTarget::Show { axis }) => show(session, *axis),
         Some(ConfigureTarget::Remove { axis }) => {
+            session.refuse_unconfigured(&[*axis], "there is nothing to remove")?;
             session.client.remove_axis(*axis)?;
             done(session, format!("axis {axis} removed"))
         }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisState, Event, StopTarget};
+use host_protocol::{AxisState, Error, Event, StopTarget};
 use mgw_client::{Client, ClientError, Round, Transport};
 use serde_json::json;
 
@@ -53,6 +53,7 @@ pub fn drive(
 /// The rounds of a hold: events and a table of states that grows with time, until something ends them.
 pub struct Rounds {
     axis: u8,
+    epoch: u32,
     out: Output,
     headings_printed: bool,
     next: Duration,
@@ -62,15 +63,16 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    pub fn new(session: &Session, axis: u8) -> Self {
+    pub fn new(session: &Session, armed: ArmedAxis) -> Self {
+        let ArmedAxis { axis, epoch, .. } = armed;
         let next = session.client.now();
-        Self { axis, out: session.out, headings_printed: false, next, failure: None, latest: None }
+        Self { axis, epoch, out: session.out, headings_printed: false, next, failure: None, latest: None }
     }
 
     /// One round of a hold.
     pub fn turn<T: Transport>(&mut self, client: &mut Client<T>) -> Round {
         let printed = print_events(client, &[self.axis], self.out)
-            .and_then(|tripped| self.print_if_due(client).map(|()| tripped));
+            .and_then(|tripped| self.print_if_due(client).map(|no_longer| tripped.or(no_longer)));
         self.failure = printed.unwrap_or_else(Some);
         go_on(self.failure.as_ref())
     }
@@ -86,31 +88,58 @@ impl Rounds {
         Ok(if there { ControlFlow::Break(()) } else { round })
     }
 
-    /// The end of the hold. A command refused because the axis tripped says less than the trip.
+    /// The end of the hold. A command refused because the axis tripped, or was stopped, says less than that.
     pub fn end(self, session: &mut Session, held: Result<(), ClientError>) -> Result<(), Failure> {
-        match self.failure.or(session.print_events(&[self.axis])?) {
-            Some(failure) => Err(failure),
-            None => Ok(held?),
+        if let Some(failure) = self.failure.or(session.print_events(&[self.axis])?) {
+            return Err(failure);
+        }
+        match held {
+            Ok(()) | Err(ClientError::Gateway(Error::NotArmed { .. } | Error::StaleEpoch { .. })) => {
+                let report = session.client.read_state_when_free(self.axis)?;
+                match no_longer_armed(&report, self.epoch) {
+                    Some(failure) => Err(failure),
+                    None => Ok(held?),
+                }
+            }
+            Err(error) => Err(error.into()),
         }
     }
 
-    fn print_if_due<T: Transport>(&mut self, client: &mut Client<T>) -> Result<(), Failure> {
+    /// Prints the state from time to time; returns why the axis is no longer armed, if it is not.
+    fn print_if_due<T: Transport>(&mut self, client: &mut Client<T>) -> Result<Option<Failure>, Failure> {
         if client.now() < self.next {
-            return Ok(());
+            return Ok(None);
         }
         self.next = client.now() + PRINT_EVERY;
-        let report = client.read_state(self.axis)?;
+        let report = match client.read_state(self.axis) {
+            // Another host has asked something; the next round tells.
+            Err(ClientError::Gateway(Error::Busy { .. })) => return Ok(None),
+            report => report?,
+        };
         for line in states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed)) {
             self.out.text(line)?;
         }
         self.headings_printed = true;
         self.latest = Some(report);
-        self.out.object(&to_json(&report))
+        self.out.object(&to_json(&report))?;
+        Ok(no_longer_armed(&report, self.epoch))
+    }
+}
+
+/// Why an axis that was armed here, and that nobody here has stopped, is no longer armed.
+pub fn no_longer_armed(report: &AxisReport, epoch: u32) -> Option<Failure> {
+    let AxisReport { axis, state, .. } = *report;
+    match (state, report.trip) {
+        (AxisState::Armed | AxisState::Active, _) if report.epoch == Some(epoch) => None,
+        (AxisState::Tripped { .. }, Some(trip)) => {
+            Some(Failure::Tripped { axis, reason: words::trip_reason(&trip.reason) })
+        }
+        _ => Some(Failure::StoppedElsewhere { axis, state }),
     }
 }
 
 fn stop(session: &mut Session, axis: u8) -> Result<(), Failure> {
-    let before = session.client.read_state(axis)?.state;
+    let before = session.client.read_state_when_free(axis)?.state;
     if !matches!(before, AxisState::Tripped { .. }) {
         session.client.stop(StopTarget::Axis(axis))?;
     }

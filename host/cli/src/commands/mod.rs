@@ -6,6 +6,7 @@ mod bus;
 mod configure;
 mod drive;
 mod info;
+mod limits;
 mod moving;
 mod native;
 mod raw;

@@ -8,6 +8,7 @@ use mgw_client::Hold;
 use serde_json::{Value, json};
 
 use super::drive::{Rounds, drive};
+use super::limits;
 use crate::args::MoveArgs;
 use crate::failure::Failure;
 use crate::output::number;
@@ -24,6 +25,7 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
     if tolerance.is_nan() || tolerance <= 0.0 {
         return Err(Failure::Usage("--tolerance is an angle above 0".to_owned()));
     }
+    limits::check_move(session, axis, distance, speed_limit)?;
     drive(session, axis, |session, armed| {
         let target = session.client.move_relative(axis, armed.epoch, distance, speed_limit, armed.ttl)?;
         let MoveTarget { start_rad, target_rad } = target;
@@ -33,14 +35,14 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         )?;
         let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
         let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
-        let mut rounds = Rounds::new(session, axis);
+        let mut rounds = Rounds::new(session, armed);
         let is_there = |report: &AxisReport| has_arrived(report, target_rad, tolerance);
         let held = session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
             rounds.turn_until(client, is_there)
         });
-        let latest = rounds.latest;
+        let arrived = rounds.latest.as_ref().is_some_and(is_there);
         rounds.end(session, held)?;
-        tell(session, axis, target_rad, latest.as_ref(), tolerance)
+        tell(session, axis, target_rad, |report| arrived || is_there(report))
     })
 }
 
@@ -53,14 +55,14 @@ fn has_arrived(report: &AxisReport, target_rad: f32, tolerance_rad: f32) -> bool
 }
 
 fn tell(
-    session: &Session,
+    session: &mut Session,
     axis: u8,
     target_rad: f32,
-    latest: Option<&AxisReport>,
-    tolerance_rad: f32,
+    is_there: impl Fn(&AxisReport) -> bool,
 ) -> Result<(), Failure> {
-    let arrived = latest.is_some_and(|report| has_arrived(report, target_rad, tolerance_rad));
-    let position = latest.and_then(|report| report.position_rad);
+    let report = session.client.read_state_when_free(axis)?;
+    let arrived = is_there(&report);
+    let position = report.position_rad;
     let place =
         position.map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
     let text = if arrived { "has arrived" } else { "has not arrived" };
@@ -68,5 +70,6 @@ fn tell(
     session.out.either(
         format!("axis {axis} {text}: it is at {place}"),
         &json!({ "axis": axis, "arrived": arrived, "position_rad": position }),
-    )
+    )?;
+    if arrived { Ok(()) } else { Err(Failure::NotArrived { axis, place, target_rad }) }
 }

@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, Bytes, Error, MAX_CAN_DATA, Protocol};
+use host_protocol::{AxisParameter, AxisState, BusKind, Bytes, Error, MAX_CAN_DATA};
 use mgw_client::{ClientError, NativeHold};
 use serde_json::json;
 
 use super::drive::{ArmedAxis, Rounds, drive};
-use super::raw;
+use super::{limits, raw};
 use crate::args::NativeArgs;
 use crate::decode;
-use crate::effect::{self, Effect};
 use crate::encode;
 use crate::failure::Failure;
+use crate::native_request::{Demand, Effect, Motor, NativeRequest};
 use crate::parameters;
 use crate::session::Session;
 
@@ -23,9 +23,9 @@ const ONCE_MARGIN_MIN: Duration = Duration::from_millis(30);
 
 /// A native command, and whose it is.
 struct Command {
-    axis: u8,
-    protocol: Protocol,
-    node: u8,
+    motor: Motor,
+    /// Whether its axis was idle when this was typed.
+    is_idle: bool,
     data: Bytes<MAX_CAN_DATA>,
     effect: Effect,
 }
@@ -34,49 +34,70 @@ struct Command {
 pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure> {
     let command = command(session, arguments)?;
     match (command.effect, arguments.duration) {
-        (Effect::Moves | Effect::MovesOnce, None) => Err(Failure::Usage(
+        (Effect::Prepares, _) => Err(Failure::Usage(encode::PREPARED.to_owned())),
+        (Effect::Moves(_) | Effect::MovesOnce(_), None) => Err(Failure::Usage(
             "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so long and stopped"
                 .to_owned(),
         )),
-        (Effect::Moves, Some(duration)) => {
-            drive(session, command.axis, |session, armed| keep_up(session, &command, armed, duration))
+        (Effect::Moves(demand), Some(duration)) => {
+            move_by(session, &command, demand, |session, armed| keep_up(session, &command, armed, duration))
         }
-        (Effect::MovesOnce, Some(duration)) => {
-            drive(session, command.axis, |session, armed| once(session, &command, armed, duration))
+        (Effect::MovesOnce(demand), Some(duration)) => {
+            move_by(session, &command, demand, |session, armed| once(session, &command, armed, duration))
         }
         (Effect::Stops | Effect::Other, Some(_)) => {
             Err(Failure::Usage("--for is for commands that move the motor; this one does not".to_owned()))
         }
         (Effect::Stops | Effect::Other, None) => {
-            let reply = session.client.native(command.axis, 0, command.data.clone(), Duration::ZERO)?;
+            let axis = command.motor.axis;
+            let is_stop = command.effect == Effect::Stops && !command.is_idle;
+            let data = command.data.clone();
+            let reply = session.client.native_when_free(axis, 0, data, Duration::ZERO)?;
+            if is_stop && reply.is_empty() {
+                let text = format!("axis {axis}: carried out as a stop of the axis");
+                return session.out.either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
+            }
             print(session, &command, &reply)
         }
     }
 }
 
+/// Arms the axis, if its limits allow the command, and has `act` move it.
+fn move_by(
+    session: &mut Session,
+    command: &Command,
+    demand: Demand,
+    act: impl FnOnce(&mut Session, ArmedAxis) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    limits::check_demand(session, command.motor.axis, demand)?;
+    drive(session, command.motor.axis, act)
+}
+
 fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Failure> {
     let axis = arguments.axis;
-    let (protocol, node) = motor(session, axis)?;
+    let (motor, state) = motor(session, axis)?;
     let data = match &arguments.command {
         Some(name) => {
             let fields = arguments.fields.iter().map(|field| {
                 parameters::split(field).map(|(name, value)| (name.to_owned(), value.to_owned()))
             });
-            encode::data_field(protocol, node, name, fields.collect::<Result<_, _>>()?)?
+            encode::data_field(motor.protocol, motor.node, name, fields.collect::<Result<_, _>>()?)?
         }
         None => data_field(&arguments.data)?,
     };
-    let effect = effect::of(protocol, &data);
     let too_long = |_| {
         Failure::Usage(format!(
             "a data field has at most {MAX_CAN_DATA} bytes; leave CAN id and framing away"
         ))
     };
-    Ok(Command { axis, protocol, node, data: Bytes::from_slice(&data).map_err(too_long)?, effect })
+    let bytes = Bytes::from_slice(&data).map_err(too_long)?;
+    let effect = NativeRequest::decode(motor, &data)?.effect();
+    let is_idle = state == AxisState::Idle;
+    Ok(Command { motor, is_idle, data: bytes, effect })
 }
 
-/// Protocol and node of the motor of an axis.
-fn motor(session: &mut Session, axis: u8) -> Result<(Protocol, u8), Failure> {
+/// The motor of an axis, as it is configured, and the state of the axis; without asking the motor.
+fn motor(session: &mut Session, axis: u8) -> Result<(Motor, AxisState), Failure> {
     let max_axes = session.client.hello().max_axes;
     if axis >= max_axes {
         return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
@@ -88,7 +109,12 @@ fn motor(session: &mut Session, axis: u8) -> Result<(Protocol, u8), Failure> {
     let protocol = protocol.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Protocol)))?;
     let node = summary.and_then(|summary| summary.node);
     let node = node.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Node)))?;
-    Ok((protocol, node))
+    let bus = summary.and_then(|summary| summary.bus);
+    let bus = bus.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Bus)))?;
+    let capability = session.client.hello().buses.get(usize::from(bus));
+    let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
+    let state = summary.map_or(AxisState::Unconfigured, |summary| summary.state);
+    Ok((Motor { axis, protocol, node, bus }, state))
 }
 
 /// Bytes in hexadecimal, with spaces wherever they please between them.
@@ -113,10 +139,10 @@ fn keep_up(
     duration: Duration,
 ) -> Result<(), Failure> {
     let ArmedAxis { axis, epoch, ttl } = armed;
-    let reply = session.client.native(axis, epoch, command.data.clone(), ttl)?;
+    let reply = session.client.native_when_free(axis, epoch, command.data.clone(), ttl)?;
     print(session, command, &reply)?;
     let hold = NativeHold { axis, epoch, data: command.data.clone(), ttl };
-    let mut rounds = Rounds::new(session, axis);
+    let mut rounds = Rounds::new(session, armed);
     let held = session.client.hold_native(&hold, duration, |client| rounds.turn(client));
     rounds.end(session, held)
 }
@@ -138,7 +164,7 @@ fn once(
     }
     let end = session.client.now() + duration.min(longest);
     let reply = session.client.native(axis, epoch, command.data.clone(), ttl);
-    let mut rounds = Rounds::new(session, axis);
+    let mut rounds = Rounds::new(session, armed);
     let held = match reply {
         Ok(reply) => {
             print(session, command, &reply)?;
@@ -151,14 +177,11 @@ fn once(
 }
 
 fn print(session: &Session, command: &Command, reply: &[u8]) -> Result<(), Failure> {
-    let Command { axis, protocol, node, ref data, effect } = *command;
+    let Motor { axis, protocol, node, .. } = command.motor;
     if reply.is_empty() {
-        let text = match effect {
-            Effect::Stops => "carried out as a stop of the axis, or not answered by its motor",
-            _ => "the motor does not answer this command",
-        };
-        return session.out.either(format!("axis {axis}: {text}"), &json!({ "axis": axis, "frame": "" }));
+        let text = format!("axis {axis}: the motor does not answer this command");
+        return session.out.either(text, &json!({ "axis": axis, "frame": "" }));
     }
     let json = session.out.is_json();
-    session.out.line(&decode::reply(axis, protocol, node, data, reply, json))
+    session.out.line(&decode::reply(axis, protocol, node, &command.data, reply, json))
 }

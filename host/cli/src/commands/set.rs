@@ -6,6 +6,7 @@ use host_protocol::Setpoint;
 use mgw_client::Hold;
 
 use super::drive::{Rounds, drive};
+use super::limits;
 use crate::args::{Mode, SetArgs};
 use crate::failure::Failure;
 use crate::session::Session;
@@ -13,9 +14,10 @@ use crate::session::Session;
 /// Arms an axis, holds a setpoint, stops it and disarms it.
 pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     let setpoint = setpoint(arguments)?;
+    limits::check_setpoint(session, arguments.axis, setpoint)?;
     drive(session, arguments.axis, |session, armed| {
         let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
-        let mut rounds = Rounds::new(session, armed.axis);
+        let mut rounds = Rounds::new(session, armed);
         let duration = arguments.duration.unwrap_or(Duration::MAX);
         let held = session.client.hold_setpoints(&[hold], duration, |client| rounds.turn(client));
         rounds.end(session, held)

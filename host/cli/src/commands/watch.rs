@@ -1,8 +1,10 @@
 //! `mgw watch`
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use host_protocol::{Event, EventMessage, StateField, StateFields};
+use host_protocol::{Error, Event, EventMessage, StateField, StateFields};
+use mgw_client::ClientError;
 use serde_json::json as object;
 
 use crate::args::WatchArgs;
@@ -14,13 +16,18 @@ use crate::states;
 
 /// An interrupt is looked for this often.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
+/// A motor that has told nothing for so long is asked whether it answers.
+const SILENT_AFTER: Duration = Duration::from_secs(2);
 /// What was lost is told this often.
 const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints samples at the rhythm of the subscription and events as they come.
 pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
     interrupt::note();
-    let axes = session.axes_or_all(&arguments.axes)?;
+    let mut axes = session.axes_or_all(&arguments.axes)?;
+    let mut seen = BTreeSet::new();
+    axes.retain(|axis| seen.insert(*axis));
+    session.refuse_unconfigured(&axes, "there is nothing to watch")?;
     if axes.is_empty() {
         session.out.text("no axis is configured: there are only events to follow")?;
     }
@@ -31,7 +38,11 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
     let left = arguments.count.map(|count| axes.iter().map(|axis| (*axis, count)).collect());
     let period = Duration::from_millis(arguments.period);
     session.client.subscribe(&axes, fields, period)?;
-    let watched = Watch { fields, left, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
+    let now = session.client.now();
+    let unheard =
+        axes.iter().map(|axis| (*axis, Unheard { look_at: now + SILENT_AFTER, told: false })).collect();
+    let watched =
+        Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
     let reachable = match &watched {
         Ok(()) => true,
         Err(failure) => failure.is_from_gateway(),
@@ -39,10 +50,19 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
     if reachable { watched.and(session.client.unsubscribe().map_err(Failure::from)) } else { watched }
 }
 
+/// Whether a motor answers.
+struct Unheard {
+    /// When it is asked.
+    look_at: Duration,
+    /// Once is enough.
+    told: bool,
+}
+
 struct Watch {
     fields: StateFields,
     /// How many samples of each axis are still to come; `None` for no end.
     left: Option<Vec<(u8, u64)>>,
+    unheard: BTreeMap<u8, Unheard>,
     /// What was lost since that was said last.
     lost: u64,
     /// What was lost so far between the gateway and here.
@@ -58,18 +78,50 @@ impl Watch {
             session.client.keep_subscription()?;
             if let Some(message) = session.client.poll_event(LONGEST_WAIT)? {
                 self.count_lost(session, message.dropped);
+                self.note_readings(session, &message.event);
                 match &message.event {
                     Event::Sample { axis, .. } if self.is_wanted(*axis) => self.print(session, &message)?,
                     Event::Sample { .. } => {}
                     _ => print_event(&EventMessage { dropped: 0, ..message }, session.out)?,
                 }
             }
+            self.tell_silent(session)?;
             if session.client.now() >= tell_lost_at {
                 tell_lost_at = session.client.now() + TELL_LOST_EVERY;
                 self.tell_lost(session)?;
             }
         }
         self.tell_lost(session)
+    }
+
+    /// A motor that has just told something need not be asked whether it answers.
+    fn note_readings(&mut self, session: &Session, event: &Event) {
+        let Event::Sample { axis, .. } = event else { return };
+        let heard = states::youngest_us(event)
+            .is_some_and(|age_us| Duration::from_micros(u64::from(age_us)) < SILENT_AFTER);
+        if heard && let Some(unheard) = self.unheard.get_mut(axis) {
+            *unheard = Unheard { look_at: session.client.now() + SILENT_AFTER, told: false };
+        }
+    }
+
+    /// Says once of each motor that has told nothing for a while that it does not answer, if it does not.
+    fn tell_silent(&mut self, session: &mut Session) -> Result<(), Failure> {
+        let now = session.client.now();
+        for (axis, unheard) in &mut self.unheard {
+            if unheard.told || now < unheard.look_at {
+                continue;
+            }
+            unheard.look_at = now + SILENT_AFTER;
+            // The fields asked for may be such as this motor has not, so silence alone does not tell.
+            if let Err(ClientError::Gateway(error @ Error::NoReply { .. })) = session.client.read_state(*axis)
+            {
+                unheard.told = true;
+                session
+                    .out
+                    .either(error.to_string(), &object!({ "axis": axis, "silent": error.to_string() }))?;
+            }
+        }
+        Ok(())
     }
 
     fn is_complete(&self) -> bool {

@@ -240,13 +240,17 @@ impl<W: Write> Record<W> {
 
     /// Seconds as they stand in the capture; anything else that stood there as text.
     fn time(&mut self, time: &[u8]) {
-        match json_number(time) {
-            Some(number) if self.json => {
+        if self.json {
+            if let Some(number) = json_number(time) {
                 self.key("time_s");
-                self.line.extend_from_slice(number);
+                return self.line.extend_from_slice(number);
             }
-            _ => self.string_or_cell("time", time, 0),
+            if let Some(number) = unusual_number(time) {
+                self.key("time_s");
+                return self.line.extend_from_slice(number.as_bytes());
+            }
         }
+        self.string_or_cell("time", time, 0);
     }
 
     fn string_or_cell(&mut self, name: &str, bytes: &[u8], width: usize) {
@@ -338,6 +342,24 @@ fn json_number(text: &[u8]) -> Option<&[u8]> {
     text.get(zeros..)
 }
 
+/// A number in another form than JSON has it: `-5`, `+5`, `.5`, `1.`, `1e9`, with all its digits.
+fn unusual_number(text: &[u8]) -> Option<String> {
+    let text = std::str::from_utf8(text).ok()?;
+    text.parse::<f64>().ok().filter(|value| value.is_finite())?;
+    let (mantissa, exponent) = match text.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => (mantissa, format!("e{exponent}")),
+        None => (text, String::new()),
+    };
+    let (sign, digits) = match mantissa.strip_prefix('-') {
+        Some(digits) => ("-", digits),
+        None => ("", mantissa.trim_start_matches('+')),
+    };
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let whole = Some(whole.trim_start_matches('0')).filter(|whole| !whole.is_empty()).unwrap_or("0");
+    let point = if fraction.is_empty() { "" } else { "." };
+    Some(format!("{sign}{whole}{point}{fraction}{exponent}"))
+}
+
 fn push_json_string(line: &mut Vec<u8>, text: &str) {
     line.push(b'"');
     for byte in text.bytes() {
@@ -412,6 +434,22 @@ mod tests {
             ("", None),
         ] {
             assert_eq!(json_number(text.as_bytes()), number.map(str::as_bytes), "{text}");
+        }
+        for (text, number) in [
+            ("-5", Some("-5")),
+            ("+05.50", Some("5.50")),
+            (".5", Some("0.5")),
+            ("-.5", Some("-0.5")),
+            ("1700000000.", Some("1700000000")),
+            ("1.7e9", Some("1.7e9")),
+            (".", None),
+            ("inf", None),
+            ("nan", None),
+            ("1.2.3", None),
+            ("2024-01-01", None),
+            ("", None),
+        ] {
+            assert_eq!(unusual_number(text.as_bytes()).as_deref(), number, "{text}");
         }
     }
 }

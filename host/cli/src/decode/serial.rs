@@ -166,7 +166,9 @@ impl Scanner {
 
     /// What is wrong with bytes that are no frame, up to the first of which something else is wrong.
     fn broken(&self, bytes: &[u8]) -> (Broken, usize) {
-        let wrong = |at: usize| self.wrong_frame(bytes.get(at..).unwrap_or_default());
+        // What has only begun at the very end of the input might have become a frame.
+        let is_end = self.ended && self.broken_until == self.bytes.len();
+        let wrong = |at: usize| self.wrong_frame(bytes.get(at..).unwrap_or_default(), is_end);
         match wrong(0) {
             Some((why, length)) => (why, length),
             None => {
@@ -176,8 +178,14 @@ impl Scanner {
     }
 
     /// A frame that would be one with another checksum or if it went on, and its length.
-    fn wrong_frame(&self, bytes: &[u8]) -> Option<(Broken, usize)> {
+    fn wrong_frame(&self, bytes: &[u8], is_end: bool) -> Option<(Broken, usize)> {
         let length = match bytes {
+            [RMD_HEADER] | [RMD_HEADER, _] if self.rmd && is_end => RMD_FRAME_LEN,
+            [d5::REQUEST_HEADER | d5::REPLY_HEADER] | [d5::REQUEST_HEADER | d5::REPLY_HEADER, _]
+                if self.d5 && is_end =>
+            {
+                D5_FRAME_LEN
+            }
             [RMD_HEADER, _, RMD_LENGTH, ..] if self.rmd => RMD_FRAME_LEN,
             _ if self.d5 && has_d5_head(bytes) => D5_FRAME_LEN,
             _ => return None,
@@ -240,7 +248,8 @@ mod tests {
         let line = [&[0xEE, 0x3E][..], &REQUEST, &D5, &REPLY, &[0x5D]].concat();
         for step in 1..line.len() {
             let found = scan(ProtocolChoice::Auto, &line, step);
-            let frames: Vec<_> = found.iter().filter(|(_, name)| *name != "garbage").cloned().collect();
+            let frames: Vec<_> =
+                found.iter().filter(|(_, name)| ["rmd", "d5"].contains(name)).cloned().collect();
             assert_eq!(
                 frames,
                 [(REQUEST.to_vec(), "rmd"), (D5.to_vec(), "d5"), (REPLY.to_vec(), "rmd")],

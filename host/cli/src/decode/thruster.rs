@@ -8,6 +8,7 @@ use thruster::{DecodeError, Headerless, Node, Reply, Request, ReturnFlags, Retur
 
 use super::put;
 use super::record::{Direction, Motor, Record};
+use crate::native_request::thruster_cause;
 
 const NAME: &str = "thruster";
 /// One place for each id.
@@ -169,7 +170,7 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
         }
         Err(error) => {
             record.protocol(NAME);
-            return record.error(error_name(&error), &error);
+            return record.error(error_name(&error), &thruster_cause(&error));
         }
     };
     if !is_known {

@@ -5,6 +5,9 @@ use codec::{BuildError, CommandInfo, EncodeError, FieldInfo};
 use crate::encode::wanted::{Wanted, number};
 use crate::failure::Failure;
 
+/// The field of a D5 write that may go by the name of the register's own.
+const VALUE: &str = "value";
+
 /// A field's value by its name, as far as it was typed.
 type Given<'a> = &'a dyn Fn(&str) -> Option<f64>;
 
@@ -48,7 +51,8 @@ impl<R> Codec<R> {
     pub fn build(&self, wanted: &Wanted) -> Result<R, Failure> {
         let name = wanted.command()?;
         let Some(info) = self.sendable().find(|info| info.name == name) else {
-            let names: Vec<&str> = self.sendable().map(|info| info.name).collect();
+            let names = self.sendable().map(|info| info.name);
+            let names: Vec<&str> = names.filter(|name| !wanted.leaves_out(name)).collect();
             let (codec, names) = (self.name, names.join(", "));
             return Err(Failure::Usage(format!("`{name}` is no {codec} command. These are: {names}")));
         };
@@ -60,13 +64,21 @@ impl<R> Codec<R> {
             values.push((field.as_str(), value));
         }
         let own = (self.own_fields)(&values);
+        for (index, (field, _)) in values.iter().enumerate() {
+            let is_value = |field: &str| field == VALUE || own.contains(&field);
+            let is_again = |other: &str| other == *field || (is_value(other) && is_value(field));
+            if values.iter().take(index).any(|(other, _)| is_again(other)) {
+                return Err(Failure::Usage(format!(
+                    "`{field}` is given twice, or under two names. Give it once"
+                )));
+            }
+        }
         for (field, _) in &values {
             if !info.request.iter().any(|info| info.name == *field) && !own.contains(field) {
                 return Err(Failure::Usage(format!("{name} has no field `{field}`. {}", fields(info))));
             }
         }
-        let given =
-            |field: &str| values.iter().rev().find(|(given, _)| *given == field).map(|(_, value)| *value);
+        let given = |field: &str| values.iter().find(|(given, _)| *given == field).map(|(_, value)| *value);
         (self.build)(name, &given).map_err(|error| not_built(info, error))
     }
 
@@ -90,7 +102,7 @@ pub fn refused(error: EncodeError) -> Failure {
         EncodeError::Forbidden { field, value, .. } => ("Forbidden", field, value, None),
         EncodeError::Frame => ("Forbidden", "frame", 0, None),
     };
-    Failure::Refused { name, field, value: value as f64, range, message: error.to_string() }
+    explained(Failure::Refused { name, field, value: value as f64, range, message: error.to_string() })
 }
 
 fn not_built(info: &CommandInfo, error: BuildError) -> Failure {
@@ -101,13 +113,32 @@ fn not_built(info: &CommandInfo, error: BuildError) -> Failure {
             Failure::Usage(format!("{} needs --{field}. {}", info.name, fields(info)))
         }
         BuildError::OutOfRange { field, value, min, max } => {
-            Failure::Refused { name: "OutOfRange", field, value, range: Some((min, max)), message }
+            explained(Failure::Refused { name: "OutOfRange", field, value, range: Some((min, max)), message })
         }
         BuildError::NotAnInteger { field, value } => {
             Failure::Refused { name: "NotAnInteger", field, value, range: None, message }
         }
         BuildError::Encode(error) => refused(error),
     }
+}
+
+/// With what is allowed, where a range alone does not tell.
+fn explained(failure: Failure) -> Failure {
+    let Failure::Refused { name, field, value, range, mut message } = failure else { return failure };
+    match field {
+        "bitrate" | "bitrate_kbps" => {
+            let rates: Vec<String> =
+                thruster::BITRATES.iter().map(|info| info.setting.0.to_string()).collect();
+            message = format!("{message}. Allowed are {} kbit/s", rates.join(", "));
+        }
+        "timeout" | "timeout_ms" if range.is_some_and(|(_, max)| max == f64::from(thruster::TIMEOUT_MAX)) => {
+            let (min, max) = (thruster::TIMEOUT_MIN, thruster::TIMEOUT_MAX);
+            message =
+                format!("{field} {value} is refused: allowed are 0, which is off, and {min}..={max} ms");
+        }
+        _ => {}
+    }
+    Failure::Refused { name, field, value, range, message }
 }
 
 /// The fields of a command in one sentence.

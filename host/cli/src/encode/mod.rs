@@ -41,6 +41,14 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
     out.either(&frame, &object)
 }
 
+/// Why what waits in a motor is not to be had natively.
+pub const PREPARED: &str = "a speed that waits in the motor is lost between two calls of mgw: each arms the axis before and \
+    stops it after, which overwrites what waits. Use `write`, or a program of your own that sends both while the axis is armed";
+
+/// RMD commands that go to a CAN id of their own, where the gateway sends no data fields to.
+const IDS_OF_THEIR_OWN: [&str; 5] =
+    ["motion_mode", "read_can_id", "set_can_id", "read_rs485_id", "set_rs485_id"];
+
 /// The data field of a command for the motor of an axis, without CAN id or serial framing.
 pub fn data_field(
     protocol: Protocol,
@@ -50,22 +58,26 @@ pub fn data_field(
 ) -> Result<Vec<u8>, Failure> {
     match protocol {
         Protocol::Rmd => {
-            let request = RMD.build(&Wanted::of(CodecChoice::Rmd, node, command, fields))?;
-            if is_for_all(&request) || matches!(request, rmd::Request::MotionMode { .. }) {
+            let wanted = Wanted::of(CodecChoice::Rmd, node, command, fields, &IDS_OF_THEIR_OWN);
+            if wanted.leaves_out(wanted.command()?) {
                 return Err(Failure::Usage(format!(
                     "`{command}` goes to a CAN id of its own, which native commands do not reach. Use `mgw set AXIS impedance` \
                      for motion mode, `mgw raw` for the others"
                 )));
             }
+            let request = RMD.build(&wanted)?;
             request.encode().map(|data| data.to_vec()).map_err(refused)
         }
         Protocol::Thruster => {
-            let wanted = Wanted::of(CodecChoice::Thruster, node, command, fields);
+            let wanted = Wanted::of(CodecChoice::Thruster, node, command, fields, &[]);
             let request = THRUSTER.build(&wanted)?;
             request.encode().map(|data| data.as_slice().to_vec()).map_err(refused)
         }
         Protocol::D5 => {
-            let wanted = Wanted::of(CodecChoice::D5, node, command, fields);
+            let wanted = Wanted::of(CodecChoice::D5, node, command, fields, &["execute"]);
+            if wanted.leaves_out(wanted.command()?) {
+                return Err(Failure::Usage(PREPARED.to_owned()));
+            }
             let request = D5.build(&wanted)?;
             let address = d5::Address::Node(d5::Node::new(node).map_err(refused)?);
             d5::request_frame(address, &request).map(|data| data.to_vec()).map_err(refused)
@@ -95,7 +107,14 @@ fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
         (BusKind::Rs485, Some(node)) => rmd::rs485::request(node, &request).map(|bytes| words::hex(&bytes)),
         (BusKind::Rs485, None) => rmd::rs485::broadcast(&request).map(|bytes| words::hex(&bytes)),
     };
-    frame.map_err(refused)
+    frame.map_err(|error| match (refused(error), wanted.command()) {
+        // The codec knows its number only.
+        (Failure::Refused { name, field: field @ "command", value, range, .. }, Ok(command)) => {
+            let message = format!("command {command} is refused: it does not go on this kind of bus");
+            Failure::Refused { name, field, value, range, message }
+        }
+        (failure, _) => failure,
+    })
 }
 
 fn thruster_frame(wanted: &Wanted) -> Result<String, Failure> {

@@ -14,6 +14,8 @@ pub struct Wanted {
     pub bus: Option<BusKind>,
     pub can_id: Option<String>,
     pub list: bool,
+    /// Commands that are not to be had here.
+    left_out: &'static [&'static str],
     command: Option<String>,
     /// Names and values of fields as they were typed, names with `_`.
     pub fields: Vec<(String, String)>,
@@ -71,14 +73,26 @@ impl Wanted {
             return Err(usage("--can-id is for d5: the other protocols have ids of their own".into()));
         }
         let to = node.as_deref().map(to).transpose()?;
-        Ok(Self { protocol, to, bus, can_id, list, command, fields })
+        Ok(Self { protocol, to, bus, can_id, list, left_out: &[], command, fields })
     }
 
-    /// A command for one motor, as other commands of `mgw` take it from their options.
-    pub fn of(protocol: CodecChoice, node: u8, command: &str, fields: Vec<(String, String)>) -> Self {
+    /// A command for one motor, as `mgw native` takes it from its options: all but `left_out`.
+    pub fn of(
+        protocol: CodecChoice,
+        node: u8,
+        command: &str,
+        fields: Vec<(String, String)>,
+        left_out: &'static [&'static str],
+    ) -> Self {
         let command = Some(command.replace('-', "_"));
         let fields = fields.into_iter().map(|(name, value)| (name.replace('-', "_"), value)).collect();
-        Self { protocol, to: Some(To::Node(node)), bus: None, can_id: None, list: false, command, fields }
+        let to = Some(To::Node(node));
+        Self { protocol, to, bus: None, can_id: None, list: false, left_out, command, fields }
+    }
+
+    /// Whether a command of the table is not to be had here.
+    pub fn leaves_out(&self, name: &str) -> bool {
+        self.left_out.contains(&name)
     }
 
     /// The name of the command.

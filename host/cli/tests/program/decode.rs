@@ -469,3 +469,32 @@ fn help_of_decode_and_encode_shows_examples() {
         assert!(text.contains("Examples:") && text.contains(&format!("mgw {command}")), "{text}");
     }
 }
+
+#[test]
+fn what_has_only_begun_at_the_end_is_truncated() {
+    for bytes in ["3E", "3E01", "D5", "5D0B"] {
+        expect(&[], &[(bytes, &format!(r#"{{"frame":"{bytes}","error":"truncated"}}"#))]);
+    }
+}
+
+#[test]
+fn a_thruster_frame_that_is_too_short_names_both_lengths() {
+    let line = mgw_reading(&["decode", "--json"], "30B#5156\n").json_lines().remove(0);
+    assert_eq!(
+        (&line["error"], &line["message"]),
+        (&"length".into(), &"2 data bytes instead of 4 or 8".into())
+    );
+}
+
+#[test]
+fn a_time_that_is_a_number_is_a_number() {
+    for (time, key, value) in [
+        ("-5", "time_s", "-5"),
+        (".5", "time_s", "0.5"),
+        ("1700000000.", "time_s", "1700000000"),
+        ("noon", "time", "\"noon\""),
+    ] {
+        let line = mgw_reading(&["decode", "--json"], format!("({time}) 141#9C00000000000000\n")).success();
+        assert!(line.starts_with(&format!("{{\"{key}\":{value},")), "{time}: {line}");
+    }
+}

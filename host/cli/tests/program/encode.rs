@@ -166,3 +166,35 @@ fn the_list_has_every_command_with_fields_units_and_ranges() {
         assert_eq!(lines.len(), commands, "{protocol}");
     }
 }
+
+#[test]
+fn refusals_name_what_is_allowed() {
+    for (words, code, said) in [
+        (
+            "--protocol rmd --node 1 --bus rs485 motion_mode --position_rad 0 --velocity_rad_s 0 --kp 0 --kd 0 --torque_nm 0",
+            1,
+            "command motion_mode is refused",
+        ),
+        ("--protocol thruster --node 11 set_bitrate --bitrate_kbps 70", 1, "1000, 800, 666, 500"),
+        ("--protocol thruster --node 11 set_bitrate --bitrate_kbps 7", 1, "33, 20, 10 kbit/s"),
+        (
+            "--protocol thruster --node 11 set_timeout --timeout_ms 50",
+            1,
+            "0, which is off, and 100..=60000 ms",
+        ),
+        (
+            "--protocol thruster --node 11 set_timeout --timeout_ms 61000",
+            1,
+            "0, which is off, and 100..=60000 ms",
+        ),
+        (
+            "--protocol rmd --node 1 torque_current --current_a 1 --current-a 2",
+            2,
+            "`current_a` is given twice",
+        ),
+        ("--protocol d5 --node 11 write --register speed --value 6 --speed_dps 7", 2, "under two names"),
+    ] {
+        let text = encode(words).failure(code);
+        assert!(text.contains(said), "{words}: {text}");
+    }
+}

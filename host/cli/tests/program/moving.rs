@@ -29,25 +29,46 @@ fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
 #[test]
 fn for_ends_it_on_the_way() {
     let sim = Sim::patient();
-    let lines = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]).json_lines();
+    let outcome = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]);
+    let lines: Vec<Value> = outcome.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(arrival(&lines)["arrived"], false, "{lines:?}");
     assert_eq!(lines.last().unwrap()["state"], "Idle");
+    let error: Value = serde_json::from_str(&outcome.failure(1)).unwrap();
+    assert_eq!(error["error"]["name"], "NotArrived");
+    assert!(error["error"]["message"].as_str().unwrap().contains("was to go to 50.000 rad"), "{error}");
 }
 
 #[test]
-fn what_cannot_be_moved_so_is_refused_and_disarmed() {
+fn what_cannot_be_moved_so_is_refused_before_arming() {
     let sim = Sim::patient();
     for (arguments, name) in [
         (&["1", "1", "--speed-limit", "1"][..], "Unsupported"),
         (&["0", "1", "--speed-limit", "0"], "SpeedLimitZero"),
+        (&["2", "1", "--speed-limit", "1"], "Unsupported"),
         (&["0", "nan", "--speed-limit", "1"], "NotANumber"),
+        (&["0", "inf", "--speed-limit", "1"], "NotANumber"),
+        (&["0", "1", "--speed-limit", "-1"], "OutOfRange"),
+        (&["0", "1", "--speed-limit", "0.001"], "SpeedLimitZero"),
         (&["0", "1", "--speed-limit", "1000"], "OutOfRange"),
     ] {
-        let text = sim.mgw(&[&["--json", "move"], arguments].concat()).failure(1);
+        let outcome = sim.mgw(&[&["--json", "move"], arguments].concat());
+        assert_eq!(outcome.stdout, "", "{arguments:?}");
+        let text = outcome.failure(1);
         let error: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(error["error"]["name"], name, "{arguments:?}: {error}");
         assert_eq!(sim.await_state(arguments[0], |_| true)["state"], "Idle");
     }
     sim.mgw(&["move", "0", "1"]).failure(2);
     sim.mgw(&["move", "0", "1", "--speed-limit", "1", "--tolerance", "0"]).failure(2);
+    sim.mgw(&["move", "0", "1", "--speed-limit", "1", "--for", "0"]).failure(2);
+}
+
+#[test]
+fn a_move_beyond_the_positions_of_its_axis_is_refused_before_arming() {
+    let sim = Sim::patient();
+    sim.mgw_once_in_command(&["configure", "axis", "0", "position_max_rad=1"]).success();
+    let outcome = sim.mgw_once_in_command(&["--json", "move", "0", "1.5", "--speed-limit", "1"]);
+    assert_eq!(outcome.stdout, "");
+    assert!(outcome.failure(1).contains("OutOfRange"));
+    sim.mgw_once_in_command(&["move", "0", "0.5", "--speed-limit", "5"]).success();
 }

@@ -75,6 +75,8 @@ fn what_stops_is_a_stop_and_what_changes_the_motor_goes_to_an_idle_one() {
     assert!(line.contains("index"), "{line}");
     let line = &native(&sim, "0 43000000E8030000 --json").json_lines()[0];
     assert_eq!(line["command"], "write_acceleration", "{line}");
+    let line = &native(&sim, "0 B3000000E8030000 --json").json_lines()[0];
+    assert_eq!(line["command"], "set_communication_timeout", "{line}");
     // The gateway no longer relies on what it knew of the motor's own timeout.
     let text = sim.mgw(&["arm", "0", "--for", "0.1"]).failure(1);
     assert!(text.contains("timeout"), "{text}");
@@ -95,6 +97,9 @@ fn slips_are_told_before_anything_is_sent() {
         ("0 --command torque_current", "--current_a"),
         ("0 --command torque_current --field current_a", "NAME=VALUE"),
         ("0 --command read_can_id", "CAN id of its own"),
+        ("2 --command execute --for 1", "waits in the motor"),
+        ("2 D50B050500000015", "waits in the motor"),
+        ("2 --command async_write --field register=speed --field value=600 --for 1", "waits in the motor"),
     ] {
         let text = native(&sim, words).failure(2);
         assert!(text.contains(said), "{words}: {text}");
@@ -105,9 +110,48 @@ fn slips_are_told_before_anything_is_sent() {
         ("0 FF00000000000000", "NotACommand"),
         ("2 D50C050226000039", "NotThisNode"),
         ("0 --command torque_current --field current_a=400", "OutOfRange"),
+        // Nothing of these arms the axis.
+        ("0 A200000040420F00 --for 1", "OutOfRange"),
+        ("0 A800000028230000 --for 1", "SpeedLimitZero"),
+        ("0 A300000028230000 --for 1", "CannotCheckLimit"),
+        ("1 4C41012CFFFFF8F9 --for 1", "Unsupported"),
+        ("1 54430000000000C8 --for 1", "NotACommand"),
+        ("2 D50C05032058028E --for 1", "NotThisNode"),
     ] {
         let text = native(&sim, &format!("{words} --json")).failure(1);
         let error: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(error["error"]["name"], name, "{words}: {error}");
     }
+}
+
+#[test]
+fn what_is_no_command_is_told_with_its_cause() {
+    let sim = Sim::start();
+    for (words, cause) in [
+        ("0 9C00", "2 data bytes instead of 8;"),
+        ("0 FF00000000000000", "0xFF is a command that the manual does not list"),
+        ("1 515600", "3 data bytes instead of 4 or 8;"),
+        ("2 D50B050226000039", "checksum 0x39 instead of 0x38;"),
+        ("2 D50B05032058028E --for 1", "checksum 0x8e instead of 0x8d;"),
+        ("2 D50C050226000039", "these bytes are for node 12, and the motor of axis 2 is node 11"),
+        ("2 D5FE050500000008", "for all motors"),
+    ] {
+        let outcome = native(&sim, words);
+        assert_eq!(outcome.stdout, "", "{words}");
+        let text = outcome.failure(1);
+        assert!(text.contains(cause), "{words}: {text}");
+    }
+    let text = native(&sim, "0 --command bogus").failure(2);
+    assert!(text.contains("torque_current") && !text.contains("read_can_id"), "{text}");
+    assert!(!native(&sim, "2 --command bogus").failure(2).contains("execute"));
+}
+
+#[test]
+fn a_stop_of_an_axis_that_is_not_idle_is_a_stop_of_the_axis() {
+    let sim = Sim::patient();
+    let outcome = sim.mgw_beside(&["arm", "0", "--for", "40"], "0", &["Armed"], || {
+        let text = sim.mgw_once_connected(&["native", "0", "8100000000000000"]).success();
+        assert_eq!(text, "axis 0: carried out as a stop of the axis\n");
+    });
+    assert!(outcome.failure(1).contains("somebody else stopped axis 0"));
 }

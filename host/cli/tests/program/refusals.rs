@@ -48,6 +48,9 @@ fn wrong_usage_has_exit_code_2() {
         &["set", "0", "velocity", "fast"],
         &["stop", "some"],
         &["watch", "--period", "0"],
+        &["watch", "--count", "0"],
+        &["set", "0", "velocity", "1", "--for", "0"],
+        &["native", "0", "9C00000000000000", "--for", "0"],
         &["configure"],
         &["sim", "--listen", "here"],
         &["--port", "tcp:nowhere", "info"],
@@ -191,4 +194,63 @@ fn the_unsafe_clear_needs_a_motor_out_of_reach() {
     let text = sim.mgw(&["clear", "0", "--unreachable"]).failure(1);
     assert!(text.contains("axis 0"), "{text}");
     assert!(sim.mgw(&["clear", "gateway", "--unreachable"]).failure(2).contains("axis"));
+}
+
+/// Arming may free a brake, so a slip must be told before.
+#[test]
+fn no_setpoint_that_would_be_refused_arms_the_axis() {
+    let sim = Sim::patient();
+    sim.mgw_once_in_command(&["configure", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"]).success();
+    for (words, name) in [
+        ("0 velocity nan", "NotANumber"),
+        ("0 velocity 31", "OutOfRange"),
+        ("0 velocity -31", "OutOfRange"),
+        ("0 current 2.5", "OutOfRange"),
+        ("0 signal 0.1", "Unsupported"),
+        ("0 position 1 --speed-limit 0", "SpeedLimitZero"),
+        ("0 position 1 --speed-limit -1", "OutOfRange"),
+        ("0 position 1e9 --speed-limit 1", "OutOfRange"),
+        ("0 impedance 50 --stiffness 1 --damping 1", "OutOfRange"),
+        ("0 impedance 1 --stiffness -1 --damping 1", "OutOfRange"),
+        ("0 impedance 1 --stiffness 1 --damping 6", "OutOfRange"),
+        ("0 impedance 1 --stiffness 1 --damping 1 --torque 2", "OutOfRange"),
+        ("1 signal 0.6", "OutOfRange"),
+        ("1 velocity 1", "OutOfRange"),
+        ("1 current 1", "Unsupported"),
+        ("2 position 1 --speed-limit 1", "Unsupported"),
+        ("3 impedance 1 --stiffness 1 --damping 1", "Unsupported"),
+    ] {
+        let words = words.split_whitespace().collect::<Vec<_>>();
+        let outcome = sim.mgw_once_in_command(&[&["--json", "set"], words.as_slice()].concat());
+        assert_eq!(outcome.stdout, "", "{words:?}");
+        assert_eq!(error(outcome, 1)["name"], name, "{words:?}");
+    }
+    let text = sim.mgw(&["set", "3", "impedance", "1", "--stiffness", "1", "--damping", "1"]).failure(1);
+    assert!(text.contains("axis 3 is on RS485; impedance needs CAN"), "{text}");
+}
+
+/// What somebody else has stopped was not done, and that is said.
+#[test]
+fn a_stop_by_another_host_is_told() {
+    let sim = Sim::patient();
+    for (arguments, states) in [
+        (&["--json", "set", "0", "velocity", "2", "--for", "40"][..], &["Active"][..]),
+        (&["--json", "native", "0", "A2000000E8030000", "--for", "40"], &["Active"]),
+        (&["--json", "arm", "0", "--for", "40"], &["Armed"]),
+    ] {
+        let outcome = sim.mgw_beside(arguments, "0", states, || {
+            sim.mgw_once_connected(&["stop", "0"]).success();
+        });
+        let error = error(outcome, 1);
+        assert_eq!(error["name"], "StoppedElsewhere", "{arguments:?}: {error}");
+        assert!(error["message"].as_str().unwrap().starts_with("somebody else stopped axis 0"), "{error}");
+    }
+}
+
+#[test]
+fn an_axis_that_is_not_configured_is_not_removed() {
+    let sim = Sim::start();
+    let error = error(sim.mgw(&["--json", "configure", "remove", "9"]), 1);
+    assert_eq!(error["name"], "NotConfigured");
+    assert!(error["message"].as_str().unwrap().contains("axis 9 is not configured"), "{error}");
 }

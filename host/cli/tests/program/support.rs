@@ -146,6 +146,20 @@ impl Process {
     }
 }
 
+/// What a host is told for which there is no link.
+const LINKS_TAKEN: &str = "all host links are taken";
+
+/// Repeats a command as long as it fails for a reason that passes.
+fn mgw_despite(port: &str, passing: &str, arguments: &[&str]) -> Outcome {
+    let end = Instant::now() + LIMIT;
+    loop {
+        let outcome = mgw(&[&["--port", port], arguments].concat());
+        if !outcome.stderr.contains(passing) || Instant::now() >= end {
+            return outcome;
+        }
+    }
+}
+
 /// `mgw sim` on a port of its own.
 pub struct Sim {
     pub process: Process,
@@ -189,19 +203,37 @@ impl Sim {
         self.mgw_despite("is in command", arguments)
     }
 
+    /// Runs a command, and beside it `meanwhile` as soon as an axis is in one of these states.
+    pub fn mgw_beside(
+        &self,
+        arguments: &[&str],
+        axis: &str,
+        states: &[&str],
+        meanwhile: impl FnOnce(),
+    ) -> Outcome {
+        let port = &self.port;
+        thread::scope(|scope| {
+            let command = scope.spawn(move || mgw_despite(port, LINKS_TAKEN, arguments));
+            let end = Instant::now() + LIMIT;
+            loop {
+                let lines = self.mgw_once_connected(&["--json", "state", axis]).json_lines();
+                if states.iter().any(|state| lines[0]["axes"][0]["state"] == *state) {
+                    break;
+                }
+                assert!(Instant::now() < end, "axis {axis}: {lines:?}");
+            }
+            meanwhile();
+            command.join().expect("it runs")
+        })
+    }
+
     /// Repeats a command until one of the host links is free for it.
     pub fn mgw_once_connected(&self, arguments: &[&str]) -> Outcome {
-        self.mgw_despite("all host links are taken", arguments)
+        self.mgw_despite(LINKS_TAKEN, arguments)
     }
 
     fn mgw_despite(&self, passing: &str, arguments: &[&str]) -> Outcome {
-        let end = Instant::now() + LIMIT;
-        loop {
-            let outcome = self.mgw(arguments);
-            if !outcome.stderr.contains(passing) || Instant::now() >= end {
-                return outcome;
-            }
-        }
+        mgw_despite(&self.port, passing, arguments)
     }
 
     /// Repeats `mgw state AXIS --json` until `is` holds, and returns the state.

@@ -65,3 +65,23 @@ fn samples_that_the_link_cannot_carry_are_counted() {
     let text = sim.mgw(&arguments).success();
     assert!(text.ends_with(" samples or events were lost\n"), "{text}");
 }
+
+#[test]
+fn axes_are_watched_once_and_only_if_they_are_configured() {
+    let sim = Sim::start();
+    let lines = sim.mgw(&["--json", "watch", "0", "0", "--period", "50", "--count", "2"]).json_lines();
+    assert_eq!(lines.iter().filter(|line| line["event"] == "Sample").count(), 2, "{lines:?}");
+    let text = sim.mgw(&["watch", "0", "9"]).failure(1);
+    assert!(text.contains("axis 9 is not configured"), "{text}");
+}
+
+#[test]
+fn a_motor_that_does_not_answer_is_told_once() {
+    let sim = Sim::start();
+    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=9", "stop_action=hold"]).success();
+    let lines = sim.mgw(&["--json", "watch", "0", "5", "--period", "100", "--count", "50"]).json_lines();
+    let silent: Vec<_> = lines.iter().filter(|line| line["silent"].is_string()).collect();
+    let [silent] = silent.as_slice() else { panic!("{silent:?}") };
+    assert_eq!(silent["axis"], 5);
+    assert!(silent["silent"].as_str().unwrap().contains("motor of axis 5 did not reply"), "{silent}");
+}

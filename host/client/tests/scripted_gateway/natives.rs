@@ -6,8 +6,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::line::{LATENCY, Scripted, error_bytes, healthy, reply_bytes};
-use host_protocol::replies::NativeReply;
-use host_protocol::{Bytes, Error, Reply, Request};
+use host_protocol::replies::{AxisReport, NativeReply};
+use host_protocol::{AxisState, Bytes, Error, MotorTimeout, Reply, Request};
 use mgw_client::{Client, ClientError, MOTOR_DEADLINE, NativeHold, REPEAT_AFTER};
 
 const TTL: Duration = Duration::from_millis(100);
@@ -121,4 +121,58 @@ fn a_refused_native_motion_ends_its_hold() {
     let held = client.hold_native(&hold, Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(held, Err(ClientError::Gateway(Error::StaleEpoch { current: Some(8) }))));
     assert_eq!(line.sent_after_opening().len(), 1);
+}
+
+#[test]
+fn a_native_command_waits_until_another_hosts_question_is_answered() {
+    for (refusals, state, is_answered, sent) in [
+        (3, AxisState::Idle, true, 4),
+        (100, AxisState::Active, false, 5),
+        (100, AxisState::Stopping, false, 1),
+    ] {
+        let mut asked = 0;
+        let natives = Rc::new(RefCell::new(0));
+        let counted = natives.clone();
+        let line = Scripted::new(move |heard| match heard.request {
+            Request::ReadState(_) => {
+                let report = AxisReport {
+                    axis: 1,
+                    state,
+                    epoch: None,
+                    trip: None,
+                    position_rad: None,
+                    velocity_rad_s: None,
+                    current_a: None,
+                    voltage_v: None,
+                    motor_temperature_c: None,
+                    driver_temperature_c: None,
+                    faults: None,
+                    fault_record: None,
+                    motor_timeout: MotorTimeout::Unknown,
+                    standstill: None,
+                    stop_acknowledged: false,
+                };
+                vec![(2 * LATENCY, reply_bytes(heard.sequence, &Reply::ReadState(report)))]
+            }
+            Request::Native(_) if asked < refusals => {
+                asked += 1;
+                *natives.borrow_mut() += 1;
+                vec![(2 * LATENCY, error_bytes(heard.sequence, &Error::Busy { axis: 1 }))]
+            }
+            _ => {
+                *natives.borrow_mut() += i32::from(matches!(heard.request, Request::Native(_)));
+                healthy(heard)
+            }
+        });
+        let mut client = Client::connect_as(line, 1, 0).unwrap();
+        let reply = client.native_when_free(1, 0, data(&[0x9C, 0, 0, 0, 0, 0, 0, 0]), Duration::ZERO);
+        match reply {
+            Ok(_) => assert!(is_answered),
+            Err(error) => {
+                assert!(!is_answered, "{error}");
+                assert!(matches!(error, ClientError::Gateway(Error::Busy { axis: 1 })), "{error}");
+            }
+        }
+        assert_eq!(*counted.borrow(), sent, "{state:?}");
+    }
 }
