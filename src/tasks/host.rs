@@ -1,6 +1,7 @@
 //! One host link on a UART: bytes in, frames out.
 
 use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
@@ -24,6 +25,8 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             Either::First(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 gateway.handle(Event::HostBytes { link, bytes });
+                // On a busy line there is always another byte: without this nobody else would ever have the processor.
+                yield_now().await;
             }
             Either::First(Err(error)) => {
                 errors = errors.saturating_add(1);
