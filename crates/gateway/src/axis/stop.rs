@@ -62,6 +62,8 @@ pub(crate) struct Stop {
     handed: u8,
     /// When the first stop command had left.
     first_left: Option<Instant>,
+    /// When the latest one had.
+    last_left: Option<Instant>,
     acknowledged: bool,
     standstill_readings: u8,
     /// Stop commands in a row that were not answered, or were refused.
@@ -92,6 +94,7 @@ impl Stop {
             since: now,
             handed: 0,
             first_left: None,
+            last_left: None,
             acknowledged: false,
             standstill_readings: 0,
             unconfirmed: 0,
@@ -204,8 +207,9 @@ impl Stop {
 
     /// A frame of the stop has left.
     pub fn left(&mut self, now: Instant, exchange: Exchange) {
-        if exchange == Exchange::Stop && self.first_left.is_none() {
-            self.first_left = Some(now);
+        if exchange == Exchange::Stop {
+            self.first_left.get_or_insert(now);
+            self.last_left = Some(now);
         }
     }
 
@@ -324,8 +328,10 @@ impl Axis {
         stop.braked = false;
         stop.acknowledged = false;
         stop.second_follows = false;
+        // The silence is for a motor that hears us: what has not left has fed no timeout, and a stop that has never left is due.
+        let due = stop.last_left.map_or(now, |left| left + silence);
         stop.go(now, Phase::Command);
-        stop.next_at = now + silence;
+        stop.next_at = due.max(now);
         if self.state == AxisState::Stopping {
             self.trip(now, TripReason::StopUnconfirmed, out);
         }

@@ -99,6 +99,23 @@ fn an_unreachable_motor_is_sent_two_stops_and_then_left_alone() {
 }
 
 #[test]
+fn a_stop_that_could_never_leave_is_due_when_the_bus_is_back_however_long_the_motor_s_timeout() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 5_000 };
+    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    move_axis(&mut rig, VELOCITY);
+    rig.shorted = true;
+    rig.bus_off(0);
+    run_with_host(&mut rig, 650_000);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    let since = rig.now_us;
+    rig.shorted = false;
+    run_with_host(&mut rig, 100_000); // started again at 700 ms
+    assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+}
+
+#[test]
 fn a_mended_cable_lets_the_stop_be_confirmed() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);
