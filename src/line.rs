@@ -1,9 +1,12 @@
 //! What a serial line reports beside the driver: a delimiter arrived, the last bit left.
 //!
 //! The driver's receiver wakes on an idle line or a half-full ring, so a stop in the middle of a stream would wait for
-//! the bytes behind it. And its `flush` may never return, because its receiver clears the flag that `flush` waits for.
+//! the bytes behind it. Its `flush` may never return, because its receiver clears the flag that `flush` waits for. And after a
+//! line error it starts its ring anew without forgetting where it was: old bytes would be received again, and new ones not.
+//! So errors are taken from it; the reception goes on, and a damaged byte fails its frame's checksum.
 
 use core::marker::PhantomData;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::mode::Async;
@@ -24,17 +27,40 @@ const MARGIN: Duration = Duration::from_millis(2);
 pub struct LineEvents {
     delimiter: Signal<CriticalSectionRawMutex, ()>,
     sent: Signal<CriticalSectionRawMutex, ()>,
+    /// Framing, noise and overrun errors since the last look.
+    errors: AtomicU32,
 }
 
 impl LineEvents {
     /// Nothing yet.
     pub const fn new() -> Self {
-        Self { delimiter: Signal::new(), sent: Signal::new() }
+        Self { delimiter: Signal::new(), sent: Signal::new(), errors: AtomicU32::new(0) }
+    }
+
+    /// How often the line was wrong since the last call.
+    pub fn take_errors(&self) -> u32 {
+        self.errors.swap(0, Ordering::Relaxed)
     }
 
     /// Waits for the byte 0x00. For one task per line.
     pub async fn delimiter(&self) {
         self.delimiter.wait().await;
+    }
+}
+
+/// The errors of a line, as a log should tell of them.
+#[derive(Default)]
+pub struct LineErrors {
+    count: u32,
+}
+
+impl LineErrors {
+    /// Adds new ones. Returns how many there have been where that is worth a line: at the first, and whenever there are twice
+    /// as many. A line that only makes noise must not fill the log.
+    pub fn add(&mut self, new: u32) -> Option<u32> {
+        let before = self.count;
+        self.count = before.saturating_add(new);
+        (self.count.checked_ilog2() != before.checked_ilog2()).then_some(self.count)
     }
 }
 
@@ -75,6 +101,14 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
         if flags.cmf() && enabled.cmie() {
             usart.icr().write(|w| w.set_cmf(true));
             T::events().delimiter.signal(());
+        }
+        if flags.fe() || flags.ne() || flags.ore() {
+            usart.icr().write(|w| {
+                w.set_fe(true);
+                w.set_ne(true);
+                w.set_ore(true);
+            });
+            T::events().errors.fetch_add(1, Ordering::Relaxed);
         }
         if flags.tc() && enabled.tcie() {
             usart.cr1().modify(|w| w.set_tcie(false));

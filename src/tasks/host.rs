@@ -7,7 +7,7 @@ use gateway::Event;
 use host_protocol::MAX_FRAME;
 
 use crate::board;
-use crate::line::{Receiver, Sender};
+use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 
 /// Bytes given to the core at once.
@@ -19,8 +19,11 @@ const ERROR_PAUSE: Duration = Duration::from_micros(100);
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
     let mut chunk = [0; CHUNK];
-    let mut errors: u32 = 0;
+    let mut errors = LineErrors::default();
     loop {
+        if let Some(so_far) = errors.add(line.events.take_errors()) {
+            defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
+        }
         match select(line.bytes.read(&mut chunk), line.events.delimiter()).await {
             Either::First(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
@@ -29,11 +32,7 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 yield_now().await;
             }
             Either::First(Err(error)) => {
-                errors = errors.saturating_add(1);
-                // At 1, 2, 4, 8, …: a line that only makes noise must not fill the log.
-                if errors.is_power_of_two() {
-                    defmt::warn!("host link {=u8}: {}, {=u32} errors so far", link, error, errors);
-                }
+                defmt::warn!("host link {=u8}: {}", link, error);
                 Timer::after(ERROR_PAUSE).await;
             }
             // A whole frame may lie in the ring: read again at once.

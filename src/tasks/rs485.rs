@@ -6,7 +6,7 @@ use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
-use crate::line::{Receiver, Sender};
+use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 
 /// Bytes given to the core at once.
@@ -41,7 +41,7 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
 /// Bytes from the bus to the core, our own echo included.
 async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
     let mut chunk = [0; CHUNK];
-    let mut errors: u32 = 0;
+    let mut errors = LineErrors::default();
     loop {
         match receiver.bytes.read(&mut chunk).await {
             Ok(length) => {
@@ -49,14 +49,17 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
                 gateway.handle(Event::SerialReceived { bus, bytes });
             }
             Err(error) => {
-                errors = errors.saturating_add(1);
-                // At 1, 2, 4, 8, …: a line that only makes noise must not fill the log.
-                if errors.is_power_of_two() {
-                    defmt::warn!("bus {=u8}: {}, {=u32} errors so far", bus, error, errors);
-                }
-                // Any error stops the reception until the next read; what had arrived is lost.
+                defmt::warn!("bus {=u8}: {}", bus, error);
+                // The driver stops the reception until the next read; what had arrived is lost.
                 gateway.handle(Event::ReceiveOverflow { bus, lost: 1 });
             }
+        }
+        let lost = receiver.events.take_errors();
+        if let Some(so_far) = errors.add(lost) {
+            defmt::warn!("bus {=u8}: {=u32} line errors so far", bus, so_far);
+        }
+        if lost > 0 {
+            gateway.handle(Event::ReceiveOverflow { bus, lost });
         }
         yield_now().await;
     }
