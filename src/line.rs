@@ -42,7 +42,7 @@ impl LineEvents {
         self.errors.swap(0, Ordering::Relaxed)
     }
 
-    /// Waits for the byte 0x00. For one task per line.
+    /// Waits for the byte 0x00, or for an error. For one task per line.
     pub async fn delimiter(&self) {
         self.delimiter.wait().await;
     }
@@ -109,6 +109,8 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_ore(true);
             });
             T::events().errors.fetch_add(1, Ordering::Relaxed);
+            // A damaged byte alone may wake nobody.
+            T::events().delimiter.signal(());
         }
         if flags.tc() && enabled.tcie() {
             usart.cr1().modify(|w| w.set_tcie(false));

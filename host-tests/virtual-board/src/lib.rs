@@ -5,6 +5,7 @@ pub mod fdcan;
 pub mod host_uart;
 pub mod iwdg;
 pub mod machine;
+pub mod measure;
 pub mod message_ram;
 pub mod nodes;
 pub mod outside;

@@ -21,6 +21,8 @@ const STEP: Duration = Duration::from_millis(2);
 const LAG: Duration = Duration::from_millis(10);
 /// How often, in virtual time, the board's records that nobody reads here are thrown away.
 const RECORDS_KEPT: Duration = Duration::from_secs(1);
+/// A second of the board that lost more than this is worth a line: hosts notice it.
+const WORTH_A_LINE: Duration = Duration::from_millis(100);
 /// Bytes on their way to the board above which a client has to wait, as it would for a serial port.
 const BACKLOG: usize = 4_096;
 
@@ -64,6 +66,8 @@ pub struct Server {
     start: Duration,
     /// Time that the board could not make up for.
     lost: Duration,
+    /// What of it had been lost when the records were thrown away last.
+    lost_before: Duration,
     /// When the records were thrown away last.
     tidied: Duration,
     /// Lines of each motor's log that have been printed.
@@ -83,7 +87,16 @@ impl Server {
             sockets.push(Socket { number, listener, line, connection: None });
         }
         let (start, printed) = (machine.now(), vec![0; outside.motors()]);
-        Ok(Self { machine, outside, sockets, start, lost: Duration::ZERO, tidied: start, printed })
+        Ok(Self {
+            machine,
+            outside,
+            sockets,
+            start,
+            lost: Duration::ZERO,
+            lost_before: Duration::ZERO,
+            tidied: start,
+            printed,
+        })
     }
 
     /// Brings the board to `elapsed` after the start and passes bytes on, without waiting for anything.
@@ -111,6 +124,7 @@ impl Server {
         if self.machine.now() >= self.tidied + RECORDS_KEPT {
             self.tidied = self.machine.now();
             self.tidy();
+            self.tell_losses(log);
         }
         Ok(())
     }
@@ -131,6 +145,17 @@ impl Server {
         }
         self.machine.line(self.outside.rs485).clear_sent();
         self.machine.take_rtt();
+    }
+
+    fn tell_losses(&mut self, log: &mut impl FnMut(&str)) {
+        let lost = self.lost - self.lost_before;
+        self.lost_before = self.lost;
+        if lost > WORTH_A_LINE {
+            let ms = lost.as_millis();
+            log(&format!(
+                "this computer was {ms} ms too slow for one second of the board: setpoints may expire"
+            ));
+        }
     }
 
     fn print_motor_logs(&mut self, log: &mut impl FnMut(&str)) {

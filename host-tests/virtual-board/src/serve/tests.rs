@@ -112,6 +112,23 @@ fn the_board_keeps_pace_and_gives_up_on_a_long_pause() {
     assert!(near(now(&mut rig), Duration::from_millis(21)), "{:?}", now(&mut rig));
 }
 
+#[test]
+fn a_computer_that_is_too_slow_says_so() {
+    let mut rig = Rig::new();
+    rig.turn_until(|_| true);
+    rig.elapsed += Duration::from_millis(300);
+    rig.turn_until(|log| !log.is_empty());
+    // The pause, the millisecond of the turn, less the 10 ms that it made up for.
+    let line = "this computer was 291 ms too slow for one second of the board: setpoints may expire";
+    assert_eq!(rig.log, [line]);
+    rig.log.clear();
+    let later = rig.elapsed + Duration::from_secs(2);
+    while rig.elapsed < later {
+        rig.turn_until(|_| true);
+    }
+    assert_eq!(rig.log, [] as [String; 0], "once");
+}
+
 /// The firmware logs to RTT, and polls nothing that has not been configured: what is left is the log of a second.
 #[test]
 fn records_that_nobody_reads_are_thrown_away() {

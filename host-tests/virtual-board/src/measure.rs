@@ -1,0 +1,159 @@
+//! What the firmware costs: exact instruction counts, virtual latency, stack and static memory.
+//!
+//! An operation is run twice. The first run finds the instants at which it begins and ends; the second, the same to the
+//! last access, reads the instruction count there. So a count is of all that the core executes between the two instants,
+//! interrupts and other tasks included; a core that sleeps executes nothing.
+
+mod bench;
+mod image;
+mod life;
+mod operations;
+mod stack;
+mod table;
+
+pub use table::{Complaint, Malformed, Row, Table};
+
+use std::panic::resume_unwind;
+use std::path::Path;
+use std::{fmt, fs, thread};
+
+use crate::machine::Builder;
+use bench::{Bench, Span};
+use image::ImageFacts;
+use operations::Session;
+
+/// Speeds of the core, instructions per second: what a part at 400 MHz reaches with its caches, and a bad case without.
+pub const SPEEDS: [u64; 2] = [250_000_000, 100_000_000];
+
+/// Decides the motors' reply times.
+const SEED: u64 = 1;
+
+/// What the lines of the table mean.
+pub const LEGEND: &str = "\
+# What the firmware costs on the virtual board. CI fails when a value grows by more than 5 % (the worst ones are shown and
+# not compared), or when another compiler has built the image and the table was not renewed:
+#
+#     .ci/virtual-board measure --renew
+#
+# The last two columns are of a core that executes 250 and 100 million instructions a second; caches and wait states are not
+# modelled. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
+# exactly. Latency: the virtual time between the same two instants. Median and worst: of 100 repetitions at other phases of the
+# firmware's own timers. Eight axes, RMD motors, four on each CAN bus at 1 Mbit/s, and a host on UART at 921600 baud.
+#
+# idle second                 the host is silent, and no axis is armed or none is even configured
+# setpoint in, CAN frame out  from the last bit of Setpoint on the host UART to the first bit of its frame; the motor turns
+# stop in, CAN frame out      from the last bit of Stop on the host UART to the first bit of 0x81 on CAN; the motor turns
+# CAN reply in, state out     from the instant at which the motor's reply to ReadState is valid at the board, one bit before its
+#                             end, to the first bit of AxisReport on the host UART; the motor turns
+# round over 8 axes           from the first bit of the first of eight Setpoints, sent one right behind the other, until the
+#                             eighth Done has left and the motors' replies are valid at the board; all motors turn
+# stack                       the deepest it was until the firmware waits for the first time, and afterwards: in all this and
+#                             in a life with every kind of request, trips, a shorted bus and line noise. Seen, not proven
+# image                       flash, and static RAM without the stack
+";
+
+/// An image that cannot be measured.
+#[derive(Debug)]
+pub struct NotMeasurable(String);
+
+impl fmt::Display for NotMeasurable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for NotMeasurable {}
+
+/// Measures an image.
+///
+/// # Errors
+///
+/// If the file is no image.
+///
+/// # Panics
+///
+/// If the firmware does not do what it is asked for, or the emulation is not deterministic.
+pub fn measure(image: &Path) -> Result<Table, NotMeasurable> {
+    let unreadable = |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
+    let file = fs::read(image).map_err(|error| unreadable(&error))?;
+    let facts = ImageFacts::read(&file).map_err(|error| unreadable(&error))?;
+    // Once as a trial: from then on it is the same file.
+    Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
+    let board = &|| Builder::new(image).expect("the image that was just read");
+
+    let [fast, slow] = thread::scope(|scope| {
+        let runs = SPEEDS.map(|speed| scope.spawn(move || measure_at(board, speed)));
+        runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    });
+    let both = fast.into_iter().zip(slow);
+    let mut rows: Vec<Row> =
+        both.map(|((what, unit, fast), (_, _, slow))| Row::new(what, unit, &[fast, slow])).collect();
+    rows.push(Row::new("image", "flash, bytes", &[facts.flash]));
+    rows.push(Row::new("image", "static RAM, bytes", &[facts.static_ram]));
+    Ok(Table { compiler: facts.compiler, rows })
+}
+
+/// Everything that is measured on one board, from power-on to its end: what, and when.
+fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
+    let mut session = Session::open(bench);
+    let unconfigured = operations::idle_second(bench, &mut session);
+    session.configure(bench);
+    let configured = operations::idle_second(bench, &mut session);
+    vec![
+        ("idle second, unconfigured", unconfigured),
+        ("idle second, 8 idle axes", configured),
+        ("setpoint in, CAN frame out", operations::setpoint(bench, &mut session)),
+        ("stop in, CAN frame out", operations::stop(bench, &mut session)),
+        ("CAN reply in, state out", operations::state(bench, &mut session)),
+        ("round over 8 axes", operations::round(bench, &mut session)),
+    ]
+}
+
+/// One row for a core of one speed: what, in which unit, how much.
+type Measured = (&'static str, &'static str, u64);
+
+/// Runs everything twice, to find the instants and to count at them.
+fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64) -> Vec<Measured> {
+    let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
+    let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
+    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect());
+    assert_eq!(run(&mut bench), spans, "the same orders make the same run");
+
+    let mut counts = bench.counts().chunks_exact(2).map(|pair| pair[1] - pair[0]);
+    let mut rows = Vec::new();
+    for (what, spans) in &spans {
+        let instructions = counts.by_ref().take(spans.len());
+        match spans[..] {
+            [_] => rows.extend(instructions.map(|count| (*what, "instructions", count))),
+            _ => {
+                let (median, worst) = median_and_worst(instructions);
+                rows.extend([(*what, "instructions, median", median), (*what, "instructions, worst", worst)]);
+                let (median, worst) = median_and_worst(spans.iter().map(Span::nanos));
+                rows.extend([(*what, "latency ns, median", median), (*what, "latency ns, worst", worst)]);
+            }
+        }
+    }
+    let depth = life::stack_used(board(), instructions_per_second);
+    rows.push(("stack, start-up", "bytes", depth.start_up));
+    rows.push(("stack, afterwards", "bytes", depth.life.max(bench.stack_used())));
+    rows
+}
+
+/// The lower median, and the greatest.
+fn median_and_worst(values: impl Iterator<Item = u64>) -> (u64, u64) {
+    let mut values: Vec<u64> = values.collect();
+    values.sort_unstable();
+    (values[(values.len() - 1) / 2], values[values.len() - 1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_one_of_the_values() {
+        assert_eq!(median_and_worst([7, 1, 5].into_iter()), (5, 7));
+        assert_eq!(median_and_worst([7, 1, 5, 9].into_iter()), (5, 9));
+        assert_eq!(median_and_worst([3].into_iter()), (3, 3));
+    }
+}

@@ -1,0 +1,74 @@
+//! Faults, each in mid-motion, and what GUARANTEES promises: the end state, and the time until the stop.
+
+mod can_bus;
+mod host_link;
+mod line_noise;
+mod mute_motor;
+mod overflow;
+mod reset;
+mod two_hosts;
+
+use std::io::Write as _;
+use std::sync::LazyLock;
+
+use crate::lab::AXES;
+use crate::reaction::{self, Reaction};
+
+/// A test for each fault, which runs once in a process, and a table of all their reaction times.
+macro_rules! faults {
+    ($($file:ident::$fault:ident)+) => {
+        $(
+            #[test]
+            fn $fault() {
+                print(reactions::$fault());
+            }
+        )+
+
+        mod reactions {
+            use super::*;
+            $(pub fn $fault() -> &'static [Reaction] {
+                static REACTIONS: LazyLock<Vec<Reaction>> = LazyLock::new($file::$fault);
+                &REACTIONS
+            })+
+        }
+
+        fn every_reaction() -> Vec<Reaction> {
+            [$(reactions::$fault()),+].concat()
+        }
+    };
+}
+
+faults! {
+    host_link::a_cut_host_link_expires_the_setpoints
+    host_link::a_cut_host_link_is_silent_before_a_long_setpoint_expires
+    host_link::nothing_but_noise_from_the_host_expires_the_setpoints
+    host_link::a_host_that_never_pauses_keeps_nothing_waiting
+    mute_motor::a_mute_motor_is_stopped_although_it_answers_nothing
+    can_bus::a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_when_it_is_mended
+    can_bus::a_bus_without_another_node_is_passive_and_never_off
+    can_bus::a_short_trips_as_bus_off_and_the_stop_follows_when_the_bus_is_back
+    can_bus::a_long_short_is_followed_by_the_stop_as_soon_as_the_bus_is_back
+    line_noise::a_host_that_is_disturbed_now_and_then_stays_in_command
+    line_noise::a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through
+    line_noise::a_quiet_spell_of_noise_on_rs485_is_only_counted
+    line_noise::an_error_on_a_line_brings_nothing_old_back
+    overflow::frames_lost_in_the_controller_are_counted_and_nothing_sticks
+    reset::after_a_reset_the_motors_stop_by_their_own_timeouts
+    reset::after_a_reset_the_host_configures_again_and_stops
+    two_hosts::the_second_host_may_read_and_stop_and_not_command
+    two_hosts::an_emergency_stop_from_the_second_host_reaches_every_bus_at_once
+}
+
+fn print(reactions: &[Reaction]) {
+    reactions.iter().for_each(|reaction| println!("{reaction}"));
+}
+
+/// Past the test harness, which keeps what passing tests print.
+#[test]
+fn the_table_of_reaction_times() {
+    let mut table = format!("\n{}\n", reaction::head());
+    let reactions = every_reaction();
+    reactions.iter().for_each(|reaction| table += &format!("{reaction}\n"));
+    std::io::stdout().write_all(table.as_bytes()).expect("standard output");
+    assert!(reactions.len() > AXES.len());
+}
