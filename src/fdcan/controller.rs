@@ -119,8 +119,10 @@ impl<'d> Controller<'d> {
         let status = self.registers.txfqs().read();
         let overtakes = self.held.iter().flatten().any(|held| held.id == frame.id());
         let place = usize::from(status.tfqpi());
+        // A request in a place clears what TXBCF and TXBTO say of the frame before, which nobody has looked at yet.
+        let unseen = self.held.iter().flatten().any(|held| held.place == place);
         match self.held.get_mut(usize::from(slot)) {
-            Some(held @ None) if !overtakes && !status.tfqf() => {
+            Some(held @ None) if !overtakes && !unseen && !status.tfqf() => {
                 *held = Some(Held { id: frame.id(), place, asked_back: false });
             }
             _ => return,

@@ -45,6 +45,8 @@ pub(crate) struct Bus {
     started_at: Instant,
     /// The pause before that.
     pause: Duration,
+    /// The start after which the pause last grew.
+    paused_for: Option<u32>,
     /// The axis that was served last; the next one after it goes first.
     turn: u8,
 }
@@ -87,6 +89,7 @@ impl Bus {
             restart_at: None,
             started_at: Instant::from_micros(0),
             pause: Duration::ZERO,
+            paused_for: None,
             turn: 0,
         }
     }
@@ -170,7 +173,11 @@ impl Bus {
         if state == BusState::BusOff {
             // Also for a bus that is still off after it was started again.
             if self.restart_at.is_none() {
-                self.pause = self.next_pause(now);
+                // Once for each start: a controller is still off when it has just been started, and may go off again.
+                if self.paused_for != Some(self.generation) {
+                    self.pause = self.next_pause(now);
+                    self.paused_for = Some(self.generation);
+                }
                 self.restart_at = Some(now + self.pause);
             }
         } else {
