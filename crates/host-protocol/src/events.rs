@@ -5,6 +5,7 @@ use crate::bus::BusState;
 use crate::encode::{EncodeError, encode};
 use crate::frame::Kind;
 use crate::messages::{DecodeError, MessageInfo, decode_body};
+use crate::protocol::StateField;
 use crate::size::{MaxSize, largest, wire};
 
 /// Events have numbers from here on.
@@ -201,6 +202,43 @@ events! {
         driver_temperature_c: Option<Reading>,
         /// What is wrong with the motor now.
         faults: Option<FaultReading>,
+    }
+}
+
+impl Event {
+    /// A field of a [`Sample`](Event::Sample) that is a number: all but the fault word. Nothing of another event.
+    #[must_use]
+    pub fn reading(&self, field: StateField) -> Option<Reading> {
+        let Self::Sample {
+            position_rad,
+            velocity_rad_s,
+            current_a,
+            voltage_v,
+            motor_temperature_c,
+            driver_temperature_c,
+            ..
+        } = self
+        else {
+            return None;
+        };
+        match field {
+            StateField::Position => *position_rad,
+            StateField::Velocity => *velocity_rad_s,
+            StateField::Current => *current_a,
+            StateField::Voltage => *voltage_v,
+            StateField::MotorTemperature => *motor_temperature_c,
+            StateField::DriverTemperature => *driver_temperature_c,
+            StateField::Faults => None,
+        }
+    }
+
+    /// How old a field of a [`Sample`](Event::Sample) is, µs, the fault word too. Nothing of another event.
+    #[must_use]
+    pub fn age_us(&self, field: StateField) -> Option<u32> {
+        match (field, self) {
+            (StateField::Faults, Self::Sample { faults, .. }) => faults.map(|faults| faults.age_us),
+            _ => self.reading(field).map(|reading| reading.age_us),
+        }
     }
 }
 

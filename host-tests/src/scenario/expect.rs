@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::words::{duration, fields, parse};
-use host_protocol::{AxisState, Event, Reading, StateField, Trip};
+use host_protocol::{AxisState, Event, StateField, Trip};
 use std::time::Duration;
 
 impl Bench {
@@ -175,32 +175,10 @@ impl Bench {
         const OLDEST_US: u32 = 1_000_000;
         let wanted: u8 = parse(words, 0, "axis")?;
         let wanted_fields = fields(words.get(1).copied().unwrap_or_default())?;
-        let found = self.samples.iter().rev().find_map(|(_, event)| match event {
-            Event::Sample {
-                axis,
-                position_rad,
-                velocity_rad_s,
-                current_a,
-                voltage_v,
-                motor_temperature_c,
-                driver_temperature_c,
-                faults,
-                ..
-            } if *axis == wanted => {
-                let age = |reading: &Option<Reading>| reading.map(|reading| reading.age_us);
-                Some([
-                    (StateField::Position, age(position_rad)),
-                    (StateField::Velocity, age(velocity_rad_s)),
-                    (StateField::Current, age(current_a)),
-                    (StateField::Voltage, age(voltage_v)),
-                    (StateField::MotorTemperature, age(motor_temperature_c)),
-                    (StateField::DriverTemperature, age(driver_temperature_c)),
-                    (StateField::Faults, faults.map(|reading| reading.age_us)),
-                ])
-            }
-            _ => None,
-        });
-        let ages = found.ok_or_else(|| format!("no sample of axis {wanted}"))?;
+        let is_wanted = |event: &&Event| matches!(event, Event::Sample { axis, .. } if *axis == wanted);
+        let found = self.samples.iter().rev().map(|(_, event)| event).find(is_wanted);
+        let sample = found.ok_or_else(|| format!("no sample of axis {wanted}"))?;
+        let ages: Vec<_> = StateField::ALL.iter().map(|field| (*field, sample.age_us(*field))).collect();
         let fresh = |age: Option<u32>| age.is_some_and(|age| age <= OLDEST_US);
         let fits = ages.iter().all(
             |(field, age)| {

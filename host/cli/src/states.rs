@@ -74,52 +74,18 @@ pub fn table(reports: &[AxisReport]) -> Table {
 
 /// The age of the youngest reading of a sample, µs.
 pub fn youngest_us(event: &Event) -> Option<u32> {
-    let Event::Sample {
-        position_rad,
-        velocity_rad_s,
-        current_a,
-        voltage_v,
-        motor_temperature_c,
-        driver_temperature_c,
-        faults,
-        ..
-    } = event
-    else {
-        return None;
-    };
-    let readings =
-        [position_rad, velocity_rad_s, current_a, voltage_v, motor_temperature_c, driver_temperature_c];
-    let ages = readings.into_iter().flatten().map(|reading| reading.age_us);
-    ages.chain(faults.iter().map(|faults| faults.age_us)).min()
+    StateField::ALL.iter().filter_map(|field| event.age_us(*field)).min()
 }
 
 /// A sample as the row of a table that grows with time, under its headings; nothing of another event.
 pub fn sample(event: &Event, fields: StateFields) -> Option<Table> {
-    let Event::Sample {
-        axis,
-        state,
-        position_rad,
-        velocity_rad_s,
-        current_a,
-        voltage_v,
-        motor_temperature_c,
-        driver_temperature_c,
-        faults: fault_word,
-    } = event
-    else {
-        return None;
-    };
+    let Event::Sample { axis, state, faults: fault_word, .. } = event else { return None };
     let headings: Vec<&str> = [">axis", "state"].into_iter().chain(fields.iter().map(heading)).collect();
     let mut table = Table::new(&headings);
     let mut row = vec![axis.to_string(), steady(*state)];
     row.extend(fields.iter().map(|field| match field {
-        StateField::Position => reading(field, *position_rad),
-        StateField::Velocity => reading(field, *velocity_rad_s),
-        StateField::Current => reading(field, *current_a),
-        StateField::Voltage => reading(field, *voltage_v),
-        StateField::MotorTemperature => reading(field, *motor_temperature_c),
-        StateField::DriverTemperature => reading(field, *driver_temperature_c),
         StateField::Faults => faults(*fault_word),
+        number => reading(number, event.reading(number)),
     }));
     table.row(row);
     Some(table)
