@@ -24,6 +24,9 @@ static BOARD: Board = Board {
     firmware: "0.0.0",
     build_id: "fuzz",
     boot: BootReason::Simulated,
+    last_words: "",
+    e_stop_input: false,
+    enable_output: false,
     buses: &[
         BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000, 500_000] },
         BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000, 210_526] },

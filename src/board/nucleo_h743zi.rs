@@ -225,6 +225,9 @@ fn description() -> Board {
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot: take_boot_reason(),
+        last_words: "",
+        e_stop_input: false,
+        enable_output: false,
         buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
         links: 2,
     }

@@ -56,6 +56,16 @@ impl Authority {
         self.holder.map(|_| self.heard_at + self.silence)
     }
 
+    /// The link in command.
+    pub fn holder(&self) -> Option<u8> {
+        self.holder
+    }
+
+    /// The silence that ends authority.
+    pub fn silence(&self) -> Duration {
+        self.silence
+    }
+
     pub fn set_silence(&mut self, silence: Duration) {
         self.silence = silence;
     }

@@ -64,6 +64,7 @@ impl Gateway {
         }
         check_load(bus, &config, here().filter(|axis| axis.state != AxisState::Unconfigured))?;
         self.on_bus(now, request.bus, |bus, axes, out| bus.configure(now, config, axes, out));
+        self.retention.bus_changed(request.bus);
         Ok(())
     }
 
@@ -96,7 +97,19 @@ impl Gateway {
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
             axis.configured(parameter, complete, &mut Outbox::new(now, links));
         }
+        self.retention.axis_changed(request.axis);
         Ok(())
+    }
+
+    /// Takes over the configuration that an axis had before a reset, if this firmware would accept it.
+    pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig) {
+        let complete = config.missing().is_none();
+        if complete && self.check_axis(index, &config).is_err() {
+            return;
+        }
+        let Ok(axis) = self.axis_mut(index) else { return };
+        axis.config = config;
+        axis.state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
     }
 
     pub(crate) fn remove_axis(&mut self, axis: u8) -> Result<(), Error> {
@@ -105,6 +118,7 @@ impl Gateway {
             return Err(Error::NotIdle { axis, state: removed.state });
         }
         *self.axis_mut(axis)? = Axis::new(axis);
+        self.retention.axis_changed(axis);
         Ok(())
     }
 

@@ -3,13 +3,15 @@
 use crate::authority::Authority;
 use crate::axis::Axis;
 use crate::bus::Bus;
+use crate::history::History;
 use crate::link::Link;
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Event, Transmit};
+use crate::retained::Retention;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
 use heapless::Vec;
-use host_protocol::{AxisState, Error, MAX_FRAME, TripReason};
+use host_protocol::{AxisState, Error, Incident, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
@@ -22,6 +24,15 @@ pub struct Gateway {
     pub(crate) epoch: u32,
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
+    pub(crate) e_stop_input_open: bool,
+    /// The enable output as the hosts know it.
+    pub(crate) enabled: bool,
+    /// The host in command fell silent, and none has been heard since.
+    pub(crate) link_lost: bool,
+    /// Starts since power came on.
+    pub(crate) starts: u32,
+    pub(crate) history: History,
+    pub(crate) retention: Retention,
     now: Instant,
 }
 
@@ -45,6 +56,13 @@ impl Gateway {
             authority: Authority::new(),
             epoch: 0,
             e_stopped: false,
+            // Until it has been read it may be anything.
+            e_stop_input_open: board.e_stop_input,
+            enabled: true,
+            link_lost: false,
+            starts: 0,
+            history: History::new(),
+            retention: Retention::new(),
             now: Instant::from_micros(0),
         }
     }
@@ -94,9 +112,22 @@ impl Gateway {
             Event::ReceiveOverflow { bus, lost } => {
                 self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
             }
+            Event::EStopInput { open } => self.e_stop_input(now, open),
             Event::Tick => {}
         }
         self.spread_trips(now);
+        self.remember_trips();
+        self.watch_enable_output(now);
+    }
+
+    /// New trips go into the history.
+    pub(crate) fn remember_trips(&mut self) {
+        let Self { axes, history, starts, .. } = self;
+        for axis in axes {
+            if let Some(trip) = axis.take_unrecorded_trip() {
+                history.push(Incident::Tripped { start: *starts, axis: axis.index, trip });
+            }
+        }
     }
 
     /// One axis of a trip group has tripped: the others do.
@@ -193,6 +224,7 @@ impl Gateway {
             let incoming = port.receive(now.as_micros(), *byte);
             if port.last_valid() == Some(now.as_micros()) {
                 self.authority.heard(now, link);
+                self.link_lost = false;
             }
             if let Some(incoming) = incoming {
                 self.execute(now, link, incoming);

@@ -11,16 +11,20 @@ mod bus;
 mod configure;
 mod convert;
 mod gateway;
+mod history;
 pub mod link;
 mod motor;
 mod natives;
 mod outbox;
+mod pins;
 pub mod port;
 mod requests;
+mod retained;
 pub mod time;
 
 pub use gateway::Gateway;
-pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Outgoing, Transmit};
+pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Transmit};
+pub use retained::RETAINED_WORDS;
 pub use time::{Duration, Instant};
 
 /// Axes of one gateway.
@@ -28,7 +32,7 @@ pub const MAX_AXES: usize = 32;
 /// Buses of one gateway.
 pub const MAX_BUSES: usize = 4;
 /// Host links of one gateway.
-pub const MAX_LINKS: usize = 2;
+pub const MAX_LINKS: usize = 3;
 
 /// [`MAX_AXES`] as the wire carries it.
 #[allow(clippy::cast_possible_truncation)]

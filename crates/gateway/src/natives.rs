@@ -117,7 +117,7 @@ impl Gateway {
 
     /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.
     pub(crate) fn refuse_e_stopped(&self, axis: u8) -> Result<()> {
-        if self.e_stopped && self.axis(axis)?.trip.is_none() {
+        if (self.e_stopped || self.e_stop_input_open) && self.axis(axis)?.trip.is_none() {
             return Err(Error::EStopped {});
         }
         Ok(())

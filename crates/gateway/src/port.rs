@@ -12,6 +12,12 @@
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops what it holds and starts
 //!   the bus again with that setup, then reports [`Event::BusState`].
 //! - After every call of `handle` it polls: transmissions, host output, the next deadline.
+//!
+//! And for the board:
+//! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that [`Gateway::save`](crate::Gateway::save) gave it
+//!   before the reset, and opens the host links when [`Gateway::stops_under_way`](crate::Gateway::stops_under_way) is over, or after 100 ms.
+//! - After every call of `handle` it stores what `save` hands over, then sets its enable output to
+//!   [`Gateway::enable_output`](crate::Gateway::enable_output). A program that has nothing to outlive calls neither.
 
 use heapless::Vec;
 use host_protocol::{BusState, CanFrame};
@@ -78,8 +84,29 @@ pub enum Event<'a> {
         /// How many were lost, as far as the port knows; at least 1.
         lost: u32,
     },
+    /// The e-stop input was read: once at the start, then at each change. The core takes it as open until then.
+    EStopInput {
+        /// Open: the button is pressed or its cable cut. Closed is the normal state.
+        open: bool,
+    },
     /// Nothing but time has passed: the deadline of `next_deadline` is due.
     Tick,
+}
+
+/// What the light of a board shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Light {
+    /// Nothing moves and nothing may.
+    Idle,
+    /// An axis may move.
+    Armed,
+    /// The host in command fell silent, and none has been heard since.
+    LinkLost,
+    /// An axis is tripped.
+    Tripped,
+    /// The e-stop is latched.
+    EStopped,
 }
 
 /// What to send, and the slot to report it by.
@@ -141,6 +168,13 @@ pub struct Board {
     pub build_id: &'static str,
     /// Why the board started.
     pub boot: host_protocol::BootReason,
+    /// What the firmware left behind before this start: the message of a panic, of a fault or of the watchdog. Empty if there
+    /// was none; at most 240 bytes.
+    pub last_words: &'static str,
+    /// Whether it has an e-stop input.
+    pub e_stop_input: bool,
+    /// Whether it has an enable output.
+    pub enable_output: bool,
     /// Its buses, at most [`MAX_BUSES`](crate::MAX_BUSES).
     pub buses: &'static [BusPort],
     /// How many host links it has, at most [`MAX_LINKS`](crate::MAX_LINKS).

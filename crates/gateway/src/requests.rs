@@ -65,6 +65,7 @@ impl Gateway {
                 Reply::ConfigureBus(done)
             }
             Request::BusStatus(request) => Reply::BusStatus(self.bus(request.bus)?.report()),
+            Request::GatewayStatus(_) => Reply::GatewayStatus(self.status(now)),
             Request::ConfigureAxis(request) => {
                 self.configure_axis(now, request)?;
                 Reply::ConfigureAxis(done)
@@ -99,7 +100,7 @@ impl Gateway {
             Request::Clear(request) => match request.target {
                 ClearTarget::Axis(axis) => return self.clear(now, axis, ticket),
                 ClearTarget::Gateway => {
-                    self.clear_gateway(now);
+                    self.clear_gateway(now)?;
                     Reply::Clear(done)
                 }
             },
@@ -139,6 +140,10 @@ impl Gateway {
                 self.bus_mut(bus)?.raw.take().ok_or(Error::RawNotOpen { bus })?;
                 Reply::RawClose(done)
             }
+            Request::ReadIncidents(request) => Reply::ReadIncidents(self.history.page(request.first)),
+            Request::ReadLastWords(_) => {
+                Reply::ReadLastWords(replies::LastWords { text: text(self.board.last_words) })
+            }
         };
         Ok(Outcome::Now(reply))
     }
@@ -161,8 +166,8 @@ impl Gateway {
             build_id: text(self.board.build_id),
             board: text(self.board.name),
             boot: self.board.boot,
-            panic_recorded: false,
-            trips_recorded: 0,
+            panic_recorded: !self.board.last_words.is_empty(),
+            trips_recorded: self.history.len(),
             max_axes: MAX_AXES_WIRE,
             #[allow(clippy::cast_possible_truncation)]
             max_message: MAX_MESSAGE as u16,
@@ -194,7 +199,7 @@ impl Gateway {
     }
 
     fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
-        if self.e_stopped {
+        if self.e_stopped || self.e_stop_input_open {
             return Err(Error::EStopped {});
         }
         let axis = self.idle_axis(index)?;
@@ -311,7 +316,7 @@ impl Gateway {
         });
     }
 
-    fn e_stop(&mut self, now: Instant) {
+    pub(crate) fn e_stop(&mut self, now: Instant) {
         self.each_axis(now, |axis, out| axis.trip(now, TripReason::EStop, out));
         self.stop_all(now);
         if !self.e_stopped {
@@ -320,11 +325,15 @@ impl Gateway {
         }
     }
 
-    fn clear_gateway(&mut self, now: Instant) {
+    fn clear_gateway(&mut self, now: Instant) -> Result<()> {
+        if self.e_stop_input_open {
+            return Err(Error::EStopInputOpen {});
+        }
         if self.e_stopped {
             self.e_stopped = false;
             self.outbox(now).event(&Event::EStopCleared {});
         }
+        Ok(())
     }
 
     fn raw_open(&mut self, bus: u8) -> Result<()> {
@@ -416,6 +425,7 @@ impl Gateway {
                 axis.disarm(now, out);
             }
         });
+        self.link_lost = true;
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
     }
 
@@ -448,6 +458,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Ping(_)
         | Request::ReleaseAuthority(_)
         | Request::BusStatus(_)
+        | Request::GatewayStatus(_)
         | Request::ReadAxisParameter(_)
         | Request::ListAxes(_)
         | Request::Disarm(_)
@@ -455,6 +466,8 @@ fn needs_authority(request: &Request) -> bool {
         | Request::EStop(_)
         | Request::ReadState(_)
         | Request::Subscribe(_)
+        | Request::ReadIncidents(_)
+        | Request::ReadLastWords(_)
         // Depends on what its bytes do.
         | Request::Native(_) => false,
     }

@@ -231,6 +231,9 @@ impl fmt::Display for Error {
                 "axis {axis} has a limit of its {quantity}, which this command could break unnoticed; use a \
                  setpoint, or a command that states it"
             ),
+            Self::EStopInputOpen {} => f.write_str(
+                "the e-stop input is open; release its button or mend its cable, then clear the gateway",
+            ),
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }
     }

@@ -375,6 +375,8 @@ errors! {
         /// What is limited.
         quantity: Quantity,
     }
+    /// The e-stop input is open: the e-stop cannot be cleared.
+    47 EStopInputOpen {}
 }
 
 impl core::error::Error for Error {}

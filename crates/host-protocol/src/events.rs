@@ -203,6 +203,16 @@ events! {
         /// What is wrong with the motor now.
         faults: Option<FaultReading>,
     }
+    /// The e-stop input of the board has changed.
+    0x800D EStopInputChanged {
+        /// Open: its button is pressed or its cable cut.
+        open: bool,
+    }
+    /// The enable output of the board has changed.
+    0x800E EnableOutputChanged {
+        /// Its new level.
+        active: bool,
+    }
 }
 
 impl Event {

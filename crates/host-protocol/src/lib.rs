@@ -32,6 +32,7 @@ mod error_text;
 mod errors;
 mod events;
 mod frame;
+mod incident;
 pub mod messages;
 pub mod parameters;
 mod protocol;
@@ -57,10 +58,10 @@ pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use frame::{
     CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
 };
+pub use incident::{BootReason, Incident};
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
 pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ParameterText, ValueKind};
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
-pub use replies::BootReason;
 pub use size::MaxSize;
 pub use text::{Bytes, Text, Vec};
 pub use value::{Quantity, Value};

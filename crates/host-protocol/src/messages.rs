@@ -194,6 +194,7 @@ messages! {
     0x0010 ConfigureGateway -> Done
     0x0011 ConfigureBus -> Done
     0x0012 BusStatus -> BusReport
+    0x0013 GatewayStatus -> GatewayReport
 
     0x0020 ConfigureAxis -> Done
     0x0021 ReadAxisParameter -> ParameterValue
@@ -218,6 +219,9 @@ messages! {
     0x0051 RawSend -> Done
     0x0052 RawReceive -> RawFrames
     0x0053 RawClose -> Done
+
+    0x0060 ReadIncidents -> IncidentPage
+    0x0061 ReadLastWords -> LastWords
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

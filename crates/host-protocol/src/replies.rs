@@ -4,6 +4,7 @@
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
+use crate::incident::{BootReason, Incident};
 use crate::size::wire;
 use crate::text::{Bytes, Text, Vec};
 use crate::value::Value;
@@ -12,6 +13,10 @@ use crate::value::Value;
 pub const MAX_BUS_CAPABILITIES: usize = 8;
 /// Axes of one [`AxisList`].
 pub const MAX_AXIS_SUMMARIES: usize = 16;
+/// Incidents of one [`IncidentPage`].
+pub const MAX_INCIDENTS: usize = 8;
+/// Bytes of [`LastWords`].
+pub const MAX_LAST_WORDS: usize = 240;
 /// Frames of one [`RawFrames`]: as many of the longest as a message holds.
 pub const MAX_RAW_FRAMES: usize = 6;
 
@@ -19,25 +24,6 @@ wire! {
     /// Executed; there is nothing more to say.
     #[derive(Copy, Eq)]
     pub struct Done {}
-
-    /// Why the gateway started last.
-    #[derive(Copy, Eq)]
-    pub enum BootReason {
-        /// Power came on.
-        PowerOn,
-        /// The reset pin.
-        Pin,
-        /// The firmware asked for it, after a panic for example.
-        Software,
-        /// The watchdog: the firmware hung.
-        Watchdog,
-        /// The supply was too low.
-        Brownout,
-        /// The board cannot tell.
-        Unknown,
-        /// This gateway is a simulation.
-        Simulated,
-    }
 
     /// Who answers, and what it can do. Fixed for ever, as [`Hello`](crate::requests::Hello) is.
     #[derive(Eq)]
@@ -90,6 +76,24 @@ wire! {
         pub counters: BusCounters,
         /// Whether it is open for raw frames.
         pub raw_open: bool,
+    }
+
+    /// How the gateway itself is.
+    #[derive(Copy, Eq)]
+    pub struct GatewayReport {
+        /// Gateway time, µs.
+        pub time_us: u64,
+        /// Starts since power came on, this one included.
+        pub starts: u32,
+        /// The host link that commands, if one does.
+        pub holder: Option<u8>,
+        /// Whether the e-stop is latched, so that nothing can be armed.
+        pub e_stop_latched: bool,
+        /// Whether the e-stop input is open: its button is pressed or its cable cut. Nothing where the board has no such
+        /// input.
+        pub e_stop_input_open: Option<bool>,
+        /// Whether the enable output is active. Nothing where the board has no such output.
+        pub enable_output: Option<bool>,
     }
 
     /// The value of a parameter.
@@ -183,5 +187,20 @@ wire! {
         pub frames: Vec<ReceivedFrame, MAX_RAW_FRAMES>,
         /// Received since the last time and lost, because nobody fetched them.
         pub dropped: u32,
+    }
+
+    /// Trips and starts, the latest first.
+    pub struct IncidentPage {
+        /// As many as a message holds.
+        pub incidents: Vec<Incident, MAX_INCIDENTS>,
+        /// Where the list goes on, if it does.
+        pub next: Option<u8>,
+    }
+
+    /// What the firmware left behind.
+    #[derive(Eq)]
+    pub struct LastWords {
+        /// The message of a panic, of a processor fault or of the watchdog; empty if there was none.
+        pub text: Text<MAX_LAST_WORDS>,
     }
 }

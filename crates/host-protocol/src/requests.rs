@@ -64,6 +64,10 @@ wire! {
         pub bus: u8,
     }
 
+    /// Asks how the gateway itself is: who commands, e-stop, enable output.
+    #[derive(Copy, Eq)]
+    pub struct GatewayStatus {}
+
     /// Sets a parameter of an axis.
     #[derive(Copy)]
     pub struct ConfigureAxis {
@@ -242,4 +246,15 @@ wire! {
         /// Number of the bus, from 0.
         pub bus: u8,
     }
+
+    /// Asks for the last trips and starts, which outlive a reset.
+    #[derive(Copy, Eq)]
+    pub struct ReadIncidents {
+        /// Where to begin: 0 is the latest.
+        pub first: u8,
+    }
+
+    /// Asks what the firmware left behind before it started this time.
+    #[derive(Copy, Eq)]
+    pub struct ReadLastWords {}
 }

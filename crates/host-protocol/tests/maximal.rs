@@ -4,10 +4,10 @@ use host_protocol::messages::Call;
 use host_protocol::replies::*;
 use host_protocol::requests::*;
 use host_protocol::{
-    AxisState, AxisSummary, BusCapability, BusConfig, BusCounters, BusKind, BusState, CanFrame, ClearTarget,
-    Deframer, Error, Event, FaultReading, MAX_FRAME, MaxSize, MotorTimeout, Protocol, ProtocolSet, Quantity,
-    REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StateFields,
-    StopTarget, Text, Trip, TripReason, Value, Vec as List,
+    AxisState, AxisSummary, BootReason, BusCapability, BusConfig, BusCounters, BusKind, BusState, CanFrame,
+    ClearTarget, Deframer, Error, Event, FaultReading, Incident, MAX_FRAME, MaxSize, MotorTimeout, Protocol,
+    ProtocolSet, Quantity, REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request,
+    Setpoint as SetpointValue, StateFields, StopTarget, Text, Trip, TripReason, Value, Vec as List,
 };
 
 /// Bytes of the body of a delimited frame.
@@ -72,6 +72,7 @@ fn largest_requests() -> Vec<(Request, usize)> {
             reply_window_us: u32::MAX,
         }),
         row(BusStatus { bus: u8::MAX }),
+        row(GatewayStatus {}),
         row(ConfigureAxis { axis: u8::MAX, parameter: PARAMETER, value: VALUE }),
         row(ReadAxisParameter { axis: u8::MAX, parameter: PARAMETER }),
         row(ListAxes { first: u8::MAX }),
@@ -98,6 +99,8 @@ fn largest_requests() -> Vec<(Request, usize)> {
         row(RawSend { bus: u8::MAX, frame: serial }),
         row(RawReceive { bus: u8::MAX }),
         row(RawClose { bus: u8::MAX }),
+        row(ReadIncidents { first: u8::MAX }),
+        row(ReadLastWords {}),
     ]
 }
 
@@ -146,6 +149,15 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         counters,
         raw_open: true,
     };
+    let gateway = GatewayReport {
+        time_us: u64::MAX,
+        starts: u32::MAX,
+        holder: Some(u8::MAX),
+        e_stop_latched: true,
+        e_stop_input_open: Some(true),
+        enable_output: Some(true),
+    };
+    let incident = Incident::Tripped { start: u32::MAX, axis: u8::MAX, trip: TRIP };
     let summary = AxisSummary {
         axis: u8::MAX,
         bus: Some(u8::MAX),
@@ -177,6 +189,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         (Reply::Ping(Pong { time_us: u64::MAX }), Pong::MAX_SIZE),
         (Reply::Stop(Done {}), Done::MAX_SIZE),
         (Reply::BusStatus(bus), BusReport::MAX_SIZE),
+        (Reply::GatewayStatus(gateway), GatewayReport::MAX_SIZE),
         (Reply::ReadAxisParameter(ParameterValue { value: Some(VALUE) }), ParameterValue::MAX_SIZE),
         (Reply::ListAxes(AxisList { axes: full(summary), next: Some(u8::MAX) }), AxisList::MAX_SIZE),
         (Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: TIMEOUT }), MotorTimeoutReport::MAX_SIZE),
@@ -185,6 +198,11 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         (Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }), MoveTarget::MAX_SIZE),
         (Reply::Native(NativeReply { data: full(0xFF) }), NativeReply::MAX_SIZE),
         (Reply::RawReceive(RawFrames { frames: full(frame), dropped: u32::MAX }), RawFrames::MAX_SIZE),
+        (
+            Reply::ReadIncidents(IncidentPage { incidents: full(incident), next: Some(u8::MAX) }),
+            IncidentPage::MAX_SIZE,
+        ),
+        (Reply::ReadLastWords(LastWords { text: text() }), LastWords::MAX_SIZE),
     ]
 }
 

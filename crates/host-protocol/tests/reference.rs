@@ -185,6 +185,7 @@ fn types_are_those_of_the_code() {
         BusKind,
         BusState,
         BootReason,
+        Incident,
         MotorTimeout,
         TripReason,
         NoReplyHint,

@@ -63,8 +63,11 @@ pub enum Command {
         unconfigured: bool,
     },
 
-    /// Show what the gateway is: versions, board, buses, boot reason
+    /// Show what the gateway is: versions, board, buses, boot reason, who commands, e-stop, enable output
     Info,
+
+    /// Show what the gateway remembers over a reset: its last trips and starts, and the message of a panic
+    Trips,
 
     /// List the axes with bus, protocol, node and state
     Axes,

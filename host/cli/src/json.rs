@@ -22,6 +22,8 @@ pub fn event(message: &EventMessage) -> Value {
         Event::StateChanged { axis, state } => json!({ "axis": axis, "state": to_json(state) }),
         Event::AuthorityLost { reason } => json!({ "reason": to_json(reason) }),
         Event::EStopLatched {} | Event::EStopCleared {} => json!({}),
+        Event::EStopInputChanged { open } => json!({ "open": open }),
+        Event::EnableOutputChanged { active } => json!({ "active": active }),
         Event::FrameRejected { reason, count } => json!({ "reason": reason, "count": count }),
         Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": to_json(state) }),
         Event::MotorNotice { axis, data, length } => {

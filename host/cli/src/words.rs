@@ -77,6 +77,11 @@ pub fn event(message: &EventMessage) -> String {
     format!("t={}  {what}{lost}", seconds(message.time_us))
 }
 
+/// An input that is closed in the normal state.
+pub fn open_or_closed(open: bool) -> &'static str {
+    if open { "open" } else { "closed" }
+}
+
 fn event_in_words(event: &Event) -> String {
     match event {
         Event::Tripped { axis, trip } => format!("axis {axis} tripped: {}", trip_reason(&trip.reason)),
@@ -94,6 +99,10 @@ fn event_in_words(event: &Event) -> String {
         Event::AuthorityLost { reason } => format!("authority lost: {reason:?}"),
         Event::EStopLatched {} => "e-stop latched".to_owned(),
         Event::EStopCleared {} => "e-stop cleared".to_owned(),
+        Event::EStopInputChanged { open } => format!("the e-stop input is {}", open_or_closed(*open)),
+        Event::EnableOutputChanged { active } => {
+            format!("the enable output is {}", if *active { "active" } else { "inactive" })
+        }
         Event::FrameRejected { reason, count } => {
             let name = host_protocol::FrameError::ALL
                 .iter()

@@ -2,11 +2,13 @@
 
 use std::time::Duration;
 
-use host_protocol::replies::{Armed, AxisReport, BusReport, HelloReply, MoveTarget, RawFrames};
+use host_protocol::replies::{
+    Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames,
+};
 use host_protocol::requests as ask;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, MAX_CAN_DATA,
-    MotorTimeout, ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
+    AxisParameter, AxisState, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, Incident,
+    MAX_CAN_DATA, MotorTimeout, ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
 };
 
 use crate::client::Client;
@@ -81,6 +83,39 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request).
     pub fn bus_status(&mut self, bus: u8) -> Result<BusReport, ClientError> {
         self.request(&ask::BusStatus { bus })
+    }
+
+    /// How the gateway itself is: who commands, e-stop, enable output.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn gateway_status(&mut self) -> Result<GatewayReport, ClientError> {
+        self.request(&ask::GatewayStatus {})
+    }
+
+    /// The last trips and starts of the gateway, the latest first; they outlive a reset.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn incidents(&mut self) -> Result<Vec<Incident>, ClientError> {
+        let mut incidents = Vec::new();
+        let mut next = Some(0);
+        while let Some(first) = next {
+            let page = self.request(&ask::ReadIncidents { first })?;
+            // A page that leads back would never end.
+            next = page.next.filter(|next| *next > first);
+            incidents.extend(page.incidents);
+        }
+        Ok(incidents)
+    }
+
+    /// What the firmware left behind before this start: the message of a panic, a fault or the watchdog; empty if there was
+    /// none.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn last_words(&mut self) -> Result<String, ClientError> {
+        self.request(&ask::ReadLastWords {}).map(|words| words.text.as_str().to_owned())
     }
 
     /// Sets a parameter of an axis.

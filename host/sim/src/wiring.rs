@@ -23,6 +23,9 @@ pub static BOARD: Board = Board {
     firmware: env!("CARGO_PKG_VERSION"),
     build_id: "simulator",
     boot: BootReason::Simulated,
+    last_words: "",
+    e_stop_input: true,
+    enable_output: true,
     buses: &[
         BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
         BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },

@@ -17,6 +17,8 @@ pub(crate) struct AxisConfig {
 }
 
 const PARAMETERS: usize = AxisParameter::ALL.len();
+/// Words that say which parameters are set.
+const SET_WORDS: usize = 2;
 const _: () = assert!(PARAMETERS <= u64::BITS as usize, "one bit for each parameter");
 
 /// Where and what an axis is; exists once the required parameters are set.
@@ -49,6 +51,33 @@ impl AxisConfig {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Words of [`to_words`](Self::to_words).
+    pub const WORDS: usize = SET_WORDS + PARAMETERS;
+
+    /// Which parameters are set, then the bits of each.
+    pub fn to_words(&self) -> [u32; Self::WORDS] {
+        let mut words = [0; Self::WORDS];
+        #[allow(clippy::cast_possible_truncation)]
+        let set = [self.set as u32, (self.set >> u32::BITS) as u32];
+        for (word, value) in words.iter_mut().zip(set.into_iter().chain(self.values)) {
+            *word = value;
+        }
+        words
+    }
+
+    /// A configuration from its words, each value checked as if it came from a host.
+    pub fn from_words(words: &[u32]) -> Result<Self, Error> {
+        let mut config = Self::new();
+        let [low, high, values @ ..] = words else { return Ok(config) };
+        let set = u64::from(*low) | u64::from(*high) << u32::BITS;
+        for (parameter, bits) in AxisParameter::ALL.iter().zip(values) {
+            if set & (1 << Self::index(*parameter)) != 0 {
+                config.set(*parameter, from_bits(parameter.info().kind, *bits))?;
+            }
+        }
+        Ok(config)
     }
 
     /// The value in force: the one set, else the default.
@@ -205,6 +234,20 @@ mod tests {
         assert_eq!(config.get(AxisParameter::TtlUs), Some(Value::Unsigned(100_000))); // the default
         assert_eq!(config.get(AxisParameter::VelocityLimitRadS), None);
         assert_eq!(config.missing(), Some(AxisParameter::Bus));
+    }
+
+    #[test]
+    fn a_configuration_comes_back_from_its_words_and_a_value_out_of_range_does_not() {
+        let mut config = AxisConfig::new();
+        config.set(AxisParameter::Node, Value::Unsigned(253)).unwrap();
+        config.set(AxisParameter::Direction, Value::Signed(-1)).unwrap();
+        config.set(AxisParameter::TripGroup, Value::Unsigned(7)).unwrap();
+        let mut words = config.to_words();
+        assert_eq!(AxisConfig::from_words(&words), Ok(config));
+        assert_eq!(AxisConfig::from_words(&[0; AxisConfig::WORDS]), Ok(AxisConfig::new()));
+        assert_eq!(AxisConfig::from_words(&[]), Ok(AxisConfig::new()));
+        words[SET_WORDS + 2] = 254; // the node
+        assert!(AxisConfig::from_words(&words).is_err());
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub(crate) struct Axis {
     pub trip: Option<Trip>,
     /// The trip has still to reach the others of its group.
     trip_spreads: bool,
+    /// The trip has still to go into the history.
+    trip_unrecorded: bool,
     /// The epoch of the latest arming; setpoints must carry it.
     epoch: u32,
     motion: Option<Motion>,
@@ -89,6 +91,7 @@ impl Axis {
             measured: Measured::new(),
             trip: None,
             trip_spreads: false,
+            trip_unrecorded: false,
             epoch: 0,
             motion: None,
             motions: 0,
@@ -128,6 +131,16 @@ impl Axis {
     /// Whether a stop is due that has not been handed to the bus yet.
     pub fn stop_waits(&self) -> bool {
         self.stop.as_ref().is_some_and(Stop::is_unsent)
+    }
+
+    /// Whether there is a stop of which no command has left yet.
+    pub fn stop_has_not_left(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| !stop.has_left())
+    }
+
+    /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
+    pub fn is_unreachable(&self) -> bool {
+        self.trip.as_ref().is_some_and(|trip| trip.unreachable)
     }
 
     /// Whether the axis waits for a reply of its motor that is due within the bus's window.

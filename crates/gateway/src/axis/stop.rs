@@ -119,6 +119,11 @@ impl Stop {
         self.handed == 0
     }
 
+    /// A stop command has left on the bus.
+    pub fn has_left(&self) -> bool {
+        self.first_left.is_some()
+    }
+
     pub fn is_acknowledged(&self) -> bool {
         self.acknowledged
     }

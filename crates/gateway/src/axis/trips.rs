@@ -27,10 +27,23 @@ impl Axis {
         };
         self.trip = Some(trip);
         self.trip_spreads = self.trip_group().is_some();
+        self.trip_unrecorded = true;
         self.state = AxisState::Tripped { confirmed: false };
         self.begin_stop(now);
         self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
+    }
+
+    /// The axis was in motion, or tripped already, when the gateway was reset.
+    pub fn trip_after_reset(&mut self, now: Instant, reason: TripReason, out: &mut Outbox<'_>) {
+        // It may have been doing anything.
+        self.state = AxisState::Stopping;
+        self.trip(now, reason, out);
+    }
+
+    /// The trip that has still to go into the history.
+    pub fn take_unrecorded_trip(&mut self) -> Option<Trip> {
+        core::mem::take(&mut self.trip_unrecorded).then_some(self.trip).flatten()
     }
 
     /// Axes that trip together have the same.

@@ -1,5 +1,6 @@
 //! The core in virtual time: typed requests on one side, literal bytes on the other.
 
+mod after_reset;
 mod bad_input;
 mod bench;
 mod brake;
@@ -16,6 +17,7 @@ mod impedance;
 mod motion;
 mod motors;
 mod natives;
+mod pins;
 mod random;
 mod relative_moves;
 mod rig;

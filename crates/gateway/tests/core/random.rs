@@ -42,12 +42,14 @@ impl Run {
     fn new(seed: u64, now_us: u64) -> Self {
         let hellos = [(0, host::hello(1)), (1, host::hello(2))];
         let configuration = host::configuration().into_iter().map(|request| (0, request));
+        let mut gateway = Gateway::new(&BOARD);
+        gateway.handle(Instant::from_micros(now_us), Event::EStopInput { open: false });
         Self {
             seed,
             step: 0,
             now_us,
             dice: Dice::new(seed),
-            gateway: Gateway::new(&BOARD),
+            gateway,
             port: Port::default(),
             hosts: [Host::new(), Host::new()],
             knowledge: Knowledge::default(),

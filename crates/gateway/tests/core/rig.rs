@@ -1,7 +1,7 @@
 //! A gateway on a bench without motors: the test plays the host with typed requests and the motors with literal bytes.
 
 use crate::text::{can_text, hex, is_can, unhex};
-use gateway::{Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, Transmit};
+use gateway::{Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit};
 use host_protocol::{
     BootReason, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind, MAX_FRAME,
     Reply, Request,
@@ -11,18 +11,26 @@ const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
 const BAUDS: &[u32] = &[115_200, 2_000_000];
 
 /// Buses 0 and 1 are CAN, bus 2 is RS485 with echo.
-pub static BOARD: Board = Board {
+pub static BOARD: Board = BOARD_VALUES;
+const BOARD_VALUES: Board = Board {
     name: "rig",
     firmware: "0.1.0",
     build_id: "test",
     boot: BootReason::Simulated,
+    last_words: "",
+    e_stop_input: true,
+    enable_output: true,
     buses: &[
         BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
         BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
     ],
-    links: 2,
+    links: 3,
 };
+
+/// The same board after its watchdog has reset it.
+static BOARD_AGAIN: Board =
+    Board { boot: BootReason::Watchdog, last_words: "no life from bus 1", ..BOARD_VALUES };
 
 const BUSES: usize = 3;
 
@@ -61,6 +69,8 @@ pub enum Echo {
 
 pub struct Rig {
     pub gateway: Gateway,
+    /// What outlives a reset.
+    pub memory: Vec<u32>,
     pub now_us: u64,
     /// Every frame sent: time, bus, text.
     pub wire: Vec<(u64, u8, String)>,
@@ -104,6 +114,7 @@ impl Rig {
     pub fn new() -> Self {
         let mut rig = Self {
             gateway: Gateway::new(&BOARD),
+            memory: vec![0xA5A5_A5A5; RETAINED_WORDS],
             now_us: 1_000,
             wire: Vec::new(),
             said: Vec::new(),
@@ -118,8 +129,23 @@ impl Rig {
             sequence: 0,
             due: Vec::new(),
         };
-        rig.handle(Event::Tick);
+        rig.gateway.restore(rig.now(), &[]);
+        rig.handle(Event::EStopInput { open: false });
         rig
+    }
+
+    /// The watchdog resets the gateway: the motors go on, time begins anew, and what was saved is all that is left.
+    pub fn reset(&mut self) {
+        self.gateway = Gateway::new(&BOARD_AGAIN);
+        self.now_us = 500;
+        self.due.clear();
+        self.held.clear();
+        self.generations = [None; BUSES];
+        self.deframer = Deframer::new();
+        self.wire.clear();
+        self.said.clear();
+        self.gateway.restore(self.now(), &self.memory);
+        self.handle(Event::EStopInput { open: false });
     }
 
     pub fn now(&self) -> Instant {
@@ -186,6 +212,7 @@ impl Rig {
 
     pub fn handle(&mut self, event: Event<'_>) {
         self.gateway.handle(self.now(), event);
+        self.gateway.save(|index, word| self.memory[index] = word);
         self.restart_buses();
         self.drain();
     }

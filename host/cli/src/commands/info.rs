@@ -1,6 +1,7 @@
 //! `mgw info`
 
 use host_protocol::BusKind;
+use host_protocol::replies::GatewayReport;
 use serde_json::Value;
 
 use crate::failure::Failure;
@@ -14,7 +15,9 @@ use crate::words;
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let out = session.out;
+    let status = session.client.gateway_status()?;
     let mut object = to_json(&hello);
+    object["status"] = to_json(&status);
     if let Some(buses) = object.get_mut("buses").and_then(Value::as_array_mut) {
         for (value, bus) in buses.iter_mut().zip(&hello.buses) {
             value["protocols"] = json::protocols(bus.protocols);
@@ -31,7 +34,21 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         ("message", format!("up to {} bytes", hello.max_message)),
         (
             "recorded",
-            format!("{} trips and resets, panic: {}", hello.trips_recorded, yes_or_no(hello.panic_recorded)),
+            format!(
+                "{} trips and starts, last words: {}; see mgw trips",
+                hello.trips_recorded,
+                yes_or_no(hello.panic_recorded)
+            ),
+        ),
+        ("command", status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"))),
+        ("e-stop", e_stop(&status)),
+        (
+            "enable",
+            match status.enable_output {
+                Some(true) => "output active".to_owned(),
+                Some(false) => "output inactive: an axis is unreachable".to_owned(),
+                None => "no output".to_owned(),
+            },
         ),
     ];
     for (name, text) in lines {
@@ -47,6 +64,14 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         table.row([number.to_string(), kind.to_owned(), words::protocols(bus.protocols), bitrates.join(" ")]);
     }
     out.table(&table)
+}
+
+fn e_stop(status: &GatewayReport) -> String {
+    let latched = if status.e_stop_latched { "latched" } else { "not latched" };
+    match status.e_stop_input_open {
+        Some(open) => format!("{latched}, input {}", words::open_or_closed(open)),
+        None => format!("{latched}, no input"),
+    }
 }
 
 fn yes_or_no(flag: bool) -> &'static str {

@@ -12,6 +12,7 @@ mod native;
 mod raw;
 mod set;
 mod stop;
+mod trips;
 mod watch;
 
 use crate::args::Command;
@@ -47,6 +48,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         // These have no gateway to talk to; they never come here.
         Command::Demo | Command::Sim { .. } | Command::Decode(_) | Command::Encode(_) => Ok(()),
         Command::Info => info::run(session),
+        Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),
         Command::Configure(arguments) => configure::run(session, arguments),
         Command::Arm { axes, duration } => arm::run(session, axes, *duration),

@@ -15,6 +15,38 @@ fn info_tells_board_and_buses() {
 }
 
 #[test]
+fn info_tells_who_commands_and_whether_the_e_stop_is_latched() {
+    let sim = Sim::start();
+    let status = &sim.mgw(&["--json", "info"]).json_lines()[0]["status"];
+    assert_eq!(status["e_stop_latched"], false);
+    assert_eq!(status["e_stop_input_open"], false);
+    assert_eq!(status["enable_output"], true);
+    assert!(status["holder"].is_null());
+    sim.mgw(&["estop"]).success();
+    assert_eq!(sim.mgw(&["--json", "info"]).json_lines()[0]["status"]["e_stop_latched"], true);
+    assert!(sim.mgw(&["info"]).success().contains("e-stop    latched, input closed"));
+}
+
+#[test]
+fn trips_lists_what_happened_from_the_latest() {
+    let sim = Sim::patient();
+    let before = &sim.mgw(&["--json", "trips"]).json_lines()[0];
+    assert_eq!(before["last_words"], "");
+    assert_eq!(before["incidents"][0]["Started"]["boot"], "Simulated");
+    assert!(before["incidents"][1].is_null());
+    let mut host = Process::start(&["--port", &sim.port, "arm", "0"]);
+    host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+    sim.mgw(&["estop"]).success();
+    let after = &sim.mgw(&["--json", "trips"]).json_lines()[0]["incidents"];
+    assert_eq!(after[0]["Tripped"]["axis"], 0);
+    assert_eq!(after[0]["Tripped"]["trip"]["reason"], "EStop");
+    assert_eq!(after[1], before["incidents"][0]);
+    let text = sim.mgw(&["trips"]).success();
+    assert!(text.contains("axis 0 tripped: EStop") && text.contains("started: Simulated"), "{text}");
+    host.interrupt();
+}
+
+#[test]
 fn axes_lists_the_four_that_sim_configures() {
     let sim = Sim::start();
     let json = &sim.mgw(&["axes", "--json"]).json_lines()[0];

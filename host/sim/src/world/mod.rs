@@ -64,7 +64,9 @@ impl World {
             motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
         }
         let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
-        let gateway = Box::new(Gateway::new(board));
+        let mut gateway = Box::new(Gateway::new(board));
+        gateway.restore(Instant::from_micros(0), &[]);
+        gateway.handle(Instant::from_micros(0), Event::EStopInput { open: false });
         let (trace, not_before) = (Trace::default(), Duration::ZERO);
         let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, not_before };
         world.settle();
@@ -89,6 +91,18 @@ impl World {
     /// Lets everything happen for a while.
     pub fn run_for(&mut self, span: Duration) {
         self.run_to(self.now + span);
+    }
+
+    /// Opens the e-stop input, as its button does when it is pressed, or closes it.
+    pub fn set_e_stop_input(&mut self, open: bool) {
+        let now = self.now();
+        self.gateway.handle(now, Event::EStopInput { open });
+        self.settle();
+    }
+
+    /// The level of the enable output.
+    pub fn enable_output(&self) -> bool {
+        self.gateway.enable_output()
     }
 
     /// Sends bytes to the gateway over a host link, at the pace of the link. A link that does not exist takes nothing.

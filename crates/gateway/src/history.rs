@@ -1,0 +1,209 @@
+//! The last trips and starts (GUARANTEES G8).
+
+use host_protocol::replies::{IncidentPage, MAX_INCIDENTS};
+use host_protocol::{Incident, MaxSize, TripReason, Vec};
+
+/// Incidents remembered.
+pub(crate) const INCIDENTS: usize = 16;
+
+const WORD: usize = size_of::<u32>();
+/// Words of an incident as they are kept over a reset: its ordinal number, then its postcard bytes.
+pub(crate) const INCIDENT_WORDS: usize = 1 + Incident::MAX_SIZE.div_ceil(WORD);
+
+/// A ring; the place of an incident follows from its ordinal number.
+pub(crate) struct History {
+    incidents: [Option<Incident>; INCIDENTS],
+    /// The ordinal number of the next.
+    next: u32,
+    /// Places that have not been saved. Bit 0 is place 0.
+    unsaved: u16,
+}
+
+const _: () = assert!(INCIDENTS <= u16::BITS as usize, "one bit for each place");
+
+impl History {
+    pub const fn new() -> Self {
+        Self { incidents: [None; INCIDENTS], next: 0, unsaved: 0 }
+    }
+
+    /// What was saved, from the words of each place.
+    pub fn restored<'a>(mut saved: impl FnMut(usize) -> Option<&'a [u32]>) -> Self {
+        let mut history = Self::new();
+        for (index, slot) in history.incidents.iter_mut().enumerate() {
+            let Some((ordinal, incident)) = saved(index).and_then(from_words) else { continue };
+            if place(ordinal) == index {
+                *slot = Some(incident);
+                history.next = history.next.max(ordinal.saturating_add(1));
+            }
+        }
+        history
+    }
+
+    pub fn push(&mut self, incident: Incident) {
+        let index = place(self.next);
+        if let Some(slot) = self.incidents.get_mut(index) {
+            *slot = Some(incident);
+            self.unsaved |= 1 << index;
+            self.next = self.next.saturating_add(1);
+        }
+    }
+
+    /// How many are remembered.
+    pub fn len(&self) -> u16 {
+        self.latest_first().map(|_| 1).sum()
+    }
+
+    /// The next place to save, and its words.
+    pub fn take_unsaved(&mut self) -> Option<(usize, [u32; INCIDENT_WORDS])> {
+        let index = (0..INCIDENTS).find(|index| self.unsaved & (1 << index) != 0)?;
+        self.unsaved &= !(1 << index);
+        let incident = self.incidents.get(index)?.as_ref()?;
+        Some((index, to_words(self.ordinal_of(index), incident)))
+    }
+
+    /// Why an axis tripped last.
+    pub fn last_trip_of(&self, wanted: u8) -> Option<TripReason> {
+        self.latest_first().find_map(|incident| match incident {
+            Incident::Tripped { axis, trip, .. } if *axis == wanted => Some(trip.reason),
+            _ => None,
+        })
+    }
+
+    /// A part of the list, from `first` on; 0 is the latest.
+    pub fn page(&self, first: u8) -> IncidentPage {
+        let rest = || self.latest_first().skip(usize::from(first));
+        let incidents: Vec<_, MAX_INCIDENTS> = rest().take(MAX_INCIDENTS).copied().collect();
+        let more = rest().nth(MAX_INCIDENTS).is_some();
+        let next = u8::try_from(usize::from(first) + incidents.len()).ok().filter(|_| more);
+        IncidentPage { incidents, next }
+    }
+
+    fn latest_first(&self) -> impl Iterator<Item = &Incident> {
+        (1..=INCIDENTS).filter_map(|back| {
+            let ordinal = self.next.checked_sub(u32::try_from(back).ok()?)?;
+            self.incidents.get(place(ordinal))?.as_ref()
+        })
+    }
+
+    /// The ordinal number of what is in a place: the latest that belongs there.
+    fn ordinal_of(&self, index: usize) -> u32 {
+        let last = self.next.saturating_sub(1);
+        let back = (place(last) + INCIDENTS - index) % INCIDENTS;
+        last.saturating_sub(u32::try_from(back).unwrap_or(0))
+    }
+}
+
+/// Where an incident lies.
+fn place(ordinal: u32) -> usize {
+    // Lossless: below INCIDENTS.
+    #[allow(clippy::cast_possible_truncation)]
+    let place = ordinal as usize % INCIDENTS;
+    place
+}
+
+fn to_words(ordinal: u32, incident: &Incident) -> [u32; INCIDENT_WORDS] {
+    let mut bytes = [0; (INCIDENT_WORDS - 1) * WORD];
+    // It fits: MAX_SIZE is the bound of what postcard writes.
+    let _ = postcard::to_slice(incident, &mut bytes);
+    let mut words = [0; INCIDENT_WORDS];
+    let (chunks, _) = bytes.as_chunks::<WORD>();
+    for (word, value) in
+        words.iter_mut().zip(core::iter::once(ordinal).chain(chunks.iter().map(|c| u32::from_le_bytes(*c))))
+    {
+        *word = value;
+    }
+    words
+}
+
+fn from_words(words: &[u32]) -> Option<(u32, Incident)> {
+    let (ordinal, words) = words.split_first()?;
+    let bytes: Vec<u8, { (INCIDENT_WORDS - 1) * WORD }> =
+        words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let (incident, _) = postcard::take_from_bytes(&bytes).ok()?;
+    Some((*ordinal, incident))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::{BootReason, Trip};
+
+    fn started(start: u32) -> Incident {
+        Incident::Started { start, boot: BootReason::Watchdog, last_words: true }
+    }
+
+    fn tripped(axis: u8, reason: TripReason) -> Incident {
+        let trip = Trip {
+            reason,
+            time_us: 5,
+            velocity_rad_s: Some(1.5),
+            position_rad: None,
+            current_a: None,
+            unreachable: false,
+        };
+        Incident::Tripped { start: 1, axis, trip }
+    }
+
+    #[test]
+    fn the_last_sixteen_are_told_from_the_latest_in_pages() {
+        let mut history = History::new();
+        assert_eq!(history.page(0), IncidentPage { incidents: Vec::new(), next: None });
+        for start in 0..20 {
+            history.push(started(start));
+        }
+        assert_eq!(history.len(), 16);
+        let starts = |page: &IncidentPage| -> Vec<u32, 8> {
+            page.incidents
+                .iter()
+                .map(|incident| match incident {
+                    Incident::Started { start, .. } => *start,
+                    Incident::Tripped { .. } => panic!("{incident:?}"),
+                })
+                .collect()
+        };
+        let (first, second) = (history.page(0), history.page(8));
+        assert_eq!((starts(&first).as_slice(), first.next), (&[19, 18, 17, 16, 15, 14, 13, 12][..], Some(8)));
+        assert_eq!((starts(&second).as_slice(), second.next), (&[11, 10, 9, 8, 7, 6, 5, 4][..], None));
+        assert!(history.page(16).incidents.is_empty());
+        assert!(history.page(255).incidents.is_empty());
+    }
+
+    #[test]
+    fn what_was_saved_comes_back_in_its_order_and_goes_on() {
+        let mut history = History::new();
+        let mut saved = [[0; INCIDENT_WORDS]; INCIDENTS];
+        for start in 0..18 {
+            history.push(started(start));
+            history.push(tripped(3, TripReason::MotorFault { faults: 2 }));
+            while let Some((index, words)) = history.take_unsaved() {
+                saved[index] = words;
+            }
+        }
+        let mut restored = History::restored(|index| Some(&saved[index]));
+        assert_eq!(restored.page(0), history.page(0));
+        assert_eq!(restored.page(8), history.page(8));
+        assert_eq!(restored.last_trip_of(3), Some(TripReason::MotorFault { faults: 2 }));
+        assert_eq!(restored.last_trip_of(2), None);
+        assert_eq!(restored.take_unsaved(), None);
+        restored.push(started(99));
+        assert_eq!(restored.page(0).incidents[0], started(99));
+        assert_eq!(restored.page(0).incidents[1], history.page(0).incidents[0]);
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_read_is_left_out() {
+        let mut history = History::new();
+        let mut saved = [[0; INCIDENT_WORDS]; INCIDENTS];
+        for start in 0..4 {
+            history.push(started(start));
+        }
+        while let Some((index, words)) = history.take_unsaved() {
+            saved[index] = words;
+        }
+        saved[1] = [1, u32::MAX, u32::MAX, u32::MAX, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        saved[2][0] = 7; // An ordinal number that belongs elsewhere.
+        let restored =
+            History::restored(|index| saved.get(index).filter(|_| index < 4).map(|words| &words[..]));
+        assert_eq!(restored.page(0).incidents.as_slice(), [started(3), started(0)]);
+    }
+}

@@ -1,0 +1,236 @@
+//! What outlives a reset: the axis table, who was in motion or tripped, and the history (GUARANTEES G6, G8).
+//!
+//! The core says which words to keep and reads them back; whoever runs it stores them in memory that a start does not
+//! clear. A board that is reset in mid-motion therefore knows its motors, and stops them before any host speaks.
+
+mod layout;
+mod slot;
+
+pub use layout::RETAINED_WORDS;
+
+use core::mem::take;
+
+use crate::axis::AxisConfig;
+use crate::gateway::Gateway;
+use crate::history::History;
+use crate::outbox::Outbox;
+use crate::time::{Duration, Instant};
+use crate::{MAX_AXES, MAX_BUSES};
+use host_protocol::{AxisState, BusConfig, Incident, ProtocolSet, TripReason, requests};
+use layout::{Place, SLOTS, STATES_WORDS};
+
+/// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
+const BUS_WORDS: usize = 4;
+
+/// Bits of the flags word.
+const E_STOPPED: u32 = 1;
+
+/// What changes while axes move; one word each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct States {
+    /// Starts since power came on.
+    starts: u32,
+    /// Axes that may move: arming, armed, active or stopping. Bit 0 is axis 0.
+    moving: u32,
+    /// Axes that are tripped.
+    tripped: u32,
+    flags: u32,
+    /// Silence of the host in command that trips, µs.
+    silence_us: u32,
+}
+
+impl States {
+    const NONE: Self = Self { starts: 0, moving: 0, tripped: 0, flags: 0, silence_us: 0 };
+
+    fn words(self) -> [u32; STATES_WORDS] {
+        [self.starts, self.moving, self.tripped, self.flags, self.silence_us]
+    }
+
+    fn from_words(words: &[u32]) -> Option<Self> {
+        let [starts, moving, tripped, flags, silence_us] = *words else { return None };
+        Some(Self { starts, moving, tripped, flags, silence_us })
+    }
+}
+
+/// What has been saved, and what has changed since.
+pub(crate) struct Retention {
+    /// The generation last written of each slot; its parity says which copy.
+    generations: [u32; SLOTS],
+    /// Axes configured anew. Bit 0 is axis 0.
+    axes: u32,
+    /// Buses configured anew. Bit 0 is bus 0.
+    buses: u32,
+    states: States,
+}
+
+impl Retention {
+    pub const fn new() -> Self {
+        Self { generations: [0; SLOTS], axes: 0, buses: 0, states: States::NONE }
+    }
+
+    /// An axis has been configured or removed.
+    pub fn axis_changed(&mut self, axis: u8) {
+        self.axes |= bit(usize::from(axis));
+    }
+
+    /// A bus has been configured.
+    pub fn bus_changed(&mut self, bus: u8) {
+        self.buses |= bit(usize::from(bus));
+    }
+
+    fn write(&mut self, place: Place, payload: &[u32], write: &mut dyn FnMut(usize, u32)) {
+        if let Some(generation) = self.generations.get_mut(place.index()) {
+            *generation = generation.wrapping_add(1);
+            place.slot().write(*generation, payload, write);
+        }
+    }
+
+    /// The payload of a slot, whose generation is taken over.
+    fn read<'a>(&mut self, place: Place, words: &'a [u32]) -> Option<&'a [u32]> {
+        let (generation, payload) = place.slot().read(words)?;
+        *self.generations.get_mut(place.index())? = generation;
+        Some(payload)
+    }
+}
+
+impl Gateway {
+    /// Hands over what has changed of the words that must outlive a reset: an index below [`RETAINED_WORDS`] and the
+    /// word. To be called after each [`handle`](Self::handle), before the frames that follow from it are sent. Each word belongs to
+    /// one of two copies with a checksum, so a reset between two words loses nothing but the change.
+    pub fn save(&mut self, mut write: impl FnMut(usize, u32)) {
+        self.save_changes(&mut write);
+    }
+
+    fn save_changes(&mut self, write: &mut dyn FnMut(usize, u32)) {
+        let states = self.states();
+        let Self { retention, axes, buses, history, .. } = self;
+        let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
+        if new_axes | new_buses != 0 {
+            for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
+                retention.write(Place::Axis(index), &axis.config.to_words(), write);
+            }
+            for (index, bus) in buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0) {
+                retention.write(Place::Bus(index), &bus_words(bus.config()), write);
+            }
+        }
+        while let Some((index, words)) = history.take_unsaved() {
+            retention.write(Place::Incident(index), &words, write);
+        }
+        if states != retention.states {
+            retention.states = states;
+            retention.write(Place::States, &states.words(), write);
+        }
+    }
+
+    fn states(&self) -> States {
+        let mut states = States {
+            starts: self.starts,
+            flags: if self.e_stopped { E_STOPPED } else { 0 },
+            silence_us: self.authority.silence().as_micros_u32(),
+            ..States::NONE
+        };
+        for (index, axis) in self.axes.iter().enumerate() {
+            match axis.state {
+                AxisState::Unconfigured | AxisState::Idle => {}
+                AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping => {
+                    states.moving |= bit(index);
+                }
+                AxisState::Tripped { .. } => states.tripped |= bit(index),
+            }
+        }
+        states
+    }
+
+    /// Takes over what was saved before a reset; once, before any event. `words` are those of the memory, empty after
+    /// power came on. Every configured axis is stopped: what may have been in motion trips with [`TripReason::Reset`], what was tripped
+    /// stays so, the others are stopped to be sure. What the memory holds is believed only where its checksum is right and
+    /// it would be accepted as a configuration.
+    pub fn restore(&mut self, now: Instant, words: &[u32]) {
+        let states =
+            self.retention.read(Place::States, words).and_then(States::from_words).unwrap_or(States::NONE);
+        self.history = History::restored(|index| self.retention.read(Place::Incident(index), words));
+        self.restore_buses(now, words);
+        self.restore_axes(words);
+        if states.silence_us != 0 {
+            self.authority.set_silence(Duration::from_micros(u64::from(states.silence_us)));
+        }
+        self.e_stopped = states.flags & E_STOPPED != 0;
+        self.starts = states.starts.saturating_add(1);
+        let (start, boot) = (self.starts, self.board.boot);
+        self.history.push(Incident::Started { start, boot, last_words: !self.board.last_words.is_empty() });
+        self.stop_after_reset(now, states);
+        self.remember_trips();
+    }
+
+    fn restore_buses(&mut self, now: Instant, words: &[u32]) {
+        for index in 0..MAX_BUSES {
+            let payload = self.retention.read(Place::Bus(index), words);
+            let (Some(config), Ok(bus)) = (payload.and_then(bus_config), u8::try_from(index)) else {
+                continue;
+            };
+            let request = requests::ConfigureBus {
+                bus,
+                bitrate: config.bitrate,
+                protocols: config.protocols,
+                wholly_ours: config.wholly_ours,
+                reply_window_us: config.reply_window_us,
+            };
+            // One that this firmware refuses is left unconfigured, and its axes with it.
+            let _ = self.configure_bus(now, &request);
+        }
+    }
+
+    fn restore_axes(&mut self, words: &[u32]) {
+        for index in 0..MAX_AXES {
+            let payload = self.retention.read(Place::Axis(index), words);
+            let config = payload.and_then(|payload| AxisConfig::from_words(payload).ok());
+            if let (Some(config), Ok(axis)) = (config, u8::try_from(index)) {
+                self.restore_axis(axis, config);
+            }
+        }
+    }
+
+    fn stop_after_reset(&mut self, now: Instant, states: States) {
+        let Self { axes, links, history, .. } = self;
+        let mut out = Outbox::new(now, links);
+        for (index, axis) in axes.iter_mut().enumerate().filter(|(_, axis)| axis.state == AxisState::Idle) {
+            let was_tripped = states.tripped & bit(index) != 0;
+            if was_tripped || states.moving & bit(index) != 0 {
+                let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
+                axis.trip_after_reset(now, known.unwrap_or(TripReason::Reset), &mut out);
+                if was_tripped {
+                    // It stands in the history already.
+                    let _ = axis.take_unrecorded_trip();
+                }
+            } else {
+                axis.stop(now, &mut out);
+            }
+        }
+    }
+
+    /// Whether an axis has still to see its first stop leave: after a start no host link is opened before, at most 100 ms.
+    pub fn stops_under_way(&self) -> bool {
+        self.axes.iter().any(|axis| axis.stop_has_not_left())
+    }
+}
+
+/// The bit of an axis or a bus; none beyond the word.
+fn bit(index: usize) -> u32 {
+    u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0)
+}
+
+fn bus_words(config: Option<&BusConfig>) -> [u32; BUS_WORDS] {
+    config.map_or([0; BUS_WORDS], |config| {
+        let BusConfig { bitrate, protocols, wholly_ours, reply_window_us } = *config;
+        [bitrate, u32::from(protocols.bits()), u32::from(wholly_ours), reply_window_us]
+    })
+}
+
+fn bus_config(words: &[u32]) -> Option<BusConfig> {
+    let [bitrate, protocols, wholly_ours, reply_window_us] = *words else { return None };
+    if bitrate == 0 {
+        return None;
+    }
+    let protocols = ProtocolSet::from_bits(u8::try_from(protocols).ok()?);
+    Some(BusConfig { bitrate, protocols, wholly_ours: wholly_ours != 0, reply_window_us })
+}

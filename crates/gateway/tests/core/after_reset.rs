@@ -1,0 +1,236 @@
+//! A reset in mid-motion: what the gateway remembers, and that it stops its motors before it speaks to anybody.
+
+use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
+use crate::rig::{Instead, Rig};
+use host_protocol::{
+    AxisParameter, AxisState, BootReason, ClearTarget, Error, Incident, Protocol, Reply, Request, StopAction,
+    Trip, TripReason, Value, replies, requests,
+};
+
+const NODE_2_HOLD: &str = "142#8100000000000000";
+
+fn incidents(rig: &mut Rig, first: u8) -> replies::IncidentPage {
+    match rig.ask(Request::ReadIncidents(requests::ReadIncidents { first })) {
+        Ok(Reply::ReadIncidents(page)) => page,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn clear(rig: &mut Rig, axis: u8) -> Result<Reply, Error> {
+    rig.ask(Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }))
+}
+
+/// The axes that are configured.
+fn axes(rig: &mut Rig) -> Vec<u8> {
+    match rig.ask(Request::ListAxes(requests::ListAxes { first: 0 })) {
+        Ok(Reply::ListAxes(list)) => list.axes.iter().map(|axis| axis.axis).collect(),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Axis 0 moves, axis 1 is idle.
+fn moving() -> Rig {
+    let mut rig = bench::rmd_axes(2);
+    let epoch = arm_axis(&mut rig, 0);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 30_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Active);
+    rig
+}
+
+#[test]
+fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_hosts_are_heard() {
+    let mut rig = moving();
+    rig.reset();
+    assert!(rig.gateway.stops_under_way());
+    rig.run(1_000);
+    assert!(!rig.gateway.stops_under_way());
+    let mut first = rig.sent_since(0, 0)[..2].to_vec();
+    first.sort_unstable();
+    assert_eq!(first, [HOLD, NODE_2_HOLD]);
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    assert_eq!(listed(&mut rig, 1), AxisState::Idle);
+    let page = incidents(&mut rig, 0);
+    assert!(
+        matches!(
+            page.incidents.as_slice(),
+            [
+                Incident::Tripped { start: 2, axis: 0, trip: Trip { reason: TripReason::Reset, .. } },
+                Incident::Started { start: 2, boot: BootReason::Watchdog, last_words: true },
+                Incident::Started { start: 1, boot: BootReason::Simulated, last_words: false },
+            ]
+        ),
+        "{page:?}"
+    );
+    assert_eq!(page.next, None);
+    clear(&mut rig, 0).unwrap();
+    arm_axis(&mut rig, 0);
+}
+
+#[test]
+fn nothing_is_armed_and_an_epoch_from_before_moves_nothing() {
+    let mut rig = bench::rmd_axes(1);
+    let epoch = arm_axis(&mut rig, 0);
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    let setpoint = bench::setpoint(&rig, epoch, 50_000, VELOCITY);
+    assert!(matches!(rig.ask(setpoint), Err(Error::Tripped { axis: 0, reason: TripReason::Reset })));
+}
+
+#[test]
+fn hello_tells_the_boot_the_last_words_and_how_much_is_remembered() {
+    let mut rig = moving();
+    rig.reset();
+    let hello = requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 };
+    let Ok(Reply::Hello(hello)) = rig.ask(Request::Hello(hello)) else { panic!("{:?}", rig.said) };
+    assert_eq!((hello.boot, hello.panic_recorded, hello.trips_recorded), (BootReason::Watchdog, true, 3));
+    let words = rig.ask(Request::ReadLastWords(requests::ReadLastWords {}));
+    let Ok(Reply::ReadLastWords(words)) = words else { panic!("{words:?}") };
+    assert_eq!(words.text, "no life from bus 1");
+    let status = rig.ask(Request::GatewayStatus(requests::GatewayStatus {}));
+    let Ok(Reply::GatewayStatus(status)) = status else { panic!("{status:?}") };
+    assert_eq!((status.starts, status.holder), (2, None));
+}
+
+#[test]
+fn a_trip_keeps_its_reason_and_its_place_in_the_history_once() {
+    let mut rig = moving();
+    run_with_host(&mut rig, 200_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    let Ok(Reply::ReadState(report)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+        panic!("{:?}", rig.said)
+    };
+    assert_eq!(report.trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
+    let trips = incidents(&mut rig, 0);
+    let trips = trips.incidents.iter().filter(|incident| matches!(incident, Incident::Tripped { .. }));
+    assert_eq!(trips.count(), 1);
+}
+
+#[test]
+fn a_latched_e_stop_stays_latched() {
+    let mut rig = bench::rmd_axes(1);
+    bench::e_stop(&mut rig);
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::EStopped {}));
+}
+
+#[test]
+fn the_configuration_is_the_same_to_the_last_parameter() {
+    let mut rig = bench::rmd_axes(2);
+    bench::parameter(&mut rig, 1, AxisParameter::VelocityLimitRadS, Value::Float(3.5));
+    bench::parameter(&mut rig, 1, AxisParameter::Direction, Value::Signed(-1));
+    let all = |rig: &mut Rig| -> Vec<_> {
+        let read = |axis, parameter: &AxisParameter| requests::ReadAxisParameter {
+            axis,
+            parameter: parameter.number(),
+        };
+        let wanted =
+            (0..3).flat_map(|axis| AxisParameter::ALL.iter().map(move |parameter| read(axis, parameter)));
+        wanted.map(|request| rig.ask(Request::ReadAxisParameter(request)).unwrap()).collect()
+    };
+    let before = all(&mut rig);
+    rig.reset();
+    bench::hello(&mut rig);
+    assert_eq!(all(&mut rig), before);
+    // Twice in a row, and with a change between: the newer copy counts.
+    bench::hello_again(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    bench::parameter(&mut rig, 1, AxisParameter::VelocityLimitRadS, Value::Float(4.5));
+    let before = all(&mut rig);
+    rig.reset();
+    bench::hello(&mut rig);
+    assert_eq!(all(&mut rig), before);
+}
+
+#[test]
+fn a_removed_axis_does_not_come_back() {
+    let mut rig = bench::rmd_axes(2);
+    rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 1 })).unwrap();
+    rig.reset();
+    bench::hello(&mut rig);
+    assert_eq!(axes(&mut rig), [0]);
+    run_with_host(&mut rig, 50_000);
+    assert!(!rig.sent_since(0, 0).contains(&NODE_2_HOLD));
+}
+
+#[test]
+fn memory_without_power_is_believed_nowhere() {
+    let garbage: [fn(u32) -> u32; 4] =
+        [|_| 0, |_| u32::MAX, |index| index, |index| index.wrapping_mul(0x9E37_79B9)];
+    for word in garbage {
+        let mut rig = moving();
+        rig.memory = (0..).map(word).take(rig.memory.len()).collect();
+        rig.reset();
+        assert!(!rig.gateway.stops_under_way());
+        bench::hello(&mut rig);
+        run_with_host(&mut rig, 50_000);
+        assert_eq!(rig.wire, []);
+        assert_eq!(axes(&mut rig), []);
+        assert_eq!(incidents(&mut rig, 0).incidents.len(), 1);
+    }
+}
+
+#[test]
+fn a_flipped_bit_costs_one_change_and_never_makes_something_up() {
+    let rig = moving();
+    let memory = rig.memory;
+    for bit in (0..memory.len() * 32).step_by(97) {
+        let mut rig = moving();
+        rig.memory.clone_from(&memory);
+        rig.memory[bit / 32] ^= 1 << (bit % 32);
+        rig.reset();
+        rig.run(20_000);
+        for (_, bus, text) in &rig.wire {
+            assert_eq!(*bus, 0);
+            assert!(text.starts_with("141#") || text.starts_with("142#"), "bit {bit}: {text}");
+            assert!(["81", "9C"].contains(&&text[4..6]), "bit {bit}: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_is_gone_after_the_reset_does_not_keep_the_hosts_out_for_ever() {
+    let mut rig = moving();
+    rig.cut();
+    rig.reset();
+    rig.run(100_000);
+    // The board opens its links now: 100 ms have passed.
+    assert!(rig.gateway.stops_under_way());
+    bench::hello(&mut rig);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+}
+
+#[test]
+fn a_tripped_motor_that_stays_mute_becomes_unreachable_again() {
+    let mut rig = moving();
+    rig.instead(|_| Instead::Nothing);
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 600_000);
+    assert!(!rig.gateway.enable_output());
+}
+
+#[test]
+fn buses_of_all_kinds_and_protocols_are_stopped() {
+    let mut rig = bench::rmd_axes(1);
+    bench::configure_bus(&mut rig, 1, 210_526, &[Protocol::D5]);
+    bench::configure_axis(&mut rig, 1, 1, Protocol::D5, 0x0B, StopAction::Hold);
+    bench::configure_bus(&mut rig, 2, 115_200, &[Protocol::Rmd]);
+    bench::configure_axis(&mut rig, 2, 2, Protocol::Rmd, 1, StopAction::Coast);
+    bench::configure_axis(&mut rig, 3, 0, Protocol::Thruster, 0x0B, StopAction::Coast);
+    rig.reset();
+    rig.run(10_000);
+    let mut first = rig.sent_since(0, 0)[..2].to_vec();
+    first.sort_unstable();
+    assert_eq!(first, [HOLD, "30B#5443000000000000"]);
+    assert_eq!(rig.sent_since(1, 0)[0], "00B#D50B050320000033");
+    assert_eq!(rig.sent_since(2, 0)[0], "3E01088000000000000000F369");
+}
