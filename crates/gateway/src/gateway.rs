@@ -184,7 +184,7 @@ impl Gateway {
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
-        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now));
+        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now, &self.axes));
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
         axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
     }

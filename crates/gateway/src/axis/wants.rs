@@ -22,6 +22,8 @@ pub(crate) enum Priority {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Want {
     pub priority: Priority,
+    /// Since when.
+    pub due: Instant,
     pub exchange: Exchange,
     pub command: Command,
 }
@@ -38,7 +40,7 @@ impl Axis {
         }
         let priority = match (&self.stop, exchange) {
             (Some(stop), _) if stop.is_unsent() => Priority::FirstStop,
-            (Some(_), Exchange::Stop) => Priority::Stop,
+            (Some(_), exchange) if exchange.is_stop() => Priority::Stop,
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
@@ -47,7 +49,13 @@ impl Axis {
             Exchange::Native => self.native_command()?,
             other => motor::command(other, &self.config)?,
         };
-        Some(Want { priority, exchange, command })
+        Some(Want { priority, due: at, exchange, command })
+    }
+
+    /// When a stop command of the axis is due that the bus has not taken yet.
+    pub fn stop_due_at(&self) -> Option<Instant> {
+        let next = self.stop.as_ref().filter(|_| self.pending.is_none())?.next();
+        next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
     }
 
     /// When the axis will want something, if nothing happens before.

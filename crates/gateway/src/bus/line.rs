@@ -31,14 +31,35 @@ pub(super) struct Line {
     deframer: Deframer,
     /// When the last byte was sent or heard.
     active_at: Instant,
+    /// When the last bit of what we sent last had left.
+    sent_at: Instant,
     /// A request that may still be answered.
     awaited: Option<Awaited>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Awaited {
-    sent_at: Instant,
     until: Instant,
+    /// Until when it delays a stop.
+    until_for_stop: Instant,
+}
+
+/// The times of one bus that decide whose turn it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LineTimes {
+    /// `GAP_BITS` bits.
+    pub gap: Duration,
+    /// One frame.
+    pub frame: Duration,
+    /// How long a motor has for its reply.
+    pub window: Duration,
+}
+
+impl LineTimes {
+    /// The part of the window that delays a stop.
+    fn stop_delay(&self) -> Duration {
+        self.window.min(STOP_DELAY)
+    }
 }
 
 impl Line {
@@ -49,6 +70,7 @@ impl Line {
             sent_frame: None,
             deframer: Deframer::new(),
             active_at: Instant::from_micros(0),
+            sent_at: Instant::from_micros(0),
             awaited: None,
         }
     }
@@ -60,14 +82,21 @@ impl Line {
         self.awaited = None;
     }
 
-    /// From when on a frame may be sent. A stop waits for bytes in flight, never for a whole reply window.
-    pub fn ready_at(&self, is_stop: bool, gap: Duration) -> Instant {
-        let idle = self.active_at + gap;
-        match self.awaited {
-            Some(awaited) if is_stop => idle.max(awaited.until.min(awaited.sent_at + STOP_DELAY)),
-            Some(awaited) => idle.max(awaited.until),
-            None => idle,
-        }
+    /// From when on a frame may be sent that is no stop.
+    pub fn ready_at(&self, times: LineTimes) -> Instant {
+        let idle = self.active_at + times.gap;
+        self.awaited.map_or(idle, |awaited| idle.max(awaited.until))
+    }
+
+    /// From when on a stop may be sent that is due at `due`. It waits for bytes in flight, never for a whole reply window, and
+    /// not for ever: when our own frame, the reply to it and the pause behind that could have passed, it goes out whatever is
+    /// on the line. A collision then costs one repeat (GUARANTEES G5).
+    pub fn stop_ready_at(&self, due: Instant, times: LineTimes) -> Instant {
+        let idle = self.active_at + times.gap;
+        let free = self.awaited.map_or(idle, |awaited| idle.max(awaited.until_for_stop));
+        let reply = times.stop_delay() + times.frame;
+        let latest = (due + times.frame + reply + times.gap).max(self.sent_at + reply);
+        free.min(latest)
     }
 
     /// The port has taken these bytes.
@@ -85,10 +114,12 @@ impl Line {
         }
     }
 
-    /// The last bit has left; a reply may come within `window`.
-    pub fn sent(&mut self, now: Instant, window: Duration) {
+    /// The last bit has left; a reply may come.
+    pub fn sent(&mut self, now: Instant, times: LineTimes) {
         self.active_at = now;
-        self.awaited = Some(Awaited { sent_at: now, until: now + window });
+        self.sent_at = now;
+        let (until, until_for_stop) = (now + times.window, now + times.stop_delay());
+        self.awaited = Some(Awaited { until, until_for_stop });
     }
 
     /// The awaited reply has come.

@@ -10,7 +10,7 @@ use host_protocol::{BusConfig, BusKind, Error};
 /// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
 /// Bits of the 13 bytes of an RMD frame on RS485, with start and stop bits.
-const SERIAL_FRAME_BITS: u64 = 130;
+pub(super) const SERIAL_FRAME_BITS: u64 = 130;
 /// What a motor on RS485 takes to begin its reply.
 const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
 

@@ -1,6 +1,7 @@
 //! What goes out next on a bus, and what becomes of it.
 
-use super::line::GAP_BITS;
+use super::line::{GAP_BITS, LineTimes};
+use super::load::SERIAL_FRAME_BITS;
 use super::{Bus, InFlight};
 use crate::axis::{Axis, Priority, Want};
 use crate::motor::{self, Exchange};
@@ -56,7 +57,7 @@ impl Bus {
         self.carried_deadline = None;
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
-            self.line.sent(now, window);
+            self.line.sent(now, self.line_times());
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.left(now, slot, window, out);
@@ -129,20 +130,35 @@ impl Bus {
     }
 
     /// Earliest time after `after` at which the bus must be looked at again.
-    pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
+    pub fn next_deadline(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
         let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
         let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by);
-        let gap = self.bit_time(GAP_BITS);
-        let line = match self.kind() {
-            BusKind::Rs485 => [Some(self.line.ready_at(true, gap)), Some(self.line.ready_at(false, gap))],
-            BusKind::Can => [None, None],
-        };
         overdue
             .chain(cancels)
-            .chain(line.into_iter().flatten())
+            .chain(self.line_ready_at(after, axes))
             .chain(self.restart_at)
             .filter(|at| *at > after)
             .min()
+    }
+
+    /// When a serial line is free for what waits for it.
+    fn line_ready_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
+        if self.kind() != BusKind::Rs485 {
+            return None;
+        }
+        let times = self.line_times();
+        let stops = axes.iter().filter(|axis| axis.config.bus() == Some(self.index));
+        let stops = stops.filter_map(|axis| axis.stop_due_at());
+        let stops = stops.map(|due| self.line.stop_ready_at(due, times));
+        stops.chain([self.line.ready_at(times)]).filter(|at| *at > after).min()
+    }
+
+    pub(super) fn line_times(&self) -> LineTimes {
+        LineTimes {
+            gap: self.bit_time(GAP_BITS),
+            frame: self.bit_time(SERIAL_FRAME_BITS),
+            window: self.reply_window(),
+        }
     }
 
     /// The axis to serve now: stops first, then in turn.
@@ -173,7 +189,7 @@ impl Bus {
         let free = self.in_flight.iter().all(Option::is_none);
         match self.kind() {
             BusKind::Can => free && (outstanding < MAX_OUTSTANDING || !self.carries(Protocol::Thruster)),
-            BusKind::Rs485 => free && self.line.ready_at(false, self.bit_time(GAP_BITS)) <= now,
+            BusKind::Rs485 => free && self.line.ready_at(self.line_times()) <= now,
         }
     }
 
@@ -192,7 +208,7 @@ impl Bus {
             }
             BusKind::Rs485 => {
                 self.in_flight.iter().all(Option::is_none)
-                    && self.line.ready_at(true, self.bit_time(GAP_BITS)) <= now
+                    && self.line.stop_ready_at(want.due, self.line_times()) <= now
             }
         }
     }

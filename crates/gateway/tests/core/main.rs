@@ -4,6 +4,7 @@ mod after_reset;
 mod bad_input;
 mod bench;
 mod brake;
+mod busy_line;
 mod bystanders;
 mod cancellation;
 mod capabilities;

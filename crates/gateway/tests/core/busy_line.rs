@@ -1,0 +1,83 @@
+//! An RS485 line that does not fall silent: a stop waits for the bytes that may rightly be on it and not longer (GUARANTEES G5).
+
+use crate::bench::{self, VELOCITY, move_axis};
+use crate::rig::{Echo, Rig};
+use host_protocol::{Request, StopAction, StopTarget, requests};
+
+/// 0x81 to RMD node 1, with its checksum.
+const HOLD: &str = "3E0108810000000000000032A5";
+/// One byte at 115200 baud, rounded down, µs.
+const BYTE_US: u64 = 86;
+/// g + 2C + W + 20 / baud at 115200 baud with at most 1 ms of W, µs.
+const BOUND_US: u64 = 3_600;
+
+/// Lets time pass while somebody sends bytes without a pause.
+fn run_with_chatter(rig: &mut Rig, us: u64) {
+    let end = rig.now_us + us;
+    while rig.now_us < end {
+        rig.receive(2, "55");
+        rig.run(BYTE_US);
+    }
+}
+
+fn stops_since(rig: &Rig, since_us: u64) -> Vec<u64> {
+    rig.wire
+        .iter()
+        .filter(|(at, _, text)| *at >= since_us && text == HOLD)
+        .map(|(at, ..)| at - since_us)
+        .collect()
+}
+
+#[test]
+fn bytes_without_a_pause_hold_a_stop_back_no_longer_than_the_bound() {
+    for phase_us in (0..4_000).step_by(50) {
+        let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+        rig.echo = Echo::BehindNoise;
+        move_axis(&mut rig, VELOCITY);
+        run_with_chatter(&mut rig, 10_000);
+        rig.run(phase_us % BYTE_US);
+        run_with_chatter(&mut rig, phase_us);
+        let since = rig.now_us;
+        rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+        run_with_chatter(&mut rig, 20_000);
+        let stops = stops_since(&rig, since);
+        assert!(stops.first().is_some_and(|at| *at <= BOUND_US), "phase {phase_us}: {stops:?}");
+        // What was lost in the collision is sent again, as long as it is not confirmed.
+        assert!(stops.len() >= 2, "phase {phase_us}: {stops:?}");
+    }
+}
+
+#[test]
+fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.run(10_000);
+    while rig.wire.last().is_none_or(|(at, ..)| *at < rig.now_us) {
+        rig.run(10);
+    }
+    rig.run(200); // the request has left, its reply has not begun
+    let since = rig.now_us;
+    rig.motor = Box::new(|_, _, _| None);
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    for _ in 0..8 {
+        assert_eq!(stops_since(&rig, since), Vec::<u64>::new());
+        run_with_chatter(&mut rig, BYTE_US);
+    }
+    rig.run(200);
+    assert_eq!(stops_since(&rig, since), Vec::<u64>::new(), "the reply window delays a stop by 1 ms");
+    rig.run(1_000);
+    assert_eq!(stops_since(&rig, since).len(), 1);
+}
+
+#[test]
+fn a_stop_on_a_quiet_line_leaves_at_once() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.run(50_000);
+    while rig.wire.last().is_none_or(|(at, ..)| rig.now_us - *at < 1_000) {
+        rig.run(10);
+    }
+    let since = rig.now_us;
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    assert_eq!(stops_since(&rig, since), [0]);
+}
