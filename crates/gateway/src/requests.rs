@@ -105,7 +105,7 @@ impl Gateway {
                 }
             },
             Request::ClearUnreachable(request) => {
-                self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(now, out))??;
+                self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(out))??;
                 Reply::ClearUnreachable(done)
             }
             Request::Setpoint(request) => {

@@ -1,4 +1,5 @@
-//! The one request of an axis that is under way, and the one a stop has displaced.
+//! The one request of an axis that is under way, and those whose reply may still come: one that a stop has displaced, one
+//! that was given up.
 
 use super::motion::Motion;
 use super::{Axis, Observation};
@@ -41,7 +42,7 @@ impl Pending {
     }
 }
 
-/// A request that a stop has pushed aside while its reply may still come.
+/// A request that is under way no longer while its reply may still come.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Displaced {
     command: Command,
@@ -57,6 +58,24 @@ impl Displaced {
 
     pub fn deadline(&self) -> Option<Instant> {
         self.until
+    }
+}
+
+/// A request was given up, and no other before then: its late reply must not be taken for the next one's. Only a setpoint
+/// does not wait for what was no setpoint.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quiet {
+    exchange: Exchange,
+    until: Instant,
+}
+
+impl Quiet {
+    pub const NONE: Self = Self { exchange: Exchange::Velocity, until: Instant::from_micros(0) };
+
+    /// From when on a request that is due at `at` may go out.
+    pub fn delays(&self, exchange: Exchange, at: Instant) -> Instant {
+        let waits = exchange != Exchange::Motion || self.exchange == Exchange::Motion;
+        if waits { at.max(self.until) } else { at }
     }
 }
 
@@ -77,7 +96,7 @@ impl Silence {
 impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
-        let unambiguous = !self.is_displaced(&command);
+        let unambiguous = !self.may_answer_an_older(&command);
         let motion = self.motion.as_ref().filter(|_| exchange == Exchange::Motion);
         self.pending = Some(Pending {
             exchange,
@@ -167,11 +186,13 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Reception {
-        if let Some(displaced) = &self.displaced
-            && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
-        {
-            self.displaced = None;
-            return Reception::Late;
+        for older in [&mut self.displaced, &mut self.lost] {
+            if let Some(displaced) = older
+                && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
+            {
+                *older = None;
+                return Reception::Late;
+            }
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
             return self.unasked(now, received, out);
@@ -201,8 +222,10 @@ impl Axis {
 
     /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.displaced.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
-            self.displaced = None;
+        for older in [&mut self.displaced, &mut self.lost] {
+            if older.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
+                *older = None;
+            }
         }
         if self.pending.as_ref().and_then(Pending::deadline).is_some_and(|until| until <= now) {
             self.give_up_pending(now, out);
@@ -222,6 +245,7 @@ impl Axis {
     /// Forgets what is under way, for a bus that starts anew.
     pub fn forget_exchanges(&mut self, now: Instant, out: &mut Outbox<'_>) {
         self.displaced = None;
+        self.lost = None;
         if self.pending.is_some() {
             self.give_up_pending(now, out);
         }
@@ -229,12 +253,14 @@ impl Axis {
 
     fn give_up_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(pending) = self.pending.take() else { return };
-        // A late reply must find nothing identical under way: ordinary requests wait another window, and what a stop may
-        // be mistaken for is remembered as long.
-        self.quiet_until = now + pending.window;
-        if pending.exchange != Exchange::Stop && self.displaced.is_none() && pending.until.is_some() {
-            let until = Some(now + pending.window);
-            self.displaced = Some(Displaced { command: pending.command, slot: pending.slot, until });
+        // A late reply must find nothing identical under way: the next request waits another window, and what a stop may be
+        // mistaken for is remembered as long.
+        let until = now + pending.window;
+        // To a stop that is sent again the reply to the one before says the same.
+        let stops = self.stop.is_some() && pending.exchange == Exchange::Stop;
+        if !stops && pending.until.is_some() {
+            self.quiet = Quiet { exchange: pending.exchange, until };
+            self.lost = Some(Displaced { command: pending.command, slot: pending.slot, until: Some(until) });
         }
         if self.silence.missed == 0 {
             self.silence.since = now - pending.window;

@@ -236,7 +236,7 @@ impl Axis {
     /// When the job is given up if the bus has not taken its next request.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
         let waiting = self.job.as_ref().filter(|_| self.pending.is_none())?;
-        Some(waiting.since.max(self.quiet_until) + TAKEN_WITHIN)
+        Some(self.quiet.delays(self.job_exchange()?, waiting.since) + TAKEN_WITHIN)
     }
 
     /// Gives up a job whose next request the bus does not take: every request has a result.
@@ -253,6 +253,13 @@ impl Axis {
             self.finish(now, &Observation::default(), &[], out);
         } else {
             self.fail(now, error, out);
+        }
+    }
+
+    /// Ends a clearing, for a stop that somebody has asked for since.
+    pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.job.as_ref().is_some_and(|job| job.kind == JobKind::Clear) {
+            self.fail(now, Error::Busy { axis: self.index }, out);
         }
     }
 

@@ -26,7 +26,7 @@ use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
-use exchanges::{Displaced, Pending, Silence};
+use exchanges::{Displaced, Pending, Quiet, Silence};
 use host_protocol::replies::AxisReport;
 use host_protocol::{
     AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, StateField, StateFields, Trip,
@@ -60,9 +60,10 @@ pub(crate) struct Axis {
     job: Option<Job>,
     pending: Option<Pending>,
     displaced: Option<Displaced>,
+    /// Its window closed without a reply.
+    lost: Option<Displaced>,
     silence: Silence,
-    /// No ordinary request before this: a reply that is late must not be taken for the next one's.
-    quiet_until: Instant,
+    quiet: Quiet,
     fault_poll_at: Instant,
     state_poll_at: Instant,
     poll_turn: usize,
@@ -99,8 +100,9 @@ impl Axis {
             job: None,
             pending: None,
             displaced: None,
+            lost: None,
             silence: Silence::NONE,
-            quiet_until: Instant::from_micros(0),
+            quiet: Quiet::NONE,
             fault_poll_at: Instant::from_micros(0),
             state_poll_at: Instant::from_micros(0),
             poll_turn: 0,
@@ -126,11 +128,6 @@ impl Axis {
     /// Whether the axis may be configured: nothing is allowed and nothing is under way.
     pub fn is_at_rest(&self) -> bool {
         matches!(self.state, AxisState::Unconfigured | AxisState::Idle) && self.job.is_none()
-    }
-
-    /// Whether a stop is due that has not been handed to the bus yet.
-    pub fn stop_waits(&self) -> bool {
-        self.stop.as_ref().is_some_and(Stop::is_unsent)
     }
 
     /// Whether there is a stop of which no command has left yet.
@@ -270,17 +267,17 @@ impl Axis {
         if self.state == AxisState::Unconfigured {
             return None;
         }
-        let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
+        let older = [&self.displaced, &self.lost].map(|older| older.as_ref().and_then(Displaced::deadline));
         let pending = self.pending.as_ref().and_then(Pending::deadline);
         let expiry = self.motion.as_ref().and_then(Motion::deadline);
         let want = if self.pending.is_none() { self.next_want_at(after) } else { None };
         let stalled = [self.job_stalls_at(), self.stop.as_ref().and_then(Stop::stalls_at)];
-        let all = [displaced, pending, expiry, want].into_iter().chain(stalled);
+        let all = [pending, expiry, want].into_iter().chain(older).chain(stalled);
         all.flatten().filter(|at| *at > after).min()
     }
 
-    /// Whether a stop has pushed the same command aside while its reply may still come.
-    fn is_displaced(&self, command: &Command) -> bool {
-        self.displaced.as_ref().is_some_and(|d| d.is(command))
+    /// Whether a reply to this command may be the late one to the same command sent before.
+    fn may_answer_an_older(&self, command: &Command) -> bool {
+        [&self.displaced, &self.lost].into_iter().flatten().any(|older| older.is(command))
     }
 }

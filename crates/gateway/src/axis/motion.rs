@@ -43,6 +43,11 @@ impl Motion {
         self.expires
     }
 
+    /// Whether it may still go out.
+    pub fn is_permitted(&self, now: Instant) -> bool {
+        self.expires.is_none_or(|at| now < at)
+    }
+
     pub fn is_once(&self) -> bool {
         self.once
     }

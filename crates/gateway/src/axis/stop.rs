@@ -6,7 +6,7 @@ use super::{Axis, AxisConfig, Observation};
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisState, Event, Protocol, StopAction, TripReason};
+use host_protocol::{AxisState, Error, Event, Protocol, StopAction, TripReason};
 
 /// Every stop is sent at least this often.
 const STOPS_AT_LEAST: u8 = 2;
@@ -20,6 +20,10 @@ const UNCONFIRMED_REPEAT: Duration = Duration::from_millis(50);
 const REFUSED_PAUSE: Duration = Duration::from_millis(20);
 /// A stop that has not led to standstill for so long has failed, although the motor answers it.
 const STANDSTILL_WITHIN: Duration = Duration::from_millis(5_000);
+/// The same for a motor that did not come to rest before and has been left alone since.
+const STANDSTILL_WITHIN_ANEW: Duration = Duration::from_millis(2_000);
+/// Between two stop commands that hosts ask for; what is asked for more often must not keep the speed from being read.
+const ASKED_AGAIN: Duration = Duration::from_millis(10);
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 
@@ -58,9 +62,9 @@ pub(crate) struct Stop {
     phase: Phase,
     /// The trip or the request.
     since: Instant,
-    /// Stop commands handed to the bus; counts to `STOPS_AT_LEAST`.
-    handed: u8,
-    /// When the first stop command had left.
+    /// Stop commands that have left; counts to `STOPS_AT_LEAST`.
+    sent: u8,
+    /// When the first one had.
     first_left: Option<Instant>,
     /// When the latest one had.
     last_left: Option<Instant>,
@@ -68,9 +72,18 @@ pub(crate) struct Stop {
     standstill_readings: u8,
     /// Stop commands in a row that were not answered, or were refused.
     unconfirmed: u8,
+    /// So many stops came to nothing, or the motor did not come to rest, and no stop has been confirmed since.
     unreachable: bool,
-    /// The first of the two stops that an unreachable motor is sent between silences has gone.
+    /// An unreachable motor is left alone but for two stops between silences, until it answers one of them.
+    resting: bool,
+    /// The first of the two has gone.
     second_follows: bool,
+    /// When the silence ends.
+    rests_until: Instant,
+    /// A host has had a stop sent in this silence; another one would keep the motor's own timeout from acting.
+    asked_while_resting: bool,
+    /// When a motor that answers and does not come to rest is given up.
+    give_up_at: Instant,
     /// When the phase's next exchange is due.
     next_at: Instant,
     /// When the stop command is due again although the phase is another one.
@@ -92,14 +105,18 @@ impl Stop {
         Self {
             phase: Phase::Command,
             since: now,
-            handed: 0,
+            sent: 0,
             first_left: None,
             last_left: None,
             acknowledged: false,
             standstill_readings: 0,
             unconfirmed: 0,
             unreachable: false,
+            resting: false,
             second_follows: false,
+            rests_until: now,
+            asked_while_resting: false,
+            give_up_at: now + STANDSTILL_WITHIN,
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
@@ -114,11 +131,6 @@ impl Stop {
         self.since
     }
 
-    /// No stop command has been handed to the bus yet.
-    pub fn is_unsent(&self) -> bool {
-        self.handed == 0
-    }
-
     /// A stop command has left on the bus.
     pub fn has_left(&self) -> bool {
         self.first_left.is_some()
@@ -128,12 +140,18 @@ impl Stop {
         self.acknowledged
     }
 
-    /// The host asked again: the stop command goes out now.
-    pub fn repeat_now(&mut self, now: Instant) {
-        self.repeat_at = now;
-        if self.phase == Phase::Command {
-            self.next_at = now;
+    /// A stop is asked for again: the stop command goes out now, or soon if one has just left. Returns whether it does now.
+    fn ask_again(&mut self, now: Instant) -> bool {
+        let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
+        if !self.has_left() || !self.repeats() || (self.resting && self.asked_while_resting) {
+            return false;
         }
+        let at = just_left.unwrap_or(now);
+        self.asked_while_resting = self.resting;
+        self.repeat_at = self.repeat_at.min(at);
+        // Before the next reading, too.
+        self.next_at = if self.phase == Phase::Command { self.next_at.min(at) } else { self.next_at.max(at) };
+        just_left.is_none()
     }
 
     /// What the stop wants next, and from when on.
@@ -167,13 +185,13 @@ impl Stop {
     }
 
     /// The motor has not come to rest in good time.
-    pub fn is_overdue(&self, now: Instant) -> bool {
-        self.phase != Phase::Confirmed && now.since(self.since) >= STANDSTILL_WITHIN
+    fn is_overdue(&self, now: Instant) -> bool {
+        self.phase != Phase::Confirmed && !self.resting && self.give_up_at <= now
     }
 
     /// When an unconfirmed stop counts as one that came to nothing, because the bus has not taken it.
     pub fn stalls_at(&self) -> Option<Instant> {
-        let waits = self.phase != Phase::Confirmed && !self.unreachable;
+        let waits = self.phase != Phase::Confirmed && !self.resting;
         waits.then(|| self.moved_at.max(self.next_at) + UNCONFIRMED_REPEAT)
     }
 
@@ -192,13 +210,14 @@ impl Stop {
                 self.read_after_repeat = self.phase == Phase::Confirmed;
             }
             Exchange::Stop => {
-                self.handed = self.handed.saturating_add(1);
                 self.repeat_at = now + repeat;
                 self.next_at = now;
-                if self.unreachable {
+                if self.resting {
+                    self.asked_while_resting &= self.second_follows || now < self.rests_until;
                     // Two stops, then silence: whatever we send may be feeding the motor's own timeout (GUARANTEES G4).
                     self.second_follows = !self.second_follows;
-                    self.next_at = if self.second_follows { now } else { now + silence };
+                    self.rests_until = if self.second_follows { now } else { now + silence };
+                    self.next_at = self.rests_until;
                 }
                 self.read_after_repeat = self.phase == Phase::Confirmed;
             }
@@ -213,6 +232,7 @@ impl Stop {
     /// A frame of the stop has left.
     pub fn left(&mut self, now: Instant, exchange: Exchange) {
         if exchange == Exchange::Stop {
+            self.sent = self.sent.saturating_add(1);
             self.first_left.get_or_insert(now);
             self.last_left = Some(now);
         }
@@ -220,7 +240,7 @@ impl Stop {
 
     fn go(&mut self, now: Instant, phase: Phase) {
         self.phase = phase;
-        self.next_at = now;
+        self.next_at = if phase == Phase::Command && self.resting { now.max(self.rests_until) } else { now };
         self.moved_at = now;
         if phase == Phase::Standstill {
             self.standstill_since = now;
@@ -243,7 +263,9 @@ impl Axis {
         if answered && matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed) {
             stop.unconfirmed = 0;
         }
-        let was_unreachable = answered && core::mem::replace(&mut stop.unreachable, false);
+        if answered && core::mem::take(&mut stop.resting) {
+            stop.give_up_at = now + STANDSTILL_WITHIN_ANEW;
+        }
         match (stop.phase, pending.exchange) {
             (Phase::Command, Exchange::Stop) => {
                 if answered {
@@ -254,7 +276,7 @@ impl Axis {
                 }
             }
             (Phase::ReadBack, Exchange::CommandedSpeed) => {
-                stop.acknowledged |= seen.commanded_zero == Some(true);
+                stop.acknowledged |= pending.unambiguous && seen.commanded_zero == Some(true);
                 stop.go(now, Phase::Command);
                 self.command_sent(now);
             }
@@ -286,19 +308,27 @@ impl Axis {
             (Phase::Confirmed, Exchange::Velocity) => self.watch_confirmed(now, seen, out),
             _ => {}
         }
-        if was_unreachable && let Some(trip) = &mut self.trip {
-            trip.unreachable = false;
-        }
         self.settle_stop(now, out);
     }
 
-    /// The motor refuses the stop: that confirms nothing. Read the fault and the speed, and send it again.
+    /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the speed, and send the stop again.
     pub(super) fn stop_refused(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
-        let Some(stop) = self.stop.as_mut().filter(|_| exchange == Exchange::Stop) else { return };
-        if stop.phase != Phase::Confirmed && !stop.unreachable {
-            stop.go(now, Phase::RefusedFaults);
+        let Some(stop) = &mut self.stop else { return };
+        match stop.phase {
+            Phase::Confirmed if exchange.is_stop() => {}
+            // Somebody else's question.
+            Phase::Confirmed => return,
+            _ if exchange.is_stop() && !stop.resting => stop.go(now, Phase::RefusedFaults),
+            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
+            _ => {}
         }
-        self.count_unconfirmed(now, out);
+        if !stop.resting && !exchange.is_stop() {
+            stop.next_at = now + REFUSED_PAUSE;
+        }
+        // A speed that cannot be read is made up for by the stop command, which is repeated.
+        if exchange != Exchange::Velocity {
+            self.count_unconfirmed(now, out);
+        }
     }
 
     pub(super) fn stop_unanswered(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
@@ -320,38 +350,60 @@ impl Axis {
     /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES G4).
     fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let enough = self.config.stops_before_unreachable();
-        let silence = self.unreachable_silence();
         let Some(stop) = &mut self.stop else { return };
         stop.moved_at = now;
         stop.unconfirmed = stop.unconfirmed.saturating_add(1);
-        if stop.unconfirmed < enough || stop.unreachable {
-            return;
+        if stop.unconfirmed >= enough && !stop.resting {
+            self.rest(now, out);
         }
-        stop.unreachable = true;
+    }
+
+    /// The motor is unreachable: from now on it is sent two stops between silences, in which its own timeout can act.
+    fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let silence = self.unreachable_silence();
+        let Some(stop) = &mut self.stop else { return };
+        let first_time = !core::mem::replace(&mut stop.unreachable, true);
+        stop.resting = true;
         stop.hold_poll = None;
         // Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
         stop.braked = false;
         stop.acknowledged = false;
         stop.second_follows = false;
         // The silence is for a motor that hears us: what has not left has fed no timeout, and a stop that has never left is due.
-        let due = stop.last_left.map_or(now, |left| left + silence);
+        stop.rests_until = stop.last_left.map_or(now, |left| left + silence);
         stop.go(now, Phase::Command);
-        stop.next_at = due.max(now);
+        if !first_time {
+            return;
+        }
         if self.state == AxisState::Stopping {
             self.trip(now, TripReason::StopUnconfirmed, out);
         }
-        self.state = AxisState::Tripped { confirmed: false };
         if let Some(trip) = &mut self.trip {
             trip.unreachable = true;
         }
+        self.no_longer_confirmed(now, out);
         out.event(&Event::AxisUnreachable { axis: self.index });
+    }
+
+    /// The stop of a tripped axis has to be confirmed anew, before anybody clears it.
+    fn no_longer_confirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        self.fail(now, Error::StopNotConfirmed { axis: self.index }, out);
+        self.enter(AxisState::Tripped { confirmed: false }, out);
+    }
+
+    /// A stop is asked for although one is under way or confirmed: it is sent again at once, and what is under way makes room.
+    pub(super) fn stop_again(&mut self, now: Instant) {
+        let is_stop = self.pending.as_ref().is_some_and(|pending| pending.exchange.is_stop());
+        if self.stop.as_mut().is_some_and(|stop| stop.ask_again(now)) && !is_stop {
+            self.displace();
+        }
     }
 
     /// Past the last stop command of the first phase: on to what confirms it.
     fn command_sent(&mut self, now: Instant) {
         let (protocol, action) = (self.config.protocol(), self.config.stop_action());
         let Some(stop) = &mut self.stop else { return };
-        if !stop.acknowledged || stop.handed < STOPS_AT_LEAST {
+        if !stop.acknowledged || stop.sent < STOPS_AT_LEAST {
             return;
         }
         if motor::command(Exchange::PositionStop, &self.config).is_some() {
@@ -401,15 +453,16 @@ impl Axis {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if turns && self.must_stand() && matches!(self.state, AxisState::Tripped { .. }) {
             self.stop = Some(Stop::new(now));
-            self.enter(AxisState::Tripped { confirmed: false }, out);
+            self.no_longer_confirmed(now, out);
         }
     }
 
     /// Notices a stop that the bus does not take, or that does not bring the motor to rest.
     pub(super) fn expire_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(stop) = &self.stop else { return };
-        if stop.is_overdue(now) && self.state == AxisState::Stopping {
-            self.trip(now, TripReason::StopUnconfirmed, out);
+        if stop.is_overdue(now) {
+            self.displace();
+            self.rest(now, out);
         } else if self.pending.is_none() && stop.stalls_at().is_some_and(|at| at <= now) {
             self.count_unconfirmed(now, out);
         }
@@ -421,6 +474,9 @@ impl Axis {
         let settled = matches!(self.state, AxisState::Stopping | AxisState::Tripped { confirmed: false });
         if stop.phase != Phase::Confirmed || !settled {
             return;
+        }
+        if let Some(trip) = &mut self.trip {
+            trip.unreachable = false;
         }
         let first_left = stop.first_left.unwrap_or(now);
         out.event(&Event::StopConfirmed {
@@ -437,6 +493,7 @@ impl Axis {
             let repeat_at = now + self.config.stop_repeat();
             let hold_poll = self.must_hold().then(|| self.refresh());
             if let Some(stop) = &mut self.stop {
+                stop.unreachable = false;
                 stop.repeat_at = repeat_at;
                 stop.hold_poll = hold_poll;
             }

@@ -28,8 +28,12 @@ impl Axis {
         self.trip = Some(trip);
         self.trip_spreads = self.trip_group().is_some();
         self.trip_unrecorded = true;
+        if self.stop.is_none() {
+            self.begin_stop(now);
+        } else if reason != TripReason::StopUnconfirmed {
+            self.stop_again(now);
+        }
         self.state = AxisState::Tripped { confirmed: false };
-        self.begin_stop(now);
         self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
     }
@@ -59,11 +63,12 @@ impl Axis {
     /// Stops and disarms on request: from any state in which the motor may move, and from rest, where a stop does no harm.
     pub fn stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         match self.state {
-            AxisState::Unconfigured | AxisState::Stopping => {}
+            AxisState::Unconfigured => {}
+            AxisState::Stopping => self.stop_again(now),
             AxisState::Tripped { .. } => {
-                if let Some(stop) = &mut self.stop {
-                    stop.repeat_now(now);
-                }
+                // Who clears must not have a stop forgotten that was asked for since.
+                self.give_up_clearing(now, out);
+                self.stop_again(now);
             }
             AxisState::Idle | AxisState::Arming | AxisState::Armed | AxisState::Active => {
                 let aborted = match self.state {
@@ -88,10 +93,8 @@ impl Axis {
     }
 
     /// Leaves a trip whose stop the motor does not confirm. Unsafe: it may be turning.
-    pub fn clear_unreachable(&mut self, now: Instant, out: &mut Outbox<'_>) -> Result<(), Error> {
-        let unreachable = self.trip.as_ref().is_some_and(|trip| trip.unreachable);
-        let turns_on = self.stop.as_ref().is_some_and(|stop| stop.is_overdue(now));
-        if self.trip.is_none() || !(unreachable || turns_on) {
+    pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
+        if !self.trip.as_ref().is_some_and(|trip| trip.unreachable) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.trip = None;
@@ -133,9 +136,7 @@ impl Axis {
     fn begin_stop(&mut self, now: Instant) {
         self.motion = None;
         self.holding = false;
-        if self.stop.is_none() {
-            self.displace();
-            self.stop = Some(Stop::new(now));
-        }
+        self.displace();
+        self.stop = Some(Stop::new(now));
     }
 }

@@ -39,7 +39,7 @@ impl Axis {
             return None;
         }
         let priority = match (&self.stop, exchange) {
-            (Some(stop), _) if stop.is_unsent() => Priority::FirstStop,
+            (Some(stop), _) if !stop.has_left() => Priority::FirstStop,
             (Some(_), exchange) if exchange.is_stop() => Priority::Stop,
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
@@ -78,7 +78,8 @@ impl Axis {
         }
         match self.state {
             AxisState::Armed | AxisState::Active => {
-                let motion = self.motion.as_ref().and_then(|motion| Some((Exchange::Motion, motion.due?)));
+                let motion = self.motion.as_ref().filter(|motion| motion.is_permitted(now));
+                let motion = motion.and_then(|motion| Some((Exchange::Motion, motion.due?)));
                 let polls = [
                     Some((Exchange::Faults, self.fault_poll_at)),
                     self.poll_exchange().map(|exchange| (exchange, self.state_poll_at)),
@@ -114,7 +115,7 @@ impl Axis {
         candidates
             .into_iter()
             .flatten()
-            .map(|(exchange, at)| (exchange, at.max(self.quiet_until)))
+            .map(|(exchange, at)| (exchange, self.quiet.delays(exchange, at)))
             .min_by_key(|(_, at)| *at)
     }
 

@@ -164,7 +164,7 @@ impl Bus {
     /// The axis to serve now: stops first, then in turn.
     fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
         let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
-        let stops_wait = axes.iter().filter(here).any(Axis::stop_waits);
+        let stops_wait = axes.iter().filter(here).any(Axis::stop_has_not_left);
         let outstanding = axes.iter().filter(here).filter(|axis| axis.awaits_reply()).count();
         let may_ordinary = !stops_wait && self.may_send_ordinary(now, outstanding);
         let turn = usize::from(self.turn);

@@ -2,7 +2,7 @@
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
 use crate::rig::Instead;
-use host_protocol::{AxisParameter, Request, Value, requests};
+use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, Value, requests};
 
 #[test]
 fn slow_brakes_do_not_starve_the_motion_of_another_axis() {
@@ -48,4 +48,29 @@ fn every_axis_is_sent_its_first_stop_before_any_is_sent_its_second() {
         "148#8100000000000000",
     ];
     assert_eq!(first_8, stop_of_each);
+}
+
+#[test]
+fn a_question_that_stays_unanswered_delays_the_setpoint_by_one_reply_window_and_no_more() {
+    const WINDOW_US: u64 = 40_000;
+    let mut rig = bench::rmd_axes(1);
+    rig.ask(Request::ConfigureBus(requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        wholly_ours: false,
+        reply_window_us: 40_000,
+    }))
+    .unwrap();
+    let epoch = arm_axis(&mut rig, 0);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
+    let since = rig.now_us;
+    let mut questions = 0;
+    rig.instead(move |text| {
+        questions += u32::from(!text.starts_with("141#A2"));
+        if questions % 2 == 1 && !text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual }
+    });
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 1_000_000);
+    let gap = rig.longest_gap_us(0, since, "141#A2");
+    assert!((WINDOW_US..WINDOW_US + 21_000).contains(&gap), "{gap} µs between motion frames");
 }

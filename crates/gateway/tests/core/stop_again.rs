@@ -1,0 +1,172 @@
+//! What happens to a stop under way, or confirmed, when something else happens: nothing makes the gateway forget it.
+
+use crate::bench::{
+    self, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, listed, move_axis, outcomes, run_with_host,
+    setpoint, state, stop,
+};
+use crate::rig::{Instead, Rig};
+use host_protocol::{
+    AxisState, ClearTarget, Error, Event as HostEvent, Request, Setpoint, StopAction, StopTarget, TripReason,
+    requests,
+};
+use std::cell::Cell;
+use std::rc::Rc;
+
+fn send_clear(rig: &mut Rig) -> u16 {
+    rig.send(&Request::Clear(requests::Clear { target: ClearTarget::Axis(0) }))
+}
+
+fn send_stop(rig: &mut Rig) {
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+}
+
+/// An RMD that holds and has tripped, its stop confirmed.
+fn tripped() -> (Rig, crate::motors::Shared) {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    run_with_host(&mut rig, 300_000);
+    assert_tripped(&mut rig, TripReason::SetpointExpired, true);
+    (rig, play)
+}
+
+#[test]
+fn a_clearing_ends_when_the_motor_turns_again() {
+    let (mut rig, play) = tripped();
+    let has_turned = Rc::new(Cell::new(false));
+    let turned = has_turned.clone();
+    // The last question of the clearing is answered once the watch over the held motor has seen it turn.
+    rig.instead(move |text| match &text[..6] {
+        "141#92" if !turned.get() => Instead::Nothing,
+        "141#9C" if play.borrow().turning => {
+            turned.set(true);
+            Instead::AsUsual
+        }
+        "141#9C" => {
+            play.borrow_mut().turning = true;
+            Instead::Says("241#9C32640000002D00")
+        }
+        _ => Instead::AsUsual,
+    });
+    let clearing = send_clear(&mut rig);
+    run_with_host(&mut rig, 200_000);
+    assert!(has_turned.get());
+    assert_eq!(rig.answer(clearing), Some(Err(Error::StopNotConfirmed { axis: 0 })));
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+}
+
+#[test]
+fn an_e_stop_while_clearing_is_sent_and_ends_the_clearing() {
+    let (mut rig, _) = tripped();
+    let clearing = send_clear(&mut rig);
+    rig.run(50);
+    let since = rig.now_us;
+    e_stop(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    assert_eq!(rig.answer(clearing), Some(Err(Error::Busy { axis: 0 })));
+    assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+}
+
+#[test]
+fn an_axis_that_becomes_unreachable_while_it_is_cleared_stays_tripped() {
+    let (mut rig, play) = tripped();
+    play.borrow_mut().mute = true;
+    run_with_host(&mut rig, 4_000_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    while !outcomes(&rig).contains(&HostEvent::AxisUnreachable { axis: 0 }) {
+        let clearing = send_clear(&mut rig);
+        run_with_host(&mut rig, 100_000);
+        assert!(matches!(rig.answer(clearing), Some(Err(_))));
+    }
+    let since = rig.now_us;
+    run_with_host(&mut rig, 2_000_000);
+    assert!(rig.sent_since(0, since).iter().all(|text| *text == HOLD), "{:?}", rig.sent_since(0, since));
+    assert_eq!(clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
+}
+
+#[test]
+fn a_stop_that_went_down_with_its_bus_does_not_count_as_sent() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.run(1_000);
+    send_stop(&mut rig);
+    assert_eq!(rig.wire.last().unwrap().2, HOLD); // in the controller
+    rig.bus_off(0);
+    run_with_host(&mut rig, 99_000);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 100_000);
+    assert_tripped(&mut rig, TripReason::BusOff, true);
+    let sent = rig.sent_since(0, since);
+    assert_eq!(sent[..2], [HOLD, HOLD]);
+}
+
+#[test]
+fn an_e_stop_while_stopping_is_sent_at_once() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    for phase_us in (0..5_000).step_by(90) {
+        run_with_host(&mut rig, 20_000 + phase_us);
+        let since = rig.now_us;
+        e_stop(&mut rig);
+        rig.run(300);
+        let at =
+            rig.wire.iter().find(|(at, _, text)| *at >= since && text == HOLD).map(|(at, ..)| at - since);
+        // At most one frame of ours is on the wire already.
+        assert!(at.is_some_and(|at| at <= 130), "phase {phase_us}: {at:?}");
+    }
+    assert_tripped(&mut rig, TripReason::EStop, false);
+}
+
+#[test]
+fn a_host_that_asks_for_stops_without_a_pause_does_not_keep_them_from_being_confirmed() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    for _ in 0..200 {
+        send_stop(&mut rig);
+        rig.run(1_000);
+    }
+    assert!(outcomes(&rig).iter().any(|event| matches!(event, HostEvent::StopConfirmed { .. })));
+}
+
+#[test]
+fn the_late_reply_to_a_setpoint_of_0_that_was_given_up_does_not_acknowledge_the_stop() {
+    let (mut rig, play) = bench::thruster();
+    let epoch = arm(&mut rig);
+    rig.run(10_000);
+    play.borrow_mut().mute = true;
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.0 });
+    rig.ask(request).unwrap();
+    let since = rig.now_us;
+    // The window of the setpoint has closed, and a poll is under way.
+    while rig.sent_since(0, since).is_empty() {
+        rig.run(50);
+    }
+    rig.run(200);
+    let since = rig.now_us;
+    stop(&mut rig);
+    rig.run(400);
+    assert_eq!(rig.sent_since(0, since).first(), Some(&"30B#5443000000000000"));
+    rig.receive(0, "28B#5443000000000000");
+    rig.run(400);
+    assert!(!state(&mut rig).stop_acknowledged);
+}
+
+#[test]
+fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_the_time() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    rig.cut(); // holds what is on its way, so that the setpoint has to wait
+    rig.run(10);
+    rig.mend();
+    let request = setpoint(&rig, epoch, 5_000, VELOCITY);
+    let sequence = rig.send(&request);
+    assert_eq!(rig.answer(sequence).map(|answer| answer.is_ok()), Some(true));
+    assert!(rig.wire.last().is_some_and(|(_, _, text)| text.starts_with("141#A2")));
+    rig.run(2_000);
+    let refreshed = rig.gateway.poll_transmit(rig.now() + gateway::Duration::from_micros(2_900), 0);
+    assert!(refreshed.is_none(), "nothing is due");
+    let expired = rig.gateway.poll_transmit(rig.now() + gateway::Duration::from_micros(30_000), 0);
+    assert!(!format!("{expired:?}").contains("162"), "{expired:?}"); // 0xA2
+}

@@ -1,0 +1,122 @@
+//! Motors that no stop reaches: after so many of them the motor is left alone but for two stops between silences, so that its
+//! own timeout can act, and nobody can break the silence (GUARANTEES G4).
+
+use crate::bench::{
+    self, D5_VELOCITY, HOLD, VELOCITY, assert_tripped, listed, move_axis, outcomes, run_with_host, state,
+    stop,
+};
+use crate::rig::{Instead, Rig};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event as HostEvent, Request, Setpoint, StopAction, StopTarget,
+    TripReason, Value, requests,
+};
+
+const TIMEOUT_MS: u32 = 400;
+/// 1.5 × the motor's own timeout.
+const SILENCE_US: u64 = 600_000;
+
+fn with_timeout() -> (Rig, crate::motors::Shared) {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: TIMEOUT_MS };
+    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    (rig, play)
+}
+
+/// Times between frames on bus 0 that are longer than a reply window, µs.
+fn silences(rig: &Rig, bus: u8, since_us: u64) -> Vec<u64> {
+    let times: Vec<u64> =
+        rig.wire.iter().filter(|(at, on, _)| *at >= since_us && *on == bus).map(|(at, ..)| *at).collect();
+    times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 30_000).collect()
+}
+
+#[test]
+fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_then_left_alone() {
+    let (mut rig, play) = with_timeout();
+    move_axis(&mut rig, VELOCITY);
+    rig.run(1_000);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    run_with_host(&mut rig, 4_900_000);
+    assert_eq!((listed(&mut rig, 0), outcomes(&rig)), (AxisState::Stopping, vec![]));
+    run_with_host(&mut rig, 200_000);
+    assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 10_000_000);
+    // It answers, so that each time it is given another chance to be seen at rest; it is reported once.
+    let silences = silences(&rig, 0, since);
+    assert!(
+        silences.len() >= 3 && silences.iter().all(|gap| gap.abs_diff(SILENCE_US) < 10_000),
+        "{silences:?}"
+    );
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    assert!(state(&mut rig).trip.unwrap().unreachable);
+    play.borrow_mut().turning = false;
+    run_with_host(&mut rig, 1_000_000);
+    assert_tripped(&mut rig, TripReason::StopUnconfirmed, true);
+    assert!(!state(&mut rig).trip.unwrap().unreachable);
+}
+
+#[test]
+fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout_from_acting() {
+    let (mut rig, play) = with_timeout();
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().mute = true;
+    run_with_host(&mut rig, 2_000_000);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    let since = rig.now_us;
+    for _ in 0..500 {
+        rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+        rig.run(10_000);
+    }
+    let silences = silences(&rig, 0, since);
+    assert!(silences.iter().filter(|gap| **gap >= SILENCE_US - 20_000).count() >= 5, "{silences:?}");
+}
+
+#[test]
+fn a_stop_that_a_host_asks_for_goes_to_an_unreachable_motor_at_once() {
+    let (mut rig, play) = with_timeout();
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().mute = true;
+    run_with_host(&mut rig, 2_000_000);
+    run_with_host(&mut rig, 100_000);
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    rig.run(100);
+    assert_eq!(rig.sent_since(0, since), [HOLD]);
+}
+
+#[test]
+fn a_mute_d5_that_answers_reads_only_is_left_alone_too() {
+    let mut rig = bench::d5_that_answers_reads_only();
+    move_axis(&mut rig, D5_VELOCITY);
+    rig.run(10_000);
+    rig.instead(|_| Instead::Nothing);
+    run_with_host(&mut rig, 3_000_000);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 5_000_000);
+    let silences = silences(&rig, 1, since);
+    assert!(silences.len() >= 8 && silences.iter().all(|gap| *gap >= 480_000), "{silences:?}");
+}
+
+#[test]
+fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_asked_in_measured_steps() {
+    let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
+    move_axis(&mut rig, Setpoint::Signal { fraction: 0.1 });
+    rig.run(5_000);
+    rig.instead(|text| match &text[..8] {
+        "30B#4C53" => Instead::Says("28B#4C5300000000EEEE"),
+        _ => Instead::AsUsual,
+    });
+    let since = rig.now_us;
+    stop(&mut rig);
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(outcomes(&rig), []);
+    let refused = rig.sent_since(0, since).iter().filter(|text| text.starts_with("30B#4C53")).count();
+    assert!((10..=50).contains(&refused), "{refused} refusals in 1 s");
+    run_with_host(&mut rig, 4_100_000);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    assert_eq!(bench::clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
+}
