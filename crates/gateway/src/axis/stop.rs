@@ -62,6 +62,8 @@ pub(crate) struct Stop {
     phase: Phase,
     /// The trip or the request.
     since: Instant,
+    /// It began at rest, where a stop is only to be sure.
+    from_rest: bool,
     /// Stop commands that have left; counts to `STOPS_AT_LEAST`.
     sent: u8,
     /// When the first one had.
@@ -101,10 +103,11 @@ pub(crate) struct Stop {
 }
 
 impl Stop {
-    pub fn new(now: Instant) -> Self {
+    pub fn new(now: Instant, from_rest: bool) -> Self {
         Self {
             phase: Phase::Command,
             since: now,
+            from_rest,
             sent: 0,
             first_left: None,
             last_left: None,
@@ -129,6 +132,10 @@ impl Stop {
 
     pub fn since(&self) -> Instant {
         self.since
+    }
+
+    pub fn is_from_rest(&self) -> bool {
+        self.from_rest
     }
 
     /// A stop command has left on the bus.
@@ -452,7 +459,7 @@ impl Axis {
     fn watch_confirmed(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if turns && self.must_stand() && matches!(self.state, AxisState::Tripped { .. }) {
-            self.stop = Some(Stop::new(now));
+            self.stop = Some(Stop::new(now, false));
             self.no_longer_confirmed(now, out);
         }
     }

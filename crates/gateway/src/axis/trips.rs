@@ -77,8 +77,8 @@ impl Axis {
                     }
                     _ => Error::Busy { axis: self.index },
                 };
-                self.state = AxisState::Stopping;
                 self.begin_stop(now);
+                self.state = AxisState::Stopping;
                 self.interrupt(now, aborted, out);
                 self.announce(out);
             }
@@ -137,6 +137,6 @@ impl Axis {
         self.motion = None;
         self.holding = false;
         self.displace();
-        self.stop = Some(Stop::new(now));
+        self.stop = Some(Stop::new(now, self.state == AxisState::Idle));
     }
 }

@@ -8,8 +8,10 @@ use host_protocol::{AxisParameter, AxisState};
 /// What goes first on a bus. The order is the order of sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Priority {
-    /// A stop of which nothing has been sent yet.
+    /// A stop of which nothing has been sent yet, of a motor that may move.
     FirstStop,
+    /// The same of a motor that was at rest.
+    FirstStopAtRest,
     /// The rest of a stop.
     Stop,
     /// Everything else.
@@ -39,6 +41,7 @@ impl Axis {
             return None;
         }
         let priority = match (&self.stop, exchange) {
+            (Some(stop), _) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
             (Some(stop), _) if !stop.has_left() => Priority::FirstStop,
             (Some(_), exchange) if exchange.is_stop() => Priority::Stop,
             _ if self.is_for_watchers(exchange) => Priority::Watch,

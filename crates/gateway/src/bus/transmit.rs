@@ -176,7 +176,9 @@ impl Bus {
             let allowed = match want.priority {
                 Priority::Ordinary => may_ordinary,
                 Priority::Watch => may_ordinary && self.may_watch(now, axes),
-                Priority::FirstStop | Priority::Stop => self.may_send_stop(now, axis, &want),
+                Priority::FirstStop | Priority::FirstStopAtRest | Priority::Stop => {
+                    self.may_send_stop(now, axis, &want)
+                }
             };
             if allowed && best.as_ref().is_none_or(|(_, chosen)| want.priority < chosen.priority) {
                 best = Some((index, want));

@@ -74,3 +74,19 @@ fn a_question_that_stays_unanswered_delays_the_setpoint_by_one_reply_window_and_
     let gap = rig.longest_gap_us(0, since, "141#A2");
     assert!((WINDOW_US..WINDOW_US + 21_000).contains(&gap), "{gap} µs between motion frames");
 }
+
+#[test]
+fn the_stop_of_an_axis_in_motion_goes_before_those_of_axes_at_rest() {
+    for moving in 0..4 {
+        let mut rig = bench::rmd_axes(4);
+        let epoch = arm_axis(&mut rig, moving);
+        keep_moving(&mut rig, &[(moving, epoch)], VELOCITY, 55_000);
+        let since = rig.now_us;
+        e_stop(&mut rig);
+        rig.run(5_000);
+        let sent = rig.sent_since(0, since);
+        let stops: Vec<_> = sent.into_iter().filter(|text| text.ends_with("#8100000000000000")).collect();
+        assert_eq!(stops[0], format!("14{}#8100000000000000", moving + 1));
+        assert!(stops.len() >= 8, "{stops:?}");
+    }
+}
