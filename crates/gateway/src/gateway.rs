@@ -207,6 +207,7 @@ impl Gateway {
         for bus in buses {
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
+            bus.report_delayed_stops(now, axes, &mut out);
         }
     }
 

@@ -213,6 +213,15 @@ events! {
         /// Its new level.
         active: bool,
     }
+    /// The first stop frame of an axis has not left within its bound, once for each stop: others fill the bus, or it is dead.
+    0x800F StopDelayed {
+        /// The bus.
+        bus: u8,
+        /// The axis.
+        axis: u8,
+        /// From the trip or the stop request until now, µs.
+        waiting_us: u32,
+    }
 }
 
 impl Event {

@@ -24,6 +24,9 @@ pub fn event(message: &EventMessage) -> Value {
         Event::EStopLatched {} | Event::EStopCleared {} => json!({}),
         Event::EStopInputChanged { open } => json!({ "open": open }),
         Event::EnableOutputChanged { active } => json!({ "active": active }),
+        Event::StopDelayed { bus, axis, waiting_us } => {
+            json!({ "bus": bus, "axis": axis, "waiting_us": waiting_us })
+        }
         Event::FrameRejected { reason, count } => json!({ "reason": reason, "count": count }),
         Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": to_json(state) }),
         Event::MotorNotice { axis, data, length } => {

@@ -103,6 +103,12 @@ fn event_in_words(event: &Event) -> String {
         Event::EnableOutputChanged { active } => {
             format!("the enable output is {}", if *active { "active" } else { "inactive" })
         }
+        Event::StopDelayed { bus, axis, waiting_us } => {
+            format!(
+                "axis {axis}: its stop has waited {} on bus {bus} and not left",
+                milliseconds(*waiting_us)
+            )
+        }
         Event::FrameRejected { reason, count } => {
             let name = host_protocol::FrameError::ALL
                 .iter()

@@ -135,14 +135,33 @@ impl Axis {
         self.stop.as_ref().is_some_and(|stop| !stop.has_left())
     }
 
+    /// Since when there is a stop of which no command has left, if that has not been reported.
+    pub fn unreported_stop(&self) -> Option<Instant> {
+        self.stop.as_ref().filter(|stop| !stop.has_left() && !stop.delay_is_reported()).map(Stop::since)
+    }
+
+    /// The stop that has not left has been reported.
+    pub fn stop_reported(&mut self) {
+        if let Some(stop) = &mut self.stop {
+            stop.report_delay();
+        }
+    }
+
+    /// Whether a first stop of this axis was to leave at `since` or later.
+    pub fn stops_beside(&self, since: Instant) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.had_not_left(since))
+    }
+
     /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
     pub fn is_unreachable(&self) -> bool {
         self.trip.as_ref().is_some_and(|trip| trip.unreachable)
     }
 
-    /// Whether the axis waits for a reply of its motor that is due within the bus's window.
+    /// Whether a reply of the axis's motor may come that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none())
+        let awaited =
+            self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none());
+        awaited || self.displaced.as_ref().is_some_and(|displaced| displaced.deadline().is_some())
     }
 
     /// Whether somebody has subscribed to the axis.

@@ -64,6 +64,8 @@ pub(crate) struct Stop {
     since: Instant,
     /// It began at rest, where a stop is only to be sure.
     from_rest: bool,
+    /// The hosts have been told that it is late to leave.
+    delay_reported: bool,
     /// Stop commands that have left; counts to `STOPS_AT_LEAST`.
     sent: u8,
     /// When the first one had.
@@ -108,6 +110,7 @@ impl Stop {
             phase: Phase::Command,
             since: now,
             from_rest,
+            delay_reported: false,
             sent: 0,
             first_left: None,
             last_left: None,
@@ -136,6 +139,19 @@ impl Stop {
 
     pub fn is_from_rest(&self) -> bool {
         self.from_rest
+    }
+
+    pub fn delay_is_reported(&self) -> bool {
+        self.delay_reported
+    }
+
+    pub fn report_delay(&mut self) {
+        self.delay_reported = true;
+    }
+
+    /// No stop command had left at `at`.
+    pub fn had_not_left(&self, at: Instant) -> bool {
+        self.first_left.is_none_or(|left| left >= at)
     }
 
     /// A stop command has left on the bus.

@@ -60,6 +60,12 @@ impl LineTimes {
     fn stop_delay(&self) -> Duration {
         self.window.min(STOP_DELAY)
     }
+
+    /// Until the last of `stops` stops that are due together has left: 2C + W and the pause before the first, 2C + W before
+    /// each other one, and its own C.
+    pub fn stop_bound(&self, stops: u64) -> Duration {
+        (self.frame.times(2) + self.stop_delay()).times(stops) + self.gap + self.frame
+    }
 }
 
 impl Line {

@@ -1,5 +1,6 @@
 //! One bus: its configuration, what is on its way, and what it counts.
 
+mod bounds;
 mod line;
 mod load;
 mod raw;

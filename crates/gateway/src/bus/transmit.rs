@@ -13,7 +13,7 @@ use heapless::Vec;
 use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
 
 /// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
-const MAX_OUTSTANDING: usize = 4;
+pub(super) const MAX_OUTSTANDING: usize = 4;
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
@@ -137,6 +137,7 @@ impl Bus {
             .chain(cancels)
             .chain(self.line_ready_at(after, axes))
             .chain(self.restart_at)
+            .chain(self.stop_is_delayed_at(axes))
             .filter(|at| *at > after)
             .min()
     }
@@ -215,7 +216,7 @@ impl Bus {
         }
     }
 
-    fn carries(&self, protocol: Protocol) -> bool {
+    pub(super) fn carries(&self, protocol: Protocol) -> bool {
         self.config.as_ref().is_some_and(|config| config.protocols.contains(protocol))
     }
 

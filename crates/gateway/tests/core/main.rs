@@ -11,6 +11,7 @@ mod capabilities;
 mod clearing;
 mod d5;
 mod dead_bus;
+mod delayed_stops;
 mod echo;
 mod fairness;
 mod holding;

@@ -1,0 +1,54 @@
+//! Within what time a stop must have left the bus, and the report of one that has not (GUARANTEES G5).
+
+use super::Bus;
+use super::transmit::{LONGEST_FRAME_BITS, MAX_OUTSTANDING};
+use crate::axis::Axis;
+use crate::outbox::Outbox;
+use crate::time::{Duration, Instant};
+use host_protocol::{BusKind, Event, Protocol};
+
+/// What our software takes, g of the bounds.
+const SOFTWARE: Duration = Duration::from_micros(100);
+/// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the port has to report the frame.
+const ALLOWANCE: Duration = Duration::from_millis(1);
+
+impl Bus {
+    /// Within what time the last of `stops` stops that began together has left, if nobody else talks.
+    fn bound(&self, stops: u64) -> Duration {
+        match self.kind() {
+            // F(2k − 1 + m) until it starts, and one F more until it has left.
+            BusKind::Can => {
+                let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
+                SOFTWARE + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
+            }
+            BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
+        }
+    }
+
+    /// The stops here of which no command has left and that have not been reported: whose, since when, and when they are due for it.
+    fn delayed_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant, Instant)> + 'a {
+        let here = move |axis: &&Axis| axis.config.bus() == Some(self.index);
+        axes.iter().filter(here).filter_map(move |axis| {
+            let since = axis.unreported_stop()?;
+            let together = axes.iter().filter(here).filter(|other| other.stops_beside(since)).count();
+            Some((axis.index, since, since + self.bound(together as u64) + ALLOWANCE))
+        })
+    }
+
+    /// When the next stop that has not left is to be reported.
+    pub(super) fn stop_is_delayed_at(&self, axes: &[Axis]) -> Option<Instant> {
+        self.delayed_stops(axes).map(|(.., at)| at).min()
+    }
+
+    /// Reports the stops whose first frame has not left within their bound, each once: what acts now is the second layer.
+    pub fn report_delayed_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        loop {
+            let late = self.delayed_stops(axes).find(|(.., at)| *at <= now);
+            let Some((index, since, _)) = late else { return };
+            let Some(axis) = axes.get_mut(usize::from(index)) else { return };
+            axis.stop_reported();
+            let waiting_us = now.since(since).as_micros_u32();
+            out.event(&Event::StopDelayed { bus: self.index, axis: index, waiting_us });
+        }
+    }
+}
