@@ -29,6 +29,8 @@ pub(super) struct Pending {
     pub predates_job: bool,
 }
 
+/// Since when something is overdue that goes before all other polls.
+const FIRST_OF_ALL: Instant = Instant::from_micros(0);
 /// How often a motor that does not answer is asked for who watches it.
 const SILENT_POLL: Duration = Duration::from_millis(1_000);
 
@@ -91,6 +93,15 @@ impl Silence {
 
     /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES G3).
     const SHORTEST: Duration = Duration::from_millis(50);
+
+    /// Another reply was missed, its request having waited for `window`. Returns whether that makes `enough`.
+    fn goes_on(&mut self, now: Instant, window: Duration, enough: u8) -> bool {
+        if self.missed == 0 {
+            self.since = now - window;
+        }
+        self.missed = self.missed.saturating_add(1);
+        self.missed >= enough && now.since(self.since) >= Self::SHORTEST
+    }
 }
 
 impl Axis {
@@ -214,7 +225,10 @@ impl Axis {
             Verdict::NotExecuted => {
                 self.pending = None;
                 self.silence = Silence::NONE;
-                self.thrown_back(now, &pending, out);
+                if pending.exchange == Exchange::Motion {
+                    self.motion_silence = Silence::NONE;
+                    self.thrown_back(now, &pending, out);
+                }
                 Reception::Answer
             }
         }
@@ -262,12 +276,12 @@ impl Axis {
             self.quiet = Quiet { exchange: pending.exchange, until };
             self.lost = Some(Displaced { command: pending.command, slot: pending.slot, until: Some(until) });
         }
-        if self.silence.missed == 0 {
-            self.silence.since = now - pending.window;
+        let enough = self.config.missed_replies();
+        let mut silent = self.silence.goes_on(now, pending.window, enough);
+        // A motor that answers polls and no motion may be doing anything.
+        if pending.exchange == Exchange::Motion {
+            silent |= self.motion_silence.goes_on(now, pending.window, enough);
         }
-        self.silence.missed = self.silence.missed.saturating_add(1);
-        let silent = self.silence.missed >= self.config.missed_replies()
-            && now.since(self.silence.since) >= Silence::SHORTEST;
         let unread = pending.exchange == Exchange::Faults && self.faults_stay_unread();
         // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
         if self.is_armed() && (silent || unread || pending.once) {
@@ -291,11 +305,32 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         self.observe(now, &seen, out);
-        if pending.exchange == Exchange::Motion {
-            self.not_executed = false;
-        }
+        self.judge_motion(now, pending, &seen, out);
         self.stop_answered(now, pending, &seen, out);
         self.job_answered(now, pending, &seen, data, out);
+    }
+
+    /// Looks whether the motor carries the motion out. Where its reply does not tell, the speed read next does.
+    fn judge_motion(&mut self, now: Instant, pending: &Pending, seen: &Observation, out: &mut Outbox<'_>) {
+        match (pending.exchange, seen.velocity_rad_s) {
+            (Exchange::Motion, _) => {
+                self.motion_silence = Silence::NONE;
+                self.in_doubt = seen.may_be_thrown_back;
+                self.not_executed &= self.in_doubt;
+                if self.in_doubt {
+                    self.state_poll_at = FIRST_OF_ALL;
+                }
+            }
+            (Exchange::Velocity, Some(velocity)) if self.in_doubt => {
+                self.in_doubt = false;
+                if self.is_standstill(velocity) {
+                    self.not_executed = false;
+                } else {
+                    self.thrown_back(now, pending, out);
+                }
+            }
+            _ => {}
+        }
     }
 
     fn refused(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
@@ -320,7 +355,7 @@ impl Axis {
 
     /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal (PROTOCOL-NOTES R20, R30).
     fn thrown_back(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
-        if !self.is_armed() || pending.exchange != Exchange::Motion {
+        if !self.is_armed() {
             return;
         }
         if self.not_executed || pending.once {
@@ -328,7 +363,9 @@ impl Axis {
             return;
         }
         self.not_executed = true;
-        self.fault_poll_at = now;
+        // The reason first, whatever else is overdue.
+        self.fault_poll_at = FIRST_OF_ALL;
+        self.motion_had_its_turn = true;
         self.resend_motion(now);
     }
 

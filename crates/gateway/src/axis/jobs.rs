@@ -3,7 +3,7 @@
 //!
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
-use super::exchanges::Pending;
+use super::exchanges::{Pending, Silence};
 use super::{Axis, Observation};
 use crate::motor::{self, Command, Exchange};
 use crate::outbox::{Outbox, Ticket};
@@ -376,7 +376,7 @@ impl Axis {
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
             }
-            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => match seen.position_rad {
+            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => match seen.position_count {
                 Some(start) => self
                     .hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
                     .map(Reply::MoveRelative),
@@ -417,6 +417,8 @@ impl Axis {
         self.epoch = epoch;
         self.motion = None;
         self.not_executed = false;
+        self.in_doubt = false;
+        self.motion_silence = Silence::NONE;
         self.fault_poll_at = now + self.config.fault_poll();
         self.state_poll_at = now + self.state_poll();
         self.enter(AxisState::Armed, out);

@@ -7,6 +7,8 @@ use host_protocol::{FaultReading, Reading, StateField, StateFields};
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Observation {
     pub position_rad: Option<f32>,
+    /// The same as the motor counts it, in its own unit and sense of rotation.
+    pub position_count: Option<i32>,
     pub velocity_rad_s: Option<f32>,
     pub current_a: Option<f32>,
     /// RMD motion mode; compared with the limit, not kept.
@@ -28,6 +30,8 @@ pub(crate) struct Observation {
     pub write_pending: Option<bool>,
     /// D5: the commanded speed read back is zero.
     pub commanded_zero: Option<bool>,
+    /// RMD: a motion was answered by zeros, which may as well be the request of 0 thrown back.
+    pub may_be_thrown_back: bool,
 }
 
 /// Fields that are numbers; the last field is the fault word.

@@ -71,6 +71,10 @@ pub(crate) struct Axis {
     motion_had_its_turn: bool,
     /// The motor has echoed the last motion command without carrying it out.
     not_executed: bool,
+    /// It has answered it by zeros: the speed is to be read, which tells whether that was a state (PROTOCOL-NOTES R30).
+    in_doubt: bool,
+    /// How long motions have not been answered, whatever else has.
+    motion_silence: Silence,
     /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
     holding: bool,
     /// Somebody has subscribed to the axis: an idle one is polled too.
@@ -108,6 +112,8 @@ impl Axis {
             poll_turn: 0,
             motion_had_its_turn: false,
             not_executed: false,
+            in_doubt: false,
+            motion_silence: Silence::NONE,
             holding: false,
             watched: false,
             faults_unread: 0,

@@ -126,7 +126,7 @@ impl Axis {
     pub(super) fn hold_relative(
         &mut self,
         now: Instant,
-        start_rad: f32,
+        start_count: i32,
         distance_rad: f32,
         speed_limit_rad_s: f32,
         expires: Option<Instant>,
@@ -135,12 +135,12 @@ impl Axis {
         if let Some(expired) = expires.filter(|at| *at <= now) {
             return Err(Error::Stale { now_us: now.low_bits(), expires_at_us: expired.low_bits() });
         }
-        let target_rad = start_rad + distance_rad;
-        let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s };
-        self.check_limits(setpoint)?;
+        let setpoint = Setpoint::Position { position_rad: 0.0, speed_limit_rad_s };
         let command = motor::motion(self.index, setpoint, &self.config)?;
-        self.take_motion(now, command, expires, false, out);
-        Ok(MoveTarget { start_rad, target_rad })
+        let further = motor::further(command, start_count, distance_rad, &self.config)?;
+        self.check_limits(Setpoint::Position { position_rad: further.target_rad, speed_limit_rad_s })?;
+        self.take_motion(now, further.command, expires, false, out);
+        Ok(MoveTarget { start_rad: further.start_rad, target_rad: further.target_rad })
     }
 
     /// The end of the permission to move that a host gives, or why it gives none.
@@ -168,6 +168,7 @@ impl Axis {
         once: bool,
         out: &mut Outbox<'_>,
     ) {
+        self.in_doubt &= self.is_in_force(&command);
         self.motions = self.motions.wrapping_add(1);
         self.motion = Some(Motion { command, number: self.motions, expires, due: Some(now), once });
         if self.state == AxisState::Armed {

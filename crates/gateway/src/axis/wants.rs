@@ -124,6 +124,9 @@ impl Axis {
 
     /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
     fn poll_exchange(&self) -> Option<Exchange> {
+        if self.in_doubt {
+            return Some(Exchange::Velocity);
+        }
         let sequences = motor::sequences(self.config.protocol()?);
         let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);
         let further = |exchange: &Exchange| {

@@ -12,6 +12,7 @@ pub(crate) use exchange::Exchange;
 pub(crate) use native::{Demand, Effect, Native, native};
 
 use crate::axis::{AxisConfig, Observation};
+use crate::convert;
 use crate::port::MAX_SERIAL;
 use crate::time::Duration;
 use heapless::Vec;
@@ -124,6 +125,43 @@ pub(crate) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
         Protocol::D5 => d5::motion(setpoint, sign).map(|r| r.map(Command::D5)),
     }?;
     command.ok_or(Error::Unsupported { axis, protocol })
+}
+
+/// A position command some way from where the motor is.
+pub(crate) struct Further {
+    pub command: Command,
+    pub start_rad: f32,
+    pub target_rad: f32,
+}
+
+/// `command`, a position of 0, moved to `distance_rad` from the motor's own count `start`. The sum is one of counts: far from
+/// zero an f32 of radians is coarser than they are.
+pub(crate) fn further(
+    command: Command,
+    start: i32,
+    distance_rad: f32,
+    config: &AxisConfig,
+) -> Result<Further, Error> {
+    let sign = config.sign();
+    let distance = sign * distance_rad;
+    let (moved, to_rad): (_, fn(i32) -> f32) = match command {
+        Command::Rmd(request) => {
+            let moved = rmd::at(request, start, distance).map(|(r, target)| (Command::Rmd(r), target));
+            (moved, convert::centidegrees_to_rad)
+        }
+        Command::Thruster(request) => {
+            let moved = thruster::at(request, start, distance).map(|(r, t)| (Command::Thruster(r), t));
+            (moved, convert::decidegrees_to_rad)
+        }
+        Command::D5(_) => (None, convert::degrees_to_rad),
+    };
+    let start_rad = sign * to_rad(start);
+    let Some((command, target)) = moved else {
+        let limit = to_rad(i32::MAX);
+        let value = start_rad + distance_rad;
+        return Err(Error::OutOfRange { quantity: Quantity::Position, value, min: -limit, max: limit });
+    };
+    Ok(Further { command, start_rad, target_rad: sign * to_rad(target) })
 }
 
 /// Whether motors of a protocol can carry out a stop action (GUARANTEES G4, the stop table).

@@ -81,6 +81,13 @@ pub(super) fn motion(
     }))
 }
 
+/// A position command with its target at a count of the motor's, in the motor's sense of rotation.
+pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
+    let Request::AbsolutePosition { max_speed, .. } = request else { return None };
+    let target = start.checked_add(convert::rad_to_centidegrees(distance_rad)?)?;
+    Some((Request::AbsolutePosition { max_speed, angle: Centidegrees(target) }, target))
+}
+
 /// What the eight data bytes of a request do; `None` where the manual lists no such command.
 pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
     let request = Request::decode(data.try_into().ok()?);
@@ -141,7 +148,9 @@ pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Ve
         // All zero is an answer that may as well be the request thrown back: it tells nothing (PROTOCOL-NOTES R30).
         Answer::Reply(
             Reply::TorqueCurrent { motion } | Reply::Velocity { motion } | Reply::AbsolutePosition { motion },
-        ) if motion == Motion::default() => Verdict::Answer(Observation::default()),
+        ) if motion == Motion::default() => {
+            Verdict::Answer(Observation { may_be_thrown_back: true, ..Observation::default() })
+        }
         Answer::Reply(reply) => Verdict::Answer(observe(&reply, config)),
         Answer::NotExecuted => Verdict::NotExecuted,
         _ => Verdict::Unrelated,
@@ -154,6 +163,7 @@ pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
         Reply::MotionMode { feedback } => impedance::observe(feedback, config),
         Reply::MultiTurnAngle { angle } => Observation {
             position_rad: Some(sign * convert::centidegrees_to_rad(angle.0)),
+            position_count: Some(angle.0),
             ..Observation::default()
         },
         Reply::Status1 { temperature, brake_released, voltage, faults } => Observation {

@@ -92,6 +92,14 @@ pub(super) fn motion(
     }
 }
 
+/// A position command with its target at a count of the device's, in the device's sense of rotation.
+pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
+    let Request::AbsolutePosition { speed, .. } = request else { return None };
+    let target = start.checked_add(convert::rad_to_decidegrees(distance_rad)?)?;
+    let request = Request::AbsolutePosition { speed, position: Decidegrees(target) };
+    request.encode().ok().map(|_| (request, target))
+}
+
 /// What the data field of a request does; `None` where the manual lists no such command.
 pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
     let sign = config.sign();
@@ -212,7 +220,8 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
         Reply::Faults { faults } => Observation { faults: Some(faults.bits()), ..none },
         Reply::FaultRecord { faults } => Observation { fault_record: Some(faults.bits()), ..none },
         Reply::MeasuredPosition { position } => {
-            Observation { position_rad: Some(sign * convert::decidegrees_to_rad(position.0)), ..none }
+            let position_rad = Some(sign * convert::decidegrees_to_rad(position.0));
+            Observation { position_rad, position_count: Some(position.0), ..none }
         }
         _ => none,
     }

@@ -19,6 +19,7 @@ mod impedance;
 mod motion;
 mod motors;
 mod natives;
+mod obedience;
 mod pins;
 mod random;
 mod relative_moves;

@@ -35,7 +35,7 @@ fn the_target_is_held_like_a_position_setpoint_until_it_expires() {
     let Ok(Reply::MoveRelative(MoveTarget { start_rad, target_rad })) = rig.ask(request) else {
         panic!("no target");
     };
-    assert_eq!((start_rad, target_rad), (core::f32::consts::TAU, core::f32::consts::TAU + 0.25));
+    assert_eq!((start_rad, target_rad), (core::f32::consts::TAU, 6.533_116_4)); // 374.32°
     run_with_host(&mut rig, 60_000);
     let targets = rig.sent_since(0, since);
     assert!(targets.iter().filter(|text| **text == TARGET).count() >= 3);
@@ -150,4 +150,37 @@ fn the_position_is_read_after_the_request_and_not_before() {
     let request = relative(&rig, epoch, 0.25, 2.0);
     assert!(matches!(rig.ask(request), Ok(Reply::MoveRelative(_))));
     assert!(rig.sent_since(0, since).contains(&"141#9200000000000000"));
+}
+
+#[test]
+fn far_from_zero_the_target_is_as_exact_as_the_motor_counts() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    // 1 234 567.89°, where an f32 of radians has steps of 0.1°.
+    rig.instead(|text| match &text[..6] {
+        "141#92" => Instead::Says("241#9200000015CD5B07"),
+        _ => Instead::AsUsual,
+    });
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    rig.ask(request).unwrap();
+    run_with_host(&mut rig, 1_000);
+    let targets = rig.sent_since(0, since);
+    let target = targets.iter().find(|text| text.starts_with("141#A4"));
+    assert_eq!(target, Some(&"141#A4007300ADD25B07")); // 14.32° further
+}
+
+#[test]
+fn a_target_that_the_motor_cannot_count_is_refused() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    rig.instead(|text| match &text[..6] {
+        "141#92" => Instead::Says("241#92000000FFFFFF7F"),
+        _ => Instead::AsUsual,
+    });
+    let since = rig.now_us;
+    let request = relative(&rig, epoch, 0.25, 2.0);
+    let refused = rig.ask(request);
+    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    assert_eq!(sent(&rig, since), 0);
 }

@@ -1,0 +1,62 @@
+//! Motors that answer and do not do what they are told: an echo proves receipt, not motion (PROTOCOL-NOTES R26, R30).
+
+use crate::bench::{self, VELOCITY, arm, assert_tripped, keep_moving, listed};
+use crate::rig::{Instead, Rig};
+use host_protocol::{AxisState, Setpoint, StopAction, TripReason};
+
+const REST: Setpoint = Setpoint::Velocity { velocity_rad_s: 0.0 };
+
+/// An RMD, cold and at its zero point, that answers a speed of 0 by zeros.
+fn cold(turning: bool) -> (Rig, u32) {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
+    play.borrow_mut().turning = turning;
+    rig.instead(|text| match text {
+        "141#A200000000000000" => Instead::Says("241#A200000000000000"),
+        _ => Instead::AsUsual,
+    });
+    (rig, epoch)
+}
+
+#[test]
+fn a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_is_asked_twice_and_trips() {
+    let (mut rig, epoch) = cold(true);
+    let since = rig.now_us;
+    keep_moving(&mut rig, &[(0, epoch)], REST, 50_000);
+    assert_tripped(&mut rig, TripReason::CommandRefused { faults: Some(0) }, false);
+    let sent = rig.sent_since(0, since);
+    let until_stop: Vec<_> = sent.into_iter().take_while(|text| !text.starts_with("141#81")).collect();
+    assert_eq!(until_stop.iter().filter(|text| text.starts_with("141#A2")).count(), 2, "{until_stop:?}");
+    assert!(until_stop.iter().any(|text| text.starts_with("141#9A")), "the reason is read: {until_stop:?}");
+}
+
+#[test]
+fn a_cold_motor_at_rest_may_answer_a_speed_of_0_by_zeros() {
+    let (mut rig, epoch) = cold(false);
+    keep_moving(&mut rig, &[(0, epoch)], REST, 500_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Active);
+}
+
+#[test]
+fn the_fault_word_is_read_before_a_motion_that_was_thrown_back_is_asked_again() {
+    for phase_us in (0..50_000).step_by(1_700) {
+        let (mut rig, play) = bench::rmd(StopAction::Hold);
+        let epoch = arm(&mut rig);
+        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000 + phase_us);
+        play.borrow_mut().fault = true;
+        play.borrow_mut().refuses = true;
+        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 50_000);
+        assert_tripped(&mut rig, TripReason::MotorFault { faults: 2 }, true);
+    }
+}
+
+#[test]
+fn a_motor_that_answers_polls_and_no_motion_is_silent() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
+    rig.instead(|text| if text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual });
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
+    assert_tripped(&mut rig, TripReason::MotorSilent, true);
+}
