@@ -6,6 +6,7 @@
 
 mod host_link;
 mod port;
+mod strangers;
 mod trace;
 
 use std::time::Duration;
@@ -329,6 +330,9 @@ impl World {
                 }
                 if to.contains(&Station::Gateway) {
                     self.tell(Event::CanReceived { bus, frame });
+                }
+                if from == Station::Stranger {
+                    self.go_on_babbling(bus);
                 }
             }
             CanOutcome::Cancelled { station: Station::Gateway, slot } => {
