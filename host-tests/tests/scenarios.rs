@@ -1,14 +1,25 @@
-//! Every scenario is a test of its own, and none is forgotten.
+//! Every scenario is a test of its own, played with several seeds, and none is forgotten.
+//!
+//! `MGW_SEEDS=100` plays more of them, `MGW_SEED=7` one.
+
+use host_tests::scenario::{run, seeds};
+
+fn play(name: &str, text: &str) {
+    for seed in seeds().unwrap() {
+        if let Err(error) = run(text, seed) {
+            panic!(
+                "{name}, seed {seed}\n{error}\nagain: MGW_SEED={seed} cargo test -p host-tests --test scenarios -- {name}"
+            );
+        }
+    }
+}
 
 macro_rules! scenarios {
     ($($name:ident)+) => {
         $(
             #[test]
             fn $name() {
-                let text = include_str!(concat!("../scenarios/", stringify!($name), ".txt"));
-                if let Err(error) = host_tests::scenario::run(text) {
-                    panic!("{error}");
-                }
+                play(stringify!($name), include_str!(concat!("../scenarios/", stringify!($name), ".txt")));
             }
         )+
 
@@ -63,9 +74,51 @@ scenarios! {
 #[test]
 fn a_scenario_that_is_wrong_fails() {
     let failing = "four-axes\nmark\nrun 10 ms\nexpect wire 0 141#A1";
-    let error = host_tests::scenario::run(failing).unwrap_err();
+    let error = run(failing, 1).unwrap_err();
     assert!(error.contains("line 4") && error.contains("seen 0 times"), "{error}");
-    assert!(host_tests::scenario::run("four-axes\nexpect moving 0").is_err());
-    assert!(host_tests::scenario::run("four-axes\nrefused NotArmed arm 0").is_err());
-    assert!(host_tests::scenario::run("dance").is_err());
+    for wrong in [
+        "expect moving 0",
+        "expect turned 0 0.1 1",
+        "refused NotArmed arm 0",
+        "refused NotArmed set 0 velocity 1.0\nexpect refusal Tripped",
+        "unanswered 1 s ping",
+        "as 1 refused NotInCommand ping",
+        "mark\narm 0\nexpect no-wire 0 141#81",
+        "mark\narm 0\nexpect wire-count 0 141#81 3",
+        "mark\narm 0\nexpect wire-order 0 141#9A 141#81",
+        "mark\narm 0\nkeep 0 velocity 1.0\nrun 200 ms\nexpect spacing 0 141#A2 1 ms 2 ms",
+        "mark\narm 0\nrun 5 ms\nexpect no-event StateChanged { axis: 0, state: Armed",
+        "inject 0 mute",
+        "motor 0 rmd 2",
+        "power 9 off",
+        "release-backlog",
+        "dance",
+    ] {
+        assert!(run(&format!("four-axes\n{wrong}"), 1).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn a_failure_is_told_so_that_a_person_can_follow_it() {
+    let failing = "four-axes\narm 0\nmark\nkeep 0 velocity 1.0\nrun 50 ms\nexpect wire 0 141#81 within 30 ms";
+    let error = run(failing, 3).unwrap_err();
+    for part in [
+        "line 6: expect wire 0 141#81 within 30 ms",
+        "axis 0 is active",
+        "bus 0  gateway   141#A2",
+        "bus 0  motor 0   241#A2",
+        "event",
+        "StateChanged { axis: 0, state: Active }",
+        "command 0xA2 velocity",
+    ] {
+        assert!(error.contains(part), "{part} is missing in\n{error}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_one_another() {
+    let text = "four-axes\narm 0 1 2 3\nkeep 0 velocity 1.0\nrun 200 ms\nreconnect\nas 1 ping\nrun 50 ms";
+    let trace = |seed| host_tests::scenario::trace(text, seed).unwrap();
+    assert_eq!(trace(1), trace(1));
+    assert_ne!(trace(1), trace(2));
 }
