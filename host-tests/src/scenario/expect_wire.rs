@@ -4,6 +4,10 @@ use super::bench::Bench;
 use super::words::{duration, parse};
 use std::time::Duration;
 
+/// How long a frame is awaited, and how often it is looked for.
+const PATIENCE: Duration = Duration::from_secs(1);
+const STEP: Duration = Duration::from_micros(50);
+
 /// A frame seen on a bus: µs since the mark, and its text.
 type Seen = (u64, String);
 
@@ -27,12 +31,26 @@ impl Bench {
         }
     }
 
+    /// `await BUS FRAME`: time passes, the host silent, until the frame has been on the bus since the mark.
+    pub fn wait_for(&mut self, words: &[&str]) -> Result<(), String> {
+        let bus = parse(words, 0, "bus")?;
+        let wanted: String = parse(words, 1, "frame")?;
+        let end = self.client.now() + PATIENCE;
+        while self.client.now() < end {
+            if self.seen(bus).iter().any(|(_, text)| text.starts_with(&wanted)) {
+                return Ok(());
+            }
+            self.silence(STEP);
+        }
+        Err(format!("{wanted} did not come within {PATIENCE:?}"))
+    }
+
     fn seen(&self, bus: u8) -> Vec<Seen> {
         let here = self.trace.iter().filter(|entry| entry.bus == bus && entry.time_us >= self.mark_us);
         here.map(|entry| (entry.time_us - self.mark_us, entry.wire.to_string())).collect()
     }
 
-    /// `[within TIME] [times N]`: the first N of them have begun in that time.
+    /// `[not-before TIME] [within TIME] [times N]`: the first N of them have begun in that time, and none earlier.
     fn expect_wire(&mut self, all: &[Seen], wanted: &str, words: &[&str]) -> Result<(), String> {
         let within = match words.iter().position(|word| *word == "within") {
             Some(at) => duration(words, at + 1)?,
@@ -44,6 +62,13 @@ impl Bench {
         };
         let limit = u64::try_from(within.as_micros()).unwrap_or(u64::MAX);
         let seen = times_of(all, wanted);
+        if let Some(at) = words.iter().position(|word| *word == "not-before")
+            && let Some(first) = seen.first()
+            && Duration::from_micros(*first) < duration(words, at + 1)?
+        {
+            self.focus_us = Some(self.mark_us + first);
+            return Err(format!("{wanted} was seen after {first} µs already"));
+        }
         let count = seen.iter().filter(|after| **after <= limit).count();
         if count >= times {
             return Ok(());

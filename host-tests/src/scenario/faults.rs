@@ -1,6 +1,6 @@
 //! What breaks in a scenario: motors, cables, strangers on a bus.
 
-use super::bench::Bench;
+use super::bench::{Bench, Stranger};
 use super::words::{duration, hex, parse};
 use host_protocol::CanFrame;
 use mgw_sim::{BusFault, Injection, Wire};
@@ -54,14 +54,20 @@ impl Bench {
         Ok(())
     }
 
-    /// `foreign BUS FRAME`: somebody else sends this once.
+    /// `foreign BUS FRAME [every TIME]`: somebody else sends this once, or now and then from now on.
     pub fn foreign(&mut self, words: &[&str]) -> Result<(), String> {
-        let text: String = parse(words, 1, "frame")?;
+        let (bus, text): (u8, String) = (parse(words, 0, "bus")?, parse(words, 1, "frame")?);
         let wire = match can_frame(&text)? {
             Some(frame) => Wire::Can(frame),
             None => Wire::Serial(hex(&text)?),
         };
-        self.world.borrow_mut().send_foreign(parse(words, 0, "bus")?, wire);
+        match words.get(2) {
+            Some(&"every") => {
+                let (period, next) = (duration(words, 3)?, self.client.now());
+                self.strangers.push(Stranger { bus, wire, period, next });
+            }
+            _ => self.world.borrow_mut().send_foreign(bus, wire),
+        }
         Ok(())
     }
 
@@ -73,9 +79,11 @@ impl Bench {
         Ok(())
     }
 
-    /// `hush BUS`
+    /// `hush BUS`: nobody else sends any more.
     pub fn hush(&mut self, words: &[&str]) -> Result<(), String> {
-        self.world.borrow_mut().babble(parse(words, 0, "bus")?, None);
+        let bus = parse(words, 0, "bus")?;
+        self.strangers.retain(|stranger| stranger.bus != bus);
+        self.world.borrow_mut().babble(bus, None);
         Ok(())
     }
 

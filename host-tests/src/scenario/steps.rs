@@ -16,6 +16,11 @@ impl Bench {
                 self.silence(duration(rest, 0)?);
                 Ok(())
             }
+            "until" => {
+                let now = self.client.now();
+                self.silence(duration(rest, 0)?.saturating_sub(now));
+                Ok(())
+            }
             "mark" => {
                 self.mark();
                 Ok(())
@@ -31,6 +36,7 @@ impl Bench {
                 self.kept.retain(|(kept, _)| *kept != axis);
                 Ok(())
             }
+            "await" => self.wait_for(rest),
             "repeat" => self.repeat(rest),
             "as" => self.as_other(rest),
             "unanswered" => self.unanswered(duration(rest, 0)?, rest.get(2..).unwrap_or_default()),
