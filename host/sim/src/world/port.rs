@@ -62,6 +62,16 @@ impl Port {
         true
     }
 
+    /// The gateway's controller is switched off until it is set up again.
+    pub(super) fn reset(&mut self, now: Duration) {
+        self.setup = None;
+        self.held = [false; TRANSMIT_SLOTS];
+        match &mut self.medium {
+            Medium::Can(bus) => bus.stop(now, Station::Gateway),
+            Medium::Serial { line, .. } => line.stop(Station::Gateway),
+        }
+    }
+
     /// Whether the gateway may hand a frame over.
     pub(super) fn takes_frames(&self) -> bool {
         let running = match &self.medium {
