@@ -1,14 +1,25 @@
-//! Every scenario is a test of its own, and none is forgotten.
+//! Every scenario is a test of its own, played with several seeds, and none is forgotten.
+//!
+//! `MGW_SEEDS=100` plays more of them, `MGW_SEED=7` one.
+
+use host_tests::scenario::{run, seeds};
+
+fn play(name: &str, text: &str) {
+    for seed in seeds().unwrap() {
+        if let Err(error) = run(text, seed) {
+            panic!(
+                "{name}, seed {seed}\n{error}\nagain: MGW_SEED={seed} cargo test -p host-tests --test scenarios -- {name}"
+            );
+        }
+    }
+}
 
 macro_rules! scenarios {
     ($($name:ident)+) => {
         $(
             #[test]
             fn $name() {
-                let text = include_str!(concat!("../scenarios/", stringify!($name), ".txt"));
-                if let Err(error) = host_tests::scenario::run(text) {
-                    panic!("{error}");
-                }
+                play(stringify!($name), include_str!(concat!("../scenarios/", stringify!($name), ".txt")));
             }
         )+
 
@@ -26,46 +37,117 @@ macro_rules! scenarios {
 }
 
 scenarios! {
+    a_babbling_node_with_the_highest_id_delays_a_stop_by_one_frame_at_most
+    a_babbling_node_with_the_lowest_id_trips_and_the_stop_goes_out_when_it_falls_silent
+    a_backlog_of_five_seconds_released_at_once_moves_nothing
     a_cut_bus_trips_for_want_of_acknowledgement
+    a_d5_that_answers_nothing_is_not_armed
+    a_d5_that_answers_reads_only_is_confirmed_by_reading_back
     a_fault_bit_trips_and_clears_only_when_it_is_gone
+    a_fault_that_heals_by_itself_does_not_let_the_motor_run_on
     a_held_motor_that_turns_is_stopped_again
     a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
+    a_host_that_floods_delays_no_stop_of_another
+    a_host_that_floods_its_own_link_feeds_nothing_with_old_setpoints
+    a_host_that_never_reads_blocks_nothing_and_may_stop
     a_late_reply_after_retry_is_ignored
+    a_late_reply_to_a_setpoint_of_0_does_not_acknowledge_the_stop
+    a_lost_reply_is_made_up_for_and_three_in_a_row_trip
+    a_motor_that_echoes_the_stop_and_turns_on_is_never_confirmed
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
+    a_motor_that_loses_its_power_trips_and_does_not_go_on_by_itself
+    a_motor_that_throws_motion_back_trips_as_refused
     a_mute_motor_trips_and_is_stopped_although_it_answers_nothing
     a_native_motion_obeys_the_rules_of_setpoints
     a_native_relative_move_goes_out_once_and_trips_when_unanswered
     a_native_stop_is_a_stop
     a_new_session_on_the_link_ends_the_authority_of_the_old_one
+    a_position_move_ends_with_its_permission
     a_relative_move_with_lost_reads_displaces_once
+    a_relative_move_with_three_lost_replies_displaces_once
+    a_reply_of_another_node_confirms_nothing
+    a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
+    a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
+    a_thruster_that_restarts_in_motion_refuses_and_trips
+    a_write_that_waits_in_a_d5_is_overwritten_by_its_stop
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     an_impedance_setpoint_holds_like_a_spring
     bad_configurations_are_refused_by_name
     bad_setpoints_are_refused_by_name_and_nothing_moves
+    clear_waits_for_the_confirmation
     e_stop_stops_a_motor_that_something_else_set_in_motion
     e_stop_stops_all_and_bars_arming
+    e_stop_while_arming_trips_and_arms_nothing
+    e_stop_while_stopping_trips_and_goes_on_stopping
     garbage_and_wrong_checksums_on_rs485_are_no_replies
     link_silence_trips_even_while_the_setpoint_lives
     native_changes_need_an_idle_axis
     native_reads_are_free_and_answered_from_the_motor
+    of_two_hosts_one_commands_and_both_may_stop
     pings_do_not_feed_a_setpoint
     raw_access_and_armed_axes_exclude_each_other
+    raw_access_that_is_left_open_ends_with_its_host
     rmd_and_thruster_share_a_bus
+    the_32_bit_time_wraps_around_without_harm
     the_manuals_bytes_come_out_for_host_commands
+    two_motors_with_one_id_are_both_stopped
+    unsolicited_frames_inside_an_exchange_are_no_replies
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }
 
 #[test]
 fn a_scenario_that_is_wrong_fails() {
     let failing = "four-axes\nmark\nrun 10 ms\nexpect wire 0 141#A1";
-    let error = host_tests::scenario::run(failing).unwrap_err();
+    let error = run(failing, 1).unwrap_err();
     assert!(error.contains("line 4") && error.contains("seen 0 times"), "{error}");
-    assert!(host_tests::scenario::run("four-axes\nexpect moving 0").is_err());
-    assert!(host_tests::scenario::run("four-axes\nrefused NotArmed arm 0").is_err());
-    assert!(host_tests::scenario::run("dance").is_err());
+    for wrong in [
+        "expect moving 0",
+        "expect turned 0 0.1 1",
+        "refused NotArmed arm 0",
+        "refused NotArmed set 0 velocity 1.0\nexpect refusal Tripped",
+        "unanswered 1 s ping",
+        "as 1 refused NotInCommand ping",
+        "mark\narm 0\nexpect no-wire 0 141#81",
+        "mark\narm 0\nexpect wire-count 0 141#81 3",
+        "mark\narm 0\nexpect wire-order 0 141#9A 141#81",
+        "mark\narm 0\nkeep 0 velocity 1.0\nrun 200 ms\nexpect spacing 0 141#A2 1 ms 2 ms",
+        "mark\narm 0\nrun 5 ms\nexpect no-event StateChanged { axis: 0, state: Armed",
+        "inject 0 mute",
+        "motor 0 rmd 2",
+        "power 9 off",
+        "release-backlog",
+        "dance",
+    ] {
+        assert!(run(&format!("four-axes\n{wrong}"), 1).is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn a_failure_is_told_so_that_a_person_can_follow_it() {
+    let failing = "four-axes\narm 0\nmark\nkeep 0 velocity 1.0\nrun 50 ms\nexpect wire 0 141#81 within 30 ms";
+    let error = run(failing, 3).unwrap_err();
+    for part in [
+        "line 6: expect wire 0 141#81 within 30 ms",
+        "axis 0 is active",
+        "bus 0  gateway   141#A2",
+        "bus 0  motor 0   241#A2",
+        "event",
+        "StateChanged { axis: 0, state: Active }",
+        "command 0xA2 velocity",
+    ] {
+        assert!(error.contains(part), "{part} is missing in\n{error}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_one_another() {
+    let text = "four-axes\narm 0 1 2 3\nkeep 0 velocity 1.0\nrun 200 ms\nreconnect\nas 1 ping\nrun 50 ms";
+    let trace = |seed| host_tests::scenario::trace(text, seed).unwrap();
+    assert_eq!(trace(1), trace(1));
+    assert_ne!(trace(1), trace(2));
 }

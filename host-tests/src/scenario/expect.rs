@@ -1,6 +1,6 @@
 //! What a scenario demands.
 
-use super::bench::Bench;
+use super::bench::{Bench, Told};
 use super::words::{duration, fields, parse};
 use host_protocol::{AxisState, Event, StateField, Trip};
 use std::time::Duration;
@@ -11,31 +11,36 @@ impl Bench {
         self.collect();
         let (what, rest) = words.split_first().ok_or("expect what?")?;
         match *what {
+            "wire" | "no-wire" | "first-wire" | "wire-count" | "wire-order" | "spacing" => {
+                self.expect_on_wire(what, rest)
+            }
             "state" => self.expect_state(rest),
             "trip" => self.expect_trip(rest),
-            "wire" => self.expect_wire(rest),
-            "no-wire" => self.expect_no_wire(rest),
-            "first-wire" => self.expect_first_wire(rest),
+            "refusal" => self.expect_refusal(rest),
+            "reaction" => self.expect_reaction(rest),
+            "acknowledged" => self.expect_acknowledged(rest),
             "stopped" => self.expect_motor(rest, false),
             "moving" => self.expect_motor(rest, true),
             "position" => self.expect_position(rest),
-            "wire-count" => self.expect_wire_count(rest),
+            "turned" => self.expect_turned(rest),
             "native-reply" => self.expect_native_reply(rest),
             "move-target" => self.expect_move_target(rest),
             "sample" => self.expect_sample(rest),
             "samples" => self.expect_samples(rest),
             "event" => self.expect_event(rest),
+            "no-event" => self.expect_no_event(rest),
             "bus" => self.expect_bus(rest),
             other => Err(format!("{other} cannot be expected")),
         }
     }
 
-    /// `state AXIS idle|armed|active|stopping|tripped|tripped-confirmed`
+    /// `state AXIS unconfigured|idle|arming|armed|active|stopping|tripped|tripped-confirmed`
     fn expect_state(&mut self, words: &[&str]) -> Result<(), String> {
         let axis = parse(words, 0, "axis")?;
         let wanted = match words.get(1) {
             Some(&"unconfigured") => AxisState::Unconfigured,
             Some(&"idle") => AxisState::Idle,
+            Some(&"arming") => AxisState::Arming,
             Some(&"armed") => AxisState::Armed,
             Some(&"active") => AxisState::Active,
             Some(&"stopping") => AxisState::Stopping,
@@ -48,59 +53,21 @@ impl Bench {
         if state == Some(wanted) { Ok(()) } else { Err(format!("axis {axis} is {state:?}")) }
     }
 
-    /// `trip AXIS REASON`
+    /// `trip AXIS REASON[|REASON]`: the reason as it is printed for programmers begins so.
     fn expect_trip(&mut self, words: &[&str]) -> Result<(), String> {
         let axis = parse(words, 0, "axis")?;
-        let wanted: String = parse(words, 1, "reason")?;
+        let wanted = words.get(1..).unwrap_or_default().join(" ");
+        if wanted.is_empty() {
+            return Err("for which reason?".to_string());
+        }
         let trip = self.state(axis)?.trip;
         match trip {
-            Some(Trip { reason, .. }) if format!("{reason:?}").starts_with(&wanted) => Ok(()),
+            Some(Trip { reason, .. })
+                if wanted.split('|').any(|one| format!("{reason:?}").starts_with(one)) =>
+            {
+                Ok(())
+            }
             other => Err(format!("axis {axis} has {other:?}")),
-        }
-    }
-
-    /// `wire BUS FRAME [within TIME] [times N]`, counted from the mark.
-    fn expect_wire(&mut self, words: &[&str]) -> Result<(), String> {
-        let bus = parse(words, 0, "bus")?;
-        let wanted: String = parse(words, 1, "frame")?;
-        let within = match words.iter().position(|word| *word == "within") {
-            Some(at) => duration(words, at + 1)?,
-            None => Duration::MAX,
-        };
-        let times: usize = match words.iter().position(|word| *word == "times") {
-            Some(at) => parse(words, at + 1, "count")?,
-            None => 1,
-        };
-        let limit = u64::try_from(within.as_micros()).unwrap_or(u64::MAX);
-        let seen: Vec<u64> = self
-            .wire(bus)
-            .filter(|(_, text)| text.starts_with(&wanted))
-            .map(|(at, _)| at - self.mark_us)
-            .collect();
-        let count = seen.iter().filter(|after| **after <= limit).count();
-        if count >= times {
-            return Ok(());
-        }
-        Err(format!("{wanted} was seen {count} times in time, on bus {bus} after {seen:?} µs"))
-    }
-
-    /// `no-wire BUS FRAME`, from the mark on.
-    fn expect_no_wire(&mut self, words: &[&str]) -> Result<(), String> {
-        let bus = parse(words, 0, "bus")?;
-        let unwanted: String = parse(words, 1, "frame")?;
-        match self.wire(bus).find(|(_, text)| text.starts_with(&unwanted)) {
-            Some((at, text)) => Err(format!("{text} was sent at {at} µs")),
-            None => Ok(()),
-        }
-    }
-
-    /// `first-wire BUS FRAME`: nothing else was on the bus between the mark and this frame.
-    fn expect_first_wire(&mut self, words: &[&str]) -> Result<(), String> {
-        let bus = parse(words, 0, "bus")?;
-        let wanted: String = parse(words, 1, "frame")?;
-        match self.wire(bus).next() {
-            Some((_, text)) if text.starts_with(&wanted) => Ok(()),
-            other => Err(format!("the first frame was {other:?}")),
         }
     }
 
@@ -127,19 +94,6 @@ impl Bench {
         Err(format!("motor {index} is at {position} rad"))
     }
 
-    /// `wire-count BUS FRAME N`: exactly so often since the mark.
-    fn expect_wire_count(&mut self, words: &[&str]) -> Result<(), String> {
-        let bus = parse(words, 0, "bus")?;
-        let wanted: String = parse(words, 1, "frame")?;
-        let times: usize = parse(words, 2, "count")?;
-        let seen: Vec<u64> =
-            self.wire(bus).filter(|(_, text)| text.starts_with(&wanted)).map(|(at, _)| at).collect();
-        if seen.len() == times {
-            return Ok(());
-        }
-        Err(format!("{wanted} was seen on bus {bus} at {seen:?} µs, not {times} times"))
-    }
-
     /// `native-reply DATA|none`: what the motor answered to the last native command begins so.
     fn expect_native_reply(&mut self, words: &[&str]) -> Result<(), String> {
         let wanted: String = parse(words, 0, "data")?;
@@ -163,8 +117,8 @@ impl Bench {
     fn expect_samples(&mut self, words: &[&str]) -> Result<(), String> {
         let wanted: u8 = parse(words, 0, "axis")?;
         let (min, max): (usize, usize) = (parse(words, 1, "count")?, parse(words, 2, "count")?);
-        let of_axis = |(time_us, event): &&(u64, Event)| {
-            *time_us >= self.mark_us && matches!(event, Event::Sample { axis, .. } if *axis == wanted)
+        let of_axis = |told: &&Told| {
+            told.time_us >= self.mark_us && matches!(told.event, Event::Sample { axis, .. } if axis == wanted)
         };
         let count = self.samples.iter().filter(of_axis).count();
         if (min..=max).contains(&count) { Ok(()) } else { Err(format!("{count} samples")) }
@@ -176,7 +130,7 @@ impl Bench {
         let wanted: u8 = parse(words, 0, "axis")?;
         let wanted_fields = fields(words.get(1).copied().unwrap_or_default())?;
         let is_wanted = |event: &&Event| matches!(event, Event::Sample { axis, .. } if *axis == wanted);
-        let found = self.samples.iter().rev().map(|(_, event)| event).find(is_wanted);
+        let found = self.samples.iter().rev().map(|told| &told.event).find(is_wanted);
         let sample = found.ok_or_else(|| format!("no sample of axis {wanted}"))?;
         let ages: Vec<_> = StateField::ALL.iter().map(|field| (*field, sample.age_us(*field))).collect();
         let fresh = |age: Option<u32>| age.is_some_and(|age| age <= OLDEST_US);
@@ -188,11 +142,76 @@ impl Bench {
         if fits { Ok(()) } else { Err(format!("the last sample has {ages:?}")) }
     }
 
-    /// `event NAME [FIELDS AS PRINTED]`
+    /// `event NAME [FIELDS AS PRINTED]`: at any time so far, on the host's link.
     fn expect_event(&mut self, words: &[&str]) -> Result<(), String> {
         let wanted = words.join(" ");
-        let seen = self.events.iter().any(|event| format!("{event:?}").starts_with(&wanted));
+        let seen = self.events.iter().any(|told| self.is_told(told, &wanted));
         if seen { Ok(()) } else { Err(format!("no event {wanted}")) }
+    }
+
+    /// `no-event NAME [FIELDS AS PRINTED]`: not since the mark, on the host's link.
+    fn expect_no_event(&mut self, words: &[&str]) -> Result<(), String> {
+        let unwanted = words.join(" ");
+        let since = |told: &&Told| told.time_us >= self.mark_us && self.is_told(told, &unwanted);
+        match self.events.iter().find(since) {
+            Some(told) => Err(format!("at {} µs: {:?}", told.time_us, told.event)),
+            None => Ok(()),
+        }
+    }
+
+    fn is_told(&self, told: &Told, wanted: &str) -> bool {
+        told.link == self.link && format!("{:?}", told.event).starts_with(wanted)
+    }
+
+    /// `refusal TEXT`: the last refusal, as it is printed for programmers, contains this.
+    fn expect_refusal(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted = words.join(" ");
+        let seen = self.refusal.map(|error| format!("{error:?}")).unwrap_or_default();
+        if seen.contains(&wanted) { Ok(()) } else { Err(format!("the last refusal was {seen}")) }
+    }
+
+    /// `reaction AXIS TIME`: from the latest reason to stop that was confirmed since the mark, so long at most until the first
+    /// stop frame had left.
+    fn expect_reaction(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted: u8 = parse(words, 0, "axis")?;
+        let limit = duration(words, 1)?;
+        let reaction = self.events.iter().rev().find_map(|told| match told.event {
+            Event::StopConfirmed { axis, reaction_us, .. }
+                if axis == wanted && told.time_us >= self.mark_us =>
+            {
+                Some(Duration::from_micros(reaction_us.into()))
+            }
+            _ => None,
+        });
+        match reaction {
+            Some(reaction) if reaction <= limit => Ok(()),
+            Some(reaction) => Err(format!("it took {reaction:?} until the stop had left")),
+            None => Err("no stop was confirmed".to_string()),
+        }
+    }
+
+    /// `acknowledged AXIS yes|no`: whether the motor has acknowledged the stop under way.
+    fn expect_acknowledged(&mut self, words: &[&str]) -> Result<(), String> {
+        let axis = parse(words, 0, "axis")?;
+        let wanted = match words.get(1) {
+            Some(&"yes") => true,
+            Some(&"no") => false,
+            other => return Err(format!("acknowledged, yes or no, not {other:?}")),
+        };
+        let acknowledged = self.state(axis)?.stop_acknowledged;
+        if acknowledged == wanted { Ok(()) } else { Err(format!("acknowledged: {acknowledged}")) }
+    }
+
+    /// `turned MOTOR MIN MAX`: how far the shaft has turned since the mark, rad, in either direction.
+    fn expect_turned(&mut self, words: &[&str]) -> Result<(), String> {
+        let index: usize = parse(words, 0, "motor")?;
+        let (min, max): (f64, f64) = (parse(words, 1, "least angle")?, parse(words, 2, "greatest angle")?);
+        let before = self.mark_rad.get(index).copied().unwrap_or_default();
+        let turned = (self.world.borrow().motor(index).position_rad() - before).abs();
+        if (min..=max).contains(&turned) {
+            return Ok(());
+        }
+        Err(format!("motor {index} has turned by {turned} rad since the mark"))
     }
 
     /// `bus BUS COUNTER MIN`

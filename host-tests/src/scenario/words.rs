@@ -3,6 +3,7 @@
 use host_protocol::{
     AxisParameter, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction, Value, ValueKind,
 };
+use mgw_sim::Wiring;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -85,6 +86,13 @@ pub fn protocols(text: &str) -> Result<ProtocolSet, String> {
         let protocol = Protocol::from_name(name).ok_or_else(|| format!("{name} is no protocol"))?;
         Ok(set.with(protocol))
     })
+}
+
+/// `motor BUS PROTOCOL NODE`: one more motor on the buses.
+pub fn motor(wiring: Wiring, words: &[&str]) -> Result<Wiring, String> {
+    let name: String = parse(words, 2, "protocol")?;
+    let protocol = Protocol::from_name(&name).ok_or_else(|| format!("{name} is no protocol"))?;
+    Ok(wiring.with(parse(words, 1, "bus")?, protocol, parse(words, 3, "node")?))
 }
 
 /// `name=value`

@@ -12,6 +12,8 @@ pub enum Station {
     Gateway,
     /// The motor with this index in the wiring.
     Motor(usize),
+    /// Somebody who belongs to neither, with nothing but a transmitter.
+    Stranger,
 }
 
 /// What one station sends at once.

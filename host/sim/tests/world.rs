@@ -1,6 +1,8 @@
 //! The simulated world by itself: timing on the wire, determinism, broken cables, the motors' own logs.
 
 mod four_motors;
+mod lives;
+mod strangers;
 
 use std::time::Duration;
 

@@ -103,6 +103,17 @@ impl CanBus {
         }
     }
 
+    /// Switches a station's controller off until it is started again: what it held is dropped.
+    pub(crate) fn stop(&mut self, now: Duration, station: Station) {
+        self.stop_media(now, Some(station));
+        if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {
+            // At no bitrate at all it hears nobody and acknowledges nothing.
+            let plugged = node.plugged;
+            *node = Node::new(station);
+            node.plugged = plugged;
+        }
+    }
+
     /// Hands a frame to a station's controller. `corrupt`: its checksum will be wrong.
     pub(crate) fn send(&mut self, station: Station, slot: u8, frame: CanFrame, corrupt: bool) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {

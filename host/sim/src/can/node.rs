@@ -133,7 +133,7 @@ impl Node {
         let precedence = |at: &usize| self.queue.get(*at).map_or(u32::MAX, |held| priority(&held.frame));
         match self.station {
             Station::Gateway => (0..self.queue.len()).min_by_key(precedence),
-            Station::Motor(_) => (!self.queue.is_empty()).then_some(0),
+            Station::Motor(_) | Station::Stranger => (!self.queue.is_empty()).then_some(0),
         }
     }
 }

@@ -244,6 +244,10 @@ impl D5 {
             cx.ignored("speed 0", "injected");
             return;
         }
+        if register == Register::SPEED && value != Value::Word(0) && cx.injected.ignore_motion {
+            cx.ignored("speed", "injected");
+            return;
+        }
         match register {
             Register::ID => {
                 let id = match value {

@@ -172,3 +172,12 @@ fn a_wrong_checksum_can_be_injected() {
     motor.inject(Injection::WrongChecksum(true));
     assert_eq!(motor.ask(ID, &READ_SPEED), ["00B#5D0B0502260000C7"]);
 }
+
+#[test]
+fn it_may_answer_a_speed_and_not_follow() {
+    let mut motor = motor();
+    motor.inject(Injection::IgnoreMotion(true));
+    motor.keep_asking(ID, &SPEED_600, 500);
+    assert_eq!(motor.ask(ID, &SPEED_600), ["00B#5D0B05032058028D"]);
+    motor.assert_speed(0.0);
+}

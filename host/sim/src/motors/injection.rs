@@ -21,6 +21,16 @@ pub enum Injection {
     StuckRotor(bool),
     /// It answers stop commands and does not stop.
     IgnoreStop(bool),
+    /// It answers commands that move and does not carry them out. An RMD answers with the command's own bytes.
+    IgnoreMotion(bool),
+    /// So many of its next answers get lost on the way.
+    LoseReplies(u32),
+    /// It answers later than usual by a random time up to this.
+    ReplyJitter(Duration),
+    /// Thruster: it refuses whatever sets something, without a fault.
+    Refuse(bool),
+    /// RMD: when a fault goes it resumes what it did before the fault, whatever it was told meanwhile.
+    ResumeAfterFault(bool),
     /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
     ResumeAfterTimeout(bool),
 }
@@ -37,6 +47,11 @@ pub(crate) struct Injections {
     pub(crate) wrong_checksum: bool,
     pub(crate) stuck_rotor: bool,
     pub(crate) ignore_stop: bool,
+    pub(crate) ignore_motion: bool,
+    pub(crate) lose_replies: u32,
+    pub(crate) reply_jitter: Duration,
+    pub(crate) refuse: bool,
+    pub(crate) resume_after_fault: bool,
     pub(crate) resume_after_timeout: bool,
 }
 
@@ -51,6 +66,11 @@ impl Injections {
             Injection::WrongChecksum(on) => self.wrong_checksum = on,
             Injection::StuckRotor(on) => self.stuck_rotor = on,
             Injection::IgnoreStop(on) => self.ignore_stop = on,
+            Injection::IgnoreMotion(on) => self.ignore_motion = on,
+            Injection::LoseReplies(count) => self.lose_replies = count,
+            Injection::ReplyJitter(most) => self.reply_jitter = most,
+            Injection::Refuse(on) => self.refuse = on,
+            Injection::ResumeAfterFault(on) => self.resume_after_fault = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
         }
     }

@@ -55,7 +55,7 @@ pub struct Outgoing {
 /// What surrounds a model while it is called.
 pub(super) struct Context<'a> {
     pub(super) now: Duration,
-    pub(super) injected: &'a Injections,
+    pub(super) injected: &'a mut Injections,
     pub(super) log: &'a mut MotorLog,
     pub(super) random: &'a mut Random,
     pub(super) outbox: &'a mut Vec<Outgoing>,
@@ -78,10 +78,18 @@ impl Context<'_> {
 
     /// Sends after `delay`, unless and as the injections say. `has_checksum`: the last byte is one.
     pub(super) fn send(&mut self, delay: Duration, mut wire: Wire, has_checksum: bool) {
-        let Injections { mute, late_reply, garbage, wrong_checksum, .. } = *self.injected;
+        let Injections { mute, late_reply, reply_jitter, garbage, wrong_checksum, .. } = *self.injected;
         if mute {
             return;
         }
+        if let Some(left) = self.injected.lose_replies.checked_sub(1) {
+            self.injected.lose_replies = left;
+            return;
+        }
+        let jitter = match reply_jitter {
+            Duration::ZERO => Duration::ZERO,
+            most => self.random.between(Duration::ZERO, most),
+        };
         if garbage {
             self.replace_data(&mut wire, |random, _| random.byte());
         }
@@ -97,7 +105,7 @@ impl Context<'_> {
                 if at == last { !byte } else { byte }
             });
         }
-        self.outbox.push(Outgoing { at: self.now + delay + late_reply, wire, corrupt });
+        self.outbox.push(Outgoing { at: self.now + delay + late_reply + jitter, wire, corrupt });
         self.outbox.sort_by_key(|message| message.at);
     }
 

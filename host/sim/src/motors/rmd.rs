@@ -80,6 +80,8 @@ pub(super) struct Rmd {
     plant: Plant,
     /// What it was told to do. It returns to that when a fault heals by itself.
     wanted: Drive,
+    /// What it was doing when the fault came.
+    before_fault: Option<Drive>,
     /// Stored by 0xB3; zero = off.
     timeout: Duration,
     last_heard: Option<Duration>,
@@ -103,6 +105,7 @@ impl Rmd {
             interface,
             plant: Plant::new(CHARACTERISTICS),
             wanted: Drive::Off,
+            before_fault: None,
             timeout: Duration::ZERO,
             last_heard: None,
             timed_out: false,
@@ -152,6 +155,13 @@ impl Rmd {
         if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
             self.faults |= Faults::STALL;
         }
+        if self.is_faulty() {
+            self.before_fault.get_or_insert(self.wanted);
+        } else if let Some(before) = self.before_fault.take()
+            && cx.injected.resume_after_fault
+        {
+            self.wanted = before;
+        }
     }
 
     fn apply_drive(&mut self) {
@@ -185,7 +195,7 @@ impl Rmd {
             Some("first after the timeout")
         } else if is_motion && self.is_faulty() {
             Some("fault")
-        } else if is_stop && cx.injected.ignore_stop {
+        } else if is_motion && cx.injected.ignore_motion || is_stop && cx.injected.ignore_stop {
             Some("injected")
         } else {
             None
@@ -410,7 +420,7 @@ impl Model for Rmd {
     }
 
     fn power_cycle(&mut self) {
-        self.wanted = Drive::Off;
+        (self.wanted, self.before_fault) = (Drive::Off, None);
         self.last_heard = None;
         (self.timed_out, self.deaf_once, self.locked_by_timeout) = (false, false, false);
         (self.brake_released, self.release_at, self.notice_at) = (true, None, None);

@@ -298,3 +298,51 @@ fn on_rs485_a_pause_ends_a_frame_begun() {
     // To another motor.
     assert_eq!(motor.ask_serial(&[0x3E, 0x02, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xB6, 0x30]), [""; 0]);
 }
+
+#[test]
+fn it_may_throw_motion_back_and_still_stop() {
+    let mut motor = running();
+    motor.inject(Injection::IgnoreMotion(true));
+    let other = [0xA2, 0, 0, 0, 0x20, 0x4E, 0x00, 0x00];
+    assert_eq!(motor.ask(ID, &other), ["241#A2000000204E0000"]);
+    motor.run_ms(500);
+    motor.assert_speed(RAD_S_100);
+    assert_eq!(motor.ask(ID, &STOP), ["241#8100000000000000"]);
+    motor.run_ms(500);
+    motor.assert_speed(0.0);
+}
+
+/// Bit 0x0004, low voltage, goes by itself (RMD V3.6 §8.1).
+#[test]
+fn it_may_resume_what_it_did_before_a_fault_although_it_was_stopped() {
+    for resumes in [false, true] {
+        let mut motor = running();
+        motor.inject(Injection::ResumeAfterFault(resumes));
+        motor.inject(Injection::FaultBits(0x0004));
+        assert_eq!(motor.ask(ID, &STOP), ["241#8100000000000000"]);
+        motor.run_ms(1_000);
+        motor.assert_speed(0.0);
+        motor.inject(Injection::FaultBits(0));
+        motor.run_ms(1_000);
+        motor.assert_speed(if resumes { RAD_S_100 } else { 0.0 });
+        motor.ask(ID, &STOP);
+        motor.run_ms(1_000);
+        motor.assert_speed(0.0);
+    }
+}
+
+#[test]
+fn answers_get_lost_and_wander() {
+    let mut motor = motor();
+    motor.inject(Injection::LoseReplies(2));
+    assert_eq!(motor.ask(ID, &STATUS_2), [""; 0]);
+    assert_eq!(motor.ask(ID, &STATUS_2), [""; 0]);
+    assert_eq!(motor.ask(ID, &STATUS_2).len(), 1);
+    motor.inject(Injection::ReplyJitter(Duration::from_millis(20)));
+    let late = (0..20).filter(|_| {
+        let at_once = motor.ask(ID, &STATUS_2).len();
+        assert_eq!(at_once + motor.run_ms(20).len(), 1);
+        at_once == 0
+    });
+    assert!((1..20).contains(&late.count()), "some within 1 ms, some later");
+}

@@ -151,6 +151,10 @@ impl Thruster {
         self.update(cx);
         let reply = match *request {
             Request::ReadFaults => Reply::Faults { faults: faults_before },
+            _ if cx.injected.refuse && name(request).is_some() => {
+                cx.ignored(name(request).unwrap_or_default(), "injected");
+                refusal(request)
+            }
             _ => self.carry_out(cx, request),
         };
         self.update(cx);
@@ -258,6 +262,10 @@ impl Thruster {
             self.wanted_rad_s = 0.0;
             cx.ignored(name(request).unwrap_or_default(), "fault");
             return refusal(request);
+        }
+        if rad_s != 0.0 && cx.injected.ignore_motion {
+            cx.ignored(name(request).unwrap_or_default(), "injected");
+            return accepted;
         }
         self.wanted_rad_s = rad_s;
         accepted

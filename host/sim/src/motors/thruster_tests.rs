@@ -154,3 +154,19 @@ fn the_emergency_stop_stops() {
     motor.assert_speed(0.0);
     assert!(matches!(motor.last_event(), Some(MotorEvent::Stopped { .. })));
 }
+
+#[test]
+fn it_may_refuse_without_a_fault_or_take_a_signal_and_not_follow() {
+    let mut motor = running();
+    motor.inject(Injection::Refuse(true));
+    assert_eq!(motor.ask(ID, &TC_0), ["28B#544300000000EEEE"]);
+    assert_eq!(motor.ask(ID, &EF), ["28B#4546000000000000"]);
+    motor.run_ms(500);
+    motor.assert_speed(RAD_S_10);
+    motor.inject(Injection::Refuse(false));
+    motor.inject(Injection::IgnoreMotion(true));
+    motor.ask(ID, &TC_0);
+    assert_eq!(motor.ask(ID, &TC_10), ["28B#544300000000000A"]);
+    motor.run_ms(1_000);
+    motor.assert_speed(0.0);
+}

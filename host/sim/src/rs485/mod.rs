@@ -75,6 +75,11 @@ impl SerialLine {
         self.nodes.sort_by_key(|node| node.station);
     }
 
+    /// Takes a station off the line until it is started again: what it held is dropped.
+    pub(crate) fn stop(&mut self, station: Station) {
+        self.nodes.retain(|node| node.station != station);
+    }
+
     /// Sends bytes after those the station already has to send. It does not look whether the line is free.
     pub(crate) fn send(&mut self, now: Duration, station: Station, slot: u8, bytes: Vec<u8>) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {

@@ -29,6 +29,8 @@ pub(super) struct HostLink {
     outbound: Option<(Duration, Vec<u8>)>,
     /// Arrived at the host, not yet read.
     received: VecDeque<u8>,
+    /// The host takes nothing: what the gateway is sending stays where it is.
+    is_blocked: bool,
 }
 
 impl HostLink {
@@ -59,7 +61,7 @@ impl HostLink {
 
     pub(super) fn next_event(&self) -> Option<Duration> {
         let inbound = (!self.inbound.is_empty()).then(|| self.arrival(self.chunk_len()));
-        let outbound = self.outbound.as_ref().map(|(end, _)| *end);
+        let outbound = self.outbound.as_ref().map(|(end, _)| *end).filter(|_| !self.is_blocked);
         inbound.into_iter().chain(outbound).min()
     }
 
@@ -73,8 +75,16 @@ impl HostLink {
         Some(self.inbound.drain(..len).collect())
     }
 
+    /// Whether the host takes what the gateway sends.
+    pub(super) fn set_reads(&mut self, reads: bool) {
+        self.is_blocked = !reads;
+    }
+
     /// Ends what the gateway was sending.
     pub(super) fn finish(&mut self, now: Duration) {
+        if self.is_blocked {
+            return;
+        }
         if let Some((_, bytes)) = self.outbound.take_if(|(end, _)| *end <= now)
             && self.received.len() + bytes.len() <= HOST_BUFFER
         {

@@ -5,7 +5,9 @@
 //! starts on the buses. So a run depends on wiring, seed and input only, not on how it is cut into pieces.
 
 mod host_link;
+mod life;
 mod port;
+mod strangers;
 mod trace;
 
 use std::time::Duration;
@@ -16,6 +18,7 @@ use host_protocol::{BusState, MAX_FRAME};
 pub use self::trace::TraceEntry;
 
 use self::host_link::HostLink;
+use self::life::Life;
 use self::port::{Medium, Port};
 use self::trace::{Trace, micros};
 use crate::bus::{BusFault, Station, Wire};
@@ -35,6 +38,7 @@ pub struct World {
     motors: Vec<Motor>,
     links: Vec<HostLink>,
     trace: Trace,
+    life: Life,
     /// A deadline that the gateway leaves in the past is due again only then, so that time goes on.
     not_before: Duration,
 }
@@ -64,16 +68,14 @@ impl World {
             motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
         }
         let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
-        let mut gateway = Box::new(Gateway::new(board));
-        gateway.restore(Instant::from_micros(0), &[]);
-        gateway.handle(Instant::from_micros(0), Event::EStopInput { open: false });
-        let (trace, not_before) = (Trace::default(), Duration::ZERO);
-        let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, not_before };
-        world.settle();
+        let gateway = Box::new(Gateway::new(board));
+        let (trace, not_before, life) = (Trace::default(), Duration::ZERO, Life::new(board));
+        let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, life, not_before };
+        world.start_gateway();
         Ok(world)
     }
 
-    /// The time, as the gateway counts it.
+    /// The time since this world began, which is also when its gateway was started first.
     pub fn now(&self) -> Instant {
         Instant::from_micros(micros(self.now))
     }
@@ -91,18 +93,6 @@ impl World {
     /// Lets everything happen for a while.
     pub fn run_for(&mut self, span: Duration) {
         self.run_to(self.now + span);
-    }
-
-    /// Opens the e-stop input, as its button does when it is pressed, or closes it.
-    pub fn set_e_stop_input(&mut self, open: bool) {
-        let now = self.now();
-        self.gateway.handle(now, Event::EStopInput { open });
-        self.settle();
-    }
-
-    /// The level of the enable output.
-    pub fn enable_output(&self) -> bool {
-        self.gateway.enable_output()
     }
 
     /// Sends bytes to the gateway over a host link, at the pace of the link. A link that does not exist takes nothing.
@@ -183,8 +173,7 @@ impl World {
     }
 
     fn next_time(&self) -> Option<Duration> {
-        let deadline = self.gateway.next_deadline();
-        let deadline = deadline.map(|at| Duration::from_micros(at.as_micros()).max(self.not_before));
+        let deadline = self.gateway_deadline().map(|at| at.max(self.not_before));
         let ports = self.ports.iter().filter_map(Port::next_event);
         let motors = self.motors.iter().filter_map(Motor::next_event);
         let links = self.links.iter().filter_map(HostLink::next_event);
@@ -210,8 +199,7 @@ impl World {
         for link in 0..self.links.len() {
             self.run_link(link);
         }
-        let deadline = self.gateway.next_deadline();
-        if deadline.is_some_and(|at| at <= self.now()) && self.not_before <= now {
+        if self.gateway_deadline().is_some_and(|at| at <= now) && self.not_before <= now {
             self.not_before = now + TICK;
             self.tell(Event::Tick);
         }
@@ -241,28 +229,28 @@ impl World {
         if let Some(link) = self.links.get_mut(index) {
             link.finish(now);
         }
+        let is_open = self.links_are_open();
         while let Some(bytes) = self.links.get_mut(index).and_then(|link| link.arrived(now)) {
-            self.tell(Event::HostBytes { link: number, bytes: &bytes });
+            if is_open {
+                self.tell(Event::HostBytes { link: number, bytes: &bytes });
+            }
         }
         self.poll_link(index);
     }
 
     /// Hands an event to the gateway and takes what it then wants to send.
     fn tell(&mut self, event: Event<'_>) {
-        let now = self.now();
-        self.gateway.handle(now, event);
+        self.handle(event);
         self.poll_gateway();
     }
 
     fn poll_gateway(&mut self) {
-        let now = self.now();
+        if !self.runs() {
+            return;
+        }
+        self.set_up_ports();
+        let now = self.gateway_now();
         for (bus, port) in (0..).zip(&mut self.ports) {
-            let started = port.set_up(self.now, self.gateway.bus_setup(bus));
-            if started && matches!(port.medium, Medium::Serial { .. }) {
-                // A CAN bus reports its start by itself.
-                let (state, transmit_errors, receive_errors) = (BusState::Active, 0, 0);
-                self.gateway.handle(now, Event::BusState { bus, state, transmit_errors, receive_errors });
-            }
             while let Some(slot) = self.gateway.poll_cancel(now, bus) {
                 port.cancel(slot);
             }
@@ -277,7 +265,22 @@ impl World {
         }
     }
 
+    fn set_up_ports(&mut self) {
+        for bus in 0..u8::try_from(self.ports.len()).unwrap_or(u8::MAX) {
+            let Some(port) = self.ports.get_mut(usize::from(bus)) else { return };
+            let started = port.set_up(self.now, self.gateway.bus_setup(bus));
+            if started && matches!(port.medium, Medium::Serial { .. }) {
+                // A CAN bus reports its start by itself.
+                let (state, transmit_errors, receive_errors) = (BusState::Active, 0, 0);
+                self.handle(Event::BusState { bus, state, transmit_errors, receive_errors });
+            }
+        }
+    }
+
     fn poll_link(&mut self, index: usize) {
+        if !self.links_are_open() {
+            return;
+        }
         let Some(link) = self.links.get_mut(index).filter(|link| link.is_free()) else { return };
         let mut frame = [0; MAX_FRAME];
         let number = u8::try_from(index).unwrap_or(u8::MAX);
@@ -329,6 +332,9 @@ impl World {
                 }
                 if to.contains(&Station::Gateway) {
                     self.tell(Event::CanReceived { bus, frame });
+                }
+                if from == Station::Stranger {
+                    self.go_on_babbling(bus);
                 }
             }
             CanOutcome::Cancelled { station: Station::Gateway, slot } => {

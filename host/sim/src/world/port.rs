@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use gateway::port::TRANSMIT_SLOTS;
 use gateway::{BusPortKind, BusSetup, Outgoing, Transmit};
+use host_protocol::CanFrame;
 
 use crate::bus::{BusFault, Station, Wire};
 use crate::can::CanBus;
@@ -22,6 +23,12 @@ pub(super) enum Medium {
 pub(super) struct Port {
     pub(super) medium: Medium,
     setup: Option<BusSetup>,
+    /// Bitrate of the motor that was connected first.
+    motors_bitrate: Option<u32>,
+    /// Somebody who does not belong here is connected.
+    has_stranger: bool,
+    /// What the stranger sends again and again.
+    babble: Option<CanFrame>,
     held: [bool; TRANSMIT_SLOTS],
 }
 
@@ -31,10 +38,12 @@ impl Port {
             BusPortKind::Can => Medium::Can(CanBus::default()),
             BusPortKind::Rs485 { local_echo } => Medium::Serial { line: SerialLine::default(), local_echo },
         };
-        Self { medium, setup: None, held: [false; TRANSMIT_SLOTS] }
+        let held = [false; TRANSMIT_SLOTS];
+        Self { medium, setup: None, motors_bitrate: None, has_stranger: false, babble: None, held }
     }
 
     pub(super) fn connect_motor(&mut self, motor: Station, bitrate: u32) {
+        self.motors_bitrate.get_or_insert(bitrate);
         match &mut self.medium {
             Medium::Can(bus) => bus.start(Duration::ZERO, motor, bitrate),
             Medium::Serial { line, .. } => line.start(motor, bitrate, false),
@@ -51,6 +60,16 @@ impl Port {
             Medium::Serial { line, local_echo } => line.start(Station::Gateway, new.bitrate, *local_echo),
         }
         true
+    }
+
+    /// The gateway's controller is switched off until it is set up again.
+    pub(super) fn reset(&mut self, now: Duration) {
+        self.setup = None;
+        self.held = [false; TRANSMIT_SLOTS];
+        match &mut self.medium {
+            Medium::Can(bus) => bus.stop(now, Station::Gateway),
+            Medium::Serial { line, .. } => line.stop(Station::Gateway),
+        }
     }
 
     /// Whether the gateway may hand a frame over.
@@ -101,6 +120,45 @@ impl Port {
             (Medium::Serial { line, .. }, Wire::Serial(bytes)) => line.send(now, motor, 0, bytes),
             // A motor is made for the kind of bus that it is wired to.
             _ => {}
+        }
+    }
+
+    /// Somebody who does not belong to the bus sends something, at the bitrate that is usual there. A wire of another kind
+    /// of bus goes nowhere.
+    pub(super) fn send_stranger(&mut self, now: Duration, wire: Wire) {
+        let bitrate = self.setup.map(|setup| setup.bitrate).or(self.motors_bitrate);
+        let Some(bitrate) = bitrate else { return };
+        let is_new = !std::mem::replace(&mut self.has_stranger, true);
+        match (&mut self.medium, wire) {
+            (Medium::Can(bus), Wire::Can(frame)) => {
+                if is_new {
+                    bus.start(now, Station::Stranger, bitrate);
+                }
+                bus.send(Station::Stranger, 0, frame, false);
+            }
+            (Medium::Serial { line, .. }, Wire::Serial(bytes)) => {
+                if is_new {
+                    line.start(Station::Stranger, bitrate, false);
+                }
+                line.send(now, Station::Stranger, 0, bytes);
+            }
+            _ => {}
+        }
+    }
+
+    /// The stranger sends this frame as fast as the bus takes it, or stops doing so.
+    pub(super) fn babble(&mut self, now: Duration, frame: Option<CanFrame>) {
+        let was_silent = self.babble.is_none();
+        self.babble = frame;
+        if was_silent {
+            self.go_on_babbling(now);
+        }
+    }
+
+    /// The stranger's frame has left: the next one.
+    pub(super) fn go_on_babbling(&mut self, now: Duration) {
+        if let Some(frame) = self.babble {
+            self.send_stranger(now, Wire::Can(frame));
         }
     }
 

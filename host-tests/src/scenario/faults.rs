@@ -1,0 +1,102 @@
+//! What breaks in a scenario: motors, cables, strangers on a bus.
+
+use super::bench::{Bench, Stranger};
+use super::words::{duration, hex, parse};
+use host_protocol::CanFrame;
+use mgw_sim::{BusFault, Injection, Wire};
+
+impl Bench {
+    /// `bus-cut|bus-short|bus-join BUS`
+    pub fn disturb(&mut self, words: &[&str], fault: BusFault) -> Result<(), String> {
+        self.world.borrow_mut().set_bus_fault(parse(words, 0, "bus")?, fault);
+        Ok(())
+    }
+
+    /// `inject MOTOR KIND VALUE`
+    pub fn inject(&mut self, words: &[&str]) -> Result<(), String> {
+        let motor = self.motor(words)?;
+        let on = match words.get(2) {
+            Some(&"on") => Some(true),
+            Some(&"off") => Some(false),
+            _ => None,
+        };
+        let injection = match (words.get(1), on) {
+            (Some(&"mute"), Some(on)) => Injection::Mute(on),
+            (Some(&"unplugged"), Some(on)) => Injection::Unplugged(on),
+            (Some(&"garbage"), Some(on)) => Injection::Garbage(on),
+            (Some(&"wrong-checksum"), Some(on)) => Injection::WrongChecksum(on),
+            (Some(&"stuck-rotor"), Some(on)) => Injection::StuckRotor(on),
+            (Some(&"ignore-stop"), Some(on)) => Injection::IgnoreStop(on),
+            (Some(&"ignore-motion"), Some(on)) => Injection::IgnoreMotion(on),
+            (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
+            (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
+            (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
+            (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
+            (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
+            (Some(&"late"), None) => Injection::LateReply(duration(words, 2)?),
+            other => return Err(format!("{other:?} is no injection")),
+        };
+        self.world.borrow_mut().inject(motor, injection);
+        Ok(())
+    }
+
+    /// `power MOTOR off|on`: without power it forgets what it was told, hears nothing and turns on as it coasts.
+    pub fn power(&mut self, words: &[&str]) -> Result<(), String> {
+        let motor = self.motor(words)?;
+        let off = match words.get(1) {
+            Some(&"off") => true,
+            Some(&"on") => false,
+            other => return Err(format!("power is on or off, not {other:?}")),
+        };
+        let mut world = self.world.borrow_mut();
+        world.power_cycle(motor);
+        world.inject(motor, Injection::Unplugged(off));
+        Ok(())
+    }
+
+    /// `foreign BUS FRAME [every TIME]`: somebody else sends this once, or now and then from now on.
+    pub fn foreign(&mut self, words: &[&str]) -> Result<(), String> {
+        let (bus, text): (u8, String) = (parse(words, 0, "bus")?, parse(words, 1, "frame")?);
+        let wire = match can_frame(&text)? {
+            Some(frame) => Wire::Can(frame),
+            None => Wire::Serial(hex(&text)?),
+        };
+        match words.get(2) {
+            Some(&"every") => {
+                let (period, next) = (duration(words, 3)?, self.client.now());
+                self.strangers.push(Stranger { bus, wire, period, next });
+            }
+            _ => self.world.borrow_mut().send_foreign(bus, wire),
+        }
+        Ok(())
+    }
+
+    /// `babble BUS FRAME`: somebody else sends this as fast as the bus takes it.
+    pub fn babble(&mut self, words: &[&str]) -> Result<(), String> {
+        let text: String = parse(words, 1, "frame")?;
+        let frame = can_frame(&text)?.ok_or("only CAN frames can be babbled")?;
+        self.world.borrow_mut().babble(parse(words, 0, "bus")?, Some(frame));
+        Ok(())
+    }
+
+    /// `hush BUS`: nobody else sends any more.
+    pub fn hush(&mut self, words: &[&str]) -> Result<(), String> {
+        let bus = parse(words, 0, "bus")?;
+        self.strangers.retain(|stranger| stranger.bus != bus);
+        self.world.borrow_mut().babble(bus, None);
+        Ok(())
+    }
+
+    fn motor(&self, words: &[&str]) -> Result<usize, String> {
+        let motor: usize = parse(words, 0, "motor")?;
+        let count = self.world.borrow().motors().len();
+        if motor < count { Ok(motor) } else { Err(format!("there are {count} motors")) }
+    }
+}
+
+/// A CAN frame in candump's form, `None` for plain hexadecimal.
+pub fn can_frame(text: &str) -> Result<Option<CanFrame>, String> {
+    let Some((id, data)) = text.split_once('#') else { return Ok(None) };
+    let id = u16::from_str_radix(id, 16).map_err(|e| e.to_string())?;
+    CanFrame::standard(id, &hex(data)?).map(Some).ok_or_else(|| format!("{text} is no CAN frame"))
+}

@@ -1,0 +1,219 @@
+//! Steps that are one request of a host.
+
+use super::bench::{Bench, SETPOINT_TTL};
+use super::faults::can_frame;
+use super::steps::StepError;
+use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
+use host_protocol::{
+    Bytes, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame, StopTarget, Value, replies::Armed, requests,
+};
+use std::time::Duration;
+
+impl Bench {
+    /// A step that is one request, or several of one kind.
+    pub fn request(&mut self, words: &[&str]) -> Result<(), StepError> {
+        let (verb, rest) = words.split_first().ok_or("an empty step".to_string())?;
+        match *verb {
+            "four-axes" => self.four_axes()?,
+            "bus" | "axis" | "timeout" | "link-silence" | "remove" => self.configure(verb, rest)?,
+            "set" | "set-for" | "set-epoch" | "set-expired" | "move" => self.set_motion(verb, rest)?,
+            "native" | "native-epoch" | "native-expired" => self.natively(verb, rest)?,
+            "raw-open" | "raw-close" | "raw-send" => self.raw(verb, rest)?,
+            "arm" => {
+                for at in 0..rest.len() {
+                    let axis = parse(rest, at, "axis")?;
+                    let Armed { epoch, .. } = self.ask(&requests::Arm { axis })?;
+                    self.epochs.retain(|(armed, _)| *armed != axis);
+                    self.epochs.push((axis, epoch));
+                }
+            }
+            "disarm" => {
+                self.ask(&requests::Disarm { axis: parse(rest, 0, "axis")? })?;
+            }
+            "stop" => {
+                let target = match rest.first() {
+                    Some(&"all") => StopTarget::All,
+                    _ => StopTarget::Axis(parse(rest, 0, "axis")?),
+                };
+                self.ask(&requests::Stop { target })?;
+            }
+            "estop" => {
+                self.ask(&requests::EStop {})?;
+            }
+            "clear" => {
+                let target = match rest.first() {
+                    Some(&"gateway") => ClearTarget::Gateway,
+                    _ => ClearTarget::Axis(parse(rest, 0, "axis")?),
+                };
+                self.ask(&requests::Clear { target })?;
+            }
+            "clear-unreachable" => {
+                self.ask(&requests::ClearUnreachable { axis: parse(rest, 0, "axis")? })?;
+            }
+            "read" => {
+                self.ask(&requests::ReadState { axis: parse(rest, 0, "axis")? })?;
+            }
+            "ping" => {
+                self.ask(&requests::Ping {})?;
+            }
+            "take" => {
+                self.ask(&requests::TakeAuthority {})?;
+            }
+            "release" => {
+                self.ask(&requests::ReleaseAuthority {})?;
+            }
+            "reconnect" => self.client.reconnect()?,
+            "subscribe" => {
+                let axes: Result<Vec<u8>, _> =
+                    rest.first().copied().unwrap_or_default().split(',').map(str::parse).collect();
+                let axes = axes.map_err(|e| format!("{e}: axes are numbers with commas"))?;
+                let fields = fields(rest.get(1).copied().unwrap_or_default())?;
+                self.client.subscribe(&axes, fields, duration(rest, 2)?)?;
+            }
+            "unsubscribe" => self.client.unsubscribe()?,
+            other => return Err(StepError::Script(format!("{other} is no step"))),
+        }
+        Ok(())
+    }
+
+    fn configure(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
+        match verb {
+            "bus" => {
+                let wholly_ours = words.last() == Some(&"wholly-ours");
+                let numbers = words.len() - usize::from(wholly_ours);
+                let request = requests::ConfigureBus {
+                    bus: parse(words, 0, "bus")?,
+                    bitrate: parse(words, 1, "bitrate")?,
+                    protocols: protocols(words.get(2).copied().unwrap_or_default())?,
+                    wholly_ours,
+                    reply_window_us: if numbers > 3 { parse(words, 3, "reply window")? } else { 5_000 },
+                };
+                self.ask(&request)?;
+            }
+            "axis" => {
+                let axis = parse(words, 0, "axis")?;
+                for text in words.iter().skip(1) {
+                    let (parameter, value) = parameter(text)?;
+                    self.ask(&requests::ConfigureAxis { axis, parameter: parameter.number(), value })?;
+                }
+            }
+            "remove" => {
+                self.ask(&requests::RemoveAxis { axis: parse(words, 0, "axis")? })?;
+            }
+            "timeout" => {
+                let (axis, timeout_ms) = (parse(words, 0, "axis")?, parse(words, 1, "timeout")?);
+                self.ask(&requests::ProvisionMotorTimeout { axis, timeout_ms })?;
+            }
+            _ => {
+                let us = u32::try_from(duration(words, 0)?.as_micros()).unwrap_or(u32::MAX);
+                let parameter = GatewayParameter::LinkSilenceUs.number();
+                self.ask(&requests::ConfigureGateway { parameter, value: Value::Unsigned(us) })?;
+            }
+        }
+        Ok(())
+    }
+
+    fn set_motion(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
+        let axis: u8 = parse(words, 0, "axis")?;
+        match verb {
+            "set" => self.set(axis, setpoint(words, 1)?)?,
+            "set-for" => {
+                let (ttl, setpoint) = (duration(words, 1)?, setpoint(words, 3)?);
+                self.ask(&self.setpoint_until(axis, setpoint, ttl))?;
+            }
+            "set-epoch" => {
+                let (epoch, setpoint) = (parse(words, 1, "epoch")?, setpoint(words, 2)?);
+                let expires_at_us = self.gateway_time(SETPOINT_TTL);
+                self.ask(&requests::Setpoint { axis, epoch, expires_at_us, setpoint })?;
+            }
+            "set-expired" => {
+                let (epoch, expires_at_us) = (self.epoch(axis), self.expired());
+                let setpoint = setpoint(words, 1)?;
+                self.ask(&requests::Setpoint { axis, epoch, expires_at_us, setpoint })?;
+            }
+            _ => {
+                let request = requests::MoveRelative {
+                    axis,
+                    epoch: self.epoch(axis),
+                    expires_at_us: self.gateway_time(SETPOINT_TTL),
+                    distance_rad: parse(words, 1, "distance")?,
+                    speed_limit_rad_s: parse(words, 3, "speed limit")?,
+                };
+                let target = self.ask(&request)?;
+                self.move_target_rad = Some(target.target_rad);
+            }
+        }
+        Ok(())
+    }
+
+    fn natively(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
+        let axis: u8 = parse(words, 0, "axis")?;
+        let (epoch, data_at) = match verb {
+            "native-epoch" => (parse(words, 1, "epoch")?, 2),
+            _ => (self.epoch(axis), 1),
+        };
+        let expires_at_us = match verb {
+            "native-expired" => self.expired(),
+            _ => self.gateway_time(SETPOINT_TTL),
+        };
+        let data = data_field(words, data_at)?;
+        self.native_reply = self.ask(&requests::Native { axis, epoch, expires_at_us, data })?.data;
+        Ok(())
+    }
+
+    fn raw(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
+        let bus = parse(words, 0, "bus")?;
+        match verb {
+            "raw-open" => {
+                self.ask(&requests::RawOpen { bus })?;
+            }
+            "raw-close" => {
+                self.ask(&requests::RawClose { bus })?;
+            }
+            _ => {
+                let frame = raw_frame(words.get(1).copied().unwrap_or_default())?;
+                self.ask(&requests::RawSend { bus, frame })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// An expiry 1 ms ago.
+    fn expired(&self) -> u32 {
+        self.gateway_time(Duration::ZERO).wrapping_sub(1_000)
+    }
+
+    /// The axes of `Wiring::four_motors`: 0 RMD on CAN, 1 RMD on RS485, 2 thruster, 3 D5.
+    fn four_axes(&mut self) -> Result<(), StepError> {
+        for line in [
+            "bus 0 1000000 rmd,thruster",
+            "bus 1 210526 d5",
+            "bus 2 115200 rmd",
+            "axis 0 bus=0 protocol=rmd node=1 stop_action=hold",
+            "axis 1 bus=2 protocol=rmd node=1 stop_action=hold",
+            "axis 2 bus=0 protocol=thruster node=11 stop_action=coast",
+            "axis 3 bus=1 protocol=d5 node=11 stop_action=hold",
+            "timeout 0 500",
+            "timeout 1 500",
+            "timeout 2 500",
+        ] {
+            self.request(&line.split_whitespace().collect::<Vec<_>>())?;
+        }
+        Ok(())
+    }
+}
+
+/// The data field of a native command, in hexadecimal.
+fn data_field(words: &[&str], at: usize) -> Result<Bytes<MAX_CAN_DATA>, String> {
+    let bytes = hex(words.get(at).ok_or("the data field is missing")?)?;
+    Bytes::from_slice(&bytes).map_err(|_| "too many bytes".to_string())
+}
+
+/// A raw frame as candump or hex text.
+fn raw_frame(text: &str) -> Result<RawFrame, String> {
+    if let Some(frame) = can_frame(text)? {
+        return Ok(RawFrame::Can(frame));
+    }
+    let bytes = Bytes::from_slice(&hex(text)?).map_err(|_| "too many bytes")?;
+    Ok(RawFrame::Serial(bytes))
+}

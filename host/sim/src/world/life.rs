@@ -1,0 +1,117 @@
+//! The lives of the gateway: its starts, what it remembers over a reset, how it hangs, and its pins.
+
+use std::time::Duration;
+
+use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS};
+use host_protocol::BootReason;
+
+use super::trace::micros;
+use super::{HostLink, World};
+
+/// The host links are opened when the stops after a start have left, or after this time.
+const LINKS_OPEN_AFTER: Duration = Duration::from_millis(100);
+
+/// What belongs to the board and not to the core that runs on it.
+pub(super) struct Life {
+    board: &'static Board,
+    /// When the gateway was started last: its clock counts from there.
+    started: Duration,
+    /// Its program does nothing any more.
+    hangs: bool,
+    /// The memory that a reset leaves alone.
+    words: Vec<u32>,
+    links_are_open: bool,
+    e_stop_input_open: bool,
+}
+
+impl Life {
+    pub(super) fn new(board: &'static Board) -> Self {
+        let (started, words) = (Duration::ZERO, Vec::new());
+        Self { board, started, hangs: false, words, links_are_open: false, e_stop_input_open: false }
+    }
+}
+
+impl World {
+    /// The gateway's own time, which counts from its last start.
+    pub fn gateway_now(&self) -> Instant {
+        Instant::from_micros(micros(self.now - self.life.started))
+    }
+
+    /// When the gateway was started last, in the time of this world.
+    pub fn gateway_started(&self) -> Instant {
+        Instant::from_micros(micros(self.life.started))
+    }
+
+    /// The gateway's program hangs: it takes in nothing and sends nothing more until it is reset. What its controllers hold
+    /// still leaves.
+    pub fn hang(&mut self) {
+        self.life.hangs = true;
+    }
+
+    /// Starts the gateway anew. What it was sending is lost, and it remembers what a reset leaves alone; after `PowerOn` or
+    /// `Brownout` nothing. `last_words`: what its firmware left behind.
+    pub fn reset(&mut self, boot: BootReason, last_words: &'static str) {
+        if matches!(boot, BootReason::PowerOn | BootReason::Brownout) {
+            self.life.words.clear();
+        }
+        let now = self.now;
+        self.ports.iter_mut().for_each(|port| port.reset(now));
+        self.links.iter_mut().for_each(HostLink::reset);
+        // A core keeps its board for ever; one more is what a start of this simulation costs.
+        let board = Box::leak(Box::new(Board { boot, last_words, ..*self.life.board }));
+        *self.gateway = Gateway::new(board);
+        (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
+        self.not_before = now;
+        self.start_gateway();
+    }
+
+    /// Opens the e-stop input, as its button does when it is pressed, or closes it.
+    pub fn set_e_stop_input(&mut self, open: bool) {
+        self.life.e_stop_input_open = open;
+        self.tell(Event::EStopInput { open });
+        self.settle();
+    }
+
+    /// The level of the enable output.
+    pub fn enable_output(&self) -> bool {
+        self.gateway.enable_output()
+    }
+
+    /// First what is remembered, then the pins, then everything else.
+    pub(super) fn start_gateway(&mut self) {
+        let now = self.gateway_now();
+        self.gateway.restore(now, &self.life.words);
+        self.life.words.resize(RETAINED_WORDS, 0);
+        self.tell(Event::EStopInput { open: self.life.e_stop_input_open });
+        self.settle();
+    }
+
+    /// Whether the gateway's program runs.
+    pub(super) fn runs(&self) -> bool {
+        !self.life.hangs
+    }
+
+    /// When the gateway wants to be called, in the time of this world.
+    pub(super) fn gateway_deadline(&self) -> Option<Duration> {
+        let at = self.gateway.next_deadline().filter(|_| self.runs())?;
+        Some(self.life.started + Duration::from_micros(at.as_micros()))
+    }
+
+    /// Hands an event to the gateway and keeps what must outlive a reset.
+    pub(super) fn handle(&mut self, event: Event<'_>) {
+        if self.life.hangs {
+            return;
+        }
+        let now = self.gateway_now();
+        self.gateway.handle(now, event);
+        let words = &mut self.life.words;
+        self.gateway.save(|at, word| words.get_mut(at).into_iter().for_each(|place| *place = word));
+    }
+
+    /// Whether the gateway listens to its hosts.
+    pub(super) fn links_are_open(&mut self) -> bool {
+        let due = self.now - self.life.started >= LINKS_OPEN_AFTER || !self.gateway.stops_under_way();
+        self.life.links_are_open |= due;
+        self.life.links_are_open && self.runs()
+    }
+}
