@@ -102,11 +102,25 @@ bind_interrupts!(struct Irqs {
 unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 
-fdcan::instance!(FDCAN1);
-fdcan::instance!(FDCAN2);
+// Where the driver lays out the message RAM of each.
+fdcan::instance!(FDCAN1, FDCANRAM + 0x000, all_to_second_line);
+fdcan::instance!(FDCAN2, FDCANRAM + 0xC00, all_to_second_line);
 line::instance!(USART2);
 line::instance!(USART3);
 line::instance!(USART6);
+
+/// One bit for each source.
+fn all_to_second_line(w: &mut pac::can::regs::Ils) {
+    w.set_rfnl(fdcan::FIFO, true);
+    w.set_rfnl(fdcan::OTHER_FIFO, true);
+    w.set_rfll(fdcan::FIFO, true);
+    w.set_tcl(true);
+    w.set_tefnl(true);
+    w.set_tcfl(true);
+    w.set_ewl(true);
+    w.set_epl(true);
+    w.set_bol(true);
+}
 
 /// The ports of the board, set up and not yet served.
 pub struct Ports {
