@@ -8,11 +8,14 @@
 //! | bus 2, RS485 | PD6 RX, PD5 TX, PD4 DE | USART2, to a transceiver with RE# tied to ground |
 //! | host link 0 | PD9 RX, PD8 TX | USART3, the virtual COM port |
 //! | host link 1 | PG9 RX, PG14 TX | USART6, on the header |
+//! | host link 2, USB | PA11 D−, PA12 D+, PA9 VBUS | OTG_FS, the connector CN13 |
+//! | e-stop input | PE11 (D5) | normally closed to ground, internal pull-up; EXTI line 11 |
+//! | enable output | PE9 (D6) | active high, needs 10 kΩ to ground |
 //! | light | PB0 | LD1, blinks while the firmware runs |
 
 use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
-use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PB5, PB6, PD0, PD1, USART2,
@@ -29,6 +32,7 @@ use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::BootReason;
 use static_cell::{ConstStaticCell, StaticCell};
 
+use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
@@ -48,15 +52,6 @@ const HSE_HZ: u32 = 8_000_000;
 const PLL1_VCO_HZ: u32 = HSE_HZ * 100;
 /// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN registers.
 const CAN_KERNEL_HZ: u32 = PLL1_VCO_HZ / 10;
-
-/// Bitrate of the host links.
-const HOST_BITS_PER_SECOND: u32 = 921_600;
-/// Bytes of each host link's DMA ring: 2.8 ms at 921600 baud.
-const HOST_RING: usize = 256;
-/// Bytes of the RS485 DMA ring: 1.28 ms at 2 Mbaud.
-const RS485_RING: usize = 256;
-/// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.
-const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
 
 /// 80 MHz, and 20 time quanta per bit for every bitrate: sample point (1 + 16) / 20 = 85 %, so that
 /// prescaler = 80 MHz / 20 / bitrate = 4 MHz / bitrate.
@@ -143,11 +138,11 @@ pub fn start() -> (Board, Ports) {
     let p = embassy_stm32::init(config);
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
-    let uart = uart_config(HOST_BITS_PER_SECOND);
+    let uart = serial::config(HOST_BITS_PER_SECOND);
     let host_0 = defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
     let host_1 = defmt::unwrap!(Uart::new(p.USART6, p.PG9, p.PG14, p.DMA1_CH3, p.DMA1_CH2, Irqs, uart));
     let [first_bitrate, ..] = RS485_BITRATES;
-    let uart = uart_config(first_bitrate);
+    let uart = serial::config(first_bitrate);
     let rs485 =
         defmt::unwrap!(Uart::new_with_de(p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart));
     let ports = Ports {
@@ -155,17 +150,15 @@ pub fn start() -> (Board, Ports) {
         can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
         rs485: {
             static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
-            let (sender, receiver) = rs485.split();
-            let receiver = receiver.into_ring_buffered(RING.take());
-            (Receiver::new::<USART2>(receiver), Sender::new::<USART2>(sender, first_bitrate))
+            serial::rs485_line::<USART2>(rs485, RING.take(), first_bitrate)
         },
         host_0: {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            host_line::<USART3>(host_0, RING.take())
+            serial::host_line::<USART3>(host_0, RING.take())
         },
         host_1: {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            host_line::<USART6>(host_1, RING.take())
+            serial::host_line::<USART6>(host_1, RING.take())
         },
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
@@ -211,25 +204,6 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
     rcc.apb3_pre = APBPrescaler::DIV2; // 100 MHz
     rcc.apb4_pre = APBPrescaler::DIV2; // 100 MHz
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
-}
-
-fn uart_config(bits_per_second: u32) -> usart::Config {
-    let mut config = usart::Config::default();
-    config.baudrate = bits_per_second;
-    // An open input reads as an idle line.
-    config.rx_pull = Pull::Up;
-    config.de_assertion_time = DRIVER_ENABLE_SIXTEENTHS;
-    config.de_deassertion_time = DRIVER_ENABLE_SIXTEENTHS;
-    config
-}
-
-fn host_line<T: line::Instance>(
-    uart: Uart<'static, embassy_stm32::mode::Async>,
-    ring: &'static mut [u8; HOST_RING],
-) -> (Receiver, Sender) {
-    let (sender, receiver) = uart.split();
-    let receiver = receiver.into_ring_buffered(ring);
-    (Receiver::with_delimiters::<T>(receiver), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
 }
 
 /// What the core must know of this board.

@@ -11,6 +11,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::pac::can::Fdcan;
+use embassy_stm32::pac::can::regs::Txbcie;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use host_protocol::CanFrame;
@@ -136,7 +137,7 @@ pub fn route_interrupts<T: Instance>() {
     T::route_to_second_line();
     let controller = T::registers();
     // Every place tells when it has given its frame back.
-    controller.txbcie().write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cf(place, true)));
+    controller.txbcie().write_value(Txbcie((1 << TRANSMIT_PLACES) - 1));
     controller.ie().write(|w| {
         w.set_rfle(FIFO, true);
         w.set_tefne(true);
