@@ -20,6 +20,7 @@ mod natives;
 mod pins;
 mod random;
 mod relative_moves;
+mod rest;
 mod rig;
 mod stops;
 mod subscriptions;
