@@ -28,16 +28,16 @@ use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::peripherals::{
-    DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1, PA8, PA15,
-    PB8, PB9, PB12, PB13, USART1, USART3,
+    DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1, PA8, PA11,
+    PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
 };
 use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPreDiv, PllQDiv, PllRDiv, PllSource, Sysclk,
-    frequency, mux,
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllMul, PllPreDiv, PllQDiv, PllRDiv,
+    PllSource, Sysclk, frequency, mux,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
-use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::BootReason;
 use static_cell::{ConstStaticCell, StaticCell};
@@ -53,8 +53,11 @@ use crate::tasks;
 pub const CAN_BUSES: usize = 3;
 /// RS485 buses, numbered after them.
 pub const RS485_BUSES: usize = 1;
-/// Host links on UARTs.
+/// Host links on UARTs, numbered first.
 pub const HOST_UARTS: usize = 2;
+/// The host link on USB.
+const USB_LINK: u8 = 2;
+const HOST_LINKS: u8 = USB_LINK + 1;
 
 /// The crystal X3.
 const HSE_HZ: u32 = 24_000_000;
@@ -103,6 +106,7 @@ bind_interrupts!(struct Irqs {
     DMA1_CHANNEL4 => dma::InterruptHandler<DMA1_CH4>;
     DMA1_CHANNEL5 => dma::InterruptHandler<DMA1_CH5>;
     DMA1_CHANNEL6 => dma::InterruptHandler<DMA1_CH6>;
+    USB_LP => usb::InterruptHandler<USB>;
 });
 
 // Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
@@ -130,6 +134,36 @@ fn all_to_second_line(w: &mut pac::can::regs::Ils) {
     w.set_perr(true); // warning, bus-off
 }
 
+/// The USB controller.
+pub type UsbDriver = usb::Driver<'static, USB>;
+
+/// USB, and its pins.
+pub struct UsbPort {
+    controller: Peri<'static, USB>,
+    d_plus: Peri<'static, PA12>,
+    d_minus: Peri<'static, PA11>,
+}
+
+impl UsbPort {
+    /// The driver, and the serial number, the chip's unique id in hex. Here nothing has to be waited for.
+    pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
+        Some((UsbDriver::new(self.controller, Irqs, self.d_plus, self.d_minus), uid::uid_hex()))
+    }
+}
+
+/// Where the ROM bootloader's vector table lies (AN2606).
+const ROM_BOOTLOADER: usize = 0x1FFF_0000;
+/// SYSCFG_MEMRMP: that ROM also at address 0, as after a start by the BOOT0 pin (RM0440, SYSCFG chapter).
+const MEMORY_MODE_ROM: u8 = 1;
+
+/// Leaves this firmware for good. To be called right after a reset.
+pub fn start_rom_bootloader() -> ! {
+    pac::RCC.apb2enr().modify(|w| w.set_syscfgen(true));
+    pac::SYSCFG.memrmp().modify(|w| w.set_mem_mode(MEMORY_MODE_ROM));
+    // Safety: a stack pointer and an entry point lie there, and nothing of this firmware is in use.
+    unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
+}
+
 /// The ports of the board, set up and not yet served.
 pub struct Ports {
     can_0: FdcanPort<FDCAN1, PB8, PB9, Irqs>,
@@ -138,11 +172,12 @@ pub struct Ports {
     rs485: (Receiver, Sender),
     host_0: (Receiver, Sender),
     host_1: (Receiver, Sender),
+    usb: UsbPort,
     light: Output<'static>,
 }
 
 /// Sets clocks, pins and UARTs up.
-pub fn start() -> (Board, Ports) {
+pub fn start(boot: BootReason) -> (Board, Ports) {
     let mut config = Config::default();
     set_clocks(&mut config.rcc);
     let p = embassy_stm32::init(config);
@@ -172,9 +207,10 @@ pub fn start() -> (Board, Ports) {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
             serial::host_line::<USART1>(host_1, RING.take())
         },
+        usb: UsbPort { controller: p.USB, d_plus: p.PA12, d_minus: p.PA11 },
         light: Output::new(p.PA5, Level::Low, Speed::Low),
     };
-    (description(), ports)
+    (description(boot), ports)
 }
 
 impl Ports {
@@ -195,6 +231,7 @@ impl Ports {
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
         spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
 
@@ -208,7 +245,8 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
         divq: Some(PllQDiv::DIV4), // 336 MHz / 4 = 84 MHz: FDCAN kernel
         divr: Some(PllRDiv::DIV2), // 336 MHz / 2 = 168 MHz: processor
     });
-    rcc.hsi48 = None;
+    rcc.hsi48 = Some(Hsi48Config { sync_from_usb: true }); // 48 MHz, trimmed by the host's frames
+    rcc.mux.clk48sel = mux::Clk48sel::HSI48; // USB
     rcc.boost = true; // above 150 MHz
     rcc.sys = Sysclk::PLL1_R;
     rcc.ahb_pre = AHBPrescaler::DIV1; // 168 MHz
@@ -218,21 +256,14 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
 }
 
 /// What the core must know of this board.
-fn description() -> Board {
+fn description(boot: BootReason) -> Board {
     let buses: &[BusPort] = if starts_from_flash_always() {
         &[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
     } else {
         defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
         &[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
     };
-    Board {
-        name: "nucleo-g474re",
-        firmware: FIRMWARE,
-        build_id: BUILD_ID,
-        boot: take_boot_reason(),
-        buses,
-        links: 2,
-    }
+    Board { name: "nucleo-g474re", firmware: FIRMWARE, build_id: BUILD_ID, boot, buses, links: HOST_LINKS }
 }
 
 /// Whether the option bytes let no pin keep the chip from this firmware (RM0440, boot configuration).
@@ -242,11 +273,10 @@ fn starts_from_flash_always() -> bool {
     locked || (!options.n_swboot0() && options.n_boot0())
 }
 
-/// Reads why the chip was reset, and clears it for the next time. Several flags may be set: the rarer cause counts. This chip
+/// Why the chip was reset. Several flags may be set: the rarer cause counts. This chip
 /// has one flag for power-on and brown-out.
-fn take_boot_reason() -> BootReason {
+pub fn boot_reason() -> BootReason {
     let flags = pac::RCC.csr().read();
-    pac::RCC.csr().modify(|w| w.set_rmvf(true));
     if flags.borrstf() {
         BootReason::PowerOn
     } else if flags.iwdgrstf() || flags.wwdgrstf() {
@@ -258,4 +288,9 @@ fn take_boot_reason() -> BootReason {
     } else {
         BootReason::Unknown
     }
+}
+
+/// Makes room for the next reason.
+pub fn forget_boot_reason() {
+    pac::RCC.csr().modify(|w| w.set_rmvf(true));
 }

@@ -8,7 +8,7 @@
 //! | bus 2, RS485 | PD6 RX, PD5 TX, PD4 DE | USART2, to a transceiver with RE# tied to ground |
 //! | host link 0 | PD9 RX, PD8 TX | USART3, the virtual COM port |
 //! | host link 1 | PG9 RX, PG14 TX | USART6, on the header |
-//! | host link 2, USB | PA11 D−, PA12 D+, PA9 VBUS | OTG_FS, the connector CN13 |
+//! | host link 2, USB | PA11 D−, PA12 D+ | OTG_FS, the connector CN13 |
 //! | e-stop input | PE11 (D5) | normally closed to ground, internal pull-up; EXTI line 11 |
 //! | enable output | PE9 (D6) | active high, needs 10 kΩ to ground |
 //! | light | PB0 | LD1, blinks while the firmware runs |
@@ -18,16 +18,17 @@ use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::peripherals::{
-    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PB5, PB6, PD0, PD1, USART2,
-    USART3, USART6,
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5, PB6, PD0,
+    PD1, USART2, USART3, USART6, USB_OTG_FS,
 };
 use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
-    VoltageScale, frequency, mux,
+    self, AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+    Sysclk, VoltageScale, frequency, mux,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
-use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
+use embassy_time::{Duration, Instant, Timer};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::BootReason;
 use static_cell::{ConstStaticCell, StaticCell};
@@ -43,8 +44,11 @@ use crate::tasks;
 pub const CAN_BUSES: usize = 2;
 /// RS485 buses, numbered after them.
 pub const RS485_BUSES: usize = 1;
-/// Host links on UARTs.
+/// Host links on UARTs, numbered first.
 pub const HOST_UARTS: usize = 2;
+/// The host link on USB.
+const USB_LINK: u8 = 2;
+const HOST_LINKS: u8 = USB_LINK + 1;
 
 /// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
 const HSE_HZ: u32 = 8_000_000;
@@ -90,6 +94,7 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
     DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
+    OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
 });
 
 // Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
@@ -117,6 +122,65 @@ fn all_to_second_line(w: &mut pac::can::regs::Ils) {
     w.set_bol(true);
 }
 
+/// The USB controller.
+pub type UsbDriver = usb::Driver<'static, USB_OTG_FS>;
+
+/// USB, and its pins.
+pub struct UsbPort {
+    controller: Peri<'static, USB_OTG_FS>,
+    d_plus: Peri<'static, PA12>,
+    d_minus: Peri<'static, PA11>,
+}
+
+/// How long the USB controller may take to be ready: 25 ms to take the role of a device (RM0433, OTG chapter, GUSBCFG.FDMOD).
+const USB_DEADLINE: Duration = Duration::from_millis(40);
+/// How often that is looked at.
+const USB_POLL: Duration = Duration::from_millis(1);
+/// Bytes of packets from the host that wait for the firmware: one of 64 for each of the two endpoints.
+const USB_RECEIVE_BUFFER: usize = 128;
+
+impl UsbPort {
+    /// The driver, and the serial number, the chip's unique id in hex; `None` if the controller is not ready in time. The driver
+    /// itself would wait for ever, and no other task would run.
+    pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
+        static BUFFER: ConstStaticCell<[u8; USB_RECEIVE_BUFFER]> =
+            ConstStaticCell::new([0; USB_RECEIVE_BUFFER]);
+        pac::PWR.cr3().modify(|w| w.set_usb33den(true));
+        is_soon(|| pac::PWR.cr3().read().usb33rdy()).await?;
+        rcc::enable_and_reset::<USB_OTG_FS>();
+        let registers = pac::USB_OTG_FS;
+        registers.gusbcfg().modify(|w| w.set_fdmod(true));
+        is_soon(|| registers.grstctl().read().ahbidl() && !registers.gintsts().read().cmod()).await?;
+        let mut config = usb::Config::default();
+        // A solder bridge decides whether PA9 sees the voltage of the cable; without it an unplugged cable is a suspended bus.
+        config.vbus_detection = false;
+        let driver =
+            UsbDriver::new_fs(self.controller, Irqs, self.d_plus, self.d_minus, BUFFER.take(), config);
+        Some((driver, uid::uid_hex()))
+    }
+}
+
+/// Waits for what the USB controller should do soon.
+async fn is_soon(ready: impl Fn() -> bool) -> Option<()> {
+    let deadline = Instant::now() + USB_DEADLINE;
+    while !ready() {
+        if Instant::now() > deadline {
+            return None;
+        }
+        Timer::after(USB_POLL).await;
+    }
+    Some(())
+}
+
+/// Where the ROM bootloader's vector table lies (AN2606).
+const ROM_BOOTLOADER: usize = 0x1FF0_9800;
+
+/// Leaves this firmware for good. To be called right after a reset.
+pub fn start_rom_bootloader() -> ! {
+    // Safety: a stack pointer and an entry point lie there, and nothing of this firmware is in use.
+    unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
+}
+
 /// The ports of the board, set up and not yet served.
 pub struct Ports {
     can_0: FdcanPort<FDCAN1, PD0, PD1, Irqs>,
@@ -124,11 +188,12 @@ pub struct Ports {
     rs485: (Receiver, Sender),
     host_0: (Receiver, Sender),
     host_1: (Receiver, Sender),
+    usb: UsbPort,
     light: Output<'static>,
 }
 
 /// Sets clocks, pins and UARTs up.
-pub fn start() -> (Board, Ports) {
+pub fn start(boot: BootReason) -> (Board, Ports) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         // Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
         core.SCB.enable_icache();
@@ -160,9 +225,10 @@ pub fn start() -> (Board, Ports) {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
             serial::host_line::<USART6>(host_1, RING.take())
         },
+        usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(), ports)
+    (description(boot), ports)
 }
 
 impl Ports {
@@ -181,6 +247,7 @@ impl Ports {
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
         spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
 
@@ -195,7 +262,8 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
         divq: Some(PllDiv::DIV10), // 800 MHz / 10 = 80 MHz: FDCAN kernel
         divr: None,
     });
-    rcc.hsi48 = None;
+    rcc.hsi48 = Some(Hsi48Config { sync_from_usb: true }); // 48 MHz, trimmed by the host's frames
+    rcc.mux.usbsel = mux::Usbsel::HSI48;
     rcc.voltage_scale = VoltageScale::Scale1;
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2; // 200 MHz
@@ -207,24 +275,23 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
 }
 
 /// What the core must know of this board.
-fn description() -> Board {
+fn description(boot: BootReason) -> Board {
     Board {
         name: "nucleo-h743zi",
         firmware: FIRMWARE,
         build_id: BUILD_ID,
-        boot: take_boot_reason(),
+        boot,
         last_words: "",
         e_stop_input: false,
         enable_output: false,
         buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
-        links: 2,
+        links: HOST_LINKS,
     }
 }
 
-/// Reads why the chip was reset, and clears it for the next time. Several flags may be set: the rarer cause counts.
-fn take_boot_reason() -> BootReason {
+/// Why the chip was reset. Several flags may be set: the rarer cause counts.
+pub fn boot_reason() -> BootReason {
     let flags = pac::RCC.rsr().read();
-    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     if flags.porrstf() {
         BootReason::PowerOn
     } else if flags.borrstf() {
@@ -238,4 +305,9 @@ fn take_boot_reason() -> BootReason {
     } else {
         BootReason::Unknown
     }
+}
+
+/// Makes room for the next reason.
+pub fn forget_boot_reason() {
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
 }
