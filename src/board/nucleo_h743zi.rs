@@ -150,7 +150,14 @@ impl UsbPort {
         rcc::enable_and_reset::<USB_OTG_FS>();
         let registers = pac::USB_OTG_FS;
         registers.gusbcfg().modify(|w| w.set_fdmod(true));
-        is_soon(|| registers.grstctl().read().ahbidl() && !registers.gintsts().read().cmod()).await?;
+        registers.gintsts().write_value(pac::otg::regs::Gintsts(u32::MAX));
+        is_soon(|| {
+            let flags = registers.gintsts().read();
+            // Its transceiver is still off: an event that does not go away would keep the driver busy for ever.
+            let events = flags.usbrst() || flags.enumdne() || flags.usbsusp() || flags.wkupint();
+            registers.grstctl().read().ahbidl() && !flags.cmod() && !events
+        })
+        .await?;
         let mut config = usb::Config::default();
         // A solder bridge decides whether PA9 sees the voltage of the cable; without it an unplugged cable is a suspended bus.
         config.vbus_detection = false;
