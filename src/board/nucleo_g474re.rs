@@ -263,7 +263,17 @@ fn description(boot: BootReason) -> Board {
         defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
         &[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
     };
-    Board { name: "nucleo-g474re", firmware: FIRMWARE, build_id: BUILD_ID, boot, buses, links: HOST_LINKS }
+    Board {
+        name: "nucleo-g474re",
+        firmware: FIRMWARE,
+        build_id: BUILD_ID,
+        boot,
+        last_words: "",
+        e_stop_input: false,
+        enable_output: false,
+        buses,
+        links: HOST_LINKS,
+    }
 }
 
 /// Whether the option bytes let no pin keep the chip from this firmware (RM0440, boot configuration).
