@@ -8,7 +8,10 @@ use std::{env, fs};
 const MAX_BUILD_ID: usize = 40;
 
 /// The boards: the variable that cargo sets for the feature, and the board's memory regions.
-const BOARDS: [(&str, &str); 1] = [("CARGO_FEATURE_NUCLEO_H743ZI", "src/board/nucleo_h743zi.x")];
+const BOARDS: [(&str, &str); 2] = [
+    ("CARGO_FEATURE_NUCLEO_H743ZI", "src/board/nucleo_h743zi.x"),
+    ("CARGO_FEATURE_NUCLEO_G474RE", "src/board/nucleo_g474re.x"),
+];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -1,9 +1,21 @@
 //! The boards: one file each, chosen by a feature. Only they name pins, clocks and interrupts.
 
+#[cfg(feature = "nucleo-g474re")]
+mod nucleo_g474re;
 #[cfg(feature = "nucleo-h743zi")]
 mod nucleo_h743zi;
+mod serial;
+
+#[cfg(feature = "nucleo-g474re")]
+pub use nucleo_g474re::{
+    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, RS485_BUSES, UsbDriver, UsbPort, boot_reason, forget_boot_reason,
+    start, start_rom_bootloader,
+};
 #[cfg(feature = "nucleo-h743zi")]
-pub use nucleo_h743zi::{CAN_BUSES, CAN_TIMINGS, HOST_UARTS, RS485_BUSES, start};
+pub use nucleo_h743zi::{
+    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, RS485_BUSES, UsbDriver, UsbPort, boot_reason, forget_boot_reason,
+    start, start_rom_bootloader,
+};
 
 /// Version of the firmware.
 const FIRMWARE: &str = env!("CARGO_PKG_VERSION");

@@ -7,11 +7,13 @@
 mod controller;
 mod element;
 mod happenings;
+mod message_ram;
 mod port;
 mod timing;
 
 pub use controller::{Controller, ErrorState};
 pub(crate) use happenings::instance;
-pub use happenings::{Happening, Happenings, Instance, InterruptHandler};
+pub use happenings::{FIFO, Happening, Happenings, Instance, InterruptHandler, OTHER_FIFO};
+pub use message_ram::MessageRam;
 pub use port::{CanPort, FdcanPort};
 pub use timing::{Timing, bitrates};

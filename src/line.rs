@@ -77,7 +77,8 @@ macro_rules! instance {
     ($name:ident) => {
         impl $crate::line::Instance for embassy_stm32::peripherals::$name {
             fn registers() -> embassy_stm32::pac::usart::Usart {
-                embassy_stm32::pac::$name
+                // Safety: the block of this peripheral; a low-power one has the registers that are used here at the same places.
+                unsafe { embassy_stm32::pac::usart::Usart::from_ptr(embassy_stm32::pac::$name.as_ptr()) }
             }
             fn events() -> &'static $crate::line::LineEvents {
                 static EVENTS: $crate::line::LineEvents = $crate::line::LineEvents::new();

@@ -15,6 +15,8 @@ mod line;
 mod shared_gateway;
 #[cfg(target_os = "none")]
 mod tasks;
+#[cfg(target_os = "none")]
+mod usb;
 
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
@@ -22,7 +24,10 @@ async fn main(spawner: embassy_executor::Spawner) {
     use defmt_rtt as _;
     use shared_gateway::SharedGateway;
 
-    let (description, ports) = board::start();
+    let boot = board::boot_reason();
+    usb::bootloader::start_if_asked_for(boot);
+    board::forget_boot_reason();
+    let (description, ports) = board::start(boot);
     defmt::info!(
         "motor gateway {=str}, build {=str}, on {=str}, started by {}",
         description.firmware,

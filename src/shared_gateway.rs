@@ -87,6 +87,12 @@ impl SharedGateway {
         self.with(|core, _| core.poll_host(link, out))
     }
 
+    /// Whether no motor moves and none may.
+    #[inline(never)]
+    pub fn all_at_rest(&self) -> bool {
+        self.with(|core, _| core.all_at_rest())
+    }
+
     /// How a bus must be running.
     #[inline(never)]
     pub fn bus_setup(&self, bus: u8) -> Option<BusSetup> {

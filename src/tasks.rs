@@ -5,3 +5,4 @@ pub mod deadline;
 pub mod host;
 pub mod life;
 pub mod rs485;
+pub mod usb;

@@ -8,27 +8,32 @@
 //! | bus 2, RS485 | PD6 RX, PD5 TX, PD4 DE | USART2, to a transceiver with RE# tied to ground |
 //! | host link 0 | PD9 RX, PD8 TX | USART3, the virtual COM port |
 //! | host link 1 | PG9 RX, PG14 TX | USART6, on the header |
+//! | host link 2, USB | PA11 D−, PA12 D+ | OTG_FS, the connector CN13 |
+//! | e-stop input | PE11 (D5) | normally closed to ground, internal pull-up; EXTI line 11 |
+//! | enable output | PE9 (D6) | active high, needs 10 kΩ to ground |
 //! | light | PB0 | LD1, blinks while the firmware runs |
 
 use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
-use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::peripherals::{
-    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PB5, PB6, PD0, PD1, USART2,
-    USART3, USART6,
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5, PB6, PD0,
+    PD1, USART2, USART3, USART6, USB_OTG_FS,
 };
 use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk,
-    VoltageScale, frequency, mux,
+    self, AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+    Sysclk, VoltageScale, frequency, mux,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
-use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
+use embassy_time::{Duration, Instant, Timer};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::BootReason;
 use static_cell::{ConstStaticCell, StaticCell};
 
+use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
@@ -39,8 +44,11 @@ use crate::tasks;
 pub const CAN_BUSES: usize = 2;
 /// RS485 buses, numbered after them.
 pub const RS485_BUSES: usize = 1;
-/// Host links on UARTs.
+/// Host links on UARTs, numbered first.
 pub const HOST_UARTS: usize = 2;
+/// The host link on USB.
+const USB_LINK: u8 = 2;
+const HOST_LINKS: u8 = USB_LINK + 1;
 
 /// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
 const HSE_HZ: u32 = 8_000_000;
@@ -48,15 +56,6 @@ const HSE_HZ: u32 = 8_000_000;
 const PLL1_VCO_HZ: u32 = HSE_HZ * 100;
 /// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN registers.
 const CAN_KERNEL_HZ: u32 = PLL1_VCO_HZ / 10;
-
-/// Bitrate of the host links.
-const HOST_BITS_PER_SECOND: u32 = 921_600;
-/// Bytes of each host link's DMA ring: 2.8 ms at 921600 baud.
-const HOST_RING: usize = 256;
-/// Bytes of the RS485 DMA ring: 1.28 ms at 2 Mbaud.
-const RS485_RING: usize = 256;
-/// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.
-const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
 
 /// 80 MHz, and 20 time quanta per bit for every bitrate: sample point (1 + 16) / 20 = 85 %, so that
 /// prescaler = 80 MHz / 20 / bitrate = 4 MHz / bitrate.
@@ -95,6 +94,7 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
     DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
+    OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
 });
 
 // Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
@@ -102,11 +102,91 @@ bind_interrupts!(struct Irqs {
 unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 
-fdcan::instance!(FDCAN1);
-fdcan::instance!(FDCAN2);
+// Where the driver lays out the message RAM of each.
+fdcan::instance!(FDCAN1, FDCANRAM + 0x000, all_to_second_line);
+fdcan::instance!(FDCAN2, FDCANRAM + 0xC00, all_to_second_line);
 line::instance!(USART2);
 line::instance!(USART3);
 line::instance!(USART6);
+
+/// One bit for each source.
+fn all_to_second_line(w: &mut pac::can::regs::Ils) {
+    w.set_rfnl(fdcan::FIFO, true);
+    w.set_rfnl(fdcan::OTHER_FIFO, true);
+    w.set_rfll(fdcan::FIFO, true);
+    w.set_tcl(true);
+    w.set_tefnl(true);
+    w.set_tcfl(true);
+    w.set_ewl(true);
+    w.set_epl(true);
+    w.set_bol(true);
+}
+
+/// The USB controller.
+pub type UsbDriver = usb::Driver<'static, USB_OTG_FS>;
+
+/// USB, and its pins.
+pub struct UsbPort {
+    controller: Peri<'static, USB_OTG_FS>,
+    d_plus: Peri<'static, PA12>,
+    d_minus: Peri<'static, PA11>,
+}
+
+/// How long the USB controller may take to be ready: 25 ms to take the role of a device (RM0433, OTG chapter, GUSBCFG.FDMOD).
+const USB_DEADLINE: Duration = Duration::from_millis(40);
+/// How often that is looked at.
+const USB_POLL: Duration = Duration::from_millis(1);
+/// Bytes of packets from the host that wait for the firmware: one of 64 for each of the two endpoints.
+const USB_RECEIVE_BUFFER: usize = 128;
+
+impl UsbPort {
+    /// The driver, and the serial number, the chip's unique id in hex; `None` if the controller is not ready in time. The driver
+    /// itself would wait for ever, and no other task would run.
+    pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
+        static BUFFER: ConstStaticCell<[u8; USB_RECEIVE_BUFFER]> =
+            ConstStaticCell::new([0; USB_RECEIVE_BUFFER]);
+        pac::PWR.cr3().modify(|w| w.set_usb33den(true));
+        is_soon(|| pac::PWR.cr3().read().usb33rdy()).await?;
+        rcc::enable_and_reset::<USB_OTG_FS>();
+        let registers = pac::USB_OTG_FS;
+        registers.gusbcfg().modify(|w| w.set_fdmod(true));
+        registers.gintsts().write_value(pac::otg::regs::Gintsts(u32::MAX));
+        is_soon(|| {
+            let flags = registers.gintsts().read();
+            // Its transceiver is still off: an event that does not go away would keep the driver busy for ever.
+            let events = flags.usbrst() || flags.enumdne() || flags.usbsusp() || flags.wkupint();
+            registers.grstctl().read().ahbidl() && !flags.cmod() && !events
+        })
+        .await?;
+        let mut config = usb::Config::default();
+        // A solder bridge decides whether PA9 sees the voltage of the cable; without it an unplugged cable is a suspended bus.
+        config.vbus_detection = false;
+        let driver =
+            UsbDriver::new_fs(self.controller, Irqs, self.d_plus, self.d_minus, BUFFER.take(), config);
+        Some((driver, uid::uid_hex()))
+    }
+}
+
+/// Waits for what the USB controller should do soon.
+async fn is_soon(ready: impl Fn() -> bool) -> Option<()> {
+    let deadline = Instant::now() + USB_DEADLINE;
+    while !ready() {
+        if Instant::now() > deadline {
+            return None;
+        }
+        Timer::after(USB_POLL).await;
+    }
+    Some(())
+}
+
+/// Where the ROM bootloader's vector table lies (AN2606).
+const ROM_BOOTLOADER: usize = 0x1FF0_9800;
+
+/// Leaves this firmware for good. To be called right after a reset.
+pub fn start_rom_bootloader() -> ! {
+    // Safety: a stack pointer and an entry point lie there, and nothing of this firmware is in use.
+    unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
+}
 
 /// The ports of the board, set up and not yet served.
 pub struct Ports {
@@ -115,11 +195,12 @@ pub struct Ports {
     rs485: (Receiver, Sender),
     host_0: (Receiver, Sender),
     host_1: (Receiver, Sender),
+    usb: UsbPort,
     light: Output<'static>,
 }
 
 /// Sets clocks, pins and UARTs up.
-pub fn start() -> (Board, Ports) {
+pub fn start(boot: BootReason) -> (Board, Ports) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         // Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
         core.SCB.enable_icache();
@@ -129,11 +210,11 @@ pub fn start() -> (Board, Ports) {
     let p = embassy_stm32::init(config);
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
-    let uart = uart_config(HOST_BITS_PER_SECOND);
+    let uart = serial::config(HOST_BITS_PER_SECOND);
     let host_0 = defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
     let host_1 = defmt::unwrap!(Uart::new(p.USART6, p.PG9, p.PG14, p.DMA1_CH3, p.DMA1_CH2, Irqs, uart));
     let [first_bitrate, ..] = RS485_BITRATES;
-    let uart = uart_config(first_bitrate);
+    let uart = serial::config(first_bitrate);
     let rs485 =
         defmt::unwrap!(Uart::new_with_de(p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart));
     let ports = Ports {
@@ -141,21 +222,20 @@ pub fn start() -> (Board, Ports) {
         can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
         rs485: {
             static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
-            let (sender, receiver) = rs485.split();
-            let receiver = receiver.into_ring_buffered(RING.take());
-            (Receiver::new::<USART2>(receiver), Sender::new::<USART2>(sender, first_bitrate))
+            serial::rs485_line::<USART2>(rs485, RING.take(), first_bitrate)
         },
         host_0: {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            host_line::<USART3>(host_0, RING.take())
+            serial::host_line::<USART3>(host_0, RING.take())
         },
         host_1: {
             static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            host_line::<USART6>(host_1, RING.take())
+            serial::host_line::<USART6>(host_1, RING.take())
         },
+        usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(), ports)
+    (description(boot), ports)
 }
 
 impl Ports {
@@ -174,6 +254,7 @@ impl Ports {
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
         spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
 
@@ -188,7 +269,8 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
         divq: Some(PllDiv::DIV10), // 800 MHz / 10 = 80 MHz: FDCAN kernel
         divr: None,
     });
-    rcc.hsi48 = None;
+    rcc.hsi48 = Some(Hsi48Config { sync_from_usb: true }); // 48 MHz, trimmed by the host's frames
+    rcc.mux.usbsel = mux::Usbsel::HSI48;
     rcc.voltage_scale = VoltageScale::Scale1;
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2; // 200 MHz
@@ -199,44 +281,24 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
 }
 
-fn uart_config(bits_per_second: u32) -> usart::Config {
-    let mut config = usart::Config::default();
-    config.baudrate = bits_per_second;
-    // An open input reads as an idle line.
-    config.rx_pull = Pull::Up;
-    config.de_assertion_time = DRIVER_ENABLE_SIXTEENTHS;
-    config.de_deassertion_time = DRIVER_ENABLE_SIXTEENTHS;
-    config
-}
-
-fn host_line<T: line::Instance>(
-    uart: Uart<'static, embassy_stm32::mode::Async>,
-    ring: &'static mut [u8; HOST_RING],
-) -> (Receiver, Sender) {
-    let (sender, receiver) = uart.split();
-    let receiver = receiver.into_ring_buffered(ring);
-    (Receiver::with_delimiters::<T>(receiver), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
-}
-
 /// What the core must know of this board.
-fn description() -> Board {
+fn description(boot: BootReason) -> Board {
     Board {
         name: "nucleo-h743zi",
         firmware: FIRMWARE,
         build_id: BUILD_ID,
-        boot: take_boot_reason(),
+        boot,
         last_words: "",
         e_stop_input: false,
         enable_output: false,
         buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
-        links: 2,
+        links: HOST_LINKS,
     }
 }
 
-/// Reads why the chip was reset, and clears it for the next time. Several flags may be set: the rarer cause counts.
-fn take_boot_reason() -> BootReason {
+/// Why the chip was reset. Several flags may be set: the rarer cause counts.
+pub fn boot_reason() -> BootReason {
     let flags = pac::RCC.rsr().read();
-    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     if flags.porrstf() {
         BootReason::PowerOn
     } else if flags.borrstf() {
@@ -250,4 +312,9 @@ fn take_boot_reason() -> BootReason {
     } else {
         BootReason::Unknown
     }
+}
+
+/// Makes room for the next reason.
+pub fn forget_boot_reason() {
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
 }

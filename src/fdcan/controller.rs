@@ -9,7 +9,8 @@ use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::{BusState, CanFrame};
 
 use super::element;
-use super::happenings::{Happening, Happenings, PLACE_WORDS, TRANSMIT_PLACES};
+use super::happenings::{Happening, Happenings, Instance};
+use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
 /// How long the controller may take to give a frame back.
 const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
@@ -42,6 +43,7 @@ struct Held {
 /// A controller on its bus. Off the bus again when dropped.
 pub struct Controller<'d> {
     registers: Fdcan,
+    message_ram: MessageRam,
     happenings: &'static Happenings,
     /// Holds the clock and the pins.
     _driver: Can<'d>,
@@ -52,8 +54,15 @@ pub struct Controller<'d> {
 }
 
 impl<'d> Controller<'d> {
-    pub(super) fn new(registers: Fdcan, happenings: &'static Happenings, driver: Can<'d>) -> Self {
-        Self { registers, happenings, _driver: driver, held: [None; TRANSMIT_SLOTS], waiting: None }
+    pub(super) fn new<T: Instance>(driver: Can<'d>) -> Self {
+        Self {
+            registers: T::registers(),
+            message_ram: T::message_ram(),
+            happenings: T::happenings(),
+            _driver: driver,
+            held: [None; TRANSMIT_SLOTS],
+            waiting: None,
+        }
     }
 
     /// Waits for the next happening; the slot of a frame that was sent or given back is free again when it has returned.
@@ -128,10 +137,7 @@ impl<'d> Controller<'d> {
             _ => return,
         }
         self.waiting = None;
-        let start = usize::from(self.registers.txbc().read().tbsa()) + place * PLACE_WORDS;
-        for (offset, word) in element::to_send(&frame, slot).into_iter().enumerate() {
-            pac::FDCANRAM.ram(start + offset).write_value(word);
-        }
+        self.message_ram.put(place, element::to_send(&frame, slot));
         self.registers.txbar().write(|w| w.set_ar(place, true));
     }
 
@@ -168,7 +174,7 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Resets the transmit queue and the FIFOs: the effect of CCE, which needs INIT (RM0433, FDCAN chapter, software
+    /// Resets the transmit queue and the FIFOs: the effect of CCE, which needs INIT (RM0433 and RM0440, FDCAN chapter, software
     /// initialisation). The controller is off the bus afterwards.
     fn wipe(&mut self) {
         self.leave_bus();

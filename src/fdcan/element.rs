@@ -1,4 +1,4 @@
-//! Frames as they lie in the message RAM of an FDCAN controller (RM0433, FDCAN chapter, message RAM).
+//! Frames as they lie in the message RAM of an FDCAN controller (RM0433 and RM0440, FDCAN chapter, message RAM).
 
 use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
 use host_protocol::CanFrame;

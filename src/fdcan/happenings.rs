@@ -10,13 +10,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
-use embassy_stm32::pac;
 use embassy_stm32::pac::can::Fdcan;
+use embassy_stm32::pac::can::regs::Txbcie;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use host_protocol::CanFrame;
 
-use super::element::{self, FRAME_WORDS};
+use super::element;
+use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
 /// Happenings waiting for the task: 1.5 ms of the shortest frames at 1 Mbit/s (47 bits each).
 const DEPTH: usize = 32;
@@ -24,15 +25,9 @@ const DEPTH: usize = 32;
 const RESERVED: usize = 4;
 
 /// The FIFO that every frame goes to.
-const FIFO: usize = 0;
+pub const FIFO: usize = 0;
 /// The FIFO that stays empty.
-const OTHER_FIFO: usize = 1;
-/// Words of a frame's place in the message RAM: the driver lays it out for 64 bytes of data.
-pub const PLACE_WORDS: usize = 18;
-/// Transmit places that the driver sets up; one bit each in the registers.
-pub const TRANSMIT_PLACES: usize = 3;
-/// Words of an entry of the transmit event FIFO.
-const EVENT_WORDS: usize = 2;
+pub const OTHER_FIFO: usize = 1;
 /// More entries than either FIFO holds; a bound for loops.
 const MORE_THAN_A_FIFO: usize = 8;
 
@@ -102,16 +97,30 @@ impl Happenings {
 pub trait Instance: can::Instance {
     /// Its registers.
     fn registers() -> Fdcan;
+    /// Its part of the message RAM.
+    fn message_ram() -> MessageRam;
+    /// Routes every interrupt that [`route_interrupts`] chooses to the second line: how they are grouped is the chip's.
+    fn route_to_second_line();
     /// Its happenings.
     fn happenings() -> &'static Happenings;
 }
 
-/// Makes a controller of the chip an [`Instance`].
+/// Makes a controller of the chip an [`Instance`]: its name, where its part of the message RAM begins (a block of the chip, and
+/// bytes into it), and the function that sets the line of each interrupt.
 macro_rules! instance {
-    ($name:ident) => {
+    ($name:ident, $ram:ident + $offset:literal, $second_line:path) => {
         impl $crate::fdcan::Instance for embassy_stm32::peripherals::$name {
             fn registers() -> embassy_stm32::pac::can::Fdcan {
                 embassy_stm32::pac::$name
+            }
+            fn message_ram() -> $crate::fdcan::MessageRam {
+                // Safety: the block of this controller, as the manual of the chip and the driver have it.
+                unsafe {
+                    $crate::fdcan::MessageRam::new(embassy_stm32::pac::$ram.as_ptr().byte_add($offset).cast())
+                }
+            }
+            fn route_to_second_line() {
+                embassy_stm32::pac::$name.ils().write($second_line);
             }
             fn happenings() -> &'static $crate::fdcan::Happenings {
                 static HAPPENINGS: $crate::fdcan::Happenings = $crate::fdcan::Happenings::new();
@@ -124,20 +133,11 @@ pub(crate) use instance;
 
 /// Chooses the interrupts and routes them to the second line, and with them those that the driver's start adds. Before
 /// the controller is started.
-pub fn route_interrupts(controller: Fdcan) {
-    controller.ils().write(|w| {
-        w.set_rfnl(FIFO, true);
-        w.set_rfnl(OTHER_FIFO, true);
-        w.set_rfll(FIFO, true);
-        w.set_tcl(true);
-        w.set_tefnl(true);
-        w.set_tcfl(true);
-        w.set_ewl(true);
-        w.set_epl(true);
-        w.set_bol(true);
-    });
+pub fn route_interrupts<T: Instance>() {
+    T::route_to_second_line();
+    let controller = T::registers();
     // Every place tells when it has given its frame back.
-    controller.txbcie().write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cf(place, true)));
+    controller.txbcie().write_value(Txbcie((1 << TRANSMIT_PLACES) - 1));
     controller.ie().write(|w| {
         w.set_rfle(FIFO, true);
         w.set_tefne(true);
@@ -172,8 +172,8 @@ impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
             happenings.count_lost();
         }
         // A reply comes after the request that it answers.
-        take_transmitted(controller, happenings);
-        take_received(controller, happenings);
+        take_transmitted::<T>();
+        take_received::<T>();
         if flags.tcf() {
             happenings.report(Happening::CancellationFinished);
         }
@@ -183,30 +183,28 @@ impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
     }
 }
 
-fn take_transmitted(controller: Fdcan, happenings: &Happenings) {
-    let start = usize::from(controller.txefc().read().efsa());
+fn take_transmitted<T: Instance>() {
+    let controller = T::registers();
     for _ in 0..MORE_THAN_A_FIFO {
         let status = controller.txefs().read();
         if status.effl() == 0 {
             break;
         }
-        let entry = start + usize::from(status.efgi()) * EVENT_WORDS;
-        let marker = element::event_marker(pac::FDCANRAM.ram(entry + 1).read());
+        let marker = element::event_marker(T::message_ram().event(usize::from(status.efgi())));
         controller.txefa().write(|w| w.set_efai(status.efgi()));
-        happenings.report(Happening::Transmitted(marker));
+        T::happenings().report(Happening::Transmitted(marker));
     }
 }
 
-fn take_received(controller: Fdcan, happenings: &Happenings) {
-    let start = usize::from(controller.rxfc(FIFO).read().fsa());
+fn take_received<T: Instance>() {
+    let controller = T::registers();
     for _ in 0..MORE_THAN_A_FIFO {
         let status = controller.rxfs(FIFO).read();
         if status.ffl() == 0 {
             break;
         }
-        let place = start + usize::from(status.fgi()) * PLACE_WORDS;
-        let words: [u32; FRAME_WORDS] = core::array::from_fn(|word| pac::FDCANRAM.ram(place + word).read());
+        let words = T::message_ram().received(usize::from(status.fgi()));
         controller.rxfa(FIFO).write(|w| w.set_fai(status.fgi()));
-        happenings.received(element::received(words));
+        T::happenings().received(element::received(words));
     }
 }

@@ -61,9 +61,9 @@ where
                 .set_automatic_bus_off_recovery(false),
         );
         T::happenings().clear();
-        happenings::route_interrupts(T::registers());
+        happenings::route_interrupts::<T>();
         let driver = setup.into_normal_mode();
         happenings::drop_needless_interrupts(T::registers());
-        Controller::new(T::registers(), T::happenings(), driver)
+        Controller::new::<T>(driver)
     }
 }

@@ -181,6 +181,12 @@ impl Gateway {
         self.buses.get(usize::from(bus))?.setup()
     }
 
+    /// Whether no axis moves or may: each is idle or not configured. A trip is no rest, not even a confirmed one: its stops are
+    /// repeated for faults that heal by themselves.
+    pub fn all_at_rest(&self) -> bool {
+        self.axes.iter().all(|axis| matches!(axis.state, AxisState::Idle | AxisState::Unconfigured))
+    }
+
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));

@@ -23,6 +23,7 @@ mod obedience;
 mod pins;
 mod random;
 mod relative_moves;
+mod rest;
 mod rig;
 mod stop_again;
 mod stops;

@@ -1,0 +1,306 @@
+//! NUCLEO-G474RE: three FDCANs, one RS485 port, host links on the ST-LINK's virtual COM port, on the header and on USB.
+//!
+//! | Function | Pins | |
+//! |---|---|---|
+//! | bus 0, CAN | PB8 RX, PB9 TX (D15, D14) | FDCAN1, to a transceiver; see below |
+//! | bus 1, CAN | PB12 RX, PB13 TX (CN10 16, 30) | FDCAN2, to a transceiver |
+//! | bus 2, CAN | PA8 RX (D7), PA15 TX (CN7 17) | FDCAN3, to a transceiver |
+//! | bus 3, RS485 | PB11 RX, PB10 TX, PB14 DE (CN10 18, D6, CN10 28) | USART3, to a transceiver with RE# tied to ground |
+//! | host link 0 | PA3 RX, PA2 TX | LPUART1, the virtual COM port |
+//! | host link 1 | PC5 RX, PC4 TX (D0, D1) | USART1, on the header |
+//! | host link 2, USB | PA11 D−, PA12 D+ (CN10 14, 12) | the board has no connector for it |
+//! | e-stop input | PA4 (A2) | normally closed to ground, internal pull-up; EXTI line 4 |
+//! | enable output | PB0 (A3) | active high, needs 10 kΩ to ground |
+//! | light | PA5 | LD2, blinks while the firmware runs |
+//!
+//! PB8 is also BOOT0, and FDCAN1 has no other input on this package that leaves USB free. A transceiver holds it high, so that
+//! every reset, the watchdog's too, would start the ROM bootloader instead of this firmware. The option nSWBOOT0 = 0 (with
+//! nBOOT0 = 1) makes the chip ignore the pin; without it bus 0 offers no bitrate. Once, with bus 0 unplugged:
+//! `STM32_Programmer_CLI -c port=SWD -ob nSWBOOT0=0 nBOOT0=1`.
+//!
+//! Not used on purpose: PA13 and PA14 are SWD, PB3 is SWO, PC13 the button; PB4 and PB6 have the pull-downs of USB-C's dead-battery
+//! mode while PA9 and PA10 are high at reset; A4 and A5 hang on solder bridges. The virtual COM port and D0, D1 are as
+//! delivered: with the solder bridges that lead PA2 and PA3 to D1 and D0 changed, host link 0 is there instead.
+//! Header pins and crystal are those of Zephyr's files for the board (boards/st/nucleo_g474re).
+
+use embassy_executor::Spawner;
+use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
+use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::peripherals::{
+    DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1, PA8, PA11,
+    PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
+};
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllMul, PllPreDiv, PllQDiv, PllRDiv,
+    PllSource, Sysclk, frequency, mux,
+};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::usart::{self, Uart};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
+use gateway::{Board, BusPort, BusPortKind};
+use host_protocol::BootReason;
+use static_cell::{ConstStaticCell, StaticCell};
+
+use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
+use super::{BUILD_ID, FIRMWARE};
+use crate::fdcan::{self, CanPort, FdcanPort, Timing};
+use crate::line::{self, Receiver, Sender};
+use crate::shared_gateway::SharedGateway;
+use crate::tasks;
+
+/// CAN buses, numbered first.
+pub const CAN_BUSES: usize = 3;
+/// RS485 buses, numbered after them.
+pub const RS485_BUSES: usize = 1;
+/// Host links on UARTs, numbered first.
+pub const HOST_UARTS: usize = 2;
+/// The host link on USB.
+const USB_LINK: u8 = 2;
+const HOST_LINKS: u8 = USB_LINK + 1;
+
+/// The crystal X3.
+const HSE_HZ: u32 = 24_000_000;
+/// 24 MHz / 2 × 28 = 336 MHz. The processor gets half of it, 168 MHz: 170 MHz is the most, but makes no 800 kbit/s.
+const PLL_VCO_HZ: u32 = HSE_HZ / 2 * 28;
+/// PLL Q: 336 MHz / 4 = 84 MHz, one clock for all three controllers. Below the 168 MHz of APB1, which clocks their registers.
+const CAN_KERNEL_HZ: u32 = PLL_VCO_HZ / 4;
+
+/// 84 MHz, and 21 time quanta per bit for every bitrate: sample point (1 + 17) / 21 = 85.7 %, so that
+/// prescaler = 84 MHz / 21 / bitrate = 4 MHz / bitrate.
+pub static CAN_TIMINGS: [Timing; 8] = CAN_TIMING_TABLE;
+const CAN_TIMING_TABLE: [Timing; 8] = [
+    can_timing(1_000_000, 4), // 4 MHz / 4
+    can_timing(800_000, 5),   // 4 MHz / 5
+    can_timing(500_000, 8),   // 4 MHz / 8
+    can_timing(250_000, 16),  // 4 MHz / 16
+    can_timing(210_526, 19),  // 4 MHz / 19 = 210526.3
+    can_timing(125_000, 32),  // 4 MHz / 32
+    can_timing(100_000, 40),  // 4 MHz / 40
+    can_timing(50_000, 80),   // 4 MHz / 80
+];
+
+const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
+    Timing::checked(CAN_KERNEL_HZ, bitrate, prescaler, 17, 3)
+}
+
+/// From the 168 MHz of APB1: 168 MHz / 1458 = 115226, / 336, / 168, / 112, / 84.
+const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+
+const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+/// Bus 0 while its input also decides where the chip starts from.
+const UNSAFE_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
+const RS485_BUS: BusPort =
+    BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
+
+bind_interrupts!(struct Irqs {
+    FDCAN1_IT1 => fdcan::InterruptHandler<FDCAN1>, IT1InterruptHandler<FDCAN1>;
+    FDCAN2_IT1 => fdcan::InterruptHandler<FDCAN2>, IT1InterruptHandler<FDCAN2>;
+    FDCAN3_IT1 => fdcan::InterruptHandler<FDCAN3>, IT1InterruptHandler<FDCAN3>;
+    USART3 => line::InterruptHandler<USART3>, usart::InterruptHandler<USART3>;
+    LPUART1 => line::InterruptHandler<LPUART1>, usart::InterruptHandler<LPUART1>;
+    USART1 => line::InterruptHandler<USART1>, usart::InterruptHandler<USART1>;
+    DMA1_CHANNEL1 => dma::InterruptHandler<DMA1_CH1>;
+    DMA1_CHANNEL2 => dma::InterruptHandler<DMA1_CH2>;
+    DMA1_CHANNEL3 => dma::InterruptHandler<DMA1_CH3>;
+    DMA1_CHANNEL4 => dma::InterruptHandler<DMA1_CH4>;
+    DMA1_CHANNEL5 => dma::InterruptHandler<DMA1_CH5>;
+    DMA1_CHANNEL6 => dma::InterruptHandler<DMA1_CH6>;
+    USB_LP => usb::InterruptHandler<USB>;
+});
+
+// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
+// controller. So the driver's handler for it stays out of the image; were it raised, the board would restart.
+unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::FDCAN3_IT0, IT0InterruptHandler<FDCAN3>> for Irqs {}
+
+// Each has a message RAM of its own.
+fdcan::instance!(FDCAN1, FDCANRAM1 + 0, all_to_second_line);
+fdcan::instance!(FDCAN2, FDCANRAM2 + 0, all_to_second_line);
+fdcan::instance!(FDCAN3, FDCANRAM3 + 0, all_to_second_line);
+line::instance!(USART3);
+line::instance!(LPUART1);
+line::instance!(USART1);
+
+/// One bit for each group of sources.
+fn all_to_second_line(w: &mut pac::can::regs::Ils) {
+    w.set_rxfifo(fdcan::FIFO, true);
+    w.set_rxfifo(fdcan::OTHER_FIFO, true);
+    w.set_smsg(true); // sent, given back
+    w.set_tferr(true); // event FIFO
+    w.set_misc(true);
+    w.set_berr(true); // passive
+    w.set_perr(true); // warning, bus-off
+}
+
+/// The USB controller.
+pub type UsbDriver = usb::Driver<'static, USB>;
+
+/// USB, and its pins.
+pub struct UsbPort {
+    controller: Peri<'static, USB>,
+    d_plus: Peri<'static, PA12>,
+    d_minus: Peri<'static, PA11>,
+}
+
+impl UsbPort {
+    /// The driver, and the serial number, the chip's unique id in hex. Here nothing has to be waited for.
+    pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
+        Some((UsbDriver::new(self.controller, Irqs, self.d_plus, self.d_minus), uid::uid_hex()))
+    }
+}
+
+/// Where the ROM bootloader's vector table lies (AN2606).
+const ROM_BOOTLOADER: usize = 0x1FFF_0000;
+/// SYSCFG_MEMRMP: that ROM also at address 0, as after a start by the BOOT0 pin (RM0440, SYSCFG chapter).
+const MEMORY_MODE_ROM: u8 = 1;
+
+/// Leaves this firmware for good. To be called right after a reset.
+pub fn start_rom_bootloader() -> ! {
+    pac::RCC.apb2enr().modify(|w| w.set_syscfgen(true));
+    pac::SYSCFG.memrmp().modify(|w| w.set_mem_mode(MEMORY_MODE_ROM));
+    // Safety: a stack pointer and an entry point lie there, and nothing of this firmware is in use.
+    unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
+}
+
+/// The ports of the board, set up and not yet served.
+pub struct Ports {
+    can_0: FdcanPort<FDCAN1, PB8, PB9, Irqs>,
+    can_1: FdcanPort<FDCAN2, PB12, PB13, Irqs>,
+    can_2: FdcanPort<FDCAN3, PA8, PA15, Irqs>,
+    rs485: (Receiver, Sender),
+    host_0: (Receiver, Sender),
+    host_1: (Receiver, Sender),
+    usb: UsbPort,
+    light: Output<'static>,
+}
+
+/// Sets clocks, pins and UARTs up.
+pub fn start(boot: BootReason) -> (Board, Ports) {
+    let mut config = Config::default();
+    set_clocks(&mut config.rcc);
+    let p = embassy_stm32::init(config);
+    defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
+
+    let uart = serial::config(HOST_BITS_PER_SECOND);
+    let host_0 = defmt::unwrap!(Uart::new(p.LPUART1, p.PA3, p.PA2, p.DMA1_CH2, p.DMA1_CH1, Irqs, uart));
+    let host_1 = defmt::unwrap!(Uart::new(p.USART1, p.PC5, p.PC4, p.DMA1_CH4, p.DMA1_CH3, Irqs, uart));
+    let [first_bitrate, ..] = RS485_BITRATES;
+    let uart = serial::config(first_bitrate);
+    let rs485 = defmt::unwrap!(Uart::new_with_de(
+        p.USART3, p.PB11, p.PB10, p.PB14, p.DMA1_CH6, p.DMA1_CH5, Irqs, uart
+    ));
+    let ports = Ports {
+        can_0: FdcanPort { controller: p.FDCAN1, rx: p.PB8, tx: p.PB9, irqs: Irqs },
+        can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB12, tx: p.PB13, irqs: Irqs },
+        can_2: FdcanPort { controller: p.FDCAN3, rx: p.PA8, tx: p.PA15, irqs: Irqs },
+        rs485: {
+            static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
+            serial::rs485_line::<USART3>(rs485, RING.take(), first_bitrate)
+        },
+        host_0: {
+            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+            serial::host_line::<LPUART1>(host_0, RING.take())
+        },
+        host_1: {
+            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+            serial::host_line::<USART1>(host_1, RING.take())
+        },
+        usb: UsbPort { controller: p.USB, d_plus: p.PA12, d_minus: p.PA11 },
+        light: Output::new(p.PA5, Level::Low, Speed::Low),
+    };
+    (description(boot), ports)
+}
+
+impl Ports {
+    /// Starts a task for every port.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+        static CAN_0: StaticCell<FdcanPort<FDCAN1, PB8, PB9, Irqs>> = StaticCell::new();
+        static CAN_1: StaticCell<FdcanPort<FDCAN2, PB12, PB13, Irqs>> = StaticCell::new();
+        static CAN_2: StaticCell<FdcanPort<FDCAN3, PA8, PA15, Irqs>> = StaticCell::new();
+        let can: [&'static mut dyn CanPort; CAN_BUSES] =
+            [CAN_0.init(self.can_0), CAN_1.init(self.can_1), CAN_2.init(self.can_2)];
+        for (bus, port) in (0..).zip(can) {
+            spawner.spawn(defmt::unwrap!(tasks::can::can(gateway, bus, port)));
+        }
+        let (receiver, sender) = self.rs485;
+        spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 3, receiver, sender)));
+        for (link, (receiver, sender)) in (0..).zip([self.host_0, self.host_1]) {
+            spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
+            spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
+        }
+        spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
+    }
+}
+
+fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
+    rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Oscillator });
+    rcc.pll = Some(Pll {
+        source: PllSource::HSE,
+        prediv: PllPreDiv::DIV2,
+        mul: PllMul::MUL28,
+        divp: None,
+        divq: Some(PllQDiv::DIV4), // 336 MHz / 4 = 84 MHz: FDCAN kernel
+        divr: Some(PllRDiv::DIV2), // 336 MHz / 2 = 168 MHz: processor
+    });
+    rcc.hsi48 = Some(Hsi48Config { sync_from_usb: true }); // 48 MHz, trimmed by the host's frames
+    rcc.mux.clk48sel = mux::Clk48sel::HSI48; // USB
+    rcc.boost = true; // above 150 MHz
+    rcc.sys = Sysclk::PLL1_R;
+    rcc.ahb_pre = AHBPrescaler::DIV1; // 168 MHz
+    rcc.apb1_pre = APBPrescaler::DIV1; // 168 MHz: LPUART1, USART3, FDCAN registers
+    rcc.apb2_pre = APBPrescaler::DIV1; // 168 MHz: USART1
+    rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
+}
+
+/// What the core must know of this board.
+fn description(boot: BootReason) -> Board {
+    let buses: &[BusPort] = if starts_from_flash_always() {
+        &[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
+    } else {
+        defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
+        &[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
+    };
+    Board {
+        name: "nucleo-g474re",
+        firmware: FIRMWARE,
+        build_id: BUILD_ID,
+        boot,
+        last_words: "",
+        e_stop_input: false,
+        enable_output: false,
+        buses,
+        links: HOST_LINKS,
+    }
+}
+
+/// Whether the option bytes let no pin keep the chip from this firmware (RM0440, boot configuration).
+fn starts_from_flash_always() -> bool {
+    let options = pac::FLASH.optr().read();
+    let locked = pac::FLASH.sec1r().read().boot_lock();
+    locked || (!options.n_swboot0() && options.n_boot0())
+}
+
+/// Why the chip was reset. Several flags may be set: the rarer cause counts. This chip
+/// has one flag for power-on and brown-out.
+pub fn boot_reason() -> BootReason {
+    let flags = pac::RCC.csr().read();
+    if flags.borrstf() {
+        BootReason::PowerOn
+    } else if flags.iwdgrstf() || flags.wwdgrstf() {
+        BootReason::Watchdog
+    } else if flags.sftrstf() {
+        BootReason::Software
+    } else if flags.pinrstf() {
+        BootReason::Pin
+    } else {
+        BootReason::Unknown
+    }
+}
+
+/// Makes room for the next reason.
+pub fn forget_boot_reason() {
+    pac::RCC.csr().modify(|w| w.set_rmvf(true));
+}
