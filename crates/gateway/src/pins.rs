@@ -49,12 +49,6 @@ impl Gateway {
         }
     }
 
-    /// Whether nothing moves, nothing may, and no stop is under way: only then may a board leave its firmware.
-    #[must_use]
-    pub fn is_at_rest(&self) -> bool {
-        self.axes.iter().all(|axis| axis.is_at_rest())
-    }
-
     pub(crate) fn status(&self, now: Instant) -> GatewayReport {
         GatewayReport {
             time_us: now.as_micros(),
