@@ -14,6 +14,7 @@ mod echo;
 mod fairness;
 mod holding;
 mod impedance;
+mod log;
 mod motion;
 mod motors;
 mod natives;
