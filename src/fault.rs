@@ -1,21 +1,48 @@
-//! What happens after a panic or a processor fault: the log gets a few lines, then the board starts again.
+//! What happens after a panic or a processor fault: the enable output goes inactive, the reason is kept, and the board starts
+//! again at once.
 //!
-//! A gateway that stands still is worse than one that starts again: after the reset nothing is armed and the motors'
-//! own timeouts act.
+//! A gateway that stands still is worse than one that starts again: after the reset it stops every motor that it knew.
 
+use core::fmt::{self, Write};
 use core::ops::Range;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use cortex_m::peripheral::SCB;
+use cortex_m::peripheral::{DCB, SCB};
 use cortex_m_rt::{ExceptionFrame, exception};
 
-/// Processor cycles that the log is given to reach a debug probe before the reset wipes it: 10 ms at 400 MHz.
-const LOG_GRACE_CYCLES: u32 = 4_000_000;
-/// Return addresses that are logged; the first few belong to the panic itself.
+use crate::board;
+use crate::last_words::{self, Text};
+
+/// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes it: 2 ms at 400 MHz.
+const LOG_GRACE_CYCLES: u32 = 800_000;
+/// Return addresses that are kept where there is no message; the first few belong to the panic itself.
 const RETURN_ADDRESSES: usize = 12;
 /// Bytes of a word of the stack.
 const WORD: usize = size_of::<usize>();
+
+/// What the bits of the configurable fault status register, CFSR, mean (ARMv7-M Architecture Reference Manual, B3.2.15).
+const FAULTS: [(u32, &str); 19] = [
+    (0, "instruction from forbidden memory"),
+    (1, "data access to forbidden memory"),
+    (3, "forbidden memory on return from an exception"),
+    (4, "forbidden memory on entry to an exception"),
+    (5, "forbidden memory for a floating-point register"),
+    (7, "its address is known"),
+    (8, "bus error on an instruction"),
+    (9, "bus error on data"),
+    (10, "bus error on data some time before"),
+    (11, "bus error on return from an exception"),
+    (12, "bus error on entry to an exception"),
+    (13, "bus error for a floating-point register"),
+    (15, "its address is known"),
+    (16, "undefined instruction"),
+    (17, "invalid state"),
+    (18, "invalid return"),
+    (19, "no coprocessor"),
+    (24, "unaligned access"),
+    (25, "division by zero"),
+];
 
 unsafe extern "C" {
     /// One past the highest word of the stack; cortex-m-rt's link.x.
@@ -25,47 +52,57 @@ unsafe extern "C" {
     static __etext: u8;
 }
 
-/// The message and the source line stay out of the image: they cost 9 KiB of flash. The return addresses lead there:
-/// `addr2line -fie target/thumbv7em-none-eabihf/firmware/motor-gateway 0x08…`
+/// File and line first: a long message is cut.
 #[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    restart_after(|| {
-        defmt::error!("panic; addresses on the stack, latest first:");
-        log_return_addresses();
+fn panic(info: &PanicInfo<'_>) -> ! {
+    restart_after(|text| match info.location() {
+        Some(at) => write!(text, "panic at {}:{}: {}", at.file(), at.line(), info.message()),
+        None => write!(text, "panic: {}", info.message()),
     })
 }
 
-/// Panics of the logger's own macros have logged their message already.
+/// Panics of the logger's own macros: the message is in the log and nowhere else, so the way there is kept.
 #[defmt::panic_handler]
 fn defmt_panic() -> ! {
-    restart_after(log_return_addresses)
+    restart_after(|text| {
+        text.write_str("panic; on the stack, latest first:")?;
+        return_addresses().try_for_each(|address| write!(text, " {address:#010x}"))
+    })
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    restart_after(|| {
-        defmt::error!("hard fault at {=u32:#010x}, called from {=u32:#010x}", frame.pc(), frame.lr());
+    restart_after(|text| {
+        // Safety: reading this register changes nothing.
+        let status = unsafe { (*SCB::PTR).cfsr.read() };
+        write!(text, "hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr())?;
+        let met = FAULTS.iter().filter(|(bit, _)| status & (1 << bit) != 0);
+        met.map(|(_, fault)| fault).try_for_each(|fault| write!(text, ", {fault}"))
     })
 }
 
 #[exception]
 unsafe fn DefaultHandler(interrupt: i16) {
-    restart_after(|| defmt::error!("interrupt {=i16} that nothing serves", interrupt))
+    restart_after(|text| write!(text, "interrupt {interrupt} that nothing serves"))
 }
 
-/// Logs and starts again; without the log if that is where the fault came from.
-fn restart_after(log: impl FnOnce()) -> ! {
+/// Keeps the text and starts again; without the text if that is where the fault came from.
+fn restart_after(write: impl FnOnce(&mut Text) -> fmt::Result) -> ! {
     static FAULTED: AtomicBool = AtomicBool::new(false);
     cortex_m::interrupt::disable();
+    board::set_enable_output(false);
     if !FAULTED.swap(true, Ordering::Relaxed) {
-        log();
-        cortex_m::asm::delay(LOG_GRACE_CYCLES);
+        last_words::keep(write);
+        // The run after this one logs the text too.
+        if DCB::is_debugger_attached() {
+            cortex_m::asm::delay(LOG_GRACE_CYCLES);
+        }
     }
     SCB::sys_reset()
 }
 
-/// Logs the words of the stack that can be return addresses: odd, as Thumb code has them, and inside the code.
-fn log_return_addresses() {
+/// The words of the stack that can be return addresses: odd, as Thumb code has them, and inside the code.
+fn return_addresses() -> impl Iterator<Item = usize> {
     let (top, code) = (&raw const _stack_start as usize, code());
     let here = 0usize;
     let lowest = &raw const here as usize;
@@ -73,9 +110,8 @@ fn log_return_addresses() {
         .step_by(WORD)
         // Safety: aligned words between a live local and the top of the stack are RAM of this program.
         .map(|address| unsafe { core::ptr::read_volatile(address as *const usize) })
-        .filter(|word| word % 2 == 1 && code.contains(word))
+        .filter(move |word| word % 2 == 1 && code.contains(word))
         .take(RETURN_ADDRESSES)
-        .for_each(|address| defmt::error!("  {=usize:#010x}", address));
 }
 
 fn code() -> Range<usize> {

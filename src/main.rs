@@ -10,13 +10,21 @@ mod fault;
 #[cfg(target_os = "none")]
 mod fdcan;
 #[cfg(target_os = "none")]
+mod last_words;
+#[cfg(target_os = "none")]
 mod line;
+#[cfg(target_os = "none")]
+mod log;
+#[cfg(target_os = "none")]
+mod retained;
 #[cfg(target_os = "none")]
 mod shared_gateway;
 #[cfg(target_os = "none")]
 mod tasks;
 #[cfg(target_os = "none")]
 mod usb;
+#[cfg(target_os = "none")]
+mod watchdog;
 
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
@@ -26,18 +34,28 @@ async fn main(spawner: embassy_executor::Spawner) {
 
     let boot = board::boot_reason();
     usb::bootloader::start_if_asked_for(boot);
+    watchdog::start();
+    let words = retained::start(boot);
+    // Not before the retained RAM can be read: a reset in between must find the same reason.
     board::forget_boot_reason();
-    let (description, ports) = board::start(boot);
+    let last_words = last_words::take(boot);
+    let (description, ports) = board::start(boot, last_words);
     defmt::info!(
         "motor gateway {=str}, build {=str}, on {=str}, started by {}",
         description.firmware,
         description.build_id,
         description.name,
-        description.boot
+        boot
     );
-    let gateway = SharedGateway::place(description);
+    if !last_words.is_empty() {
+        defmt::error!("the run before this one ended: {=str}", last_words);
+    }
+    let gateway = SharedGateway::place(description, words);
+    spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
     spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
-    ports.spawn(spawner, gateway);
+    let hosts = ports.spawn(spawner, gateway);
+    gateway.first_stops_have_left().await;
+    hosts.spawn(spawner, gateway);
 }
 
 #[cfg(not(target_os = "none"))]

@@ -1,13 +1,21 @@
 //! The core, shared by the tasks, and the signals that tell each port to look at it again.
 
 use core::cell::RefCell;
+use core::future::poll_fn;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::task::Poll;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
-use gateway::{Board, BusSetup, Event, Gateway, Instant, MAX_BUSES, MAX_LINKS, Transmit};
+use embassy_time::{Duration, Timer};
+use gateway::{Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Transmit};
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
+
+use crate::board;
+use crate::retained::{self, CoreWords};
+use crate::watchdog::Watch;
 
 /// Every task runs in thread mode, so the core is guarded without masking interrupts: the controllers' receive
 /// queues are filled even while the core works.
@@ -16,30 +24,51 @@ type Guard = ThreadModeRawMutex;
 /// "The core has changed: poll again."
 type Changed = Signal<Guard, ()>;
 
+/// How long the host links wait for the first stops after a start.
+const FIRST_STOPS: Duration = Duration::from_millis(100);
+/// How often these are looked for.
+const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
+
 /// The one gateway of the board. What reaches into the core is never inlined: several tasks call it, and the core's
 /// code would be in the image as often.
 pub struct SharedGateway {
     core: Mutex<Guard, RefCell<Gateway>>,
+    kept: Mutex<Guard, RefCell<CoreWords>>,
+    /// The core may have changed what must outlive a reset.
+    unsaved: AtomicBool,
     buses: [Changed; MAX_BUSES],
     links: [Changed; MAX_LINKS],
     deadline: Changed,
 }
 
 impl SharedGateway {
-    /// Puts the gateway of this board in its place; once.
+    /// Puts the gateway of this board in its place, with what the run before has left; once.
     #[inline(never)]
-    pub fn place(board: Board) -> &'static Self {
+    pub fn place(board: Board, kept: CoreWords) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
             core: Mutex::new(RefCell::new(Gateway::unequipped(board))),
+            kept: Mutex::new(RefCell::new(kept)),
+            unsaved: AtomicBool::new(true),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
         });
-        shared.with(|core, _| core.equip());
+        shared.with(|core, now| {
+            core.equip();
+            shared.kept.lock(|kept| core.restore(now, kept.borrow().as_slice()));
+        });
         shared
+    }
+
+    /// Waits until every motor that the run before has left configured has been sent a stop; not for ever.
+    pub async fn first_stops_have_left(&self) {
+        let end = embassy_time::Instant::now() + FIRST_STOPS;
+        while self.with(|core, _| core.stops_under_way()) && embassy_time::Instant::now() < end {
+            Timer::after(FIRST_STOPS_POLL).await;
+        }
     }
 
     /// The time of the gateway.
@@ -53,10 +82,53 @@ impl SharedGateway {
     }
 
     /// Tells the core what happened, and every port to poll it again.
+    ///
+    /// The executor takes up first what was woken last: the buses, whose stop is urgent, then the host links, then what
+    /// works out the next deadline. What must outlive a reset is stored when the buses have had their frames, before anything is
+    /// said to a host and before the next event. That is in time: an axis is recorded as one that may move from the start of
+    /// its arming, and a later event lets it move.
     pub fn handle(&self, event: Event<'_>) {
-        self.with(|core, now| core.handle(now, event));
-        self.buses.iter().chain(&self.links).for_each(|changed| changed.signal(()));
+        let enabled = self.with(|core, now| {
+            self.save(core);
+            core.handle(now, event);
+            core.enable_output()
+        });
+        board::set_enable_output(enabled);
+        self.unsaved.store(true, Ordering::Relaxed);
         self.deadline.signal(());
+        self.links.iter().chain(&self.buses).for_each(|changed| changed.signal(()));
+    }
+
+    /// As [`handle`](Self::handle), then lets every port go first: for a task that serves none of them. It wakes itself before
+    /// it wakes them.
+    pub async fn handle_and_yield(&self, event: Event<'_>) {
+        let mut event = Some(event);
+        poll_fn(|context| match event.take() {
+            Some(event) => {
+                context.waker().wake_by_ref();
+                self.handle(event);
+                Poll::Pending
+            }
+            None => Poll::Ready(()),
+        })
+        .await;
+    }
+
+    fn save(&self, core: &mut Gateway) {
+        if !self.unsaved.swap(false, Ordering::Relaxed) {
+            return;
+        }
+        let mut wrote = false;
+        self.kept.lock(|kept| {
+            let mut kept = kept.borrow_mut();
+            core.save(|index, word| {
+                wrote = true;
+                kept.write(index, word);
+            });
+        });
+        if wrote {
+            retained::close();
+        }
     }
 
     /// The next frame for a bus.
@@ -84,7 +156,10 @@ impl SharedGateway {
     /// The next frame for a host link: its length in `out`.
     #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.with(|core, _| core.poll_host(link, out))
+        self.with(|core, _| {
+            self.save(core);
+            core.poll_host(link, out)
+        })
     }
 
     /// Whether no motor moves and none may.
@@ -99,21 +174,41 @@ impl SharedGateway {
         self.with(|core, _| core.bus_setup(bus))
     }
 
-    /// Waits until a bus must run otherwise than `current`.
-    pub async fn other_bus_setup(&self, bus: u8, current: Option<BusSetup>) -> Option<BusSetup> {
+    /// Waits until a bus must run otherwise than `current`, for the watched task of that bus.
+    pub async fn other_bus_setup(
+        &self,
+        bus: u8,
+        current: Option<BusSetup>,
+        life: &Watch,
+    ) -> Option<BusSetup> {
         loop {
             let setup = self.bus_setup(bus);
             if setup != current {
                 return setup;
             }
-            self.bus_changed(bus).await;
+            life.alive(self.bus_changed(bus)).await;
         }
     }
 
     /// When the core wants to be told of the time.
     #[inline(never)]
     pub fn next_deadline(&self) -> Option<Instant> {
-        self.with(|core, _| core.next_deadline())
+        self.with(|core, _| {
+            self.save(core);
+            core.next_deadline()
+        })
+    }
+
+    /// The next entry of the core's log.
+    #[inline(never)]
+    pub fn take_log(&self) -> Option<LogEntry> {
+        self.with(|core, _| core.take_log())
+    }
+
+    /// What the light of the board shows.
+    #[inline(never)]
+    pub fn light(&self) -> Light {
+        self.with(|core, _| core.light())
     }
 
     /// Waits until the core may have something new for a bus. For one task per bus.

@@ -3,6 +3,8 @@
 pub mod can;
 pub mod deadline;
 pub mod host;
-pub mod life;
+pub mod light;
 pub mod rs485;
+pub mod safety;
+pub mod supervisor;
 pub mod usb;

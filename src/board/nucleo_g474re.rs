@@ -11,7 +11,7 @@
 //! | host link 2, USB | PA11 D−, PA12 D+ (CN10 14, 12) | the board has no connector for it |
 //! | e-stop input | PA4 (A2) | normally closed to ground, internal pull-up; EXTI line 4 |
 //! | enable output | PB0 (A3) | active high, needs 10 kΩ to ground |
-//! | light | PA5 | LD2, blinks while the firmware runs |
+//! | light | PA5 | LD2; its patterns are in `src/tasks/light.rs` |
 //!
 //! PB8 is also BOOT0, and FDCAN1 has no other input on this package that leaves USB free. A transceiver holds it high, so that
 //! every reset, the watchdog's too, would start the ROM bootloader instead of this firmware. The option nSWBOOT0 = 0 (with
@@ -25,8 +25,10 @@
 
 use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
-use embassy_stm32::gpio::{Level, Output, Speed};
-use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::exti::{self, ExtiInput};
+use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::interrupt::typelevel::{Binding, EXTI4};
+use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
     DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1, PA8, PA11,
     PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
@@ -107,6 +109,7 @@ bind_interrupts!(struct Irqs {
     DMA1_CHANNEL5 => dma::InterruptHandler<DMA1_CH5>;
     DMA1_CHANNEL6 => dma::InterruptHandler<DMA1_CH6>;
     USB_LP => usb::InterruptHandler<USB>;
+    EXTI4 => exti::InterruptHandler<EXTI4>;
 });
 
 // Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
@@ -170,17 +173,42 @@ pub struct Ports {
     can_1: FdcanPort<FDCAN2, PB12, PB13, Irqs>,
     can_2: FdcanPort<FDCAN3, PA8, PA15, Irqs>,
     rs485: (Receiver, Sender),
-    host_0: (Receiver, Sender),
-    host_1: (Receiver, Sender),
-    usb: UsbPort,
+    hosts: HostLinks,
+    e_stop: ExtiInput<'static, Async>,
     light: Output<'static>,
 }
 
-/// Sets clocks, pins and UARTs up.
-pub fn start(boot: BootReason) -> (Board, Ports) {
+/// The host links of the board, set up and not yet served.
+pub struct HostLinks {
+    uart_0: (Receiver, Sender),
+    uart_1: (Receiver, Sender),
+    usb: UsbPort,
+}
+
+/// The independent watchdog.
+pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
+
+/// The number of the enable output's pin in its port.
+const ENABLE_OUTPUT: usize = 0;
+
+/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive, whatever is set.
+pub fn set_enable_output(active: bool) {
+    pac::GPIOB.bsrr().write(|w| {
+        if active {
+            w.set_bs(ENABLE_OUTPUT, true);
+        } else {
+            w.set_br(ENABLE_OUTPUT, true);
+        }
+    });
+}
+
+/// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
+pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     set_clocks(&mut config.rcc);
     let p = embassy_stm32::init(config);
+    // An output until the next reset: dropped, it would become an input.
+    core::mem::forget(Output::new(p.PB0, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
     let uart = serial::config(HOST_BITS_PER_SECOND);
@@ -199,23 +227,28 @@ pub fn start(boot: BootReason) -> (Board, Ports) {
             static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
             serial::rs485_line::<USART3>(rs485, RING.take(), first_bitrate)
         },
-        host_0: {
-            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            serial::host_line::<LPUART1>(host_0, RING.take())
+        hosts: HostLinks {
+            uart_0: {
+                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                serial::host_line::<LPUART1>(host_0, RING.take())
+            },
+            uart_1: {
+                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                serial::host_line::<USART1>(host_1, RING.take())
+            },
+            usb: UsbPort { controller: p.USB, d_plus: p.PA12, d_minus: p.PA11 },
         },
-        host_1: {
-            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            serial::host_line::<USART1>(host_1, RING.take())
-        },
-        usb: UsbPort { controller: p.USB, d_plus: p.PA12, d_minus: p.PA11 },
+        e_stop: ExtiInput::new(p.PA4, p.EXTI4, Pull::Up, Irqs),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
     };
-    (description(boot), ports)
+    (description(boot, last_words), ports)
 }
 
 impl Ports {
-    /// Starts a task for every port.
-    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what comes after that.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
+        spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
         static CAN_0: StaticCell<FdcanPort<FDCAN1, PB8, PB9, Irqs>> = StaticCell::new();
         static CAN_1: StaticCell<FdcanPort<FDCAN2, PB12, PB13, Irqs>> = StaticCell::new();
         static CAN_2: StaticCell<FdcanPort<FDCAN3, PA8, PA15, Irqs>> = StaticCell::new();
@@ -226,11 +259,17 @@ impl Ports {
         }
         let (receiver, sender) = self.rs485;
         spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 3, receiver, sender)));
-        for (link, (receiver, sender)) in (0..).zip([self.host_0, self.host_1]) {
+        self.hosts
+    }
+}
+
+impl HostLinks {
+    /// Starts the tasks of every host link.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+        for (link, (receiver, sender)) in (0..).zip([self.uart_0, self.uart_1]) {
             spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
-        spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
         spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
@@ -256,7 +295,7 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason) -> Board {
+fn description(boot: BootReason, last_words: &'static str) -> Board {
     let buses: &[BusPort] = if starts_from_flash_always() {
         &[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
     } else {
@@ -268,9 +307,9 @@ fn description(boot: BootReason) -> Board {
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,
-        last_words: "",
-        e_stop_input: false,
-        enable_output: false,
+        last_words,
+        e_stop_input: true,
+        enable_output: true,
         buses,
         links: HOST_LINKS,
     }

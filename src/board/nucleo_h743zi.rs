@@ -11,12 +11,14 @@
 //! | host link 2, USB | PA11 D−, PA12 D+ | OTG_FS, the connector CN13 |
 //! | e-stop input | PE11 (D5) | normally closed to ground, internal pull-up; EXTI line 11 |
 //! | enable output | PE9 (D6) | active high, needs 10 kΩ to ground |
-//! | light | PB0 | LD1, blinks while the firmware runs |
+//! | light | PB0 | LD1; its patterns are in `src/tasks/light.rs` |
 
 use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
-use embassy_stm32::gpio::{Level, Output, Speed};
-use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::exti::{self, ExtiInput};
+use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::interrupt::typelevel::{Binding, EXTI15_10};
+use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5, PB6, PD0,
     PD1, USART2, USART3, USART6, USB_OTG_FS,
@@ -95,6 +97,7 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
     OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
+    EXTI15_10 => exti::InterruptHandler<EXTI15_10>;
 });
 
 // Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
@@ -193,14 +196,37 @@ pub struct Ports {
     can_0: FdcanPort<FDCAN1, PD0, PD1, Irqs>,
     can_1: FdcanPort<FDCAN2, PB5, PB6, Irqs>,
     rs485: (Receiver, Sender),
-    host_0: (Receiver, Sender),
-    host_1: (Receiver, Sender),
-    usb: UsbPort,
+    hosts: HostLinks,
+    e_stop: ExtiInput<'static, Async>,
     light: Output<'static>,
 }
 
-/// Sets clocks, pins and UARTs up.
-pub fn start(boot: BootReason) -> (Board, Ports) {
+/// The host links of the board, set up and not yet served.
+pub struct HostLinks {
+    uart_0: (Receiver, Sender),
+    uart_1: (Receiver, Sender),
+    usb: UsbPort,
+}
+
+/// The independent watchdog.
+pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
+
+/// The number of the enable output's pin in its port.
+const ENABLE_OUTPUT: usize = 9;
+
+/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive, whatever is set.
+pub fn set_enable_output(active: bool) {
+    pac::GPIOE.bsrr().write(|w| {
+        if active {
+            w.set_bs(ENABLE_OUTPUT, true);
+        } else {
+            w.set_br(ENABLE_OUTPUT, true);
+        }
+    });
+}
+
+/// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
+pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         // Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
         core.SCB.enable_icache();
@@ -208,6 +234,8 @@ pub fn start(boot: BootReason) -> (Board, Ports) {
     let mut config = Config::default();
     set_clocks(&mut config.rcc);
     let p = embassy_stm32::init(config);
+    // An output until the next reset: dropped, it would become an input.
+    core::mem::forget(Output::new(p.PE9, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
     let uart = serial::config(HOST_BITS_PER_SECOND);
@@ -224,23 +252,28 @@ pub fn start(boot: BootReason) -> (Board, Ports) {
             static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
             serial::rs485_line::<USART2>(rs485, RING.take(), first_bitrate)
         },
-        host_0: {
-            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            serial::host_line::<USART3>(host_0, RING.take())
+        hosts: HostLinks {
+            uart_0: {
+                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                serial::host_line::<USART3>(host_0, RING.take())
+            },
+            uart_1: {
+                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                serial::host_line::<USART6>(host_1, RING.take())
+            },
+            usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
         },
-        host_1: {
-            static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-            serial::host_line::<USART6>(host_1, RING.take())
-        },
-        usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
+        e_stop: ExtiInput::new(p.PE11, p.EXTI11, Pull::Up, Irqs),
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(boot), ports)
+    (description(boot, last_words), ports)
 }
 
 impl Ports {
-    /// Starts a task for every port.
-    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what comes after that.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
+        spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
+        spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
         static CAN_0: StaticCell<FdcanPort<FDCAN1, PD0, PD1, Irqs>> = StaticCell::new();
         static CAN_1: StaticCell<FdcanPort<FDCAN2, PB5, PB6, Irqs>> = StaticCell::new();
         let can: [&'static mut dyn CanPort; CAN_BUSES] = [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
@@ -249,11 +282,17 @@ impl Ports {
         }
         let (receiver, sender) = self.rs485;
         spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 2, receiver, sender)));
-        for (link, (receiver, sender)) in (0..).zip([self.host_0, self.host_1]) {
+        self.hosts
+    }
+}
+
+impl HostLinks {
+    /// Starts the tasks of every host link.
+    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
+        for (link, (receiver, sender)) in (0..).zip([self.uart_0, self.uart_1]) {
             spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
-        spawner.spawn(defmt::unwrap!(tasks::life::life(self.light)));
         spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
@@ -282,15 +321,15 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason) -> Board {
+fn description(boot: BootReason, last_words: &'static str) -> Board {
     Board {
         name: "nucleo-h743zi",
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,
-        last_words: "",
-        e_stop_input: false,
-        enable_output: false,
+        last_words,
+        e_stop_input: true,
+        enable_output: true,
         buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
         links: HOST_LINKS,
     }

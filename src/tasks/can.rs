@@ -1,31 +1,29 @@
 //! One CAN bus: starts the controller as the core wants it, and carries frames and error states.
 
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Ticker};
 use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
 use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
 use crate::shared_gateway::SharedGateway;
-
-/// How often the error state is read when nothing says that it changed.
-const STATE_POLL: Duration = Duration::from_millis(10);
+use crate::watchdog::{Life, Watch};
 
 /// For ever: run the bus as configured, start it again when the configuration changes.
 #[embassy_executor::task(pool_size = board::CAN_BUSES)]
 pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dyn CanPort) -> ! {
+    let life = Watch::new(Life::bus(bus));
     let mut current = None;
     loop {
-        current = gateway.other_bus_setup(bus, current).await;
+        current = gateway.other_bus_setup(bus, current, &life).await;
         let Some(setup) = current else { continue };
         let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == setup.bitrate) else {
             defmt::warn!("bus {=u8}: no timing for {=u32} bit/s", bus, setup.bitrate);
             continue;
         };
         defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
-        CanBus { gateway, bus, controller: port.start(timing), reported: None }.run(setup).await;
+        CanBus { gateway, bus, controller: port.start(timing), reported: None }.run(setup, &life).await;
     }
 }
 
@@ -40,32 +38,37 @@ struct CanBus<'d> {
 
 impl CanBus<'_> {
     /// Until the setup changes.
-    async fn run(mut self, setup: BusSetup) {
-        let mut state_poll = Ticker::every(STATE_POLL);
+    async fn run(mut self, setup: BusSetup, life: &Watch) {
         self.follow_error_state().await;
         while self.gateway.bus_setup(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            let happened =
-                select3(self.controller.next(), self.gateway.bus_changed(self.bus), state_poll.next()).await;
-            let bus = self.bus;
-            match happened {
-                Either3::First(Happening::Transmitted(slot)) => {
-                    self.gateway.handle(Event::Transmitted { bus, slot })
-                }
-                Either3::First(Happening::Cancelled(slot)) => {
-                    self.gateway.handle(Event::Cancelled { bus, slot });
-                }
-                Either3::First(Happening::Received(frame)) => {
-                    self.gateway.handle(Event::CanReceived { bus, frame })
-                }
-                Either3::First(Happening::ErrorState) | Either3::Third(()) => self.follow_error_state().await,
-                // The controller keeps the second of these for itself.
-                Either3::Second(()) | Either3::First(Happening::CancellationFinished) => {}
+            let changed = self.gateway.bus_changed(self.bus);
+            match life.alive(select(self.controller.next(), changed)).await {
+                Some(Either::First(happening)) => self.follow(happening).await,
+                Some(Either::Second(())) => {}
+                // Nothing may say that the error state has changed.
+                None => self.follow_error_state().await,
             }
             self.report_losses();
             // A full queue must not keep the other tasks waiting.
             yield_now().await;
+        }
+    }
+
+    /// Tells the core what the controller did.
+    async fn follow(&mut self, happening: Happening) {
+        let bus = self.bus;
+        match happening {
+            Happening::Transmitted(slot) => self.gateway.handle(Event::Transmitted { bus, slot }),
+            Happening::Cancelled(slot) => self.gateway.handle(Event::Cancelled { bus, slot }),
+            Happening::Received(frame) => {
+                defmt::trace!("bus {=u8}: heard {}", bus, frame);
+                self.gateway.handle(Event::CanReceived { bus, frame });
+            }
+            Happening::ErrorState => self.follow_error_state().await,
+            // The controller keeps these for itself.
+            Happening::CancellationFinished => {}
         }
     }
 
@@ -81,7 +84,10 @@ impl CanBus<'_> {
         let off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
         while !off && self.controller.has_room() {
             match self.gateway.poll_transmit(self.bus) {
-                Some(Transmit { slot, frame: Outgoing::Can(frame) }) => self.controller.send(slot, frame),
+                Some(Transmit { slot, frame: Outgoing::Can(frame) }) => {
+                    defmt::trace!("bus {=u8}: sends {}", self.bus, frame);
+                    self.controller.send(slot, frame);
+                }
                 Some(Transmit { frame: Outgoing::Serial(_), .. }) => {
                     defmt::error!("bus {=u8}: bytes for a CAN bus", self.bus);
                 }

@@ -1,7 +1,6 @@
 //! One host link on a UART: bytes in, frames out.
 
 use embassy_futures::select::{Either, select};
-use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
@@ -9,6 +8,7 @@ use host_protocol::MAX_FRAME;
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
+use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 128;
@@ -18,25 +18,25 @@ const ERROR_PAUSE: Duration = Duration::from_micros(100);
 /// For ever: bytes from the host to the core.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
+    let life = Watch::new(Life::link_receiver(link));
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {
         if let Some(so_far) = errors.add(line.events.take_errors()) {
             defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
         }
-        match select(line.bytes.read(&mut chunk), line.events.delimiter()).await {
-            Either::First(Ok(length)) => {
+        match life.alive(select(line.bytes.read(&mut chunk), line.events.delimiter())).await {
+            Some(Either::First(Ok(length))) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
-                gateway.handle(Event::HostBytes { link, bytes });
-                // On a busy line there is always another byte: without this nobody else would ever have the processor.
-                yield_now().await;
+                // On a busy line there is always another byte: the others must have the processor in between.
+                gateway.handle_and_yield(Event::HostBytes { link, bytes }).await;
             }
-            Either::First(Err(error)) => {
+            Some(Either::First(Err(error))) => {
                 defmt::warn!("host link {=u8}: {}", link, error);
                 Timer::after(ERROR_PAUSE).await;
             }
             // A whole frame may lie in the ring: read again at once.
-            Either::Second(()) => {}
+            Some(Either::Second(())) | None => {}
         }
     }
 }
@@ -44,10 +44,12 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
 /// For ever: frames from the core to the host.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -> ! {
+    let life = Watch::new(Life::link_sender(link));
     let mut frame = [0; MAX_FRAME];
     loop {
+        life.show();
         let Some(length) = gateway.poll_host(link, &mut frame) else {
-            gateway.link_changed(link).await;
+            while life.alive(gateway.link_changed(link)).await.is_none() {}
             continue;
         };
         if line.send(frame.get(..length).unwrap_or_default()).await.is_err() {

@@ -8,6 +8,7 @@ use host_protocol::BusState;
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
+use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 64;
@@ -20,16 +21,17 @@ pub async fn rs485(
     mut receiver: Receiver,
     mut sender: Sender,
 ) -> ! {
+    let life = Watch::new(Life::bus(bus));
     loop {
-        let Some(setup) = gateway.other_bus_setup(bus, None).await else { continue };
+        let Some(setup) = gateway.other_bus_setup(bus, None, &life).await else { continue };
         if let Err(error) = sender.set_bits_per_second(setup.bitrate) {
             defmt::warn!("bus {=u8}: {=u32} baud: {}", bus, setup.bitrate, error);
-            gateway.other_bus_setup(bus, Some(setup)).await;
+            gateway.other_bus_setup(bus, Some(setup), &life).await;
             continue;
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
         report(gateway, bus, BusState::Active);
-        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup)).await;
+        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life)).await;
     }
 }
 
@@ -40,12 +42,15 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
 
 /// Bytes from the bus to the core, our own echo included.
 async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
+    let life = Watch::new(Life::bus_receiver(bus));
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {
-        match receiver.bytes.read(&mut chunk).await {
+        let Some(result) = life.alive(receiver.bytes.read(&mut chunk)).await else { continue };
+        match result {
             Ok(length) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
+                defmt::trace!("bus {=u8}: heard {=[u8]:02x}", bus, bytes);
                 gateway.handle(Event::SerialReceived { bus, bytes });
             }
             Err(error) => {
@@ -66,10 +71,12 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
 }
 
 /// Frames from the core to the bus, until the setup changes or a frame does not leave.
-async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusSetup) {
+async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusSetup, life: &Watch) {
     while gateway.bus_setup(bus) == Some(setup) {
+        life.show();
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
+                defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
                 if sender.send(&bytes).await.is_err() {
                     defmt::warn!("bus {=u8}: {=usize} bytes did not leave in time", bus, bytes.len());
                     // The frame is lost: the core stops what was armed here and starts the bus again.
@@ -81,7 +88,7 @@ async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusS
             Some(Transmit { frame: Outgoing::Can(_), .. }) => {
                 defmt::error!("bus {=u8}: a CAN frame for RS485", bus)
             }
-            None => gateway.bus_changed(bus).await,
+            None => while life.alive(gateway.bus_changed(bus)).await.is_none() {},
         }
     }
 }

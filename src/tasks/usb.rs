@@ -1,7 +1,8 @@
 //! The host link on USB: the device itself, bytes in, frames out, and the way into the bootloader.
 
-use embassy_futures::join::join4;
-use embassy_futures::yield_now;
+use core::future::pending;
+
+use embassy_futures::join::join5;
 use gateway::Event;
 use host_protocol::MAX_FRAME;
 
@@ -9,6 +10,7 @@ use crate::board::UsbPort;
 use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
 use crate::usb::{self, PACKET, Receiver, Sender};
+use crate::watchdog::{Life, Watch};
 
 /// For ever. Where the chip's USB does not start, the other links go on without it.
 #[embassy_executor::task]
@@ -19,13 +21,22 @@ pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort) {
     };
     let (mut device, receiver, sender) = usb::device(driver, serial, gateway);
     defmt::info!("host link {=u8}: USB, serial number {=str}", link, serial);
-    join4(
+    join5(
         device.run(),
         receive(gateway, link, receiver),
         send(gateway, link, sender),
         usb::bootloader::follow_requests(gateway),
+        show_life(),
     )
     .await;
+}
+
+/// For ever: shows that the task comes round. What it carries may wait for ever for a host.
+async fn show_life() -> ! {
+    let life = Watch::new(Life::USB);
+    loop {
+        life.alive(pending::<()>()).await;
+    }
 }
 
 /// For ever: bytes from the host to the core.
@@ -33,9 +44,8 @@ async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
     let mut packet = [0; PACKET as usize];
     loop {
         let bytes = receiver.receive(&mut packet).await;
-        gateway.handle(Event::HostBytes { link, bytes });
         // A host that never stops writing must leave the processor to the others.
-        yield_now().await;
+        gateway.handle_and_yield(Event::HostBytes { link, bytes }).await;
     }
 }
 

@@ -5,11 +5,12 @@ use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
 use crate::link::Link;
+use crate::log::Links;
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Event, Transmit};
 use crate::retained::Retention;
 use crate::time::Instant;
-use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS};
+use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
 use heapless::Vec;
 use host_protocol::{AxisState, Error, Incident, MAX_FRAME, TripReason};
 
@@ -18,7 +19,7 @@ pub struct Gateway {
     pub(crate) board: &'static Board,
     pub(crate) axes: Vec<Axis, MAX_AXES>,
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
-    pub(crate) links: Vec<Link, MAX_LINKS>,
+    pub(crate) links: Links,
     pub(crate) authority: Authority,
     /// The epoch of the latest arming of any axis.
     pub(crate) epoch: u32,
@@ -52,7 +53,7 @@ impl Gateway {
             board,
             axes: Vec::new(),
             buses: Vec::new(),
-            links: Vec::new(),
+            links: Links::new(),
             authority: Authority::new(),
             epoch: 0,
             e_stopped: false,
@@ -118,6 +119,7 @@ impl Gateway {
         self.spread_trips(now);
         self.remember_trips();
         self.watch_enable_output(now);
+        self.links.log_holder(self.authority.holder());
     }
 
     /// New trips go into the history.

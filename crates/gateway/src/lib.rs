@@ -13,6 +13,7 @@ mod convert;
 mod gateway;
 mod history;
 pub mod link;
+mod log;
 mod motor;
 mod natives;
 mod outbox;
@@ -23,6 +24,7 @@ mod retained;
 pub mod time;
 
 pub use gateway::Gateway;
+pub use log::LogEntry;
 pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Transmit};
 pub use retained::RETAINED_WORDS;
 pub use time::{Duration, Instant};

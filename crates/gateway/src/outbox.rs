@@ -1,13 +1,14 @@
 //! Where results and events go: the host links.
 
-use crate::link::{Link, Slot};
+use crate::link::Slot;
+use crate::log::{Links, LogEntry};
 use crate::time::Instant;
 use host_protocol::{Error, Event, Reply};
 
 /// The host links, as seen by whatever has something to tell.
 pub(crate) struct Outbox<'a> {
     now: Instant,
-    links: &'a mut [Link],
+    links: &'a mut Links,
 }
 
 /// The reply that a request is owed.
@@ -20,7 +21,7 @@ pub(crate) struct Ticket {
 }
 
 impl<'a> Outbox<'a> {
-    pub fn new(now: Instant, links: &'a mut [Link]) -> Self {
+    pub fn new(now: Instant, links: &'a mut Links) -> Self {
         Self { now, links }
     }
 
@@ -31,8 +32,9 @@ impl<'a> Outbox<'a> {
         }
     }
 
-    /// Tells every host.
+    /// Tells every host, and the log.
     pub fn event(&mut self, event: &Event) {
+        self.links.log(LogEntry::Event(*event));
         for link in self.links.iter_mut() {
             link.event(self.now.as_micros(), event);
         }

@@ -4,6 +4,7 @@ use crate::axis::{Axis, JobKind};
 use crate::bus::{Bus, Raw};
 use crate::gateway::Gateway;
 use crate::link::Incoming;
+use crate::log::LogEntry;
 use crate::outbox::Ticket;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE};
@@ -159,6 +160,7 @@ impl Gateway {
             let host_major = hello.protocol_major;
             return Err(Error::UnsupportedVersion { gateway_major: PROTOCOL_MAJOR, host_major });
         }
+        self.links.log(LogEntry::Hello { link });
         Ok(replies::HelloReply {
             protocol_major: PROTOCOL_MAJOR,
             protocol_minor: PROTOCOL_MINOR,

@@ -16,6 +16,7 @@ mod echo;
 mod fairness;
 mod holding;
 mod impedance;
+mod log;
 mod motion;
 mod motors;
 mod natives;

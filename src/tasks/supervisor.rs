@@ -1,0 +1,36 @@
+//! Feeds the watchdog while everybody who is watched shows life.
+
+use embassy_time::{Duration, Ticker};
+
+use crate::watchdog;
+
+/// How often everybody has to come round, and the watchdog is fed.
+const PERIOD: Duration = Duration::from_millis(10);
+/// Periods without a feed after which those who are missing are noted: no longer a late one, and before the watchdog strikes.
+const NOTED_AFTER: u32 = 3;
+
+/// For ever. It needs no low priority: where it runs and others do not, these are missing.
+#[embassy_executor::task]
+pub async fn supervisor() -> ! {
+    let mut ticker = Ticker::every(PERIOD);
+    let mut late = 0;
+    loop {
+        match watchdog::missing() {
+            0 => {
+                watchdog::feed();
+                if late >= NOTED_AFTER {
+                    watchdog::note_missing(0);
+                }
+                late = 0;
+            }
+            missing => {
+                late += 1;
+                if late == NOTED_AFTER {
+                    watchdog::note_missing(missing);
+                }
+            }
+        }
+        watchdog::pulse();
+        ticker.next().await;
+    }
+}

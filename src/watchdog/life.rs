@@ -1,0 +1,159 @@
+//! Who is watched, and who has shown life since the watchdog was last fed.
+
+use core::fmt;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use embassy_sync::signal::Signal;
+use gateway::{MAX_BUSES, MAX_LINKS};
+
+use super::verdict;
+
+/// A loop that must come round: a bit of the masks here.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Life(u8);
+
+/// [`MAX_BUSES`] and [`MAX_LINKS`] in a byte.
+const BUSES: u8 = byte(MAX_BUSES);
+const LINKS: u8 = byte(MAX_LINKS);
+
+/// The loops per bus and per host link, then the others.
+const BUS: u8 = 0;
+const BUS_RECEIVER: u8 = BUS + BUSES;
+const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
+const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
+const OTHERS: u8 = LINK_SENDER + LINKS;
+/// How many there are.
+const ALL: u8 = OTHERS + 3;
+/// The same.
+pub const LIVES: usize = ALL as usize;
+const _: () = assert!(LIVES <= u32::BITS as usize);
+
+#[expect(clippy::cast_possible_truncation, reason = "checked")]
+const fn byte(count: usize) -> u8 {
+    assert!(count <= u8::MAX as usize);
+    count as u8
+}
+
+impl Life {
+    /// What waits for deadlines.
+    pub const DEADLINES: Self = Self(OTHERS);
+    /// What watches the e-stop input.
+    pub const E_STOP: Self = Self(OTHERS + 1);
+    /// What serves USB.
+    pub const USB: Self = Self(OTHERS + 2);
+
+    /// A CAN bus, or the sending half of an RS485 bus.
+    pub const fn bus(bus: u8) -> Self {
+        assert!(bus < BUSES);
+        Self(BUS + bus)
+    }
+
+    /// The receiving half of an RS485 bus.
+    pub const fn bus_receiver(bus: u8) -> Self {
+        assert!(bus < BUSES);
+        Self(BUS_RECEIVER + bus)
+    }
+
+    /// The receiving half of a host link.
+    pub const fn link_receiver(link: u8) -> Self {
+        assert!(link < LINKS);
+        Self(LINK_RECEIVER + link)
+    }
+
+    /// The sending half of a host link.
+    pub const fn link_sender(link: u8) -> Self {
+        assert!(link < LINKS);
+        Self(LINK_SENDER + link)
+    }
+
+    /// All there can be.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..ALL).map(Self)
+    }
+
+    /// Its place in lists.
+    pub fn index(self) -> usize {
+        usize::from(self.0)
+    }
+
+    /// Its bit in masks.
+    pub fn bit(self) -> u32 {
+        1 << self.0
+    }
+}
+
+/// As a user reads it.
+impl fmt::Display for Life {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            number @ ..BUS_RECEIVER => write!(f, "bus {}", number - BUS),
+            number @ ..LINK_RECEIVER => write!(f, "bus {} receiver", number - BUS_RECEIVER),
+            number @ ..LINK_SENDER => write!(f, "host link {} receiver", number - LINK_RECEIVER),
+            number @ ..OTHERS => write!(f, "host link {} sender", number - LINK_SENDER),
+            _ => f.write_str(match *self {
+                Self::DEADLINES => "deadlines",
+                Self::E_STOP => "e-stop input",
+                _ => "USB",
+            }),
+        }
+    }
+}
+
+/// Who is watched.
+static WATCHED: AtomicU32 = AtomicU32::new(0);
+/// Who has shown life since the last pulse that found everybody alive.
+static SHOWN: AtomicU32 = AtomicU32::new(0);
+/// "Come round."
+static PULSES: [Signal<ThreadModeRawMutex, ()>; LIVES] = [const { Signal::new() }; LIVES];
+
+/// A loop that is watched as long as this lives.
+pub struct Watch(Life);
+
+impl Watch {
+    /// From now on. For one loop each.
+    pub fn new(life: Life) -> Self {
+        // Tasks alone come here, so nothing comes between load and store.
+        WATCHED.store(WATCHED.load(Ordering::Relaxed) | life.bit(), Ordering::Relaxed);
+        Self(life)
+    }
+
+    /// Shows life, then waits; at the latest the next pulse ends the waiting, with nothing. `work` must bear being dropped.
+    pub async fn alive<F: Future>(&self, work: F) -> Option<F::Output> {
+        self.show();
+        match select(work, PULSES[self.0.index()].wait()).await {
+            Either::First(result) => Some(result),
+            Either::Second(()) => None,
+        }
+    }
+
+    /// Shows life.
+    pub fn show(&self) {
+        let (shown, life) = (SHOWN.load(Ordering::Relaxed), self.0);
+        if shown & life.bit() == 0 {
+            SHOWN.store(shown | life.bit(), Ordering::Relaxed);
+            verdict::note_task(life);
+        }
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        WATCHED.store(WATCHED.load(Ordering::Relaxed) & !self.0.bit(), Ordering::Relaxed);
+    }
+}
+
+/// Who is watched and has not shown life, as a mask. When nobody is missing, everybody has to show life anew.
+pub fn missing() -> u32 {
+    let missing = WATCHED.load(Ordering::Relaxed) & !SHOWN.load(Ordering::Relaxed);
+    if missing == 0 {
+        SHOWN.store(0, Ordering::Relaxed);
+    }
+    missing
+}
+
+/// Has every loop come round.
+pub fn pulse() {
+    PULSES.iter().for_each(|pulse| pulse.signal(()));
+}
