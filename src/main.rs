@@ -22,6 +22,8 @@ mod shared_gateway;
 #[cfg(target_os = "none")]
 mod tasks;
 #[cfg(target_os = "none")]
+mod turn;
+#[cfg(target_os = "none")]
 mod usb;
 #[cfg(target_os = "none")]
 mod watchdog;
@@ -53,6 +55,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     let gateway = SharedGateway::place(description, words);
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
     spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
+    spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));
     let hosts = ports.spawn(spawner, gateway);
     gateway.first_stops_have_left().await;
     hosts.spawn(spawner, gateway);

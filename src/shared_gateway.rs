@@ -1,9 +1,7 @@
 //! The core, shared by the tasks, and the signals that tell each port to look at it again.
 
 use core::cell::RefCell;
-use core::future::poll_fn;
 use core::sync::atomic::{AtomicBool, Ordering};
-use core::task::Poll;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
@@ -39,6 +37,7 @@ pub struct SharedGateway {
     buses: [Changed; MAX_BUSES],
     links: [Changed; MAX_LINKS],
     deadline: Changed,
+    log: Changed,
 }
 
 impl SharedGateway {
@@ -55,6 +54,7 @@ impl SharedGateway {
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
+            log: Signal::new(),
         });
         shared.with(|core, now| {
             core.equip();
@@ -83,8 +83,7 @@ impl SharedGateway {
 
     /// Tells the core what happened, and every port to poll it again.
     ///
-    /// The executor takes up first what was woken last: the buses, whose stop is urgent, then the host links, then what
-    /// works out the next deadline. What must outlive a reset is stored when the buses have had their frames, before anything is
+    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. What must outlive a reset is stored when the buses have had their frames, before anything is
     /// said to a host and before the next event. That is in time: an axis is recorded as one that may move from the start of
     /// its arming, and a later event lets it move.
     pub fn handle(&self, event: Event<'_>) {
@@ -95,23 +94,12 @@ impl SharedGateway {
         });
         board::set_enable_output(enabled);
         self.unsaved.store(true, Ordering::Relaxed);
-        self.deadline.signal(());
-        self.links.iter().chain(&self.buses).for_each(|changed| changed.signal(()));
-    }
-
-    /// As [`handle`](Self::handle), then lets every port go first: for a task that serves none of them. It wakes itself before
-    /// it wakes them.
-    pub async fn handle_and_yield(&self, event: Event<'_>) {
-        let mut event = Some(event);
-        poll_fn(|context| match event.take() {
-            Some(event) => {
-                context.waker().wake_by_ref();
-                self.handle(event);
-                Poll::Pending
-            }
-            None => Poll::Ready(()),
-        })
-        .await;
+        // Among equals the executor takes first what was woken last.
+        [&self.log, &self.deadline]
+            .into_iter()
+            .chain(&self.links)
+            .chain(&self.buses)
+            .for_each(|changed| changed.signal(()));
     }
 
     fn save(&self, core: &mut Gateway) {
@@ -219,6 +207,11 @@ impl SharedGateway {
     /// Waits until the core may have something new for a host link. For one task per link.
     pub async fn link_changed(&self, link: u8) {
         self.links[usize::from(link)].wait().await;
+    }
+
+    /// Waits until the log may have a new entry. For one task.
+    pub async fn log_changed(&self) {
+        self.log.wait().await;
     }
 
     /// Waits until the next deadline may have changed. For one task.

@@ -4,6 +4,7 @@ pub mod can;
 pub mod deadline;
 pub mod host;
 pub mod light;
+pub mod log;
 pub mod rs485;
 pub mod safety;
 pub mod supervisor;

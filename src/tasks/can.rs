@@ -1,19 +1,20 @@
 //! One CAN bus: starts the controller as the core wants it, and carries frames and error states.
 
 use embassy_futures::select::{Either, select};
-use embassy_futures::yield_now;
 use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
 use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
 use crate::shared_gateway::SharedGateway;
+use crate::turn::Turn;
 use crate::watchdog::{Life, Watch};
 
 /// For ever: run the bus as configured, start it again when the configuration changes.
 #[embassy_executor::task(pool_size = board::CAN_BUSES)]
 pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dyn CanPort) -> ! {
     let life = Watch::new(Life::bus(bus));
+    let turn = Turn::urgent().await;
     let mut current = None;
     loop {
         current = gateway.other_bus_setup(bus, current, &life).await;
@@ -23,7 +24,9 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
             continue;
         };
         defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
-        CanBus { gateway, bus, controller: port.start(timing), reported: None }.run(setup, &life).await;
+        CanBus { gateway, bus, controller: port.start(timing), reported: None }
+            .run(setup, &life, &turn)
+            .await;
     }
 }
 
@@ -38,13 +41,13 @@ struct CanBus<'d> {
 
 impl CanBus<'_> {
     /// Until the setup changes.
-    async fn run(mut self, setup: BusSetup, life: &Watch) {
+    async fn run(mut self, setup: BusSetup, life: &Watch, turn: &Turn) {
         self.follow_error_state().await;
         while self.gateway.bus_setup(self.bus) == Some(setup) {
             self.cancel();
             self.send();
             let changed = self.gateway.bus_changed(self.bus);
-            match life.alive(select(self.controller.next(), changed)).await {
+            match turn.wait(life.alive(select(self.controller.next(), changed))).await {
                 Some(Either::First(happening)) => self.follow(happening).await,
                 Some(Either::Second(())) => {}
                 // Nothing may say that the error state has changed.
@@ -52,7 +55,7 @@ impl CanBus<'_> {
             }
             self.report_losses();
             // A full queue must not keep the other tasks waiting.
-            yield_now().await;
+            turn.end().await;
         }
     }
 

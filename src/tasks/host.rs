@@ -8,6 +8,7 @@ use host_protocol::MAX_FRAME;
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
+use crate::turn::Turn;
 use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
@@ -19,17 +20,19 @@ const ERROR_PAUSE: Duration = Duration::from_micros(100);
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
     let life = Watch::new(Life::link_receiver(link));
+    let turn = Turn::urgent().await;
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {
         if let Some(so_far) = errors.add(line.events.take_errors()) {
             defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
         }
-        match life.alive(select(line.bytes.read(&mut chunk), line.events.delimiter())).await {
+        match turn.wait(life.alive(select(line.bytes.read(&mut chunk), line.events.delimiter()))).await {
             Some(Either::First(Ok(length))) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
+                gateway.handle(Event::HostBytes { link, bytes });
                 // On a busy line there is always another byte: the others must have the processor in between.
-                gateway.handle_and_yield(Event::HostBytes { link, bytes }).await;
+                turn.end().await;
             }
             Some(Either::First(Err(error))) => {
                 defmt::warn!("host link {=u8}: {}", link, error);

@@ -1,13 +1,13 @@
 //! One RS485 bus: carries bytes both ways and reports when the last bit of a frame has left.
 
 use embassy_futures::select::select;
-use embassy_futures::yield_now;
 use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
+use crate::turn::Turn;
 use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
@@ -43,10 +43,11 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
 /// Bytes from the bus to the core, our own echo included.
 async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
     let life = Watch::new(Life::bus_receiver(bus));
+    let turn = Turn::urgent().await;
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {
-        let Some(result) = life.alive(receiver.bytes.read(&mut chunk)).await else { continue };
+        let Some(result) = turn.wait(life.alive(receiver.bytes.read(&mut chunk))).await else { continue };
         match result {
             Ok(length) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
@@ -66,7 +67,7 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
         if lost > 0 {
             gateway.handle(Event::ReceiveOverflow { bus, lost });
         }
-        yield_now().await;
+        turn.end().await;
     }
 }
 

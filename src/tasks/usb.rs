@@ -9,6 +9,7 @@ use host_protocol::MAX_FRAME;
 use crate::board::UsbPort;
 use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
+use crate::turn::Turn;
 use crate::usb::{self, PACKET, Receiver, Sender};
 use crate::watchdog::{Life, Watch};
 
@@ -41,11 +42,13 @@ async fn show_life() -> ! {
 
 /// For ever: bytes from the host to the core.
 async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
+    let turn = Turn::urgent().await;
     let mut packet = [0; PACKET as usize];
     loop {
-        let bytes = receiver.receive(&mut packet).await;
+        let bytes = turn.wait(receiver.receive(&mut packet)).await;
+        gateway.handle(Event::HostBytes { link, bytes });
         // A host that never stops writing must leave the processor to the others.
-        gateway.handle_and_yield(Event::HostBytes { link, bytes }).await;
+        turn.end().await;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crc::{Digest, NoTable};
+use crc::{Digest, Table};
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
@@ -56,7 +56,7 @@ struct Writer<'a> {
     code: u8,
     /// Bytes before COBS.
     message_length: usize,
-    digest: Digest<'static, u32, NoTable>,
+    digest: Digest<'static, u32, Table<1>>,
 }
 
 /// [`encode`] exists once for every message of the table, so all that does not depend on the message is kept out of it:

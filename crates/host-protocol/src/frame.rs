@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crc::{CRC_32_ISCSI, Crc, NoTable};
+use crc::{CRC_32_ISCSI, Crc};
 
 /// Before and after each frame; nowhere else on the wire.
 pub const DELIMITER: u8 = 0x00;
@@ -28,9 +28,9 @@ pub(crate) const COBS_FULL: u8 = 0xFF;
 /// Longest frame on the wire: a code byte for each COBS block and both delimiters.
 pub const MAX_FRAME: usize = 1 + MAX_MESSAGE + MAX_MESSAGE / COBS_BLOCK + 1 + 1;
 
-/// The checksum, known as CRC-32C or CRC-32/ISCSI. Bit by bit: the table would take 1 KiB of the firmware, and a byte of the
-/// host link lasts a hundred times longer than its eight steps.
-pub(crate) static CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
+/// The checksum, known as CRC-32C or CRC-32/ISCSI. Its table takes 1 KiB of the firmware: bit by bit a reply of 100 bytes
+/// kept a stop waiting for 15 µs.
+pub(crate) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// What a frame is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! A slot of the retained words: two copies of a payload, of which at least one is whole at any time.
 
-use crc::{CRC_32_ISCSI, Crc, NoTable};
+use crc::{CRC_32_ISCSI, Crc};
 
 /// Before each payload its generation, after it the checksum.
 const FRAME_WORDS: usize = 2;
@@ -9,7 +9,7 @@ const COPIES: usize = 2;
 /// Enters every checksum. To be changed with the layout, so that another firmware's words count as none.
 const LAYOUT_VERSION: u32 = 1;
 
-static CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
+static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Where a slot is and how many words it holds.
 #[derive(Debug, Clone, Copy)]

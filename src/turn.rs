@@ -1,0 +1,59 @@
+//! Who goes first where several tasks are ready: those between an event and the frames that must follow from it.
+//!
+//! One executor runs everything in turn, and a task that is polled is not interrupted by another. Urgent tasks, which serve the
+//! buses and what can stop them, are taken before the others. So that a flood on one of them takes the processor from
+//! nobody, one that never comes to wait goes behind everybody else after a few turns.
+
+use core::cell::Cell;
+use core::pin::pin;
+use core::task::Poll;
+
+use embassy_executor::Metadata;
+use embassy_futures::yield_now;
+
+/// Priorities of the executor: the higher one is taken first, the longer waiting one among equals. Tasks are not urgent by default.
+const URGENT: u8 = 1;
+const OTHERS: u8 = 0;
+
+/// Turns that an urgent task has in a row, without ever having to wait, before it goes behind everybody.
+const IN_A_ROW: u8 = 8;
+
+/// The turns of a loop of an urgent task.
+pub struct Turn {
+    task: &'static Metadata,
+    in_a_row: Cell<u8>,
+}
+
+impl Turn {
+    /// From now on the task that runs this is urgent.
+    pub async fn urgent() -> Self {
+        let task = Metadata::for_current_task().await;
+        task.set_priority(URGENT);
+        Self { task, in_a_row: Cell::new(0) }
+    }
+
+    /// Waits for the event of a turn.
+    pub async fn wait<F: Future>(&self, event: F) -> F::Output {
+        let mut event = pin!(event);
+        core::future::poll_fn(|context| {
+            let poll = event.as_mut().poll(context);
+            if let Poll::Pending = poll {
+                self.in_a_row.set(0);
+            }
+            poll
+        })
+        .await
+    }
+
+    /// Ends a turn: the urgent ones that are ready go first, and after [`IN_A_ROW`] turns everybody.
+    pub async fn end(&self) {
+        let in_a_row = self.in_a_row.get() + 1;
+        let is_flooded = in_a_row >= IN_A_ROW;
+        self.in_a_row.set(if is_flooded { 0 } else { in_a_row });
+        if is_flooded {
+            self.task.set_priority(OTHERS);
+        }
+        yield_now().await;
+        self.task.set_priority(URGENT);
+    }
+}
