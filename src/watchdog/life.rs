@@ -25,7 +25,7 @@ const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
 const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
 const OTHERS: u8 = LINK_SENDER + LINKS;
 /// How many there are.
-const ALL: u8 = OTHERS + 3;
+const ALL: u8 = OTHERS + 4;
 /// The same.
 pub const LIVES: usize = ALL as usize;
 const _: () = assert!(LIVES <= u32::BITS as usize);
@@ -43,6 +43,8 @@ impl Life {
     pub const E_STOP: Self = Self(OTHERS + 1);
     /// What serves USB.
     pub const USB: Self = Self(OTHERS + 2);
+    /// The light.
+    pub const LIGHT: Self = Self(OTHERS + 3);
 
     /// A CAN bus, or the sending half of an RS485 bus.
     pub const fn bus(bus: u8) -> Self {
@@ -95,7 +97,8 @@ impl fmt::Display for Life {
             _ => f.write_str(match *self {
                 Self::DEADLINES => "deadlines",
                 Self::E_STOP => "e-stop input",
-                _ => "USB",
+                Self::USB => "USB",
+                _ => "light",
             }),
         }
     }
