@@ -4,6 +4,7 @@ use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use gateway::{MAX_BUSES, MAX_LINKS};
@@ -156,7 +157,12 @@ pub fn missing() -> u32 {
     missing
 }
 
-/// Has every loop come round.
-pub fn pulse() {
-    PULSES.iter().for_each(|pulse| pulse.signal(()));
+/// Has every loop come round, one after the other: what an interrupt wakes meanwhile waits for one of them, not for all.
+pub async fn pulse() {
+    for (life, pulse) in Life::all().zip(&PULSES) {
+        if WATCHED.load(Ordering::Relaxed) & life.bit() != 0 {
+            pulse.signal(());
+            yield_now().await;
+        }
+    }
 }
