@@ -14,7 +14,8 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use crate::board;
 use crate::last_words::{self, Text};
 
-/// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes it: 2 ms at 400 MHz.
+/// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes it: 2 ms at 400 MHz. Without a
+/// probe there is no wait, and the run after this one logs the text anyway.
 const LOG_GRACE_CYCLES: u32 = 800_000;
 /// Return addresses that are kept where there is no message; the first few belong to the panic itself.
 const RETURN_ADDRESSES: usize = 12;
@@ -93,7 +94,6 @@ fn restart_after(write: impl FnOnce(&mut Text) -> fmt::Result) -> ! {
     board::set_enable_output(false);
     if !FAULTED.swap(true, Ordering::Relaxed) {
         last_words::keep(write);
-        // The run after this one logs the text too.
         if DCB::is_debugger_attached() {
             cortex_m::asm::delay(LOG_GRACE_CYCLES);
         }

@@ -31,12 +31,10 @@ fn write_event(event: Event) {
         Event::AuthorityLost { reason } => defmt::info!("nobody is in command: {}", reason),
         Event::EStopLatched {} => defmt::warn!("e-stop latched"),
         Event::EStopCleared {} => defmt::info!("e-stop cleared"),
-        Event::EStopInputChanged { open } => {
-            defmt::warn!("e-stop input {=str}", if open { "open" } else { "closed" });
-        }
-        Event::EnableOutputChanged { active } => {
-            defmt::warn!("enable output {=str}", if active { "active" } else { "inactive" });
-        }
+        Event::EStopInputChanged { open: true } => defmt::warn!("e-stop input open"),
+        Event::EStopInputChanged { open: false } => defmt::info!("e-stop input closed"),
+        Event::EnableOutputChanged { active: true } => defmt::info!("enable output active"),
+        Event::EnableOutputChanged { active: false } => defmt::warn!("enable output inactive"),
         // The task of a CAN bus tells more of it.
         Event::BusStateChanged { .. } => {}
         other => defmt::debug!("{}", other),

@@ -46,16 +46,25 @@ impl CanBus<'_> {
         while self.gateway.bus_setup(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            let changed = self.gateway.bus_changed(self.bus);
-            match turn.wait(life.alive(select(self.controller.next(), changed))).await {
-                Some(Either::First(happening)) => self.follow(happening).await,
-                Some(Either::Second(())) => {}
-                // Nothing may say that the error state has changed.
-                None => self.follow_error_state().await,
+            match turn.wait(self.next(life)).await {
+                Either::First(happening) => self.follow(happening).await,
+                Either::Second(()) => {}
             }
             self.report_losses();
             // A full queue must not keep the other tasks waiting.
             turn.end().await;
+        }
+    }
+
+    /// Waits until the controller does something or the core wants something. Meanwhile nothing may say that the error state
+    /// changes: each pulse looks.
+    async fn next(&mut self, life: &Watch) -> Either<Happening, ()> {
+        loop {
+            let changed = self.gateway.bus_changed(self.bus);
+            if let Some(next) = life.alive(select(self.controller.next(), changed)).await {
+                return next;
+            }
+            self.follow_error_state().await;
         }
     }
 

@@ -30,7 +30,7 @@ pub async fn supervisor() -> ! {
                 }
             }
         }
-        watchdog::pulse();
+        watchdog::pulse().await;
         ticker.next().await;
     }
 }

@@ -4,6 +4,7 @@ use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use gateway::{MAX_BUSES, MAX_LINKS};
@@ -25,7 +26,7 @@ const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
 const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
 const OTHERS: u8 = LINK_SENDER + LINKS;
 /// How many there are.
-const ALL: u8 = OTHERS + 3;
+const ALL: u8 = OTHERS + 4;
 /// The same.
 pub const LIVES: usize = ALL as usize;
 const _: () = assert!(LIVES <= u32::BITS as usize);
@@ -43,6 +44,8 @@ impl Life {
     pub const E_STOP: Self = Self(OTHERS + 1);
     /// What serves USB.
     pub const USB: Self = Self(OTHERS + 2);
+    /// The light.
+    pub const LIGHT: Self = Self(OTHERS + 3);
 
     /// A CAN bus, or the sending half of an RS485 bus.
     pub const fn bus(bus: u8) -> Self {
@@ -95,7 +98,8 @@ impl fmt::Display for Life {
             _ => f.write_str(match *self {
                 Self::DEADLINES => "deadlines",
                 Self::E_STOP => "e-stop input",
-                _ => "USB",
+                Self::USB => "USB",
+                _ => "light",
             }),
         }
     }
@@ -153,7 +157,12 @@ pub fn missing() -> u32 {
     missing
 }
 
-/// Has every loop come round.
-pub fn pulse() {
-    PULSES.iter().for_each(|pulse| pulse.signal(()));
+/// Has every loop come round, one after the other: what an interrupt wakes meanwhile waits for one of them, not for all.
+pub async fn pulse() {
+    for (life, pulse) in Life::all().zip(&PULSES) {
+        if WATCHED.load(Ordering::Relaxed) & life.bit() != 0 {
+            pulse.signal(());
+            yield_now().await;
+        }
+    }
 }

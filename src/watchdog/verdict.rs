@@ -4,6 +4,7 @@
 //! a task only waits for ever, the supervisor still runs and notes who is missing.
 
 use core::fmt::{self, Write};
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use super::Life;
 use super::life::LIVES;
@@ -30,9 +31,13 @@ pub fn note_missing(missing: u32) {
     retained::push();
 }
 
-/// Nothing is known. To be closed.
+/// What the run before has left has been read: from now on this run is noted.
+static READ: AtomicBool = AtomicBool::new(false);
+
+/// Forgets the run before. To be closed.
 pub fn forget() {
     (0..LIFE_WORDS).for_each(|index| retained::write(LIFE, index, 0));
+    READ.store(true, Ordering::Relaxed);
 }
 
 /// Says who failed to show life in the run before.
@@ -50,15 +55,17 @@ pub fn write_verdict(text: &mut impl Write) -> fmt::Result {
     }
     let name = |life: &Life| retained::read(LIFE, TASKS + life.index()) == running;
     match (running, Life::all().find(name)) {
-        (0, _) => text.write_str("the processor was lost outside the tasks"),
+        (0, _) => text.write_str("the processor was lost at the start or in an interrupt"),
         (_, Some(life)) => write!(text, "no life from {life}, which kept the processor"),
         (task, None) => write!(text, "no life from the task at {task:#010x}, which kept the processor"),
     }
 }
 
 fn set_running(task: u32) {
-    retained::write(LIFE, RUNNING, task);
-    retained::push();
+    if READ.load(Ordering::Relaxed) {
+        retained::write(LIFE, RUNNING, task);
+        retained::push();
+    }
 }
 
 /// The executor's hooks (embassy-executor, feature `trace`).
