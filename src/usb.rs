@@ -4,6 +4,7 @@
 pub mod bootloader;
 mod description;
 mod detach;
+mod guard;
 mod link;
 
 use embassy_usb::UsbDevice;
@@ -13,7 +14,11 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::board::UsbDriver;
 use crate::shared_gateway::SharedGateway;
 use detach::Detach;
+use guard::Guarded;
 pub use link::{PACKET, Receiver, Sender};
+
+/// The chip's driver, guarded.
+type Driver = Guarded<UsbDriver>;
 
 /// Room for the configuration: 53 bytes of serial port, 26 of DFU, 9 of its own.
 const CONFIGURATION: usize = 128;
@@ -27,7 +32,7 @@ pub fn device(
     driver: UsbDriver,
     serial: &'static str,
     gateway: &'static SharedGateway,
-) -> (UsbDevice<'static, UsbDriver>, Receiver, Sender) {
+) -> (UsbDevice<'static, Driver>, Receiver, Sender) {
     static CONFIGURATION_BUFFER: ConstStaticCell<[u8; CONFIGURATION]> =
         ConstStaticCell::new([0; CONFIGURATION]);
     static CAPABILITIES_BUFFER: ConstStaticCell<[u8; CAPABILITIES]> = ConstStaticCell::new([0; CAPABILITIES]);
@@ -36,7 +41,7 @@ pub fn device(
     static DETACH: StaticCell<Detach> = StaticCell::new();
 
     let mut builder = embassy_usb::Builder::new(
-        driver,
+        Guarded::new(driver),
         description::device(serial),
         CONFIGURATION_BUFFER.take(),
         CAPABILITIES_BUFFER.take(),

@@ -9,8 +9,7 @@ use embassy_usb::types::InterfaceNumber;
 use embassy_usb::{Builder, Handler};
 use static_cell::StaticCell;
 
-use super::PACKET;
-use crate::board::UsbDriver;
+use super::{Driver, PACKET};
 use crate::shared_gateway::SharedGateway;
 
 /// Class, subclass and protocol of the interface: application specific, device firmware upgrade, at run time.
@@ -50,7 +49,7 @@ pub struct Detach {
 impl Detach {
     /// Adds the interface to a device.
     pub fn add_to(
-        builder: &mut Builder<'static, UsbDriver>,
+        builder: &mut Builder<'static, Driver>,
         place: &'static StaticCell<Self>,
         gateway: &'static SharedGateway,
     ) {

@@ -4,7 +4,7 @@ use embassy_time::{Duration, with_timeout};
 use embassy_usb::class::cdc_acm;
 use embassy_usb::driver::EndpointError;
 
-use crate::board::UsbDriver;
+use super::Driver;
 
 /// Bytes of a packet: the most of a bulk endpoint at full speed.
 pub const PACKET: u16 = 64;
@@ -23,11 +23,11 @@ pub enum NotSent {
 
 /// From the host.
 pub struct Receiver {
-    port: cdc_acm::Receiver<'static, UsbDriver>,
+    port: cdc_acm::Receiver<'static, Driver>,
 }
 
 impl Receiver {
-    pub(super) fn new(port: cdc_acm::Receiver<'static, UsbDriver>) -> Self {
+    pub(super) fn new(port: cdc_acm::Receiver<'static, Driver>) -> Self {
         Self { port }
     }
 
@@ -45,11 +45,11 @@ impl Receiver {
 
 /// To the host.
 pub struct Sender {
-    port: cdc_acm::Sender<'static, UsbDriver>,
+    port: cdc_acm::Sender<'static, Driver>,
 }
 
 impl Sender {
-    pub(super) fn new(port: cdc_acm::Sender<'static, UsbDriver>) -> Self {
+    pub(super) fn new(port: cdc_acm::Sender<'static, Driver>) -> Self {
         Self { port }
     }
 

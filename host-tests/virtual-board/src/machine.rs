@@ -10,13 +10,21 @@ mod board;
 mod builder;
 mod core_thread;
 mod handles;
+mod names;
+mod pins;
+mod plant;
+mod power;
 mod recorder;
 mod reports;
+mod retention;
 mod snapshot;
 
 pub use builder::{Builder, ImageError, image_path};
 pub use handles::{CanNode, CanPort, Line, UartPort};
+pub use pins::PinProbe;
+pub use plant::{Fault, Place};
 pub use reports::Reports;
+pub use retention::{RETAINED_RAM, RETAINED_RAM_BYTES};
 pub use snapshot::Snapshot;
 
 use std::time::Duration;
@@ -31,6 +39,7 @@ use crate::fdcan::{Fdcan, Wiring};
 use crate::part::Part;
 use crate::serial_port::FarEnd;
 use core_thread::CoreThread;
+use names::Names;
 
 /// How often [`Machine::run_until`] looks at its condition.
 const LOOK_PERIOD: Duration = Duration::from_micros(10);
@@ -43,6 +52,9 @@ pub struct Machine {
     /// Which image runs, as a snapshot names it.
     firmware: [u8; 32],
     symbols: Symbols,
+    names: Names,
+    /// Where a fault was planted in a function, and the instructions that were there.
+    planted: Option<(u64, [u16; 2])>,
     /// The instant to which the emulation was ordered to run: stops lie on it or at most one instruction behind.
     reached: VirtualNanos,
 }

@@ -5,13 +5,18 @@ use rigless::emulator::{Access, Checked, Memory};
 use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743::generated::gpioa::Register as PortRegister;
+use rigless::soc::stm32h743::generated::rcc::Register as ClockRegister;
+use rigless::soc::stm32h743::peripherals::gpio::PORTS;
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 use crate::fdcan::Fdcan;
 use crate::iwdg::Iwdg;
 use crate::message_ram::{MessageRam, MessageRamWindow};
+use crate::pins::Driven;
 use crate::serial_port::SerialPort;
+use crate::usb::{self, Usb};
 
 /// FDCAN controllers of the part.
 pub const FDCANS: usize = 2;
@@ -23,6 +28,8 @@ pub const SERIAL_PORTS: usize = 3;
 const SERIAL_NAMES: [&str; SERIAL_PORTS] = ["USART3", "USART6", "USART2"];
 /// The watchdog's name on the bus.
 const IWDG_NAME: &str = "IWDG";
+/// The flags of RCC_RSR after power-on (RM0433 §8.7.39).
+const POWER_ON_FLAGS: u64 = 0x00FE_0000;
 
 /// The part: every field is a model to be reached by name.
 #[derive(Debug)]
@@ -35,13 +42,15 @@ pub struct Part {
     pub serial: [SerialPort; SERIAL_PORTS],
     /// The independent watchdog.
     pub iwdg: Iwdg,
+    /// The USB controller, with nothing plugged in.
+    pub usb: Usb,
     /// The message RAM of the FDCANs.
     pub message_ram: MessageRam,
     window: MessageRamWindow,
     slots: Slots,
 }
 
-store!(Part { values: [], parts: [stm32, fdcan, serial, iwdg, message_ram], built: [window, slots] });
+store!(Part { values: [], parts: [stm32, fdcan, serial, iwdg, usb, message_ram], built: [window, slots] });
 
 /// Where our models answer on the bus.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +58,9 @@ struct Slots {
     fdcan: [usize; FDCANS],
     serial: [usize; SERIAL_PORTS],
     iwdg: usize,
+    usb: usize,
     message_ram: usize,
+    gpio: [usize; PORTS.len()],
 }
 
 impl Part {
@@ -63,11 +74,17 @@ impl Part {
         let bus = stm32.bus_mut();
         let [first, second] = FDCAN_NAMES;
         let [host_0, host_1, rs485] = SERIAL_NAMES;
+        let mut gpio = [0; PORTS.len()];
+        for (slot, name) in gpio.iter_mut().zip(PORTS) {
+            *slot = bus.slot(name)?;
+        }
         let slots = Slots {
+            gpio,
             message_ram: bus.add_window(MessageRamWindow::window())?,
             fdcan: [bus.slot(first)?, bus.slot(second)?],
             serial: [bus.slot(host_0)?, bus.slot(host_1)?, bus.slot(rs485)?],
             iwdg: bus.slot(IWDG_NAME)?,
+            usb: bus.slot(usb::NAME)?,
         };
         let layout = bus.slots()[slots.message_ram].peripheral().registers;
         let message_ram = MessageRam::new();
@@ -76,10 +93,39 @@ impl Part {
             fdcan: std::array::from_fn(|_| Fdcan::new(message_ram.clone())),
             serial: std::array::from_fn(|_| SerialPort::new()),
             iwdg: Iwdg::default(),
+            usb: Usb::default(),
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
             slots,
         })
+    }
+
+    /// The registers of a port of pins.
+    pub(crate) fn port_registers(&self, port: usize) -> &RegisterFile {
+        self.stm32.bus().slots()[self.slots.gpio[port]].registers()
+    }
+
+    /// What the firmware drives on the general-purpose outputs of a port.
+    pub(crate) fn driven(&self, port: usize) -> Driven {
+        let registers = self.port_registers(port);
+        let [modes, types, levels] = [PortRegister::Moder, PortRegister::Otyper, PortRegister::Odr]
+            .map(|register| registers.get(register));
+        let mut driven = Driven::default();
+        for pin in 0..16 {
+            let bit = |word: u64| word >> pin & 1 == 1;
+            // An open drain that is high drives nothing.
+            if modes >> (2 * pin) & 3 == 1 && !(bit(types) && bit(levels)) {
+                driven.outputs |= 1 << pin;
+                driven.high |= u16::from(bit(levels)) << pin;
+            }
+        }
+        driven
+    }
+
+    /// Cuts the supply at an instant, or gives it back.
+    pub(crate) fn supply(&mut self, at: VirtualNanos, on: bool) {
+        let (_, mut context) = self.stm32.bus_mut().drive(at, self.slots.iwdg);
+        context.request_power(on);
     }
 
     /// Calls each FDCAN with its registers and an instant to act at.
@@ -116,7 +162,16 @@ impl Mcu for Part {
     }
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
-        self.stm32.reset(at, cause);
+        if cause == ResetCause::PowerOn {
+            // The emulator's part has no power-on reset: the one of the pin, and other flags.
+            self.stm32.reset(at, ResetCause::Pin);
+            let (_, registers) = self.stm32.clocks();
+            for register in [ClockRegister::Rsr, ClockRegister::C1Rsr] {
+                registers.set(register, POWER_ON_FLAGS);
+            }
+        } else {
+            self.stm32.reset(at, cause);
+        }
         Device::reset(&mut self.iwdg);
         self.fdcan.iter_mut().for_each(Device::reset);
         self.each_fdcan(at, |fdcan, _, context| fdcan.restarted(context));
@@ -134,11 +189,12 @@ impl Mcu for Part {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let Self { stm32, fdcan: [first, second], serial, iwdg, window, slots, .. } = self;
+        let Self { stm32, fdcan: [first, second], serial, iwdg, usb, window, slots, .. } = self;
         let model: &mut dyn ErasedDevice = match slot {
             slot if slot == slots.fdcan[0] => first,
             slot if slot == slots.fdcan[1] => second,
             slot if slot == slots.iwdg => iwdg,
+            slot if slot == slots.usb => usb,
             slot if slot == slots.message_ram => window,
             slot => match slots.serial.iter().position(|serial| *serial == slot) {
                 Some(port) => &mut serial[port],

@@ -68,18 +68,23 @@ impl NucleoH743zi {
         self.part = Some(part);
     }
 
-    fn part(&mut self) -> &mut Part {
+    /// The part, while it runs.
+    pub fn part(&self) -> &Part {
+        self.part.as_ref().expect("the part is not lent")
+    }
+
+    fn part_mut(&mut self) -> &mut Part {
         self.part.as_mut().expect("the emulation stands still while the part is lent")
     }
 }
 
 impl Store for NucleoH743zi {
     fn store(&self, to: &mut Writer) -> Result<(), Error> {
-        self.part.as_ref().expect("stored while the part is not lent").store(to)
+        self.part().store(to)
     }
 
     fn load(&mut self, from: &mut Reader) -> Result<(), Error> {
-        self.part().load(from)
+        self.part_mut().load(from)
     }
 }
 
@@ -93,12 +98,12 @@ impl Board for NucleoH743zi {
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
-        (target == 0).then(|| -> &mut dyn Mcu { self.part() })
+        (target == 0).then(|| -> &mut dyn Mcu { self.part_mut() })
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
         let rate = self.instructions_per_second;
-        let part = self.part();
+        let part = self.part_mut();
         let core = config(part, rate).spec();
         vec![Target::new("stm32h743", part, core)]
     }

@@ -6,6 +6,7 @@ use std::{env, fmt, fs};
 
 use rigless::chip::can;
 use rigless::cpu::armv7m::code_address;
+use rigless::device::Level;
 use rigless::image::{Image, digest};
 use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::symbols::Symbols;
@@ -14,9 +15,11 @@ use rigless::time::VirtualNanos;
 use super::board::NucleoH743zi;
 use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
+use super::names::Names;
 use super::recorder::Recorder;
 use super::{Machine, Snapshot};
 use crate::part::Part;
+use crate::pins::E_STOP;
 use crate::serial_port::FarEnd;
 
 /// The variable that names the image.
@@ -67,6 +70,7 @@ pub struct Builder {
     part: Box<Part>,
     image: Image,
     symbols: Symbols,
+    names: Names,
     instructions_per_second: NonZeroU64,
 }
 
@@ -84,9 +88,12 @@ impl Builder {
         let bytes = fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
         let unusable = |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
         let symbols = Symbols::read(&bytes, code_address).map_err(|error| unusable(&error))?;
+        let names = Names::read(&bytes).map_err(|error| unusable(&error))?;
         let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
-        let part = Box::new(Part::new().unwrap_or_else(|error| panic!("{error}")));
-        Ok(Self { part, image, symbols, instructions_per_second: INSTRUCTIONS_PER_SECOND })
+        let mut part = Box::new(Part::new().unwrap_or_else(|error| panic!("{error}")));
+        // Nobody has pressed an emergency stop.
+        part.drive_pin(E_STOP, Some(Level::Low), VirtualNanos(0));
+        Ok(Self { part, image, symbols, names, instructions_per_second: INSTRUCTIONS_PER_SECOND })
     }
 
     /// How fast the core is; 250 million instructions a second unless set.
@@ -125,12 +132,12 @@ impl Builder {
     }
 
     fn start(self, from: Option<Snapshot>) -> Machine {
-        let Self { part, image, symbols, instructions_per_second } = self;
+        let Self { part, image, symbols, names, instructions_per_second } = self;
         let firmware = digest(std::slice::from_ref(&image), None);
         let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok());
         let board = NucleoH743zi::new(part, instructions_per_second);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
         let core = CoreThread::start(PoweredOff { board, image, firmware, recorder }, from);
-        Machine { core, firmware, symbols, reached }
+        Machine { core, firmware, symbols, names, planted: None, reached }
     }
 }

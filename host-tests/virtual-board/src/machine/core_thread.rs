@@ -13,6 +13,7 @@ use rigless::time::VirtualNanos;
 
 use super::board::NucleoH743zi;
 use super::recorder::Recorder;
+use super::retention::Retention;
 use super::snapshot::Snapshot;
 use crate::part::Part;
 
@@ -152,6 +153,7 @@ fn run(
     let PoweredOff { board, image, firmware, recorder } = powered_off;
     // Asked to reach instant 0: it stops before the first instruction.
     let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
+    session.watch(Retention::WATCH);
     let mut recorder = recorder;
     let resume = from.map(|snapshot| {
         snapshot.load(&mut session, &firmware, &mut recorder).unwrap_or_else(|error| failed(error))
@@ -166,7 +168,7 @@ fn run(
         target: VirtualNanos(0),
         next_drain: Recorder::next_drain(from.map_or(VirtualNanos(0), Snapshot::at)),
         resets: session.resets().len(),
-        resuming: from.is_some(),
+        begin: if from.is_some() { Begin::Snapshot } else { Begin::PowerOn },
     };
     if let Err(error) = emulator::run(session, &start, driver) {
         failed(error);
@@ -188,8 +190,17 @@ struct Rendezvous {
     next_drain: VirtualNanos,
     /// Resets seen so far.
     resets: usize,
-    /// A run from a snapshot has not yet stood where that was taken.
-    resuming: bool,
+    /// Where it has not yet stood for the first time.
+    begin: Begin,
+}
+
+/// Where a run starts; [`Begin::Here`] once it has, [`Begin::Ended`] once nobody gives orders any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Begin {
+    PowerOn,
+    Snapshot,
+    Here,
+    Ended,
 }
 
 impl Rendezvous {
@@ -209,13 +220,26 @@ impl Rendezvous {
             let (part, order) = self.orders.recv().ok()?;
             session.board_mut().take_back(part);
             match order {
-                Order::Do(job) => job(session, host, stop, &mut self.recorder),
+                Order::Do(job) => {
+                    job(session, host, stop, &mut self.recorder);
+                    self.note_resets(session, host, stop.at);
+                }
                 Order::RunTo(instant) => {
                     self.target = instant;
                     return Some(self.next_stop());
                 }
-                Order::End => return None,
+                Order::End => {
+                    self.begin = Begin::Ended;
+                    return None;
+                }
             }
+        }
+    }
+
+    fn note_resets(&mut self, session: &Session<NucleoH743zi>, host: &mut dyn Host, at: VirtualNanos) {
+        if session.resets().len() != self.resets {
+            self.resets = session.resets().len();
+            self.recorder.reset(session.board().part(), at, host);
         }
     }
 
@@ -227,20 +251,22 @@ impl Rendezvous {
 impl Driver<NucleoH743zi> for Rendezvous {
     fn on_settled(&mut self, session: &mut Session<NucleoH743zi>, host: &mut dyn Host, settled: Settled) {
         match settled {
-            Settled::Access { access, value } => self.recorder.access(&access, value),
-            Settled::Hit(hit) => self.recorder.hit(hit),
-            Settled::Stop(stop) if self.resuming => {
-                self.resuming = false;
+            Settled::Access { access, value } => {
+                self.recorder.access(&access, value, session.board().part());
+                self.note_resets(session, host, access.virtual_time);
+            }
+            Settled::Hit(hit) => self.recorder.hit(hit, host),
+            Settled::Stop(stop) if self.begin == Begin::Snapshot => {
+                self.begin = Begin::Here;
                 // A machine that is dropped here must still run to its end: one stop.
                 let next = self.stand(session, host, stop).unwrap_or(stop.at);
                 session.run_until(next);
             }
+            Settled::Stop(stop) if session.unpowered() => {
+                self.recorder.reset(session.board().part(), stop.at, host)
+            }
+            Settled::Stop(stop) => self.note_resets(session, host, stop.at),
             _ => {}
-        }
-        // Start-up code sets the log's memory up anew: take what is in it before the core starts again.
-        if session.resets().len() != self.resets {
-            self.resets = session.resets().len();
-            self.recorder.drain(host);
         }
     }
 
@@ -250,6 +276,13 @@ impl Driver<NucleoH743zi> for Rendezvous {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
+        if self.begin == Begin::Ended {
+            return None;
+        }
+        if self.begin == Begin::PowerOn {
+            self.begin = Begin::Here;
+            self.recorder.power_up(host);
+        }
         if stop.at >= self.next_drain {
             self.next_drain = Recorder::next_drain(stop.at);
             self.recorder.drain(host);

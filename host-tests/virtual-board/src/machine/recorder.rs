@@ -1,10 +1,15 @@
-//! What the emulation's thread keeps for the test: the log, a digest of all accesses, hits.
+//! What the emulation's thread keeps for the test: the log, a digest of all accesses, hits, the outputs, and what the
+//! retained RAM will hold after a reset.
 
-use rigless::emulator::{Access, AccessKind, Hit, Host};
+use rigless::emulator::{Access, AccessKind, Hit, HitKind, Host};
 use rigless::snapshot::store;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
+
+use super::retention::Retention;
+use crate::part::Part;
+use crate::pins::OutputLog;
 
 /// How often the RTT channel is drained; on an absolute grid, so that no order of the test changes the run.
 const DRAIN_PERIOD: u64 = 1_000_000;
@@ -28,6 +33,8 @@ pub struct Recorder {
     /// Where the image keeps its RTT control block.
     rtt_block: Option<u64>,
     rtt: Vec<u8>,
+    outputs: OutputLog,
+    retention: Retention,
     #[serde(skip)]
     hits: Vec<Hit>,
 }
@@ -37,7 +44,14 @@ store!(Recorder);
 impl Recorder {
     /// Of an image with its RTT control block at that address.
     pub fn new(rtt_block: Option<u64>) -> Self {
-        Self { digest: FNV_OFFSET, rtt_block, rtt: Vec::new(), hits: Vec::new() }
+        Self {
+            digest: FNV_OFFSET,
+            rtt_block,
+            rtt: Vec::new(),
+            outputs: OutputLog::default(),
+            retention: Retention::default(),
+            hits: Vec::new(),
+        }
     }
 
     /// The next instant of the grid after `now`.
@@ -45,8 +59,11 @@ impl Recorder {
         VirtualNanos((now.0 / DRAIN_PERIOD + 1) * DRAIN_PERIOD)
     }
 
-    /// An access of the core.
-    pub fn access(&mut self, access: &Access, value: u64) {
+    /// An access of the core, which may have changed a pin.
+    pub fn access(&mut self, access: &Access, value: u64, part: &Part) {
+        if let (AccessKind::Write, Some(port)) = (access.kind, OutputLog::port_at(access.address)) {
+            self.outputs.look(part, port, access.virtual_time);
+        }
         let kind = match access.kind {
             AccessKind::Read => 0,
             AccessKind::Write => 1,
@@ -57,9 +74,31 @@ impl Recorder {
         }
     }
 
-    /// A hit of a watch.
-    pub fn hit(&mut self, hit: Hit) {
-        self.hits.push(hit);
+    /// A hit of a watch. Stores into the retained RAM are always watched, and no test's.
+    pub fn hit(&mut self, hit: Hit, host: &mut dyn Host) {
+        if hit.kind == HitKind::Write && Retention::holds(hit.address) {
+            self.retention.written(hit.address, host);
+        } else {
+            self.hits.push(hit);
+        }
+    }
+
+    /// The part was reset, or is held in reset.
+    pub fn reset(&mut self, part: &Part, at: VirtualNanos, host: &mut dyn Host) {
+        // Start-up code sets the log's memory up anew: take what is in it before the core starts again.
+        self.drain(host);
+        self.retention.reset(host);
+        self.outputs.look_at_all(part, at);
+    }
+
+    /// The supply has come.
+    pub fn power_up(&mut self, host: &mut dyn Host) {
+        self.retention.power_up(host);
+    }
+
+    /// What the firmware has driven on its outputs.
+    pub(super) fn outputs(&self) -> &OutputLog {
+        &self.outputs
     }
 
     /// The hits since the last call.

@@ -1,0 +1,86 @@
+//! A pin in the test's hands: drives it from outside, reads what the firmware drives.
+
+use std::time::Duration;
+
+use rigless::device::Level;
+use rigless::soc::stm32h743::peripherals::gpio;
+use rigless::time::VirtualNanos;
+
+use super::Machine;
+use crate::nodes::instant;
+use crate::part::Part;
+use crate::pins::{Change, E_STOP, Pin, Port};
+
+/// A pin of a board.
+pub struct PinProbe<'m> {
+    machine: &'m mut Machine,
+    pin: Pin,
+}
+
+impl Machine {
+    /// A pin of the board: `machine.pin(Port::E, 9)`.
+    ///
+    /// # Panics
+    ///
+    /// If the part has no such pin.
+    pub fn pin(&mut self, port: Port, number: u8) -> PinProbe<'_> {
+        self.probe(Pin::new(port, number))
+    }
+
+    /// A pin that has a name.
+    pub fn probe(&mut self, pin: Pin) -> PinProbe<'_> {
+        PinProbe { machine: self, pin }
+    }
+
+    /// Opens the chain of emergency stops, as a pressed button or a cut cable does, or closes it.
+    pub fn open_e_stop(&mut self, open: bool) {
+        let level = if open { None } else { Some(Level::Low) };
+        self.probe(E_STOP).drive(level);
+    }
+}
+
+impl PinProbe<'_> {
+    /// Drives the pin from outside from now on; `None` lets go of it.
+    pub fn drive(self, level: Option<Level>) {
+        let at = instant(self.machine.now());
+        self.machine.part_mut().drive_pin(self.pin, level, at);
+    }
+
+    /// What the firmware drives; `None` while the pin is no general-purpose output.
+    #[must_use]
+    pub fn driven(self) -> Option<Level> {
+        self.changes().last().and_then(|change| change.level)
+    }
+
+    /// When that changed last; `None`: never since the board was switched on.
+    #[must_use]
+    pub fn changed(self) -> Option<Duration> {
+        self.changes().last().map(|change| change.at)
+    }
+
+    /// Every change of what the firmware drives, since the board was switched on: to the nanosecond of the access.
+    #[must_use]
+    pub fn changes(self) -> Vec<Change> {
+        let Self { machine, pin } = self;
+        machine.core.order(move |_, _, _, recorder| recorder.outputs().of(pin))
+    }
+
+    /// Whether the part reads it as high.
+    #[must_use]
+    pub fn reads_high(self) -> bool {
+        let port: &gpio::Gpio = &self.machine.part().stm32.gpio[self.pin.port()];
+        let registers = self.machine.part().port_registers(self.pin.port());
+        let pin = gpio::Pin::new(self.pin.number()).expect("a port has sixteen pins");
+        port.level(pin, registers) == Level::High
+    }
+}
+
+impl Part {
+    /// Drives a pin from outside from `at` on; `None` lets go of it.
+    pub(crate) fn drive_pin(&mut self, pin: Pin, level: Option<Level>, at: VirtualNanos) {
+        let number = gpio::Pin::new(pin.number()).expect("a port has sixteen pins");
+        self.stm32.drive_port(at, pin.port(), |gpio, registers, context| {
+            gpio.drive(number, level, registers, context);
+        });
+    }
+}

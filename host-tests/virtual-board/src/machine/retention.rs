@@ -1,0 +1,93 @@
+//! What the RAM that start-up leaves alone holds after a reset: everything but the last write.
+//!
+//! The RAM of this part computes its check bits when it is written, and a write waits for the next one to the same RAM
+//! before it is carried out: one that a reset overtakes is lost (RM0433 §2.4 says so of incomplete words). The model is
+//! stricter than the part, and loses a whole word as well. After power-on the RAM holds anything.
+
+use rigless::emulator::{Host, Watch};
+use rigless::soc::Width;
+use serde::{Deserialize, Serialize};
+
+/// SRAM4: where the firmware keeps what must outlive a reset.
+pub const RETAINED_RAM: u64 = 0x3800_0000;
+/// Its size in bytes.
+pub const RETAINED_RAM_BYTES: u64 = 64 << 10;
+/// Bytes of a word, which has check bits of its own.
+const WORD_BYTES: u64 = 4;
+/// One instruction stores at most 32 words (VSTM of sixteen double words).
+const MOST_WORDS: u64 = 32;
+
+/// The RAM with the write that still waits.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Retention {
+    /// Every word as written.
+    words: Vec<u32>,
+    /// The last word that was written, and what was there before.
+    waiting: Option<(u64, u32)>,
+}
+
+impl Default for Retention {
+    fn default() -> Self {
+        Self { words: vec![0; index(RETAINED_RAM_BYTES)], waiting: None }
+    }
+}
+
+impl Retention {
+    /// What reports each write to it.
+    pub(crate) const WATCH: Watch = Watch::Writes { address: RETAINED_RAM, length: RETAINED_RAM_BYTES };
+
+    /// Whether an address is in it.
+    pub(crate) fn holds(address: u64) -> bool {
+        address.checked_sub(RETAINED_RAM).is_some_and(|offset| offset < RETAINED_RAM_BYTES)
+    }
+
+    /// The supply has come: anything may be in it, the same in each run.
+    pub(crate) fn power_up(&mut self, host: &mut dyn Host) {
+        self.waiting = None;
+        let mut noise = 0x9E37_79B9_u32;
+        for (offset, word) in (0..).step_by(4).zip(&mut self.words) {
+            // Marsaglia's xorshift.
+            noise ^= noise << 13;
+            noise ^= noise >> 17;
+            noise ^= noise << 5;
+            *word = noise;
+            write(host, offset, noise);
+        }
+    }
+
+    /// The core has stored there.
+    pub(crate) fn written(&mut self, address: u64, host: &mut dyn Host) {
+        let first = (address - RETAINED_RAM) / WORD_BYTES * WORD_BYTES;
+        let mut waiting = (first, self.words[index(first)]);
+        let end = (first + MOST_WORDS * WORD_BYTES).min(RETAINED_RAM_BYTES);
+        for offset in (first..end).step_by(4) {
+            let (before, now) = (self.words[index(offset)], read(host, offset));
+            if before != now {
+                waiting = (offset, before);
+                self.words[index(offset)] = now;
+            }
+        }
+        self.waiting = Some(waiting);
+    }
+
+    /// The part was reset: what waited is lost.
+    pub(crate) fn reset(&mut self, host: &mut dyn Host) {
+        if let Some((offset, before)) = self.waiting.take() {
+            self.words[index(offset)] = before;
+            write(host, offset, before);
+        }
+    }
+}
+
+fn index(offset: u64) -> usize {
+    usize::try_from(offset / WORD_BYTES).expect("inside the RAM")
+}
+
+fn read(host: &mut dyn Host, offset: u64) -> u32 {
+    let word = host.read(RETAINED_RAM + offset, Width::W32).expect("the part has this RAM");
+    u32::try_from(word).expect("a word")
+}
+
+fn write(host: &mut dyn Host, offset: u64, word: u32) {
+    host.write(RETAINED_RAM + offset, Width::W32, word.into()).expect("the part has this RAM");
+}

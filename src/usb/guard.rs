@@ -1,0 +1,125 @@
+//! Stands between the USB stack and the chip's driver.
+//!
+//! The stack passes the host's endpoint numbers on as they are, and the drivers panic at one that the chip does not have; here
+//! they reach the driver only if the device has that endpoint. And the stack never lets another task run while the driver has
+//! events; here each waits for the next round.
+
+use embassy_futures::yield_now;
+use embassy_usb::driver::{
+    Bus, Driver, EndpointAddress, EndpointAllocError, EndpointInfo, EndpointType, Event, Unsupported,
+};
+use embassy_usb::driver::{Direction, Endpoint as _};
+
+/// The endpoints that a device has, one bit each: IN above OUT.
+#[derive(Clone, Copy, Default)]
+struct Endpoints(u32);
+
+impl Endpoints {
+    fn bit(address: EndpointAddress) -> u32 {
+        // Endpoint numbers have four bits.
+        let number = 1u32 << (address.index() % 16);
+        match address.direction() {
+            Direction::Out => number,
+            Direction::In => number << 16,
+        }
+    }
+
+    fn add(&mut self, info: &EndpointInfo) {
+        self.0 |= Self::bit(info.addr);
+    }
+
+    fn has(self, address: EndpointAddress) -> bool {
+        address.index() < 16 && self.0 & Self::bit(address) != 0
+    }
+}
+
+/// A driver, guarded.
+pub struct Guarded<D> {
+    driver: D,
+    endpoints: Endpoints,
+}
+
+impl<D> Guarded<D> {
+    /// Before any endpoint is allocated.
+    pub fn new(driver: D) -> Self {
+        Self { driver, endpoints: Endpoints::default() }
+    }
+}
+
+impl<'d, D: Driver<'d>> Driver<'d> for Guarded<D> {
+    type EndpointOut = D::EndpointOut;
+    type EndpointIn = D::EndpointIn;
+    type ControlPipe = D::ControlPipe;
+    type Bus = GuardedBus<D::Bus>;
+
+    fn alloc_endpoint_out(
+        &mut self,
+        kind: EndpointType,
+        address: Option<EndpointAddress>,
+        max_packet_size: u16,
+        interval_ms: u8,
+    ) -> Result<Self::EndpointOut, EndpointAllocError> {
+        let endpoint = self.driver.alloc_endpoint_out(kind, address, max_packet_size, interval_ms)?;
+        self.endpoints.add(endpoint.info());
+        Ok(endpoint)
+    }
+
+    fn alloc_endpoint_in(
+        &mut self,
+        kind: EndpointType,
+        address: Option<EndpointAddress>,
+        max_packet_size: u16,
+        interval_ms: u8,
+    ) -> Result<Self::EndpointIn, EndpointAllocError> {
+        let endpoint = self.driver.alloc_endpoint_in(kind, address, max_packet_size, interval_ms)?;
+        self.endpoints.add(endpoint.info());
+        Ok(endpoint)
+    }
+
+    fn start(self, control_max_packet_size: u16) -> (Self::Bus, Self::ControlPipe) {
+        let (bus, control) = self.driver.start(control_max_packet_size);
+        (GuardedBus { bus, endpoints: self.endpoints }, control)
+    }
+}
+
+/// Its bus.
+pub struct GuardedBus<B> {
+    bus: B,
+    endpoints: Endpoints,
+}
+
+impl<B: Bus> Bus for GuardedBus<B> {
+    async fn enable(&mut self) {
+        self.bus.enable().await;
+    }
+
+    async fn disable(&mut self) {
+        self.bus.disable().await;
+    }
+
+    async fn poll(&mut self) -> Event {
+        // First, as an event that is already taken would be lost if the stack dropped this future.
+        yield_now().await;
+        self.bus.poll().await
+    }
+
+    fn endpoint_set_enabled(&mut self, address: EndpointAddress, enabled: bool) {
+        if self.endpoints.has(address) {
+            self.bus.endpoint_set_enabled(address, enabled);
+        }
+    }
+
+    fn endpoint_set_stalled(&mut self, address: EndpointAddress, stalled: bool) {
+        if self.endpoints.has(address) {
+            self.bus.endpoint_set_stalled(address, stalled);
+        }
+    }
+
+    fn endpoint_is_stalled(&mut self, address: EndpointAddress) -> bool {
+        self.endpoints.has(address) && self.bus.endpoint_is_stalled(address)
+    }
+
+    async fn remote_wakeup(&mut self) -> Result<(), Unsupported> {
+        self.bus.remote_wakeup().await
+    }
+}
