@@ -55,6 +55,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     let gateway = SharedGateway::place(description, words);
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
     spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
+    spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));
     let hosts = ports.spawn(spawner, gateway);
     gateway.first_stops_have_left().await;

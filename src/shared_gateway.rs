@@ -37,6 +37,8 @@ pub struct SharedGateway {
     buses: [Changed; MAX_BUSES],
     links: [Changed; MAX_LINKS],
     deadline: Changed,
+    /// The next deadline, when it has been worked out.
+    due: Signal<Guard, Option<embassy_time::Instant>>,
     log: Changed,
 }
 
@@ -54,6 +56,7 @@ impl SharedGateway {
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
+            due: Signal::new(),
             log: Signal::new(),
         });
         shared.with(|core, now| {
@@ -212,6 +215,16 @@ impl SharedGateway {
     /// Waits until the log may have a new entry. For one task.
     pub async fn log_changed(&self) {
         self.log.wait().await;
+    }
+
+    /// Says when the next tick is due.
+    pub fn set_due(&self, due: Option<embassy_time::Instant>) {
+        self.due.signal(due);
+    }
+
+    /// Waits until it is said again when the next tick is due. For one task.
+    pub async fn due_changed(&self) -> Option<embassy_time::Instant> {
+        self.due.wait().await
     }
 
     /// Waits until the next deadline may have changed. For one task.

@@ -6,30 +6,38 @@
 
 use core::cell::Cell;
 use core::pin::pin;
-use core::task::Poll;
 
 use embassy_executor::Metadata;
 use embassy_futures::yield_now;
 
-/// Priorities of the executor: the higher one is taken first, the longer waiting one among equals. Tasks are not urgent by default.
-const URGENT: u8 = 1;
-const OTHERS: u8 = 0;
+/// Who is taken first; the longer waiting one among equals. What is not said to be urgent comes last.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Urgency {
+    /// Hosts are told, lines are logged.
+    None,
+    /// Buses and deadlines.
+    Bus,
+    /// What can demand a stop: hosts and the e-stop input.
+    Demand,
+}
 
 /// Turns that an urgent task has in a row, without ever having to wait, before it goes behind everybody.
-const IN_A_ROW: u8 = 8;
+const IN_A_ROW: u8 = 4;
 
 /// The turns of a loop of an urgent task.
 pub struct Turn {
     task: &'static Metadata,
+    urgency: Urgency,
     in_a_row: Cell<u8>,
 }
 
 impl Turn {
-    /// From now on the task that runs this is urgent.
-    pub async fn urgent() -> Self {
+    /// From now on the task that runs this is so urgent.
+    pub async fn of(urgency: Urgency) -> Self {
         let task = Metadata::for_current_task().await;
-        task.set_priority(URGENT);
-        Self { task, in_a_row: Cell::new(0) }
+        task.set_priority(urgency as u8);
+        Self { task, urgency, in_a_row: Cell::new(0) }
     }
 
     /// Waits for the event of a turn.
@@ -37,7 +45,7 @@ impl Turn {
         let mut event = pin!(event);
         core::future::poll_fn(|context| {
             let poll = event.as_mut().poll(context);
-            if let Poll::Pending = poll {
+            if poll.is_pending() {
                 self.in_a_row.set(0);
             }
             poll
@@ -45,15 +53,15 @@ impl Turn {
         .await
     }
 
-    /// Ends a turn: the urgent ones that are ready go first, and after [`IN_A_ROW`] turns everybody.
+    /// Ends a turn: those as urgent that are ready go first, and after [`IN_A_ROW`] turns everybody.
     pub async fn end(&self) {
         let in_a_row = self.in_a_row.get() + 1;
         let is_flooded = in_a_row >= IN_A_ROW;
         self.in_a_row.set(if is_flooded { 0 } else { in_a_row });
         if is_flooded {
-            self.task.set_priority(OTHERS);
+            self.task.set_priority(Urgency::None as u8);
         }
         yield_now().await;
-        self.task.set_priority(URGENT);
+        self.task.set_priority(self.urgency as u8);
     }
 }

@@ -7,14 +7,14 @@ use host_protocol::BusState;
 use crate::board;
 use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
 /// For ever: run the bus as configured, start it again when the configuration changes.
 #[embassy_executor::task(pool_size = board::CAN_BUSES)]
 pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dyn CanPort) -> ! {
     let life = Watch::new(Life::bus(bus));
-    let turn = Turn::urgent().await;
+    let turn = Turn::of(Urgency::Bus).await;
     let mut current = None;
     loop {
         current = gateway.other_bus_setup(bus, current, &life).await;
@@ -46,13 +46,14 @@ impl CanBus<'_> {
         while self.gateway.bus_setup(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            match turn.wait(self.next(life)).await {
-                Either::First(happening) => self.follow(happening).await,
-                Either::Second(()) => {}
+            if let Either::First(happening) = turn.wait(self.next(life)).await {
+                self.follow(happening).await;
+                self.report_losses();
+                self.cancel();
+                self.send();
+                // A full queue must not keep the other tasks waiting.
+                turn.end().await;
             }
-            self.report_losses();
-            // A full queue must not keep the other tasks waiting.
-            turn.end().await;
         }
     }
 

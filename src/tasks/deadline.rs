@@ -1,40 +1,51 @@
 //! Wakes the core when its next deadline is due.
 
-use embassy_futures::select::select;
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use gateway::Event;
 
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
 /// A deadline that stays in the past does not keep the processor from the other tasks: least time between ticks.
 const LEAST_PAUSE: Duration = Duration::from_micros(20);
 
-/// For ever: wait for the deadline or for a change of it, then tick.
+/// For ever: work out the next deadline when it may have changed. That takes a while and is not urgent.
 #[embassy_executor::task]
 pub async fn deadline(gateway: &'static SharedGateway) -> ! {
     let life = Watch::new(Life::DEADLINES);
-    let turn = Turn::urgent().await;
-    let mut earliest = Instant::MIN;
     loop {
-        life.show();
-        let due = gateway.next_deadline().map(|due| Instant::from_micros(due.as_micros()).max(earliest));
-        if due.is_some_and(|due| due <= Instant::now()) {
-            gateway.handle(Event::Tick);
-            turn.end().await;
-            earliest = Instant::now() + LEAST_PAUSE;
-            continue;
-        }
-        while turn.wait(life.alive(due_or_changed(gateway, due))).await.is_none() {}
+        let due = gateway.next_deadline().map(|due| Instant::from_micros(due.as_micros()));
+        gateway.set_due(due);
+        while life.alive(gateway.deadline_changed()).await.is_none() {}
     }
 }
 
-async fn due_or_changed(gateway: &SharedGateway, due: Option<Instant>) {
-    match due {
-        Some(due) => {
-            select(Timer::at(due), gateway.deadline_changed()).await;
+/// For ever: tick when the deadline is due.
+#[embassy_executor::task]
+pub async fn tick(gateway: &'static SharedGateway) -> ! {
+    let life = Watch::new(Life::TICKS);
+    let turn = Turn::of(Urgency::Bus).await;
+    let mut due = None;
+    loop {
+        match turn.wait(life.alive(due_or_changed(gateway, due))).await {
+            Some(Either::First(())) => {
+                due = None;
+                gateway.handle(Event::Tick);
+                turn.end().await;
+                Timer::after(LEAST_PAUSE).await;
+            }
+            Some(Either::Second(changed)) => due = changed,
+            None => {}
         }
-        None => gateway.deadline_changed().await,
+    }
+}
+
+/// Until the deadline, or until there is another one.
+async fn due_or_changed(gateway: &SharedGateway, due: Option<Instant>) -> Either<(), Option<Instant>> {
+    match due {
+        Some(due) => select(Timer::at(due), gateway.due_changed()).await,
+        None => Either::Second(gateway.due_changed().await),
     }
 }

@@ -8,7 +8,7 @@ use host_protocol::MAX_FRAME;
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
@@ -20,7 +20,7 @@ const ERROR_PAUSE: Duration = Duration::from_micros(100);
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
     let life = Watch::new(Life::link_receiver(link));
-    let turn = Turn::urgent().await;
+    let turn = Turn::of(Urgency::Demand).await;
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {

@@ -7,7 +7,7 @@ use host_protocol::BusState;
 use crate::board;
 use crate::line::{LineErrors, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
@@ -43,7 +43,7 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
 /// Bytes from the bus to the core, our own echo included.
 async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
     let life = Watch::new(Life::bus_receiver(bus));
-    let turn = Turn::urgent().await;
+    let turn = Turn::of(Urgency::Bus).await;
     let mut chunk = [0; CHUNK];
     let mut errors = LineErrors::default();
     loop {

@@ -6,7 +6,7 @@ use embassy_time::{Duration, Timer, with_timeout};
 use gateway::Event;
 
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
 /// Open for this long counts as pressed. What a motor's cable couples into the cable of the button is shorter: a machine that stops
@@ -21,7 +21,7 @@ const RELEASED: Duration = Duration::from_millis(10);
 #[embassy_executor::task]
 pub async fn e_stop(gateway: &'static SharedGateway, mut contact: ExtiInput<'static, Async>) -> ! {
     let life = Watch::new(Life::E_STOP);
-    let _urgent = Turn::urgent().await;
+    let _urgent = Turn::of(Urgency::Demand).await;
     let mut open = contact.is_high();
     loop {
         gateway.handle(Event::EStopInput { open });

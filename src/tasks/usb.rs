@@ -9,7 +9,7 @@ use host_protocol::MAX_FRAME;
 use crate::board::UsbPort;
 use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
-use crate::turn::Turn;
+use crate::turn::{Turn, Urgency};
 use crate::usb::{self, PACKET, Receiver, Sender};
 use crate::watchdog::{Life, Watch};
 
@@ -42,7 +42,7 @@ async fn show_life() -> ! {
 
 /// For ever: bytes from the host to the core.
 async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
-    let turn = Turn::urgent().await;
+    let turn = Turn::of(Urgency::Demand).await;
     let mut packet = [0; PACKET as usize];
     loop {
         let bytes = turn.wait(receiver.receive(&mut packet)).await;

@@ -26,7 +26,7 @@ const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
 const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
 const OTHERS: u8 = LINK_SENDER + LINKS;
 /// How many there are.
-const ALL: u8 = OTHERS + 4;
+const ALL: u8 = OTHERS + 5;
 /// The same.
 pub const LIVES: usize = ALL as usize;
 const _: () = assert!(LIVES <= u32::BITS as usize);
@@ -38,7 +38,9 @@ const fn byte(count: usize) -> u8 {
 }
 
 impl Life {
-    /// What waits for deadlines.
+    /// What ticks.
+    pub const TICKS: Self = Self(OTHERS + 4);
+    /// What works deadlines out.
     pub const DEADLINES: Self = Self(OTHERS);
     /// What watches the e-stop input.
     pub const E_STOP: Self = Self(OTHERS + 1);
@@ -97,6 +99,7 @@ impl fmt::Display for Life {
             number @ ..OTHERS => write!(f, "host link {} sender", number - LINK_SENDER),
             _ => f.write_str(match *self {
                 Self::DEADLINES => "deadlines",
+                Self::TICKS => "ticks",
                 Self::E_STOP => "e-stop input",
                 Self::USB => "USB",
                 _ => "light",
