@@ -156,7 +156,6 @@ fn a_scenario_that_is_wrong_fails() {
         "expect incident 0 Tripped",
         "expect boot Watchdog",
         "expect last-words gone",
-        "reset watchdog\nexpect state 0 idle",
         "await 0 141#A2",
         "dance",
     ] {
