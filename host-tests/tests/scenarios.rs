@@ -76,7 +76,9 @@ scenarios! {
     a_setpoint_of_another_epoch_feeds_nothing
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
+    a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_trips
     a_stop_on_rs485_waits_for_bytes_in_flight_only
+    a_stop_takes_back_motion_that_waits_in_the_controller
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated

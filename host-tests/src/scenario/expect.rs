@@ -195,6 +195,7 @@ impl Bench {
             Some(&"late") => counters.late,
             Some(&"rejected") => counters.rejected,
             Some(&"missed-acknowledgements") => counters.missed_acknowledgements,
+            Some(&"cancelled") => counters.cancelled,
             Some(&"bus-offs") => counters.bus_offs,
             other => return Err(format!("{other:?} is no counter")),
         };
