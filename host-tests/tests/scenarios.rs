@@ -42,6 +42,7 @@ scenarios! {
     a_backlog_of_five_seconds_released_at_once_moves_nothing
     a_brake_stop_holds_locks_verifies_and_switches_off
     a_bus_that_cannot_carry_its_axes_is_refused_with_numbers
+    a_bus_that_stays_off_is_started_again_and_its_stops_follow
     a_confirmed_stop_is_repeated_every_500_ms_while_tripped
     a_cut_bus_trips_for_want_of_acknowledgement
     a_d5_that_answers_nothing_is_not_armed
@@ -84,6 +85,7 @@ scenarios! {
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     a_thruster_that_restarts_in_motion_refuses_and_trips
+    a_thruster_that_would_resume_at_the_first_word_hears_zero_first
     a_trip_keeps_its_reason_time_and_last_values
     a_trip_outlives_a_reset_and_nothing_a_loss_of_power
     a_write_that_waits_in_a_d5_is_overwritten_by_its_stop
@@ -109,13 +111,16 @@ scenarios! {
     motion_that_nobody_acknowledges_trips_in_time
     native_changes_need_an_idle_axis
     native_reads_are_free_and_answered_from_the_motor
+    noise_on_rs485_delays_a_stop_by_little
     of_two_hosts_one_commands_and_both_may_stop
     pings_do_not_feed_a_setpoint
+    pings_of_another_host_keep_nobody_in_command
     raw_access_and_armed_axes_exclude_each_other
     raw_access_that_is_left_open_ends_with_its_host
     rmd_and_thruster_share_a_bus
     stop_and_disarm_go_through_stopping_to_idle
     stops_of_many_axes_follow_each_other_without_a_gap
+    stops_of_two_axes_on_rs485_follow_within_the_bound
     the_32_bit_time_wraps_around_without_harm
     the_e_stop_input_does_what_the_command_does
     the_enable_output_drops_when_a_motor_is_unreachable
