@@ -42,6 +42,7 @@ scenarios! {
     a_backlog_of_five_seconds_released_at_once_moves_nothing
     a_brake_stop_holds_locks_verifies_and_switches_off
     a_bus_that_cannot_carry_its_axes_is_refused_with_numbers
+    a_bus_that_is_cut_at_a_reset_keeps_no_host_out
     a_bus_that_stays_off_is_started_again_and_its_stops_follow
     a_confirmed_stop_is_repeated_every_500_ms_while_tripped
     a_cut_bus_trips_for_want_of_acknowledgement
@@ -73,6 +74,7 @@ scenarios! {
     a_relative_move_with_three_lost_replies_displaces_once
     a_reply_of_another_node_confirms_nothing
     a_request_that_is_repeated_is_executed_once
+    a_reset_while_arming_runs_the_stop_action
     a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
     a_setpoint_of_another_epoch_feeds_nothing
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
@@ -90,8 +92,10 @@ scenarios! {
     a_trip_outlives_a_reset_and_nothing_a_loss_of_power
     a_write_that_waits_in_a_d5_is_overwritten_by_its_stop
     after_a_hang_and_a_reset_the_stops_go_first
+    after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     an_impedance_setpoint_holds_like_a_spring
+    an_open_e_stop_input_bars_clearing_over_a_reset
     an_unreachable_motor_is_left_alone_between_two_stops
     arming_asks_each_motor_in_its_order_and_writes_nothing_that_stays
     arming_needs_a_known_motor_timeout
