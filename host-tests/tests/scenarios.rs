@@ -40,11 +40,17 @@ scenarios! {
     a_babbling_node_with_the_highest_id_delays_a_stop_by_one_frame_at_most
     a_babbling_node_with_the_lowest_id_trips_and_the_stop_goes_out_when_it_falls_silent
     a_backlog_of_five_seconds_released_at_once_moves_nothing
+    a_brake_stop_holds_locks_verifies_and_switches_off
+    a_bus_that_cannot_carry_its_axes_is_refused_with_numbers
+    a_bus_that_is_cut_at_a_reset_keeps_no_host_out
+    a_bus_that_stays_off_is_started_again_and_its_stops_follow
+    a_confirmed_stop_is_repeated_every_500_ms_while_tripped
     a_cut_bus_trips_for_want_of_acknowledgement
     a_d5_that_answers_nothing_is_not_armed
     a_d5_that_answers_reads_only_is_confirmed_by_reading_back
     a_fault_bit_trips_and_clears_only_when_it_is_gone
     a_fault_that_heals_by_itself_does_not_let_the_motor_run_on
+    a_fresh_setpoint_is_refreshed_within_a_third_of_the_motors_timeout
     a_held_motor_that_turns_is_stopped_again
     a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
     a_host_that_floods_delays_no_stop_of_another
@@ -53,6 +59,7 @@ scenarios! {
     a_late_reply_after_retry_is_ignored
     a_late_reply_to_a_setpoint_of_0_does_not_acknowledge_the_stop
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
+    a_measured_value_beyond_the_limit_trips
     a_motor_that_echoes_the_stop_and_turns_on_is_never_confirmed
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
     a_motor_that_loses_its_power_trips_and_does_not_go_on_by_itself
@@ -66,17 +73,35 @@ scenarios! {
     a_relative_move_with_lost_reads_displaces_once
     a_relative_move_with_three_lost_replies_displaces_once
     a_reply_of_another_node_confirms_nothing
+    a_request_that_is_repeated_is_executed_once
+    a_reset_while_arming_runs_the_stop_action
     a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
+    a_setpoint_of_another_epoch_feeds_nothing
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
+    a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_trips
+    a_stop_on_rs485_waits_for_bytes_in_flight_only
+    a_stop_takes_back_motion_that_waits_in_the_controller
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     a_thruster_that_restarts_in_motion_refuses_and_trips
+    a_thruster_that_would_resume_at_the_first_word_hears_zero_first
+    a_trip_keeps_its_reason_time_and_last_values
+    a_trip_outlives_a_reset_and_nothing_a_loss_of_power
     a_write_that_waits_in_a_d5_is_overwritten_by_its_stop
+    after_a_hang_and_a_reset_the_stops_go_first
+    after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     an_impedance_setpoint_holds_like_a_spring
+    an_open_e_stop_input_bars_clearing_over_a_reset
+    an_unreachable_motor_is_left_alone_between_two_stops
+    arming_asks_each_motor_in_its_order_and_writes_nothing_that_stays
+    arming_needs_a_known_motor_timeout
+    arming_needs_a_motor_that_stands_answers_and_has_no_fault
+    authority_given_back_stops_and_disarms_without_a_trip
+    axes_of_one_trip_group_trip_together
     bad_configurations_are_refused_by_name
     bad_setpoints_are_refused_by_name_and_nothing_moves
     clear_waits_for_the_confirmation
@@ -84,16 +109,27 @@ scenarios! {
     e_stop_stops_all_and_bars_arming
     e_stop_while_arming_trips_and_arms_nothing
     e_stop_while_stopping_trips_and_goes_on_stopping
+    fault_words_of_armed_axes_are_read_every_100_ms
     garbage_and_wrong_checksums_on_rs485_are_no_replies
     link_silence_trips_even_while_the_setpoint_lives
+    motion_that_nobody_acknowledges_trips_in_time
     native_changes_need_an_idle_axis
     native_reads_are_free_and_answered_from_the_motor
+    noise_on_rs485_delays_a_stop_by_little
     of_two_hosts_one_commands_and_both_may_stop
     pings_do_not_feed_a_setpoint
+    pings_of_another_host_keep_nobody_in_command
     raw_access_and_armed_axes_exclude_each_other
     raw_access_that_is_left_open_ends_with_its_host
     rmd_and_thruster_share_a_bus
+    stop_and_disarm_go_through_stopping_to_idle
+    stops_of_many_axes_follow_each_other_without_a_gap
+    stops_of_two_axes_on_rs485_follow_within_the_bound
     the_32_bit_time_wraps_around_without_harm
+    the_e_stop_input_does_what_the_command_does
+    the_enable_output_drops_when_a_motor_is_unreachable
+    the_last_16_trips_and_starts_are_remembered
+    the_latest_setpoint_takes_the_place_of_those_before
     the_manuals_bytes_come_out_for_host_commands
     two_motors_with_one_id_are_both_stopped
     unsolicited_frames_inside_an_exchange_are_no_replies
@@ -121,6 +157,17 @@ fn a_scenario_that_is_wrong_fails() {
         "motor 0 rmd 2",
         "power 9 off",
         "release-backlog",
+        "arm 0\nset 0 velocity 1.0\nsilence 200 ms\nrun 10 ms\nmark\nexpect trip-time 0 0 ms 1 s",
+        "arm 0\nset 0 velocity 1.0\nsilence 200 ms\nexpect trip-values 0 velocity 5 6",
+        "arm 0\nstop 0\nrun 100 ms\nexpect reaction 0 10 us",
+        "expect reaction 0 1 s",
+        "expect acknowledged 0 yes",
+        "expect enable-output off",
+        "expect incidents 2",
+        "expect incident 0 Tripped",
+        "expect boot Watchdog",
+        "expect last-words gone",
+        "await 0 141#A2",
         "dance",
     ] {
         assert!(run(&format!("four-axes\n{wrong}"), 1).is_err(), "{wrong}");

@@ -24,7 +24,7 @@ pub const SETPOINT_TTL: Duration = Duration::from_millis(90);
 pub struct Told {
     /// The host link it said it on.
     pub link: u8,
-    /// Gateway time, µs.
+    /// When, µs since the world began.
     pub time_us: u64,
     /// What.
     pub event: Event,
@@ -215,9 +215,9 @@ impl Bench {
     /// Takes over what has happened.
     pub fn collect(&mut self) {
         self.trace.extend(self.world.borrow_mut().trace());
-        let link = self.link;
+        let (link, started_us) = (self.link, self.world.borrow().gateway_started().as_micros());
         while let Ok(Some(EventMessage { event, time_us, .. })) = self.client.poll_event(Duration::ZERO) {
-            let told = Told { link, time_us, event };
+            let told = Told { link, time_us: started_us + time_us, event };
             match event {
                 Event::Sample { .. } => self.samples.push(told),
                 _ => self.events.push(told),

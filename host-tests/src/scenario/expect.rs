@@ -1,9 +1,8 @@
 //! What a scenario demands.
 
 use super::bench::{Bench, Told};
-use super::words::{duration, fields, parse};
+use super::words::{fields, parse};
 use host_protocol::{AxisState, Event, StateField, Trip};
-use std::time::Duration;
 
 impl Bench {
     /// `expect WHAT …`
@@ -17,8 +16,10 @@ impl Bench {
             "state" => self.expect_state(rest),
             "trip" => self.expect_trip(rest),
             "refusal" => self.expect_refusal(rest),
-            "reaction" => self.expect_reaction(rest),
-            "acknowledged" => self.expect_acknowledged(rest),
+            "reaction" | "acknowledged" | "trip-time" | "trip-values" => self.expect_of_stop(what, rest),
+            "enable-output" | "boot" | "last-words" | "incident" | "incidents" => {
+                self.expect_of_gateway(what, rest)
+            }
             "stopped" => self.expect_motor(rest, false),
             "moving" => self.expect_motor(rest, true),
             "position" => self.expect_position(rest),
@@ -170,38 +171,6 @@ impl Bench {
         if seen.contains(&wanted) { Ok(()) } else { Err(format!("the last refusal was {seen}")) }
     }
 
-    /// `reaction AXIS TIME`: from the latest reason to stop that was confirmed since the mark, so long at most until the first
-    /// stop frame had left.
-    fn expect_reaction(&mut self, words: &[&str]) -> Result<(), String> {
-        let wanted: u8 = parse(words, 0, "axis")?;
-        let limit = duration(words, 1)?;
-        let reaction = self.events.iter().rev().find_map(|told| match told.event {
-            Event::StopConfirmed { axis, reaction_us, .. }
-                if axis == wanted && told.time_us >= self.mark_us =>
-            {
-                Some(Duration::from_micros(reaction_us.into()))
-            }
-            _ => None,
-        });
-        match reaction {
-            Some(reaction) if reaction <= limit => Ok(()),
-            Some(reaction) => Err(format!("it took {reaction:?} until the stop had left")),
-            None => Err("no stop was confirmed".to_string()),
-        }
-    }
-
-    /// `acknowledged AXIS yes|no`: whether the motor has acknowledged the stop under way.
-    fn expect_acknowledged(&mut self, words: &[&str]) -> Result<(), String> {
-        let axis = parse(words, 0, "axis")?;
-        let wanted = match words.get(1) {
-            Some(&"yes") => true,
-            Some(&"no") => false,
-            other => return Err(format!("acknowledged, yes or no, not {other:?}")),
-        };
-        let acknowledged = self.state(axis)?.stop_acknowledged;
-        if acknowledged == wanted { Ok(()) } else { Err(format!("acknowledged: {acknowledged}")) }
-    }
-
     /// `turned MOTOR MIN MAX`: how far the shaft has turned since the mark, rad, in either direction.
     fn expect_turned(&mut self, words: &[&str]) -> Result<(), String> {
         let index: usize = parse(words, 0, "motor")?;
@@ -226,6 +195,7 @@ impl Bench {
             Some(&"late") => counters.late,
             Some(&"rejected") => counters.rejected,
             Some(&"missed-acknowledgements") => counters.missed_acknowledgements,
+            Some(&"cancelled") => counters.cancelled,
             Some(&"bus-offs") => counters.bus_offs,
             other => return Err(format!("{other:?} is no counter")),
         };

@@ -2,6 +2,7 @@
 
 use super::bench::Bench;
 use super::words::{duration, parse};
+use mgw_sim::Station;
 use std::time::Duration;
 
 /// How long a frame is awaited, and how often it is looked for.
@@ -27,7 +28,7 @@ impl Bench {
             },
             "wire-count" => expect_count(&all, &wanted, rest),
             "wire-order" => self.expect_order(&all, words.get(1..).unwrap_or_default()),
-            _ => self.expect_spacing(&all, &wanted, rest),
+            _ => self.expect_spacing(bus, &wanted, rest),
         }
     }
 
@@ -46,7 +47,13 @@ impl Bench {
     }
 
     fn seen(&self, bus: u8) -> Vec<Seen> {
-        let here = self.trace.iter().filter(|entry| entry.bus == bus && entry.time_us >= self.mark_us);
+        self.seen_from(bus, None)
+    }
+
+    fn seen_from(&self, bus: u8, from: Option<Station>) -> Vec<Seen> {
+        let here = self.trace.iter().filter(|entry| {
+            entry.bus == bus && entry.time_us >= self.mark_us && from.is_none_or(|from| from == entry.from)
+        });
         here.map(|entry| (entry.time_us - self.mark_us, entry.wire.to_string())).collect()
     }
 
@@ -101,10 +108,10 @@ impl Bench {
         Ok(())
     }
 
-    /// `MIN MAX`: the pauses from one to the next, at least two of them, each a time such as `400 ms`.
-    fn expect_spacing(&mut self, all: &[Seen], wanted: &str, words: &[&str]) -> Result<(), String> {
+    /// `MIN MAX`: the pauses from one to the next of the gateway's own frames, at least two of them, each a time such as `400 ms`.
+    fn expect_spacing(&mut self, bus: u8, wanted: &str, words: &[&str]) -> Result<(), String> {
         let (min, max) = (duration(words, 0)?, duration(words, 2)?);
-        let seen = times_of(all, wanted);
+        let seen = times_of(&self.seen_from(bus, Some(Station::Gateway)), wanted);
         let pauses: Vec<u64> = seen.iter().zip(seen.iter().skip(1)).map(|(one, next)| next - one).collect();
         if pauses.len() < 2 {
             return Err(format!("{wanted} was seen {} times only", seen.len()));

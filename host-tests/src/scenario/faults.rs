@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Stranger};
 use super::words::{duration, hex, parse};
-use host_protocol::CanFrame;
+use host_protocol::{BootReason, CanFrame};
 use mgw_sim::{BusFault, Injection, Wire};
 
 impl Bench {
@@ -84,6 +84,31 @@ impl Bench {
         let bus = parse(words, 0, "bus")?;
         self.strangers.retain(|stranger| stranger.bus != bus);
         self.world.borrow_mut().babble(bus, None);
+        Ok(())
+    }
+
+    /// `reset power-on|pin|watchdog|software [LAST WORDS]`: the gateway starts anew.
+    pub fn reset(&mut self, words: &[&str]) -> Result<(), String> {
+        let boot = match words.first() {
+            Some(&"power-on") => BootReason::PowerOn,
+            Some(&"pin") => BootReason::Pin,
+            Some(&"watchdog") => BootReason::Watchdog,
+            Some(&"software") => BootReason::Software,
+            other => return Err(format!("{other:?} is no reason to start")),
+        };
+        let last_words = words.get(1..).unwrap_or_default().join(" ");
+        self.world.borrow_mut().reset(boot, last_words.leak());
+        Ok(())
+    }
+
+    /// `e-stop-input open|closed`
+    pub fn e_stop_input(&mut self, words: &[&str]) -> Result<(), String> {
+        let open = match words.first() {
+            Some(&"open") => true,
+            Some(&"closed") => false,
+            other => return Err(format!("the input is open or closed, not {other:?}")),
+        };
+        self.world.borrow_mut().set_e_stop_input(open);
         Ok(())
     }
 

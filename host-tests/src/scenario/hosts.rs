@@ -98,7 +98,7 @@ impl Bench {
     /// The low 32 bits of the gateway's time in a while.
     pub fn gateway_time(&self, ahead: Duration) -> u32 {
         let ahead = gateway::Duration::from_micros(u64::try_from(ahead.as_micros()).unwrap_or(u64::MAX));
-        (self.world.borrow().now() + ahead).low_bits()
+        (self.world.borrow().gateway_now() + ahead).low_bits()
     }
 
     /// A request with a sequence number that the client will not use soon.

@@ -5,6 +5,8 @@
 
 mod bench;
 mod expect;
+mod expect_gateway;
+mod expect_stop;
 mod expect_wire;
 mod faults;
 mod hosts;

@@ -50,6 +50,12 @@ impl Bench {
             "bus-cut" => self.disturb(rest, BusFault::Cut),
             "bus-short" => self.disturb(rest, BusFault::Short),
             "bus-join" => self.disturb(rest, BusFault::None),
+            "hang" => {
+                self.world.borrow_mut().hang();
+                Ok(())
+            }
+            "reset" => self.reset(rest),
+            "e-stop-input" => self.e_stop_input(rest),
             "bytes" => self.bytes(rest),
             "flood" => self.flood(rest),
             "backlog" => self.grow_backlog(rest),
