@@ -30,7 +30,7 @@ impl Gateway {
     pub(crate) fn execute(&mut self, now: Instant, link: u8, incoming: Incoming) {
         let ticket = Ticket { link, slot: incoming.slot };
         let result = match incoming.request {
-            Ok(request) if ticket.slot.is_none() && !is_stop(&request) => return,
+            Ok(request) if ticket.slot.is_none() && !self.is_stop(&request) => return,
             Ok(request) => self.dispatch(now, ticket, &request),
             Err(error) => Err(error),
         };
@@ -40,6 +40,15 @@ impl Gateway {
             Err(error) => Err(error),
         };
         self.outbox(now).answer(ticket, &result);
+    }
+
+    /// Whether a request is executed even if no reply slot is left: it stops, and takes no exchange of its own.
+    fn is_stop(&self, request: &Request) -> bool {
+        match request {
+            Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) => true,
+            Request::Native(native) => self.is_native_stop(native),
+            _ => false,
+        }
     }
 
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<Outcome> {
@@ -473,11 +482,6 @@ fn needs_authority(request: &Request) -> bool {
         // Depends on what its bytes do.
         | Request::Native(_) => false,
     }
-}
-
-/// Requests that are executed even if no reply slot is left.
-fn is_stop(request: &Request) -> bool {
-    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
 }
 
 /// A board's text, cut to what the wire holds.
