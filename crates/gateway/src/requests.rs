@@ -1,7 +1,7 @@
 //! What each request of a host does.
 
 use crate::axis::{Axis, JobKind};
-use crate::bus::{Bus, Raw};
+use crate::bus::Bus;
 use crate::gateway::Gateway;
 use crate::link::Incoming;
 use crate::log::LogEntry;
@@ -10,8 +10,8 @@ use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Quantity, RawFrame, Reply, Request,
-    Setpoint, StopTarget, Text, TripReason, Vec, replies, requests,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, Setpoint, StopTarget,
+    Text, TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
@@ -347,41 +347,6 @@ impl Gateway {
         Ok(())
     }
 
-    fn raw_open(&mut self, bus: u8) -> Result<()> {
-        if self.bus(bus)?.config().is_none() {
-            return Err(Error::BusNotConfigured { bus });
-        }
-        let moving = |axis: &&Axis| {
-            axis.config.bus() == Some(bus)
-                && matches!(
-                    axis.state,
-                    AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
-                )
-        };
-        if let Some(axis) = self.axes.iter().find(moving) {
-            return Err(Error::AxisArmed { axis: axis.index });
-        }
-        self.bus_mut(bus)?.raw.get_or_insert_with(Raw::new);
-        Ok(())
-    }
-
-    fn raw_send(&mut self, request: &requests::RawSend) -> Result<()> {
-        let index = request.bus;
-        let bus = self.bus_mut(index)?;
-        let kind = bus.kind();
-        let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
-        match (&request.frame, kind) {
-            (RawFrame::Can(_), BusKind::Can) | (RawFrame::Serial(_), BusKind::Rs485) => {}
-            _ => return Err(Error::WrongBusKind { bus: index, kind }),
-        }
-        if matches!(&request.frame, RawFrame::Serial(bytes) if bytes.is_empty()) {
-            #[allow(clippy::cast_precision_loss)]
-            let max = host_protocol::MAX_SERIAL_FRAME as f32;
-            return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
-        }
-        if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }
-    }
-
     /// An axis that is complete, at rest and on a working bus.
     pub(crate) fn idle_axis(&self, index: u8) -> Result<&Axis> {
         let axis = self.axis(index)?;
@@ -438,12 +403,6 @@ impl Gateway {
         });
         self.link_lost = true;
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
-    }
-
-    fn close_raw(&mut self) {
-        for bus in &mut self.buses {
-            bus.raw = None;
-        }
     }
 }
 
