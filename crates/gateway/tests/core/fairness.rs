@@ -2,7 +2,7 @@
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
 use crate::rig::Instead;
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, Value, requests};
+use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, StopAction, Value, requests};
 
 #[test]
 fn slow_brakes_do_not_starve_the_motion_of_another_axis() {
@@ -89,4 +89,14 @@ fn the_stop_of_an_axis_in_motion_goes_before_those_of_axes_at_rest() {
         assert_eq!(stops[0], format!("14{}#8100000000000000", moving + 1));
         assert!(stops.len() >= 8, "{stops:?}");
     }
+}
+
+#[test]
+fn the_fault_word_is_read_at_least_every_100_ms_under_fast_setpoints_on_a_slow_line() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    let epoch = arm_axis(&mut rig, 0);
+    let since = rig.now_us;
+    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 3_000_000);
+    let gap = rig.longest_gap_us(2, since, "3E01089A");
+    assert!((85_000..=100_000).contains(&gap), "{gap} µs between fault words");
 }
