@@ -127,6 +127,10 @@ impl Bus {
                 axis.unacknowledged(now, slot, out);
             }
         }
+        // No acknowledgement is needed there: the port has lost it, and a stop must not wait for ever.
+        if self.kind() == BusKind::Rs485 && self.in_flight.iter().flatten().any(|f| f.overdue) {
+            self.restart(now, axes, out);
+        }
     }
 
     /// Earliest time after `after` at which the bus must be looked at again.
