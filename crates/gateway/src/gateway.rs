@@ -262,7 +262,7 @@ impl Gateway {
         self.buses.get_mut(usize::from(bus)).ok_or(unknown)
     }
 
-    fn unknown_bus(&self, bus: u8) -> Error {
+    pub(crate) fn unknown_bus(&self, bus: u8) -> Error {
         Error::UnknownBus { bus, buses: u8::try_from(self.buses.len()).unwrap_or(u8::MAX) }
     }
 

@@ -19,6 +19,7 @@ mod natives;
 mod outbox;
 mod pins;
 pub mod port;
+mod raws;
 mod requests;
 mod retained;
 pub mod time;

@@ -17,15 +17,9 @@ impl Gateway {
         ticket: Ticket,
     ) -> Result<Outcome> {
         let index = request.axis;
-        let axis = self.axis(index)?;
-        if axis.state == AxisState::Unconfigured {
-            let parameter = axis.config.missing().map_or(0, AxisParameter::number);
-            return Err(Error::NotConfigured { axis: index, parameter });
-        }
-        let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
-        let native = motor::native(index, &request.data, kind, &axis.config)?;
-        let idle = axis.state == AxisState::Idle;
-        let permitted = axis.is_armed_in(request.epoch);
+        let native = self.decode(request)?;
+        let permitted = self.axis(index)?.is_armed_in(request.epoch);
+        let idle = self.axis(index)?.state == AxisState::Idle;
         match native.effect {
             Effect::Asks => self.ask_natively(now, index, native, ticket),
             Effect::Rests(demand) if permitted => {
@@ -45,6 +39,28 @@ impl Gateway {
                 self.move_natively(now, request, native, NativeMotion { demand, once: true }, ticket)
             }
         }
+    }
+
+    /// The command that the bytes are to the motor of the axis.
+    fn decode(&self, request: &requests::Native) -> Result<Native> {
+        let axis = self.axis(request.axis)?;
+        if axis.state == AxisState::Unconfigured {
+            let parameter = axis.config.missing().map_or(0, AxisParameter::number);
+            return Err(Error::NotConfigured { axis: request.axis, parameter });
+        }
+        let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
+        motor::native(request.axis, &request.data, kind, &axis.config)
+    }
+
+    /// Whether a native command does the same as the request to stop: that needs no place for its reply (GUARANTEES G9).
+    pub(crate) fn is_native_stop(&self, request: &requests::Native) -> bool {
+        let (Ok(axis), Ok(native)) = (self.axis(request.axis), self.decode(request)) else { return false };
+        let stops = match native.effect {
+            Effect::Stops => true,
+            Effect::Rests(_) => !axis.is_armed_in(request.epoch),
+            _ => false,
+        };
+        stops && axis.state != AxisState::Idle
     }
 
     pub(crate) fn move_relative(

@@ -152,7 +152,8 @@ pub enum BusPortKind {
     Can,
     /// A half-duplex serial port.
     Rs485 {
-        /// The receiver stays on while we transmit, so every byte sent is heard back first.
+        /// The receiver stays on while we transmit, so every byte sent is heard back first. It must be true then: the answer to
+        /// 0x80 and 0x81 has the same bytes, so on a line that gives no echo no stop is ever confirmed.
         local_echo: bool,
     },
 }

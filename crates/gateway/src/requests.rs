@@ -1,7 +1,7 @@
 //! What each request of a host does.
 
 use crate::axis::{Axis, JobKind};
-use crate::bus::{Bus, Raw};
+use crate::bus::Bus;
 use crate::gateway::Gateway;
 use crate::link::Incoming;
 use crate::log::LogEntry;
@@ -10,8 +10,8 @@ use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Quantity, RawFrame, Reply, Request,
-    Setpoint, StopTarget, Text, TripReason, Vec, replies, requests,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, Setpoint, StopTarget,
+    Text, TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
@@ -30,7 +30,7 @@ impl Gateway {
     pub(crate) fn execute(&mut self, now: Instant, link: u8, incoming: Incoming) {
         let ticket = Ticket { link, slot: incoming.slot };
         let result = match incoming.request {
-            Ok(request) if ticket.slot.is_none() && !is_stop(&request) => return,
+            Ok(request) if ticket.slot.is_none() && !self.is_stop(&request) => return,
             Ok(request) => self.dispatch(now, ticket, &request),
             Err(error) => Err(error),
         };
@@ -40,6 +40,15 @@ impl Gateway {
             Err(error) => Err(error),
         };
         self.outbox(now).answer(ticket, &result);
+    }
+
+    /// Whether a request is executed even if no reply slot is left: it stops, and takes no exchange of its own.
+    fn is_stop(&self, request: &Request) -> bool {
+        match request {
+            Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) => true,
+            Request::Native(native) => self.is_native_stop(native),
+            _ => false,
+        }
     }
 
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<Outcome> {
@@ -338,41 +347,6 @@ impl Gateway {
         Ok(())
     }
 
-    fn raw_open(&mut self, bus: u8) -> Result<()> {
-        if self.bus(bus)?.config().is_none() {
-            return Err(Error::BusNotConfigured { bus });
-        }
-        let moving = |axis: &&Axis| {
-            axis.config.bus() == Some(bus)
-                && matches!(
-                    axis.state,
-                    AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
-                )
-        };
-        if let Some(axis) = self.axes.iter().find(moving) {
-            return Err(Error::AxisArmed { axis: axis.index });
-        }
-        self.bus_mut(bus)?.raw.get_or_insert_with(Raw::new);
-        Ok(())
-    }
-
-    fn raw_send(&mut self, request: &requests::RawSend) -> Result<()> {
-        let index = request.bus;
-        let bus = self.bus_mut(index)?;
-        let kind = bus.kind();
-        let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
-        match (&request.frame, kind) {
-            (RawFrame::Can(_), BusKind::Can) | (RawFrame::Serial(_), BusKind::Rs485) => {}
-            _ => return Err(Error::WrongBusKind { bus: index, kind }),
-        }
-        if matches!(&request.frame, RawFrame::Serial(bytes) if bytes.is_empty()) {
-            #[allow(clippy::cast_precision_loss)]
-            let max = host_protocol::MAX_SERIAL_FRAME as f32;
-            return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
-        }
-        if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }
-    }
-
     /// An axis that is complete, at rest and on a working bus.
     pub(crate) fn idle_axis(&self, index: u8) -> Result<&Axis> {
         let axis = self.axis(index)?;
@@ -430,12 +404,6 @@ impl Gateway {
         self.link_lost = true;
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
     }
-
-    fn close_raw(&mut self) {
-        for bus in &mut self.buses {
-            bus.raw = None;
-        }
-    }
 }
 
 /// Requests that only the holder of authority may make.
@@ -473,11 +441,6 @@ fn needs_authority(request: &Request) -> bool {
         // Depends on what its bytes do.
         | Request::Native(_) => false,
     }
-}
-
-/// Requests that are executed even if no reply slot is left.
-fn is_stop(request: &Request) -> bool {
-    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
 }
 
 /// A board's text, cut to what the wire holds.

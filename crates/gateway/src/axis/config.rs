@@ -1,6 +1,7 @@
 //! The configuration of one axis: the values set, and what each means to the core.
 
 use crate::time::Duration;
+use core::num::NonZeroU64;
 use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind};
 
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
@@ -16,6 +17,8 @@ pub(crate) struct AxisConfig {
     node: Option<u8>,
 }
 
+/// The part of the time between two fault polls that is kept for waiting.
+const FAULT_POLL_RESERVE: NonZeroU64 = NonZeroU64::new(10).unwrap();
 const PARAMETERS: usize = AxisParameter::ALL.len();
 /// Words that say which parameters are set.
 const SET_WORDS: usize = 2;
@@ -135,8 +138,10 @@ impl AxisConfig {
         self.span(AxisParameter::RefreshUs)
     }
 
+    /// When the fault word is asked for again: early enough to be read within the configured time, whatever is under way then.
     pub fn fault_poll(&self) -> Duration {
-        self.span(AxisParameter::FaultPollUs)
+        let longest = self.span(AxisParameter::FaultPollUs);
+        longest - longest.part(FAULT_POLL_RESERVE)
     }
 
     pub fn state_poll(&self) -> Duration {

@@ -1,5 +1,4 @@
-//! The one request of an axis that is under way, and those whose reply may still come: one that a stop has displaced, one
-//! that was given up.
+//! The one request of an axis that is under way, and the one before whose reply may still come.
 
 use super::motion::Motion;
 use super::{Axis, Observation};
@@ -51,9 +50,16 @@ pub(super) struct Displaced {
     slot: u8,
     /// Until when its reply is expected; `None` until the frame has left.
     until: Option<Instant>,
+    /// Its window has closed; it is only remembered so that a late reply is known.
+    given_up: bool,
 }
 
 impl Displaced {
+    /// Whether its reply is due within its window.
+    pub fn is_awaited(&self) -> bool {
+        self.until.is_some() && !self.given_up
+    }
+
     pub fn is(&self, command: &Command) -> bool {
         self.command == *command
     }
@@ -197,13 +203,11 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Reception {
-        for older in [&mut self.displaced, &mut self.lost] {
-            if let Some(displaced) = older
-                && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
-            {
-                *older = None;
-                return Reception::Late;
-            }
+        if let Some(displaced) = &self.displaced
+            && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
+        {
+            self.displaced = None;
+            return Reception::Late;
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
             return self.unasked(now, received, out);
@@ -236,10 +240,8 @@ impl Axis {
 
     /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        for older in [&mut self.displaced, &mut self.lost] {
-            if older.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
-                *older = None;
-            }
+        if self.displaced.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
+            self.displaced = None;
         }
         if self.pending.as_ref().and_then(Pending::deadline).is_some_and(|until| until <= now) {
             self.give_up_pending(now, out);
@@ -251,15 +253,14 @@ impl Axis {
     /// Makes room for a stop. What was under way may still be answered, and is then not taken for the stop's reply.
     pub(super) fn displace(&mut self) {
         if let Some(pending) = self.pending.take() {
-            self.displaced =
-                Some(Displaced { command: pending.command, slot: pending.slot, until: pending.until });
+            let Pending { command, slot, until, .. } = pending;
+            self.displaced = Some(Displaced { command, slot, until, given_up: false });
         }
     }
 
     /// Forgets what is under way, for a bus that starts anew.
     pub fn forget_exchanges(&mut self, now: Instant, out: &mut Outbox<'_>) {
         self.displaced = None;
-        self.lost = None;
         if self.pending.is_some() {
             self.give_up_pending(now, out);
         }
@@ -274,7 +275,10 @@ impl Axis {
         let stops = self.stop.is_some() && pending.exchange == Exchange::Stop;
         if !stops && pending.until.is_some() {
             self.quiet = Quiet { exchange: pending.exchange, until };
-            self.lost = Some(Displaced { command: pending.command, slot: pending.slot, until: Some(until) });
+            if self.displaced.is_none() {
+                let (command, slot, until) = (pending.command, pending.slot, Some(until));
+                self.displaced = Some(Displaced { command, slot, until, given_up: true });
+            }
         }
         let enough = self.config.missed_replies();
         let mut silent = self.silence.goes_on(now, pending.window, enough);

@@ -60,8 +60,6 @@ pub(crate) struct Axis {
     job: Option<Job>,
     pending: Option<Pending>,
     displaced: Option<Displaced>,
-    /// Its window closed without a reply.
-    lost: Option<Displaced>,
     silence: Silence,
     quiet: Quiet,
     fault_poll_at: Instant,
@@ -104,7 +102,6 @@ impl Axis {
             job: None,
             pending: None,
             displaced: None,
-            lost: None,
             silence: Silence::NONE,
             quiet: Quiet::NONE,
             fault_poll_at: Instant::from_micros(0),
@@ -167,7 +164,7 @@ impl Axis {
     pub fn awaits_reply(&self) -> bool {
         let awaited =
             self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none());
-        awaited || self.displaced.as_ref().is_some_and(|displaced| displaced.deadline().is_some())
+        awaited || self.displaced.as_ref().is_some_and(Displaced::is_awaited)
     }
 
     /// Whether somebody has subscribed to the axis.
@@ -292,17 +289,17 @@ impl Axis {
         if self.state == AxisState::Unconfigured {
             return None;
         }
-        let older = [&self.displaced, &self.lost].map(|older| older.as_ref().and_then(Displaced::deadline));
+        let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
         let pending = self.pending.as_ref().and_then(Pending::deadline);
         let expiry = self.motion.as_ref().and_then(Motion::deadline);
         let want = if self.pending.is_none() { self.next_want_at(after) } else { None };
         let stalled = [self.job_stalls_at(), self.stop.as_ref().and_then(Stop::stalls_at)];
-        let all = [pending, expiry, want].into_iter().chain(older).chain(stalled);
+        let all = [displaced, pending, expiry, want].into_iter().chain(stalled);
         all.flatten().filter(|at| *at > after).min()
     }
 
     /// Whether a reply to this command may be the late one to the same command sent before.
     fn may_answer_an_older(&self, command: &Command) -> bool {
-        [&self.displaced, &self.lost].into_iter().flatten().any(|older| older.is(command))
+        self.displaced.as_ref().is_some_and(|displaced| displaced.is(command))
     }
 }

@@ -204,6 +204,9 @@ impl Bus {
     fn empty(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.in_flight = [None; TRANSMIT_SLOTS];
         self.carried_deadline = None;
+        if let Some(raw) = &mut self.raw {
+            raw.purge();
+        }
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
             axis.forget_exchanges(now, out);
         }

@@ -4,14 +4,20 @@ use crate::time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
 use host_protocol::{Bytes, RawFrame, ReceivedFrame};
+use rmd::rs485::{Deframer, FRAME_LEN};
 
 /// Frames waiting to be sent.
 const SEND_QUEUE: usize = 2;
 /// Frames waiting to be read by the host.
 const RECEIVE_QUEUE: usize = 8;
 
+/// Frames that the bytes of one request can complete.
+const MAX_COMPLETED: usize = host_protocol::MAX_SERIAL_FRAME / FRAME_LEN + 1;
+
 /// An open raw access.
 pub(crate) struct Raw {
+    /// Finds the frames in what is sent on a serial line, which may come in pieces.
+    deframer: Deframer,
     to_send: Deque<RawFrame, SEND_QUEUE>,
     received: Deque<ReceivedFrame, RECEIVE_QUEUE>,
     dropped: u32,
@@ -21,12 +27,36 @@ pub(crate) struct Raw {
 
 impl Raw {
     pub const fn new() -> Self {
-        Self { to_send: Deque::new(), received: Deque::new(), dropped: 0, heard_at: Instant::from_micros(0) }
+        Self {
+            deframer: Deframer::new(),
+            to_send: Deque::new(),
+            received: Deque::new(),
+            dropped: 0,
+            heard_at: Instant::from_micros(0),
+        }
     }
 
     /// Queues a frame; `false` if the queue is full.
     pub fn send(&mut self, frame: RawFrame) -> bool {
+        if let RawFrame::Serial(bytes) = &frame
+            && !self.to_send.is_full()
+        {
+            for byte in bytes.as_slice() {
+                self.deframer.push(*byte);
+            }
+        }
         self.to_send.push_back(frame).is_ok()
+    }
+
+    /// The motors' frames that these bytes would complete on the line, behind those sent before.
+    pub fn completed_by(&self, bytes: &[u8]) -> Vec<[u8; FRAME_LEN], MAX_COMPLETED> {
+        let mut deframer = self.deframer.clone();
+        bytes.iter().filter_map(|byte| deframer.push(*byte)).collect()
+    }
+
+    /// What waits to be sent is dropped.
+    pub fn purge(&mut self) {
+        self.to_send.clear();
     }
 
     pub fn next_to_send(&mut self) -> Option<RawFrame> {

@@ -45,7 +45,8 @@ impl Bus {
         {
             return self.hand_over(now, axis, want, out);
         }
-        self.raw_frame(now)
+        let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
+        if stops_wait { None } else { self.raw_frame(now) }
     }
 
     /// The port has sent the frame in `slot`.
@@ -127,6 +128,10 @@ impl Bus {
                 axis.unacknowledged(now, slot, out);
             }
         }
+        // No acknowledgement is needed there: the port has lost it, and a stop must not wait for ever.
+        if self.kind() == BusKind::Rs485 && self.in_flight.iter().flatten().any(|f| f.overdue) {
+            self.restart(now, axes, out);
+        }
     }
 
     /// Earliest time after `after` at which the bus must be looked at again.
@@ -148,8 +153,7 @@ impl Bus {
             return None;
         }
         let times = self.line_times();
-        let stops = axes.iter().filter(|axis| axis.config.bus() == Some(self.index));
-        let stops = stops.filter_map(|axis| axis.stop_due_at());
+        let stops = self.axes_here(axes).filter_map(Axis::stop_due_at);
         let stops = stops.map(|due| self.line.stop_ready_at(due, times));
         stops.chain([self.line.ready_at(times)]).filter(|at| *at > after).min()
     }
@@ -165,8 +169,8 @@ impl Bus {
     /// The axis to serve now: stops first, then in turn.
     fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
         let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
-        let stops_wait = axes.iter().filter(here).any(Axis::stop_has_not_left);
-        let outstanding = axes.iter().filter(here).filter(|axis| axis.awaits_reply()).count();
+        let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
+        let outstanding = self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
         let may_ordinary = !stops_wait && self.may_send_ordinary(now, outstanding);
         let turn = usize::from(self.turn);
         let mut best: Option<(usize, Want)> = None;
@@ -186,6 +190,11 @@ impl Bus {
             }
         }
         best
+    }
+
+    fn axes_here<'a>(&self, axes: &'a [Axis]) -> impl Iterator<Item = &'a Axis> {
+        let index = self.index;
+        axes.iter().filter(move |axis| axis.config.bus() == Some(index))
     }
 
     fn may_send_ordinary(&self, now: Instant, outstanding: usize) -> bool {

@@ -30,8 +30,8 @@ const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 pub struct Incoming {
     /// What to do, or why it could not be read, which is then its result.
     pub request: Result<Request, Error>,
-    /// Where the result goes. `None` only for stop, e-stop and disarm, which are executed even if there is no
-    /// place left for their result.
+    /// Where the result goes. `None` only for stop, e-stop, disarm and native commands, of which those that stop are
+    /// executed even if there is no place left for their result.
     pub slot: Option<Slot>,
 }
 
@@ -88,6 +88,10 @@ impl Link {
         }
         match self.replies.reserve(&frame) {
             Reserved::Repeated => None,
+            Reserved::Forgotten => {
+                self.events.request_dropped(now_us);
+                None
+            }
             Reserved::Slot(slot) => Some(Incoming { request, slot: Some(slot) }),
             Reserved::Full => {
                 self.events.request_dropped(now_us);
@@ -176,9 +180,10 @@ impl Link {
     }
 }
 
-/// Requests that make things safer: executed whether or not their result has a place.
+/// Requests that make things safer: executed whether or not their result has a place. Whether a native command is one of
+/// them only its bytes tell, which the link does not know.
 fn stops(request: &Request) -> bool {
-    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
+    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) | Request::Native(_))
 }
 
 fn speaks_our_version(hello: &Hello) -> bool {

@@ -19,6 +19,8 @@ pub struct Slot {
 pub enum Reserved {
     /// It was there before: its reply is sent again, once there is one.
     Repeated,
+    /// It was there before, and the place of its reply has been given away: it is not executed again.
+    Forgotten,
     /// It is new.
     Slot(Slot),
     /// It is new and every slot still owes its reply.
@@ -81,6 +83,8 @@ impl Entry {
 /// The window of remembered requests.
 pub struct Replies {
     entries: [Entry; WINDOW],
+    /// The last requests, the latest first. While replies are owed their places are fewer than these.
+    recent: [Option<Identity>; WINDOW],
     /// Requests so far.
     requests: u32,
     /// Replies queued so far, wrapping around.
@@ -89,13 +93,14 @@ pub struct Replies {
 
 impl Replies {
     pub const fn new() -> Self {
-        Self { entries: [Entry::EMPTY; WINDOW], requests: 0, queued: 0 }
+        Self { entries: [Entry::EMPTY; WINDOW], recent: [None; WINDOW], requests: 0, queued: 0 }
     }
 
     /// Whether this very request is remembered.
     pub fn contains(&self, frame: &Frame<'_>) -> bool {
         let request = Identity::of(frame);
-        self.entries.iter().any(|entry| entry.state != State::Empty && entry.request == request)
+        let kept = self.entries.iter().any(|entry| entry.state != State::Empty && entry.request == request);
+        kept || self.recent.contains(&Some(request))
     }
 
     /// Forgets everything; results that are still to come will be dropped.
@@ -103,6 +108,7 @@ impl Replies {
         for entry in &mut self.entries {
             entry.state = State::Empty;
         }
+        self.recent = [None; WINDOW];
     }
 
     /// Finds the request among the remembered ones, or a slot for it.
@@ -117,12 +123,19 @@ impl Replies {
             }
             return Reserved::Repeated;
         }
+        if self.recent.contains(&Some(request)) {
+            return Reserved::Forgotten;
+        }
         let now = self.requests;
         let free = self.entries.iter_mut().enumerate().filter(|(_, entry)| entry.free_for(now).is_some());
         let Some((index, entry)) = free.max_by_key(|(_, entry)| entry.free_for(now)) else {
             return Reserved::Full;
         };
         self.requests = now.wrapping_add(1);
+        self.recent.rotate_right(1);
+        if let Some(latest) = self.recent.first_mut() {
+            *latest = Some(request);
+        }
         entry.state = State::Executing;
         entry.request = request;
         entry.order = now;

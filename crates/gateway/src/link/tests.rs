@@ -168,6 +168,25 @@ fn replies_leave_in_the_order_of_their_results() {
 }
 
 #[test]
+fn a_repeated_request_is_not_executed_even_if_its_reply_had_to_make_room() {
+    let mut link = greeted();
+    for sequence in 1..=4 {
+        request(&mut link, Arm { axis: 1 }, sequence); // owed all the time
+    }
+    for sequence in 5..=9 {
+        let slot = request(&mut link, Ping {}, sequence);
+        link.reply(slot, &pong(0));
+        sent(&mut link).unwrap();
+    }
+    // Of the last 8 requests the fifth still has its place: four are owed.
+    assert_eq!(feed(&mut link, 50, &bytes(Ping {}, 6)), None);
+    assert!(sent(&mut link).is_some());
+    assert_eq!(feed(&mut link, 50, &bytes(Ping {}, 5)), None);
+    let (_, message) = sent_event(&mut link).unwrap();
+    assert_eq!(message, EventMessage { dropped: 0, time_us: 50, event: Event::RequestDropped { count: 1 } });
+}
+
+#[test]
 fn without_a_slot_only_a_stop_is_executed() {
     let mut link = greeted();
     let slots: Vec<_> = (1..=8).map(|sequence| request(&mut link, Ping {}, sequence)).collect();

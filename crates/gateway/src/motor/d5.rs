@@ -91,12 +91,17 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
     {
         return Err(Error::NotThisNode { axis, node });
     }
+    Ok(effect(request, config.sign()).map(|effect| Native { command: Command::D5(request), effect }))
+}
+
+/// What a request does; `None` where the manual lists no such command.
+pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let velocity = |word| {
-        let velocity_rad_s = config.sign() * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
+        let velocity_rad_s = sign * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
         Setpoint::Velocity { velocity_rad_s }
     };
-    let effect = match request {
-        Request::Unknown { .. } => return Ok(None),
+    Some(match request {
+        Request::Unknown { .. } => return None,
         Request::QueryId | Request::Read { .. } | Request::ReadMagneticAngle => Effect::Asks,
         Request::Write { register: Register::SPEED, value: Value::Word(word) } => {
             Effect::of_setpoint(velocity(word), d5::decode_speed(word).0 == 0)
@@ -109,8 +114,7 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
             Effect::Changes { timeout: true }
         }
         _ => Effect::Changes { timeout: false },
-    };
-    Ok(Some(Native { command: Command::D5(request), effect }))
+    })
 }
 
 /// Level 2 answers reads and writes, level 1 reads only, others nothing (D12).

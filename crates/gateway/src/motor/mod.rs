@@ -5,11 +5,13 @@ mod d5;
 mod exchange;
 mod impedance;
 mod native;
+mod raw;
 mod rmd;
 mod thruster;
 
 pub(crate) use exchange::Exchange;
 pub(crate) use native::{Demand, Effect, Native, native};
+pub(crate) use raw::{Touch, touched_by_can, touched_by_serial};
 
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;

@@ -91,9 +91,14 @@ pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Req
 /// What the eight data bytes of a request do; `None` where the manual lists no such command.
 pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
     let request = Request::decode(data.try_into().ok()?);
+    Some(Native { command: Command::Rmd(request), effect: effect(request, sign)? })
+}
+
+/// What a request does; `None` where the manual lists no such command.
+pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let position = |angle: Centidegrees| sign * convert::centidegrees_to_rad(angle.0);
     let degrees = |speed: SpeedLimit| convert::degrees_to_rad(i32::from(speed.0));
-    let effect = match request {
+    Some(match request {
         Request::Unknown { .. } => return None,
         Request::ReadPid
         | Request::ReadAcceleration
@@ -138,9 +143,10 @@ pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
         Request::SetCommunicationTimeout { .. } | Request::Reset | Request::SetBaudRate { .. } => {
             Effect::Changes { timeout: true }
         }
+        // As data it cannot come: it has ids of its own.
+        Request::MotionMode { .. } => Effect::Moves(Demand::Prepared),
         _ => Effect::Changes { timeout: false },
-    };
-    Some(Native { command: Command::Rmd(request), effect })
+    })
 }
 
 pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {

@@ -102,17 +102,21 @@ pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Req
 
 /// What the data field of a request does; `None` where the manual lists no such command.
 pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
-    let sign = config.sign();
     let Ok(request) = Request::decode(data) else { return Ok(None) };
     let positions = matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
     if positions && !config.flag(AxisParameter::PositionDevice) {
         // A stop would not reach the position controller (GUARANTEES G4, stop table).
         return Err(Error::Unsupported { axis, protocol: Protocol::Thruster });
     }
+    Ok(effect(request, config.sign()).map(|effect| Native { command: Command::Thruster(request), effect }))
+}
+
+/// What a request does; `None` where the manual lists no such command.
+pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let position = |position: Decidegrees| sign * convert::decidegrees_to_rad(position.0);
     let rpm = |speed: RpmLimit| convert::rpm_to_rad_s(i32::from(speed.0));
-    let effect = match request {
-        Request::Unknown { .. } => return Ok(None),
+    Some(match request {
+        Request::Unknown { .. } => return None,
         Request::ReadSpeed
         | Request::ReadCurrent
         | Request::ReadVoltage
@@ -147,8 +151,7 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
         | Request::SetBitrate { .. }
         | Request::SetParameter { .. } => Effect::Changes { timeout: true },
         _ => Effect::Changes { timeout: false },
-    };
-    Ok(Some(Native { command: Command::Thruster(request), effect }))
+    })
 }
 
 /// Refuses a timeout that the device cannot keep.

@@ -2,6 +2,7 @@
 
 use crate::bench::{self, VELOCITY, move_axis};
 use crate::rig::{Echo, Rig};
+use gateway::{Event, Outgoing};
 use host_protocol::{Request, StopAction, StopTarget, requests};
 
 /// 0x81 to RMD node 1, with its checksum.
@@ -80,4 +81,25 @@ fn a_stop_on_a_quiet_line_leaves_at_once() {
     let since = rig.now_us;
     rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
     assert_eq!(stops_since(&rig, since), [0]);
+}
+
+#[test]
+fn a_port_that_loses_a_frame_is_started_again_and_the_stop_goes_out() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    let before = rig.gateway.bus_setup(2).unwrap().generation;
+    let lost = loop {
+        rig.now_us += 50;
+        rig.gateway.handle(rig.now(), Event::Tick);
+        // Taken, and never reported.
+        if let Some(transmit) = rig.gateway.poll_transmit(rig.now(), 2) {
+            break transmit;
+        }
+    };
+    assert!(matches!(lost.frame, Outgoing::Serial(_)));
+    let since = rig.now_us;
+    rig.run(200_000);
+    assert_eq!(rig.gateway.bus_setup(2).unwrap().generation, before + 1);
+    let first = stops_since(&rig, since)[0];
+    assert!((20_000..=30_000).contains(&first), "{first}");
 }

@@ -1,8 +1,8 @@
 //! Axes that share a bus: no motor's slowness delays another's motion, and stops go out in fair turns.
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
-use crate::rig::Instead;
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, Value, requests};
+use crate::rig::{Instead, Rig};
+use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, StopAction, Value, requests};
 
 #[test]
 fn slow_brakes_do_not_starve_the_motion_of_another_axis() {
@@ -89,4 +89,36 @@ fn the_stop_of_an_axis_in_motion_goes_before_those_of_axes_at_rest() {
         assert_eq!(stops[0], format!("14{}#8100000000000000", moving + 1));
         assert!(stops.len() >= 8, "{stops:?}");
     }
+}
+
+#[test]
+fn the_fault_word_is_read_at_least_every_100_ms_under_fast_setpoints_on_a_slow_line() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    let epoch = arm_axis(&mut rig, 0);
+    let since = rig.now_us;
+    for _ in 0..2_400 {
+        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 3_700); // no part of 100 ms
+    }
+    let gap = rig.longest_gap_us(2, since, "3E01089A");
+    assert!((85_000..=100_000).contains(&gap), "{gap} µs between fault words");
+}
+
+/// A thruster's stop can lose to so many replies (GUARANTEES G5); one that a stop has displaced is still to come.
+#[test]
+fn no_more_than_four_replies_are_outstanding_on_a_bus_that_thrusters_share() {
+    let mut rig = bench::rmd_axes(8);
+    rig.instead(|text| if text.contains("#81") { Instead::AsUsual } else { Instead::Nothing });
+    let since = rig.now_us;
+    for axis in 0..7 {
+        rig.send(&Request::ReadState(requests::ReadState { axis }));
+    }
+    rig.run(1_000);
+    let questions = |rig: &Rig| rig.sent_since(0, since).iter().filter(|text| !text.contains("#81")).count();
+    assert_eq!(questions(&rig), 4);
+    bench::stop(&mut rig);
+    rig.run(2_500);
+    assert!(rig.sent_since(0, since).iter().filter(|text| text.contains("#81")).count() >= 2);
+    assert_eq!(questions(&rig), 4);
+    rig.run(5_000); // the windows have closed
+    assert!(questions(&rig) > 4);
 }

@@ -3,7 +3,7 @@
 use crate::bench::{self, VELOCITY, arm, disarm, run_with_host};
 use crate::motors::Shared;
 use crate::rig::Rig;
-use host_protocol::{AxisParameter, Error, Request, StopAction, Value, requests};
+use host_protocol::{AxisParameter, AxisState, Error, Request, StopAction, Value, requests};
 
 /// An axis whose motor's timeout is `timeout_ms`.
 fn with_timeout(timeout_ms: u32) -> (Rig, Shared) {
@@ -72,4 +72,20 @@ fn another_node_is_another_motor_and_is_not_held() {
     let since = rig.now_us;
     run_with_host(&mut rig, 300_000);
     assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+}
+
+#[test]
+fn a_motor_that_should_hold_and_turns_is_stopped_again() {
+    let (mut rig, play) = with_timeout(300);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 500_000);
+    let since = rig.now_us;
+    play.borrow_mut().turning = true;
+    run_with_host(&mut rig, 100_000);
+    assert!(rig.sent_since(0, since).contains(&bench::HOLD));
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+    play.borrow_mut().turning = false;
+    run_with_host(&mut rig, 100_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
 }

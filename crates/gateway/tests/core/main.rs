@@ -23,6 +23,7 @@ mod natives;
 mod obedience;
 mod pins;
 mod random;
+mod raw_access;
 mod relative_moves;
 mod rest;
 mod rig;

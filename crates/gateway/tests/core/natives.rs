@@ -1,10 +1,10 @@
 //! Native commands: the manuals' bytes, under the rules of what they do (GUARANTEES G2).
 
-use crate::bench::{self, answered, arm, native, run_with_host};
+use crate::bench::{self, VELOCITY, answered, arm, listed, native, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, Request, Setpoint,
-    StopAction, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, MotorTimeout, NoReplyHint, Protocol, Quantity,
+    Reply, Request, Setpoint, StopAction, TripReason, Value, requests,
 };
 
 /// Frames on a bus since a time that are exactly this.
@@ -385,4 +385,26 @@ fn a_thruster_without_encoder_takes_no_position_natively() {
         let unsupported = Error::Unsupported { axis: 0, protocol: Protocol::Thruster };
         assert_eq!(rig.ask(request), Err(unsupported), "{data}");
     }
+}
+
+#[test]
+fn a_native_stop_is_carried_out_although_there_is_no_place_for_its_reply() {
+    let mut rig = bench::rmd_axes(9);
+    let epoch = bench::move_axis(&mut rig, VELOCITY);
+    rig.instead(|text| if text.starts_with("141#") { Instead::AsUsual } else { Instead::Nothing });
+    let reads =
+        [1, 2, 3, 4, 5, 6, 7, 8].map(|axis| rig.send(&Request::ReadState(requests::ReadState { axis })));
+    let since = rig.now_us;
+    let moving = native(&rig, epoch, "A200000020A10700");
+    let moving = rig.send(&moving);
+    let stopping = native(&rig, 0, "8100000000000000");
+    let stopping = rig.send(&stopping);
+    rig.run(1_000);
+    assert!(rig.sent_since(0, since).contains(&bench::HOLD));
+    assert!(!rig.sent_since(0, since).iter().any(|text| text.ends_with("A200000020A10700")));
+    assert_eq!((rig.answer(moving), rig.answer(stopping)), (None, None));
+    run_with_host(&mut rig, 1_000_000);
+    assert!(reads.iter().all(|read| rig.answer(*read).is_some()));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    assert!(rig.events().iter().any(|event| matches!(event, HostEvent::RequestDropped { .. })));
 }

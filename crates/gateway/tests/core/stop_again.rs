@@ -6,8 +6,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisState, ClearTarget, Error, Event as HostEvent, Request, Setpoint, StopAction, StopTarget, TripReason,
-    requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, Setpoint, StopAction,
+    StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -155,18 +155,18 @@ fn the_late_reply_to_a_setpoint_of_0_that_was_given_up_does_not_acknowledge_the_
 
 #[test]
 fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_the_time() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    rig.cut(); // holds what is on its way, so that the setpoint has to wait
-    rig.run(10);
-    rig.mend();
-    let request = setpoint(&rig, epoch, 5_000, VELOCITY);
-    let sequence = rig.send(&request);
-    assert_eq!(rig.answer(sequence).map(|answer| answer.is_ok()), Some(true));
-    assert!(rig.wire.last().is_some_and(|(_, _, text)| text.starts_with("141#A2")));
-    rig.run(2_000);
-    let refreshed = rig.gateway.poll_transmit(rig.now() + gateway::Duration::from_micros(2_900), 0);
-    assert!(refreshed.is_none(), "nothing is due");
-    let expired = rig.gateway.poll_transmit(rig.now() + gateway::Duration::from_micros(30_000), 0);
-    assert!(!format!("{expired:?}").contains("162"), "{expired:?}"); // 0xA2
+    const REFRESH_US: u64 = 20_000;
+    for (ttl_us, goes_out) in [(REFRESH_US + 1_000, true), (REFRESH_US - 1_000, false)] {
+        let (mut rig, _) = bench::rmd(StopAction::Coast);
+        bench::parameter(&mut rig, 0, AxisParameter::StatePollUs, Value::Unsigned(1_000_000));
+        bench::parameter(&mut rig, 0, AxisParameter::FaultPollUs, Value::Unsigned(1_000_000));
+        let epoch = arm(&mut rig);
+        let request = setpoint(&rig, epoch, ttl_us, VELOCITY);
+        rig.send(&request);
+        assert!(rig.wire.last().is_some_and(|(at, _, text)| *at == rig.now_us && text.starts_with("141#A2")));
+        let due = rig.now() + gateway::Duration::from_micros(REFRESH_US);
+        rig.run(2_000);
+        let refreshed = rig.gateway.poll_transmit(due, 0);
+        assert_eq!(refreshed.is_some(), goes_out, "{refreshed:?}");
+    }
 }
