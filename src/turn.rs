@@ -42,6 +42,8 @@ impl Turn {
 
     /// Waits for the event of a turn.
     pub async fn wait<F: Future>(&self, event: F) -> F::Output {
+        // A turn whose end was not waited for has left it otherwise.
+        self.task.set_priority(self.urgency as u8);
         let mut event = pin!(event);
         core::future::poll_fn(|context| {
             let poll = event.as_mut().poll(context);

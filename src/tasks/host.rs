@@ -1,7 +1,7 @@
 //! One host link on a UART: bytes in, frames out.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Timer, with_timeout};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
 
@@ -13,6 +13,8 @@ use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 128;
+/// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less than a ring holds.
+const REST: Duration = Duration::from_millis(1);
 /// Rest after a line error, so that a floating or noisy line does not take the processor.
 const ERROR_PAUSE: Duration = Duration::from_micros(100);
 
@@ -33,6 +35,8 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 gateway.handle(Event::HostBytes { link, bytes });
                 // On a busy line there is always another byte: the others must have the processor in between.
                 turn.end().await;
+                // The rest of a frame is taken with its end, not a byte at a time.
+                let _ = turn.wait(with_timeout(REST, line.events.delimiter())).await;
             }
             Some(Either::First(Err(error))) => {
                 defmt::warn!("host link {=u8}: {}", link, error);
