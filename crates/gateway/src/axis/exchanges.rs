@@ -136,6 +136,7 @@ impl Axis {
             && displaced.until.is_none()
         {
             displaced.until = Some(now + window);
+            self.unanswered_since = motor::is_answered(&displaced.command, &self.config).then_some(now);
             return;
         }
         let Some(pending) = &mut self.pending else { return };
@@ -148,7 +149,9 @@ impl Axis {
         if let Some(stop) = &mut self.stop {
             stop.left(now, pending.exchange);
         }
-        if !motor::is_answered(&pending.command, &self.config) {
+        let is_answered = motor::is_answered(&pending.command, &self.config);
+        self.unanswered_since = is_answered.then_some(now);
+        if !is_answered {
             self.pending = None;
             self.completed(now, &pending, Observation::default(), &[], out);
         }
@@ -171,6 +174,13 @@ impl Axis {
     pub fn awaits_node(&self, node: u8) -> bool {
         let waiting = self.pending.as_ref().filter(|p| p.is_waiting());
         waiting.is_some_and(|p| motor::answering_node(&p.command, &self.config) == Some(node))
+    }
+
+    /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for bit up to their data: where
+    /// both have one id neither loses the arbitration, and the error repeats with them until a controller is off.
+    pub fn reply_with_our_id_since(&self) -> Option<Instant> {
+        let same_id = self.config.protocol().is_some_and(motor::replies_with_the_id_of_the_request);
+        self.unanswered_since.filter(|_| same_id)
     }
 
     /// Whether the frame in `slot` is the request under way.
@@ -207,12 +217,17 @@ impl Axis {
             && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
         {
             self.displaced = None;
+            self.unanswered_since = None;
             return Reception::Late;
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
             return self.unasked(now, received, out);
         };
-        match motor::judge(&pending.command, received, &self.config) {
+        let verdict = motor::judge(&pending.command, received, &self.config);
+        if verdict != Verdict::Unrelated {
+            self.unanswered_since = None;
+        }
+        match verdict {
             Verdict::Unrelated => self.unasked(now, received, out),
             Verdict::Answer(seen) => {
                 self.pending = None;

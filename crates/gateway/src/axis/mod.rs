@@ -79,6 +79,8 @@ pub(crate) struct Axis {
     watched: bool,
     /// Requests in a row for the fault word that told nothing.
     faults_unread: u8,
+    /// When the request left that the motor has not answered.
+    unanswered_since: Option<Instant>,
     /// D5: an asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
 }
@@ -114,6 +116,7 @@ impl Axis {
             holding: false,
             watched: false,
             faults_unread: 0,
+            unanswered_since: None,
             write_waits: false,
         }
     }

@@ -16,10 +16,12 @@ impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else talks.
     fn bound(&self, stops: u64) -> Duration {
         match self.kind() {
-            // F(2k − 1 + m) until it starts, and one F more until it has left.
+            // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the id of the stop, which waits for it.
             BusKind::Can => {
                 let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-                SOFTWARE + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
+                let wait =
+                    if self.carries(Protocol::D5) { self.line_times().stop_delay() } else { Duration::ZERO };
+                SOFTWARE + wait + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }

@@ -57,7 +57,7 @@ pub(super) struct LineTimes {
 
 impl LineTimes {
     /// The part of the window that delays a stop.
-    fn stop_delay(&self) -> Duration {
+    pub fn stop_delay(&self) -> Duration {
         self.window.min(STOP_DELAY)
     }
 

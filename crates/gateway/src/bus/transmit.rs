@@ -142,6 +142,7 @@ impl Bus {
             .chain(cancels)
             .chain(self.line_ready_at(after, axes))
             .chain(self.restart_at)
+            .chain(self.next_free_id_at(after, axes))
             .chain(self.stop_is_delayed_at(axes))
             .filter(|at| *at > after)
             .min()
@@ -216,13 +217,26 @@ impl Bus {
         match self.kind() {
             BusKind::Can => {
                 let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
-                self.free_slot().is_some() && !self.in_flight.iter().flatten().any(|f| f.id == id)
+                let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
+                self.free_slot().is_some() && !taken && self.id_is_free_at(axis) <= now
             }
             BusKind::Rs485 => {
                 self.in_flight.iter().all(Option::is_none)
                     && self.line.stop_ready_at(want.due, self.line_times()) <= now
             }
         }
+    }
+
+    /// From when on a stop of the axis cannot meet a reply with its own id. It waits for the reply, and no longer than on RS485.
+    fn id_is_free_at(&self, axis: &Axis) -> Instant {
+        let delay = self.line_times().stop_delay();
+        axis.reply_with_our_id_since().map_or(Instant::from_micros(0), |since| since + delay)
+    }
+
+    /// When the next stop may go out that waits for a reply with its own id.
+    fn next_free_id_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
+        let stops = self.axes_here(axes).filter(|axis| axis.stop_due_at().is_some());
+        stops.map(|axis| self.id_is_free_at(axis)).filter(|at| *at > after).min()
     }
 
     pub(super) fn carries(&self, protocol: Protocol) -> bool {

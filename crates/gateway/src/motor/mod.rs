@@ -166,6 +166,14 @@ pub(crate) fn further(
     Ok(Further { command, start_rad, target_rad: sign * to_rad(target) })
 }
 
+/// Whether motors of a protocol answer on CAN with the id that they were asked with (D5 manual, CAN frame format).
+pub(crate) fn replies_with_the_id_of_the_request(protocol: Protocol) -> bool {
+    match protocol {
+        Protocol::D5 => true,
+        Protocol::Rmd | Protocol::Thruster => false,
+    }
+}
+
 /// Whether motors of a protocol can carry out a stop action (GUARANTEES G4, the stop table).
 pub(crate) const fn can_stop_by(protocol: Protocol, action: StopAction) -> bool {
     matches!(

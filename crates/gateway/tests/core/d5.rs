@@ -1,7 +1,9 @@
 //! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched and read back.
 
-use crate::bench::{self, D5_VELOCITY, listed, move_axis, outcomes, run_with_host, stop};
-use crate::rig::Instead;
+use crate::bench::{
+    self, D5_VELOCITY, arm_axis, keep_moving, listed, move_axis, outcomes, run_with_host, stop,
+};
+use crate::rig::{FRAME_US, Instead, MOTOR_US};
 use host_protocol::{AxisState, Error, Event as HostEvent, MotorTimeout, Reply, Request, replies, requests};
 
 #[test]
@@ -53,4 +55,34 @@ fn a_timeout_counts_as_switched_on_only_if_it_reads_back_on() {
         _ => Instead::AsUsual,
     });
     assert_eq!(rig.ask(provision), Err(Error::Refused { axis: 0, faults: None }));
+}
+
+/// The id of a D5's reply is that of the request: sent together they would win the arbitration together and destroy each other for
+/// ever.
+#[test]
+fn a_stop_waits_for_the_reply_that_has_its_id_and_no_longer_than_a_millisecond() {
+    for answers in [true, false] {
+        let (mut rig, _) = bench::d5();
+        let epoch = arm_axis(&mut rig, 0);
+        keep_moving(&mut rig, &[(0, epoch)], D5_VELOCITY, 30_000);
+        if !answers {
+            rig.instead(|_| Instead::Nothing);
+        }
+        // The moment at which a request to the motor has just left.
+        let sent = rig.sent_since(1, 0).len();
+        while rig.sent_since(1, 0).len() == sent {
+            rig.run(10);
+        }
+        let (at, ..) = *rig.wire.last().unwrap();
+        rig.run(at + FRAME_US + 10 - rig.now_us);
+        let asked_at = rig.now_us;
+        rig.send(&Request::EStop(requests::EStop {}));
+        assert_eq!(rig.sent_since(1, asked_at), [""; 0], "answers: {answers}");
+        rig.run(5_000);
+        let stop = rig.wire.iter().find(|(when, ..)| *when >= asked_at).unwrap();
+        assert_eq!(stop.2, "00B#D50B050320000033");
+        let left_at = at + FRAME_US;
+        let expected = if answers { left_at + MOTOR_US + FRAME_US } else { left_at + 1_000 };
+        assert_eq!(stop.0, expected, "answers: {answers}");
+    }
 }

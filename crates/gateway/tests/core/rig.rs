@@ -107,8 +107,8 @@ impl Due {
 }
 
 /// Time a frame takes here, and the pause of a motor before its reply; round numbers, easy to reason with.
-const FRAME_US: u64 = 130;
-const MOTOR_US: u64 = 100;
+pub const FRAME_US: u64 = 130;
+pub const MOTOR_US: u64 = 100;
 
 impl Rig {
     pub fn new() -> Self {
