@@ -23,7 +23,6 @@ pub struct Generator {
     silent_until_us: u64,
     /// How much goes wrong: actions in a thousand.
     trouble: u64,
-    raw_until_us: u64,
 }
 
 impl Generator {
@@ -33,7 +32,7 @@ impl Generator {
         let mut dice = Dice(seed);
         let first = configuration(&mut dice).into();
         let trouble = dice.pick(&[5, 20, 60]);
-        Self { dice, first, commander: 0, silent_until_us: 0, trouble, raw_until_us: 0 }
+        Self { dice, first, commander: 0, silent_until_us: 0, trouble }
     }
 
     /// What happens next.
@@ -53,7 +52,8 @@ impl Generator {
         }
         let action = match self.dice.below(100) {
             0..80 => self.drive(world),
-            80..86 => self.anything(world),
+            // What configures takes effect in the model when its result is read.
+            80..86 if world.reads(self.commander) => self.anything(),
             86..90 => self.again(self.commander),
             90..94 => self.of_bystander(),
             94..97 => self.noise(),
@@ -67,9 +67,15 @@ impl Generator {
         let axis = self.axis();
         let ask = match world.oracle().told(axis) {
             Told::Armed | Told::Active => match self.dice.below(100) {
-                0..88 => Ask::Setpoint { permit: self.permit(axis), goal: self.goal(axis) },
-                88..93 => self.native(axis),
-                93..96 => Ask::Move { permit: self.permit(axis), distance: self.dice.fraction(), speed: 1.0 },
+                0..88 => {
+                    Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) }
+                }
+                88..93 => native(&mut self.dice, axis),
+                93..96 => Ask::Move {
+                    permit: permit(&mut self.dice, axis),
+                    distance: self.dice.fraction(),
+                    speed: 1.0,
+                },
                 96..98 => Ask::Read { axis },
                 98 => Ask::Stop { axis },
                 _ => Ask::Disarm { axis },
@@ -78,7 +84,7 @@ impl Generator {
                 if self.dice.percent(97) {
                     Ask::Arm { axis }
                 } else {
-                    self.native(axis)
+                    native(&mut self.dice, axis)
                 }
             }
             Told::Tripped { .. } if self.dice.percent(20) => Ask::ClearGateway,
@@ -91,59 +97,13 @@ impl Generator {
     }
 
     /// A request of any kind, in any state.
-    fn anything(&mut self, world: &World) -> Action {
-        let axis = self.axis();
-        let bus = self.dice.byte() % (BUSES + 1);
-        let ask = match self.dice.below(40) {
-            0 => Ask::Take,
-            1 if self.dice.one_in(8) => Ask::Release,
-            2 if self.dice.one_in(8) => Ask::Hello,
-            3 if self.dice.one_in(4) => Ask::StopAll,
-            4 if self.dice.one_in(4) => Ask::EStop,
-            5..8 => Ask::ClearGateway,
-            8..10 => Ask::Disarm { axis },
-            10..12 => Ask::Stop { axis },
-            12..14 => Ask::Setpoint { permit: self.permit(axis), goal: self.goal(axis) },
-            14..20 => self.native(axis),
-            20 => Ask::Provision { axis, timeout_ms: self.dice.pick(&[0, 1, 99, 100, 300]) },
-            21 => {
-                Ask::Set { axis, parameter: self.dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) }
-            }
-            22 => Ask::Set { axis, parameter: 14, value: Number::Float(self.dice.fraction() * 20.0) },
-            23 => Ask::Bus { bus, window_us: self.dice.pick(&[1_000, 3_000, 5_000]) },
-            24 => Ask::Remove { axis: 31 },
-            25 => Ask::Subscribe { axes: self.dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
-            26..28 => Ask::Read { axis },
-            28 => Ask::Status,
-            29 => {
-                self.raw_until_us = world.since_start_us() + 20_000;
-                Ask::RawOpen { bus }
-            }
-            30..33 => {
-                let id = self.dice.pick(&[0x700, 0x141, 0x30E, 0x26, 0x7FF]);
-                Ask::RawSend { bus, id, data: self.raw_data() }
-            }
-            33 => Ask::RawReceive { bus },
-            34..36 => Ask::RawClose { bus },
-            36 => Ask::ClearUnreachable { axis },
-            37 => Ask::Clear { axis },
-            _ => Ask::Ping,
-        };
-        Action::Ask { link: self.commander, ask }
+    fn anything(&mut self) -> Action {
+        Action::Ask { link: self.commander, ask: any_ask(&mut self.dice) }
     }
 
     /// One of the latest requests again.
     fn again(&mut self, link: u8) -> Action {
         Action::Again { link, back: self.dice.byte() % AGAIN }
-    }
-
-    /// Data of a raw frame, which move no motor.
-    fn raw_data(&mut self) -> Vec<u8> {
-        let mut data = self.dice.bytes(9);
-        if let Some(first) = data.first_mut() {
-            *first = self.dice.pick(&[0x9A, 0x9C, 0x81, 0x3E, 0x51]);
-        }
-        data
     }
 
     /// Somebody who is not in command, and may want to be.
@@ -153,8 +113,8 @@ impl Generator {
         let ask = match self.dice.below(24) {
             0 => Ask::Take,
             1 => Ask::Arm { axis },
-            2..4 => Ask::Setpoint { permit: self.permit(axis), goal: self.goal(axis) },
-            4 => self.native(axis),
+            2..4 => Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) },
+            4 => native(&mut self.dice, axis),
             5 if self.dice.one_in(3) => Ask::Stop { axis },
             6 if self.dice.one_in(4) => Ask::EStop,
             7 if self.dice.one_in(3) => Ask::Disarm { axis },
@@ -252,71 +212,113 @@ impl Generator {
     fn axis(&mut self) -> u8 {
         self.dice.byte() % 10
     }
+}
 
-    /// Mostly in good time and for the right epoch.
-    fn permit(&mut self, axis: u8) -> Permit {
-        let epoch = if self.dice.percent(97) { 0 } else { self.dice.pick(&[-1, -2, 1000]) };
-        let lead_us = match self.dice.below(50) {
-            0 => self.dice.pick(&[0, -1, -5_000, i32::MIN, 1, 200_001, 61_000_000]),
-            1..4 => self.dice.pick(&[2_000, 10_000]),
-            _ => 48_000,
-        };
-        Permit { axis, epoch, lead_us }
-    }
-
-    fn goal(&mut self, axis: u8) -> Goal {
-        let value = match self.dice.below(60) {
-            0 => f32::NAN,
-            1 => 1e30,
-            2 => 0.0,
-            _ => self.dice.fraction() * 4.0,
-        };
-        match MOTORS[usize::from(axis)].protocol {
-            _ if self.dice.percent(3) => Goal::Current(value),
-            Protocol::Thruster if axis == POSITION_DEVICE && self.dice.percent(30) => {
-                Goal::Position(value, 10.0)
-            }
-            Protocol::Thruster => self.dice.pick(&[Goal::Signal(value / 5.0), Goal::Velocity(value * 3.0)]),
-            Protocol::D5 => Goal::Velocity(value),
-            Protocol::Rmd => self.dice.pick(&[
-                Goal::Velocity(value),
-                Goal::Velocity(value),
-                Goal::Current(value),
-                Goal::Position(value, 1.0),
-                Goal::Impedance(value),
-            ]),
+/// A request of any kind.
+pub fn any_ask(dice: &mut Dice) -> Ask {
+    let axis = dice.byte() % 10;
+    let bus = dice.byte() % (BUSES + 1);
+    match dice.below(40) {
+        0 => Ask::Take,
+        1 if dice.one_in(8) => Ask::Release,
+        2 if dice.one_in(8) => Ask::Hello,
+        3 if dice.one_in(4) => Ask::StopAll,
+        4 if dice.one_in(4) => Ask::EStop,
+        5..8 => Ask::ClearGateway,
+        8..10 => Ask::Disarm { axis },
+        10..12 => Ask::Stop { axis },
+        12..14 => Ask::Setpoint { permit: permit(dice, axis), goal: goal(dice, axis) },
+        14..20 => native(dice, axis),
+        20 => Ask::Provision { axis, timeout_ms: dice.pick(&[0, 1, 99, 100, 300]) },
+        21 => Ask::Set { axis, parameter: dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) },
+        22 => Ask::Set { axis, parameter: 14, value: Number::Float(dice.fraction() * 20.0) },
+        23 => Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]) },
+        24 => Ask::Remove { axis: 31 },
+        25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
+        26..28 => Ask::Read { axis },
+        28 => Ask::Status,
+        29 => Ask::RawOpen { bus },
+        30..33 => {
+            let id = dice.pick(&[0x700, 0x141, 0x30E, 0x26, 0x7FF]);
+            Ask::RawSend { bus, id, data: raw_data(dice) }
         }
+        33 => Ask::RawReceive { bus },
+        34..36 => Ask::RawClose { bus },
+        36 => Ask::ClearUnreachable { axis },
+        37 => Ask::Clear { axis },
+        _ => Ask::Ping,
     }
+}
 
-    /// A command of the manual, or bytes that are none.
-    fn native(&mut self, axis: u8) -> Ask {
-        let motor = &MOTORS[usize::from(axis)];
-        let data = match motor.protocol {
-            _ if self.dice.percent(5) => self.dice.bytes(9),
-            Protocol::Rmd => {
-                let command = self.dice.pick(&[
-                    0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8, 0xA8,
-                ]);
-                vec![command, 0, self.dice.byte(), 0, self.dice.byte(), self.dice.byte(), 0, 0]
-            }
-            Protocol::Thruster => {
-                let [a, b] =
-                    *self.dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ"]);
-                let value = self.dice.pick(&[0, self.dice.clone().byte() / 3]);
-                let long = vec![a, b, 0, 9, 0, 0, 0, value];
-                self.dice.pick(&[long.clone(), long, vec![a, b, 0, 0]])
-            }
-            Protocol::D5 => {
-                let command = self.dice.pick(&[1, 2, 3, 3, 4, 5]);
-                let address = if command == 5 { 0 } else { self.dice.pick(&[0x20, 0x20, 0x26, 0x15]) };
-                let low = if command == 5 { 0 } else { self.dice.pick(&[0, 30, 200]) };
-                let body = [motor.node, 5, command, address, low, 0];
-                let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
-                std::iter::once(0xD5).chain(body).chain([sum]).collect()
-            }
-        };
-        Ask::Native { permit: self.permit(axis), data }
+/// Mostly in good time and for the right epoch.
+fn permit(dice: &mut Dice, axis: u8) -> Permit {
+    let epoch = if dice.percent(97) { 0 } else { dice.pick(&[-1, -2, 1000]) };
+    let lead_us = match dice.below(50) {
+        0 => dice.pick(&[0, -1, -5_000, i32::MIN, 1, 200_001, 61_000_000]),
+        1..4 => dice.pick(&[2_000, 10_000]),
+        _ => 48_000,
+    };
+    Permit { axis, epoch, lead_us }
+}
+
+fn goal(dice: &mut Dice, axis: u8) -> Goal {
+    let value = match dice.below(60) {
+        0 => f32::NAN,
+        1 => 1e30,
+        2 => 0.0,
+        _ => dice.fraction() * 4.0,
+    };
+    match MOTORS[usize::from(axis)].protocol {
+        _ if dice.percent(3) => Goal::Current(value),
+        Protocol::Thruster if axis == POSITION_DEVICE && dice.percent(30) => Goal::Position(value, 10.0),
+        Protocol::Thruster => dice.pick(&[Goal::Signal(value / 5.0), Goal::Velocity(value * 3.0)]),
+        Protocol::D5 => Goal::Velocity(value),
+        Protocol::Rmd => dice.pick(&[
+            Goal::Velocity(value),
+            Goal::Velocity(value),
+            Goal::Current(value),
+            Goal::Position(value, 1.0),
+            Goal::Impedance(value),
+        ]),
     }
+}
+
+/// A command of the manual, or bytes that are none.
+fn native(dice: &mut Dice, axis: u8) -> Ask {
+    let motor = &MOTORS[usize::from(axis)];
+    let data = match motor.protocol {
+        _ if dice.percent(5) => dice.bytes(9),
+        Protocol::Rmd => {
+            let command = dice.pick(&[
+                0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8, 0xA8,
+            ]);
+            vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
+        }
+        Protocol::Thruster => {
+            let [a, b] = *dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ"]);
+            let value = dice.pick(&[0, dice.clone().byte() / 3]);
+            let long = vec![a, b, 0, 9, 0, 0, 0, value];
+            dice.pick(&[long.clone(), long, vec![a, b, 0, 0]])
+        }
+        Protocol::D5 => {
+            let command = dice.pick(&[1, 2, 3, 3, 4, 5]);
+            let address = if command == 5 { 0 } else { dice.pick(&[0x20, 0x20, 0x26, 0x15]) };
+            let low = if command == 5 { 0 } else { dice.pick(&[0, 30, 200]) };
+            let body = [motor.node, 5, command, address, low, 0];
+            let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+            std::iter::once(0xD5).chain(body).chain([sum]).collect()
+        }
+    };
+    Ask::Native { permit: permit(dice, axis), data }
+}
+
+/// Data of a raw frame, which move no motor.
+fn raw_data(dice: &mut Dice) -> Vec<u8> {
+    let mut data = dice.bytes(9);
+    if let Some(first) = data.first_mut() {
+        *first = dice.pick(&[0x9A, 0x9C, 0x81, 0x3E, 0x51]);
+    }
+    data
 }
 
 /// What the first host sets up.

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod action;
+pub mod bad_host;
 mod bus;
 pub mod dice;
 pub mod generate;

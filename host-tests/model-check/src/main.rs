@@ -1,7 +1,8 @@
 //! `model-check run [EVENTS [FIRST_SEED]]` runs random events until there were so many, on two threads;
+//! `model-check bad-host` sends a million random frames between a trip and its confirmation;
 //! `model-check replay FILE` runs a counterexample again and prints what was on the wires.
 
-use model_check::{Counts, Step, World, broken_by, generate::Generator, shrink, text};
+use model_check::{Counts, Step, World, bad_host, broken_by, generate::Generator, shrink, text};
 use promise_model::Violation;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -14,6 +15,8 @@ const BUSY_PERCENT: u64 = 30;
 const THREADS: usize = 2;
 /// Steps of one seed: 5 to 10 s of gateway time.
 const STEPS: usize = 20_000;
+/// Frames of a bad host between a trip and its confirmation.
+const BAD_FRAMES: u64 = 1_000_000;
 /// After the last step, µs.
 const SETTLE_US: u64 = 300_000;
 /// Runs that the search for a shorter counterexample may take.
@@ -35,13 +38,14 @@ fn main() -> ExitCode {
     let number = |word: &str| word.replace('_', "").parse::<u64>().ok();
     match words.as_slice() {
         ["replay", file] => replay(file),
+        ["bad-host"] => bad_host(),
         ["run"] => run(EVENTS, 1),
         ["run", events] if number(events).is_some() => run(number(events).unwrap_or(EVENTS), 1),
         ["run", events, seed] if number(events).and(number(seed)).is_some() => {
             run(number(events).unwrap_or(EVENTS), number(seed).unwrap_or(1))
         }
         _ => {
-            eprintln!("usage: model-check run [EVENTS [FIRST_SEED]] | replay FILE");
+            eprintln!("usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | replay FILE");
             ExitCode::FAILURE
         }
     }
@@ -134,6 +138,27 @@ fn report(counterexample: Counterexample) -> ExitCode {
     }
     print!("{}", text::write(start_us, &steps));
     ExitCode::FAILURE
+}
+
+fn bad_host() -> ExitCode {
+    match bad_host::run(1, BAD_FRAMES) {
+        Ok(outcome) if outcome.frames == BAD_FRAMES && outcome.axes > 0 => {
+            println!(
+                "{} random frames between a trip and its confirmation: the stops of {} axes went on, at least {} times each, \
+                 and were confirmed",
+                outcome.frames, outcome.axes, outcome.fewest_stops
+            );
+            ExitCode::SUCCESS
+        }
+        Ok(outcome) => {
+            eprintln!("too little has happened: {outcome:?}");
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
 }
 
 fn replay(file: &str) -> ExitCode {

@@ -128,6 +128,7 @@ impl Motor {
             0x80 | 0x81 if refuses => return None,
             0x80 | 0x81 => self.want(now, 0.0),
             0x77 => self.brake_released = true,
+            0x78 if now < self.disobeys_until => {}
             0x78 => {
                 self.brake_released = false;
                 self.speed = 0.0;

@@ -146,6 +146,12 @@ impl World {
         self.oracle.violations().first()
     }
 
+    /// Whether the host of a link reads what it is told.
+    #[must_use]
+    pub fn reads(&self, link: u8) -> bool {
+        self.hosts.get(usize::from(link)).is_some_and(|host| host.unread_until <= self.now_us)
+    }
+
     /// Lets time pass until a step, and does it.
     pub fn step(&mut self, step: &Step) {
         self.run_to(step.at_us);
@@ -456,7 +462,9 @@ fn told(bytes: &[u8]) -> String {
         let Some(Ok(frame)) = deframer.push(*byte) else { continue };
         said = match frame.kind {
             Kind::Reply => format!("{} {:?}", frame.sequence, Reply::decode(frame.number, frame.body)),
-            Kind::Error => format!("{} {:?}", frame.sequence, host_protocol::Error::decode(frame.number, frame.body)),
+            Kind::Error => {
+                format!("{} {:?}", frame.sequence, host_protocol::Error::decode(frame.number, frame.body))
+            }
             _ => format!("{:?}", EventMessage::decode(frame.number, frame.body).map(|message| message.event)),
         };
     }

@@ -133,7 +133,8 @@ impl Oracle {
         }
         let due = |axis: &Axis| {
             let duty = axis.duty.as_ref();
-            axis.bus() == Some(usize::from(bus)) && duty.is_some_and(|d| d.is_first_due() && d.since_us <= now)
+            axis.bus() == Some(usize::from(bus))
+                && duty.is_some_and(|d| d.is_first_due() && d.since_us <= now)
         };
         if let Some(index) = self.axes.iter().position(due) {
             let seen = format!("{} goes before the stop of axis {index}", frame.text());
@@ -162,7 +163,9 @@ impl Oracle {
         }
         let fits = |p: &&mut crate::axis::Permit| {
             let is_native = |native: &Vec<u8>| protocol.is_some_and(|p| p.same_command(native, data));
-            p.once == once && p.native.as_ref().is_none_or(is_native) && p.data.as_ref().is_none_or(|d| d == data)
+            p.once == once
+                && p.native.as_ref().is_none_or(is_native)
+                && p.data.as_ref().is_none_or(|d| d == data)
         };
         // What is refreshed is what is in force; what is new belongs to the newest that it can be.
         let fitting: Vec<&mut crate::axis::Permit> = alive.filter(fits).collect();
