@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 const SILENCE_US: u64 = 400_000;
 
 /// How far back a repeated request lies, at most.
-const AGAIN: u8 = 1;
+const AGAIN: u8 = 10;
 
 /// Makes the steps of one run.
 pub struct Generator {
@@ -47,15 +47,15 @@ impl Generator {
         }
         if now < self.silent_until_us {
             // The others go on.
-            let action = if self.dice.percent(20) { self.noise() } else { self.of_bystander() };
+            let action = if self.dice.percent(20) { self.noise() } else { self.of_bystander(world) };
             return Step { at_us: at_us + 2_000, action };
         }
         let action = match self.dice.below(100) {
             0..80 => self.drive(world),
             // What configures takes effect in the model when its result is read.
             80..86 if world.reads(self.commander) => self.anything(),
-            86..90 => self.again(self.commander),
-            90..94 => self.of_bystander(),
+            86..90 if world.reads(self.commander) => self.again(self.commander),
+            90..94 => self.of_bystander(world),
             94..97 => self.noise(),
             _ => Action::Ask { link: self.commander, ask: Ask::Ping },
         };
@@ -107,7 +107,7 @@ impl Generator {
     }
 
     /// Somebody who is not in command, and may want to be.
-    fn of_bystander(&mut self) -> Action {
+    fn of_bystander(&mut self, world: &World) -> Action {
         let axis = self.axis();
         let link = self.dice.pick(&[1 - self.commander, LISTENER]);
         let ask = match self.dice.below(24) {
@@ -125,7 +125,7 @@ impl Generator {
             12 => Ask::RawOpen { bus: 0 },
             _ => Ask::Ping,
         };
-        if self.dice.percent(10) {
+        if self.dice.percent(10) && world.reads(link) {
             return self.again(link);
         }
         Action::Ask { link, ask }

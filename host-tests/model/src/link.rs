@@ -24,6 +24,8 @@ pub(crate) struct Record {
     pub must_be_refused: bool,
     /// It took authority.
     pub took: bool,
+    /// There may have been no place for its result.
+    pub may_be_dropped: bool,
 }
 
 /// One link.
@@ -64,12 +66,16 @@ impl Link {
         if request == Request::Hello {
             self.records.clear();
         }
-        // A result that was asked for again is owed again.
-        let owed = self.records.iter().filter(|record| record.result.is_none() || record.again).count();
+        let open = |record: &&Record| record.result.is_none();
+        let owed = self.records.iter().filter(open).filter(|record| !record.may_be_dropped).count();
+        // A result that was asked for again is owed again, if its bytes are still kept: nobody can tell.
+        let again = self.records.iter().filter(|r| r.again || r.may_be_dropped && r.result.is_none()).count();
         if owed >= WINDOW {
             return Arrival::NoPlace(request);
         }
-        let old = |(index, record): (usize, &Record)| index < 4 * WINDOW || record.result.is_none();
+        let old = |(index, record): (usize, &Record)| {
+            index < 4 * WINDOW || record.result.is_none() && !record.may_be_dropped
+        };
         let keep: Vec<bool> = self.records.iter().enumerate().map(old).collect();
         let mut keep = keep.into_iter();
         self.records.retain(|_| keep.next().unwrap_or(true));
@@ -84,6 +90,7 @@ impl Link {
             again: false,
             must_be_refused: false,
             took: false,
+            may_be_dropped: owed + again >= WINDOW,
         });
         Arrival::New
     }
@@ -92,7 +99,9 @@ impl Link {
     pub fn overdue(&self, now: u64, within_us: u64) -> Option<&Record> {
         let reads_since = self.reads_since?;
         let late = |record: &&Record| {
-            record.result.is_none() && now.saturating_sub(record.at_us.max(reads_since)) > within_us
+            record.result.is_none()
+                && !record.may_be_dropped
+                && now.saturating_sub(record.at_us.max(reads_since)) > within_us
         };
         self.records.iter().find(late)
     }

@@ -38,6 +38,10 @@ impl Oracle {
     pub fn drained(&mut self, now: u64, link: u8) {
         let Some(port) = self.links.get_mut(usize::from(link)) else { return };
         port.drained_us = Some(now);
+        // A repeated result whose bytes are not kept any more does not come.
+        port.records.iter_mut().for_each(|record| record.again = false);
+        port.records
+            .retain(|record| record.result.is_some() || !record.may_be_dropped || record.at_us == now);
         for axis in &mut self.axes {
             let accepted = |p: &crate::axis::Permit| p.link == link && !p.in_force && !p.is_relative;
             if let Some(index) = axis.permits.iter().rposition(accepted) {
