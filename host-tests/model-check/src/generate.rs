@@ -29,10 +29,58 @@ impl Generator {
     /// The steps of this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        let mut dice = Dice(seed);
+        let mut dice = Dice::Seeded(seed);
         let first = configuration(&mut dice).into();
         let trouble = dice.pick(&[5, 20, 60]);
         Self { dice, first, commander: 0, silent_until_us: 0, trouble }
+    }
+
+    /// Steps that a fuzzer chooses, behind the configuration of the first seed.
+    #[must_use]
+    pub fn fuzzed(bytes: &[u8]) -> Self {
+        let dice = Dice::Given(bytes.iter().copied().collect());
+        Self { dice, ..Self::new(1) }
+    }
+
+    /// Whether the fuzzer's bytes are used up.
+    #[must_use]
+    pub fn is_spent(&self) -> bool {
+        self.dice.is_spent()
+    }
+
+    /// What comes from the side of the hosts next: requests, repeated ones, and bytes.
+    pub fn of_hosts(&mut self, world: &World) -> Step {
+        if let Some(action) = self.first.pop_front() {
+            return Step { at_us: world.since_start_us() + 60, action };
+        }
+        let at_us = world.since_start_us() + 20 * self.dice.below(256);
+        let action = match self.dice.below(8) {
+            0..3 => self.drive(world),
+            3 => self.again(self.commander),
+            4 => self.of_bystander(world),
+            5 => Action::Bytes { link: self.dice.byte() % LISTENER, bytes: self.dice.bytes(40) },
+            _ => self.anything(),
+        };
+        Step { at_us, action }
+    }
+
+    /// What comes from the side of the buses next, while a host drives the axes.
+    pub fn of_buses(&mut self, world: &World) -> Step {
+        if let Some(action) = self.first.pop_front() {
+            return Step { at_us: world.since_start_us() + 60, action };
+        }
+        let at_us = world.since_start_us() + 20 * self.dice.below(256);
+        let action = match self.dice.below(8) {
+            0..3 => self.drive(world),
+            3 => {
+                let id = [self.dice.byte() & 7, self.dice.byte()];
+                let data = self.dice.bytes(9);
+                Action::Stray { bus: self.dice.byte() % 2, id: u16::from_be_bytes(id), data }
+            }
+            4 => self.noise(),
+            _ => self.trouble(world.since_start_us()),
+        };
+        Step { at_us, action }
     }
 
     /// What happens next.

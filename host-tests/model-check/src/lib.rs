@@ -4,18 +4,18 @@
 //! same run, and a list that breaks a promise can be made shorter ([`shrink()`]) and printed ([`text`]).
 #![forbid(unsafe_code)]
 
-pub mod action;
+mod action;
 pub mod bad_host;
 mod bus;
-pub mod dice;
+mod dice;
 pub mod generate;
 mod host;
 mod motor;
-pub mod plant;
+mod plant;
 mod shrink;
 pub mod text;
 mod world;
 
-pub use action::{Action, Ask, Step};
+pub use action::Step;
 pub use shrink::{broken_by, shrink};
 pub use world::{Counts, World};

@@ -117,6 +117,8 @@ pub(crate) struct Axis {
     /// Requests to clear it that are under way, and when one had its result.
     pub clearing: u32,
     pub cleared_us: Option<u64>,
+    /// A native stop that was asked for while it was idle.
+    pub native_stop: Option<Vec<u8>>,
 }
 
 /// Axis parameters (PROTOCOL.md, Axis parameters) with their defaults.

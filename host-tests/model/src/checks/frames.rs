@@ -5,7 +5,7 @@ use crate::bus::{Held, SOFTWARE_US};
 use crate::motor::{Protocol, Purpose, serial_frame};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
-use crate::wire::{Request, Told};
+use crate::wire::Told;
 
 /// Id of a request to every RMD motor (RMD V3.6 §3), and the same on RS485.
 const RMD_BROADCAST: u32 = 0x280;
@@ -197,8 +197,8 @@ impl Oracle {
             Some(StopAction::Brake) => *first != OUTPUT_OFF || locking,
             None => true,
         };
-        let native = |r: &crate::link::Record| matches!(&r.request, Request::Native { axis, data: asked, .. } if usize::from(*axis) == index && Protocol::Rmd.same_command(asked, data));
-        let asked = axis.told == Told::Idle && self.links.iter().flat_map(|link| &link.records).any(native);
+        let native = axis.native_stop.as_ref().is_some_and(|asked| Protocol::Rmd.same_command(asked, data));
+        let asked = axis.told == Told::Idle && native;
         // Arming begins with the stop command too.
         if !fits && !asked {
             self.broken(Check::WrongStopAction, now, format!("axis {index}: {first:02X}"));

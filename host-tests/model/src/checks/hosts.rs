@@ -72,6 +72,12 @@ impl Oracle {
             }
             Request::Native { axis, epoch, expires_at_us, data } => {
                 let protocol = self.axes.get(usize::from(axis)).and_then(|axis| axis.protocol());
+                if let Some(axis) =
+                    self.axes.get_mut(usize::from(axis)).filter(|axis| axis.told == Told::Idle)
+                    && protocol.map(|protocol| protocol.purpose(&data)) == Some(Purpose::Stop)
+                {
+                    axis.native_stop = Some(data.clone());
+                }
                 let once = match protocol.map(|protocol| protocol.asked_by_host(&data)) {
                     Some(Purpose::Motion { once }) => once,
                     Some(Purpose::Rest) => false,

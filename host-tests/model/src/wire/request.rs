@@ -180,11 +180,6 @@ impl Request {
             | Self::Other => false,
         }
     }
-
-    /// Executed even without a place for its result.
-    pub fn is_stop(&self) -> bool {
-        matches!(self, Self::Disarm(_) | Self::Stop(_) | Self::EStop)
-    }
 }
 
 /// A `Value` as its bits: a signed one zigzag, as it comes.
