@@ -60,7 +60,7 @@ enum Input {
     Cancelled { bus: u8, slot: u8 },
     State { bus: u8, off: bool },
     Overflow { bus: u8 },
-    EStopInput { open: bool },
+    Pin { open: bool },
     Tick,
 }
 
@@ -100,7 +100,7 @@ impl World {
             trace: None,
         };
         world.gateway.restore(Instant::from_micros(start_us), &[]);
-        world.feed(Input::EStopInput { open: false });
+        world.feed(Input::Pin { open: false });
         world.act(&Action::Ask { link: LISTENER, ask: Ask::Hello });
         world
     }
@@ -267,7 +267,7 @@ impl World {
                     host.unread_until = now + for_us;
                 }
             }
-            Action::EStopInput { open } => self.feed(Input::EStopInput { open: *open }),
+            Action::EStopInput { open } => self.feed(Input::Pin { open: *open }),
             Action::Motor { motor, does } => {
                 if let Some(motor) = self.motors.get_mut(usize::from(*motor)) {
                     motor.does(now, does);
@@ -358,7 +358,7 @@ impl World {
                 Event::BusState { bus: *bus, state, transmit_errors: 0, receive_errors: 0 }
             }
             Input::Overflow { bus } => Event::ReceiveOverflow { bus: *bus, lost: 1 },
-            Input::EStopInput { open } => {
+            Input::Pin { open } => {
                 oracle.e_stop_input(now, *open);
                 Event::EStopInput { open: *open }
             }

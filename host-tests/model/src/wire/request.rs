@@ -81,7 +81,8 @@ impl Request {
         let b = &mut body;
         let request = match number {
             0x0001 => {
-                (b.u16()?, b.u16()?, b.u32()?);
+                let _version = (b.u16()?, b.u16()?);
+                let _session = b.u32()?;
                 Self::Hello
             }
             0x0003 => Self::Takes,
@@ -128,7 +129,7 @@ impl Request {
             }
             0x0042 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
-                (b.f32()?, b.f32()?);
+                let _distance_and_speed = (b.f32()?, b.f32()?);
                 Self::MoveRelative { axis, epoch, expires_at_us }
             }
             0x0043 => {
