@@ -11,8 +11,9 @@ use std::collections::VecDeque;
 /// Longest silence of the hosts, µs: more than the gateway bears.
 const SILENCE_US: u64 = 400_000;
 
-/// How far back a repeated request lies, at most.
-const AGAIN: u8 = 10;
+/// Requests among which one is repeated: those that the gateway knows in any case. Whether it still knows an older one, and
+/// so does not carry it out again, is its own affair.
+const AGAIN: u8 = 8;
 
 /// Makes the steps of one run.
 pub struct Generator {

@@ -141,6 +141,14 @@ impl Bus {
         Some(self.held.remove(index))
     }
 
+    /// Takes a frame out that was not sent: the time of the attempt was for nothing.
+    pub fn lose(&mut self, now: u64, slot: u8) -> Option<Held> {
+        let attempt = now.saturating_sub(self.first_since_us).min(self.frame_us());
+        let lost = self.take(now, slot)?;
+        self.outside_us += attempt;
+        Some(lost)
+    }
+
     /// The controller can no longer send, or can again.
     pub fn set_off(&mut self, now: u64, off: bool) {
         self.outside_us = self.outside_us(now);

@@ -24,7 +24,7 @@ pub(crate) struct Record {
     pub must_be_refused: bool,
     /// It took authority.
     pub took: bool,
-    /// There may have been no place for its result, or it may have been a repeated one.
+    /// There may have been no place for its result.
     pub may_be_dropped: bool,
 }
 
@@ -63,8 +63,6 @@ impl Link {
             }
             return Arrival::Repeated;
         }
-        // One of before the window may still be known to the gateway; then it has its result already.
-        let may_be_known = self.records.iter().any(|record| record.message == message.bytes);
         if request == Request::Hello {
             self.records.clear();
         }
@@ -92,7 +90,7 @@ impl Link {
             again: false,
             must_be_refused: false,
             took: false,
-            may_be_dropped: may_be_known || owed + again >= WINDOW,
+            may_be_dropped: owed + again >= WINDOW,
         });
         Arrival::New
     }

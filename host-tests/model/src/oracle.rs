@@ -158,7 +158,7 @@ impl Oracle {
     pub fn withdrawn(&mut self, now: u64, bus: u8, slot: u8) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
-        let Some(Held { axis: Some(axis), data, is_motion: true, .. }) = state.take(now, slot) else {
+        let Some(Held { axis: Some(axis), data, is_motion: true, .. }) = state.lose(now, slot) else {
             return;
         };
         // It may be sent after all.
