@@ -5,6 +5,7 @@ pub mod d5_serial;
 pub mod gateway;
 pub mod host_messages;
 pub mod host_stream;
+pub mod promises;
 pub mod rmd;
 pub mod rmd_rs485;
 pub mod thruster;

@@ -1,0 +1,128 @@
+//! What may happen in a run.
+
+/// Something that happens at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Since the start of the run, µs.
+    pub at_us: u64,
+    /// What.
+    pub action: Action,
+}
+
+/// What happens.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Action {
+    /// A host asks.
+    Ask { link: u8, ask: Ask },
+    /// A host repeats, byte for byte, the request so many before its latest.
+    Again { link: u8, back: u8 },
+    /// A host sends bytes that are what they are.
+    Bytes { link: u8, bytes: Vec<u8> },
+    /// A host reads nothing for a while.
+    Unread { link: u8, for_us: u64 },
+    /// The e-stop input.
+    EStopInput { open: bool },
+    /// A motor does something else than it should.
+    Motor { motor: u8, does: Does },
+    /// The cable of a CAN bus is cut for a while: nobody acknowledges, nothing arrives.
+    Cut { bus: u8, for_us: u64 },
+    /// A CAN bus is shorted for a while: its controller goes off, again after each start.
+    Short { bus: u8, for_us: u64 },
+    /// Other nodes load a CAN bus for a while with frames of this id, with so much of a frame time between them.
+    Foreign { bus: u8, id: u16, pause_us: u64, for_us: u64 },
+    /// A frame that nobody asked for comes in at the end of what is on the bus.
+    Stray { bus: u8, id: u16, data: Vec<u8> },
+    /// Bytes that nobody asked for come in on a serial line.
+    Noise { bus: u8, bytes: Vec<u8> },
+    /// For a while the controller gives nothing back that it is asked for.
+    Stubborn { bus: u8, for_us: u64 },
+    /// The port reports that it lost frames.
+    Overflow { bus: u8 },
+}
+
+/// What a motor does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Does {
+    /// It answers nothing for a while.
+    Mute { for_us: u64 },
+    /// It hears nothing for a while.
+    Deaf { for_us: u64 },
+    /// Its next answer is late by this much.
+    Late { by_us: u64 },
+    /// Its next answer comes twice.
+    Twice,
+    /// Its next answer has these data.
+    Lies { data: Vec<u8> },
+    /// It refuses the next command.
+    Refuses,
+    /// Its fault word is this.
+    Faults { word: u16 },
+    /// It is switched off and on.
+    Restarts,
+    /// It answers and does not obey for a while.
+    Disobeys { for_us: u64 },
+    /// Something turns its shaft, degrees a second.
+    Turns { speed: f32 },
+}
+
+/// A request. Epoch and expiry are relative to what the host knows, so that a list of steps that has become shorter means the
+/// same.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ask {
+    Hello,
+    Ping,
+    Take,
+    Release,
+    Silence { us: u32 },
+    Bus { bus: u8, window_us: u32 },
+    Set { axis: u8, parameter: u16, value: Number },
+    Remove { axis: u8 },
+    Provision { axis: u8, timeout_ms: u32 },
+    Arm { axis: u8 },
+    Disarm { axis: u8 },
+    Stop { axis: u8 },
+    StopAll,
+    EStop,
+    ClearGateway,
+    Clear { axis: u8 },
+    ClearUnreachable { axis: u8 },
+    Setpoint { permit: Permit, goal: Goal },
+    Move { permit: Permit, distance: f32, speed: f32 },
+    Native { permit: Permit, data: Vec<u8> },
+    Read { axis: u8 },
+    Subscribe { axes: u32, period_us: u32 },
+    Status,
+    RawOpen { bus: u8 },
+    RawSend { bus: u8, id: u16, data: Vec<u8> },
+    RawReceive { bus: u8 },
+    RawClose { bus: u8 },
+}
+
+/// A value of an axis parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Number {
+    Bool(bool),
+    Unsigned(u32),
+    Signed(i32),
+    Float(f32),
+}
+
+/// Axis, epoch and expiry of what moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Permit {
+    pub axis: u8,
+    /// Added to the epoch that the host knows.
+    pub epoch: i32,
+    /// From now.
+    pub lead_us: i32,
+}
+
+/// What a setpoint sets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    Signal(f32),
+    Current(f32),
+    Velocity(f32),
+    Position(f32, f32),
+    Impedance(f32),
+}

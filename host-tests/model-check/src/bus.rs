@@ -1,0 +1,243 @@
+//! One bus: the controller that holds our frames, the wire, and who else sends on it.
+
+use crate::motor::Answer;
+use crate::plant::{BUS_SETUP, KINDS, MOTORS};
+use embedded_can::Id;
+use gateway::{Outgoing, Transmit};
+use promise_model::BusKind;
+
+/// A frame on the wire.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OnWire {
+    /// Ours, in this slot.
+    Ours { slot: u8, frame: Outgoing, garbled: bool },
+    /// Somebody else's.
+    Can { id: u16, data: Vec<u8> },
+    /// Bytes of a motor.
+    Serial(Vec<u8>),
+}
+
+/// What will be sent by others, from when on.
+#[derive(Debug)]
+struct Coming {
+    at_us: u64,
+    what: OnWire,
+}
+
+/// A load of foreign frames.
+#[derive(Debug)]
+struct Foreign {
+    id: u16,
+    pause_us: u64,
+    next_us: u64,
+    until_us: u64,
+}
+
+/// One bus.
+#[derive(Debug)]
+pub struct Bus {
+    is_can: bool,
+    bitrate: u64,
+    held: Vec<Transmit>,
+    sending: Option<(u64, OnWire)>,
+    coming: Vec<Coming>,
+    foreign: Option<Foreign>,
+    cut_until: u64,
+    pub short_until: u64,
+    pub stubborn_until: u64,
+    pub generation: Option<u32>,
+}
+
+impl Bus {
+    pub fn new(index: usize) -> Self {
+        Self {
+            is_can: KINDS[index] == BusKind::Can,
+            bitrate: BUS_SETUP[index].0.into(),
+            held: Vec::new(),
+            sending: None,
+            coming: Vec::new(),
+            foreign: None,
+            cut_until: 0,
+            short_until: 0,
+            stubborn_until: 0,
+            generation: None,
+        }
+    }
+
+    fn bits_us(&self, bits: usize) -> u64 {
+        (u64::try_from(bits).unwrap_or(0) * 1_000_000).div_ceil(self.bitrate)
+    }
+
+    /// How long a frame is on the wire: on CAN with all the stuff bits that there can be.
+    fn length_us(&self, what: &OnWire) -> u64 {
+        let bytes = match what {
+            OnWire::Ours { frame: Outgoing::Can(frame), .. } => frame.data().len(),
+            OnWire::Ours { frame: Outgoing::Serial(bytes), .. } => bytes.len(),
+            OnWire::Can { data, .. } => data.len(),
+            OnWire::Serial(bytes) => bytes.len(),
+        };
+        self.bits_us(if self.is_can { 55 + 10 * bytes } else { 10 * bytes })
+    }
+
+    /// Slots of the frames that the controller holds.
+    pub fn slots(&self) -> Vec<u8> {
+        self.held.iter().map(|held| held.slot).collect()
+    }
+
+    /// The controller takes a frame.
+    pub fn take(&mut self, transmit: Transmit) {
+        self.held.push(transmit);
+    }
+
+    /// Whether the controller gives a frame back: not one that is on the wire.
+    pub fn give_back(&mut self, now: u64, slot: u8) -> bool {
+        let is_sent = matches!(&self.sending, Some((_, OnWire::Ours { slot: sent, .. })) if *sent == slot);
+        if is_sent || now < self.stubborn_until {
+            return false;
+        }
+        let before = self.held.len();
+        self.held.retain(|held| held.slot != slot);
+        self.held.len() < before
+    }
+
+    /// The controller starts anew: it forgets what it held.
+    pub fn forget(&mut self) {
+        self.held.clear();
+        self.sending = self.sending.take().filter(|(_, what)| !matches!(what, OnWire::Ours { .. }));
+    }
+
+    /// Nobody acknowledges and nothing arrives until then.
+    pub fn cut(&mut self, until: u64) {
+        self.cut_until = until;
+        self.sending = None;
+        self.coming.clear();
+    }
+
+    pub fn load(&mut self, now: u64, id: u16, pause_us: u64, for_us: u64) {
+        self.foreign = Some(Foreign { id, pause_us, next_us: now, until_us: now + for_us });
+    }
+
+    /// Somebody sends something, as soon as the bus lets it.
+    pub fn stray(&mut self, now: u64, what: OnWire) {
+        self.coming.push(Coming { at_us: now, what });
+    }
+
+    /// A motor answers.
+    pub fn answer(&mut self, now: u64, motor: usize, answer: Answer) {
+        let node = MOTORS[motor].node;
+        let what = if self.is_can {
+            let base = match MOTORS[motor].protocol {
+                host_protocol::Protocol::Rmd if answer.motion_mode => 0x500,
+                host_protocol::Protocol::Rmd => 0x240,
+                host_protocol::Protocol::Thruster => 0x280,
+                host_protocol::Protocol::D5 => 0,
+            };
+            OnWire::Can { id: base + u16::from(node), data: answer.data }
+        } else {
+            let mut bytes = vec![0x3E, node, 8];
+            bytes.extend(answer.data);
+            bytes.extend(crc16(&bytes).to_le_bytes());
+            OnWire::Serial(bytes)
+        };
+        self.coming.push(Coming { at_us: now + answer.after_us, what });
+    }
+
+    /// Begins what can begin now.
+    pub fn begin(&mut self, now: u64) {
+        self.begin_foreign(now);
+        if now < self.cut_until || now < self.short_until {
+            // Who answers into a cut cable is not heard.
+            self.coming.retain(|coming| coming.at_us > now);
+            return;
+        }
+        if !self.is_can {
+            return self.begin_serial(now);
+        }
+        if self.sending.is_some() {
+            return;
+        }
+        let ours = self.held.iter().enumerate().filter_map(|(index, held)| match &held.frame {
+            Outgoing::Can(frame) => match frame.id() {
+                Id::Standard(id) => Some((id.as_raw(), true, index)),
+                Id::Extended(_) => Some((u16::MAX, true, index)),
+            },
+            Outgoing::Serial(_) => None,
+        });
+        let others = self.coming.iter().enumerate().filter_map(|(index, coming)| match &coming.what {
+            OnWire::Can { id, .. } if coming.at_us <= now => Some((*id, false, index)),
+            _ => None,
+        });
+        let Some((_, is_ours, index)) = ours.chain(others).min() else { return };
+        let what = if is_ours {
+            let Transmit { slot, frame } = self.held[index].clone();
+            OnWire::Ours { slot, frame, garbled: false }
+        } else {
+            self.coming.remove(index).what
+        };
+        self.sending = Some((now + self.length_us(&what), what));
+    }
+
+    fn begin_foreign(&mut self, now: u64) {
+        let Some(foreign) = self.foreign.as_mut().filter(|foreign| foreign.next_us <= now) else { return };
+        foreign.next_us = now + foreign.pause_us.max(50);
+        let (id, is_over) = (foreign.id, now >= foreign.until_us);
+        if is_over {
+            self.foreign = None;
+        } else if self.coming.len() < 4 {
+            self.coming.push(Coming { at_us: now, what: OnWire::Can { id, data: vec![0x55; 8] } });
+        }
+    }
+
+    fn begin_serial(&mut self, now: u64) {
+        let ready = self.coming.iter().position(|coming| coming.at_us <= now);
+        if let Some(index) = ready {
+            match &mut self.sending {
+                // Who answers into our frame spoils both.
+                Some((_, OnWire::Ours { garbled, .. })) => {
+                    *garbled = true;
+                    self.coming.remove(index);
+                }
+                Some(_) => {}
+                None => {
+                    let what = self.coming.remove(index).what;
+                    self.sending = Some((now + self.length_us(&what), what));
+                }
+            }
+        }
+        if let Some(Transmit { slot, frame }) = self.held.first().cloned() {
+            let garbled = match &self.sending {
+                Some((_, OnWire::Ours { .. })) => return,
+                Some(_) => true,
+                None => false,
+            };
+            let what = OnWire::Ours { slot, frame, garbled };
+            self.sending = Some((now + self.length_us(&what), what));
+        }
+    }
+
+    /// What has come to its end.
+    pub fn ended(&mut self, now: u64) -> Option<OnWire> {
+        let (_, what) = self.sending.take_if(|(ends_us, _)| *ends_us <= now)?;
+        if let OnWire::Ours { slot, .. } = what {
+            self.held.retain(|held| held.slot != slot);
+        }
+        Some(what)
+    }
+
+    /// When something begins or ends next, after `now`.
+    pub fn next_us(&self, now: u64) -> Option<u64> {
+        let ends = self.sending.as_ref().map(|(ends_us, _)| *ends_us);
+        let begins = self.coming.iter().map(|coming| coming.at_us).filter(|at| *at > now).min();
+        let foreign = self.foreign.as_ref().map(|foreign| foreign.next_us.max(now + 1));
+        let mended = [self.cut_until, self.short_until].into_iter().filter(|at| *at > now).min();
+        [ends, begins, foreign, mended].into_iter().flatten().min()
+    }
+}
+
+/// CRC-16/MODBUS.
+pub fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |sum, byte| {
+        (0..8)
+            .fold(sum ^ u16::from(*byte), |sum, _| if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 })
+    })
+}

@@ -1,0 +1,140 @@
+//! One host: what it sends, byte for byte, and what it has learnt.
+
+use crate::action::{Ask, Goal, Number, Permit};
+use crate::plant::BUS_SETUP;
+use host_protocol::{
+    Bytes, CanFrame, ClearTarget, MAX_FRAME, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
+    StopTarget, Value, requests,
+};
+use std::collections::VecDeque;
+
+/// Requests that a host remembers, to send them again.
+const REMEMBERED: usize = 16;
+
+/// One host.
+#[derive(Debug, Default)]
+pub struct Host {
+    sequence: u16,
+    sent: VecDeque<Vec<u8>>,
+    /// Until when it reads nothing.
+    pub unread_until: u64,
+}
+
+impl Host {
+    /// The bytes of a request.
+    pub fn ask(&mut self, now: u64, ask: &Ask, epoch: u32) -> Vec<u8> {
+        let request = request(now, ask, epoch);
+        let mut frame = [0; MAX_FRAME];
+        self.sequence = self.sequence.wrapping_add(1);
+        let length = request.encode_frame(self.sequence, &mut frame).unwrap_or(0);
+        let bytes = frame[..length].to_vec();
+        self.sent.push_front(bytes.clone());
+        self.sent.truncate(REMEMBERED);
+        bytes
+    }
+
+    /// The bytes of an earlier request.
+    pub fn again(&self, back: u8) -> Option<Vec<u8>> {
+        self.sent.get(usize::from(back)).cloned()
+    }
+}
+
+fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
+    #[allow(clippy::cast_possible_truncation)] // the low 32 bits are what the wire carries
+    let expiry = |permit: &Permit| (now as u32).wrapping_add_signed(permit.lead_us);
+    let epoch = |permit: &Permit| epoch.wrapping_add_signed(permit.epoch);
+    match *ask {
+        Ask::Hello => Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 1 }),
+        Ask::Ping => Request::Ping(requests::Ping {}),
+        Ask::Take => Request::TakeAuthority(requests::TakeAuthority {}),
+        Ask::Release => Request::ReleaseAuthority(requests::ReleaseAuthority {}),
+        Ask::Silence { us } => Request::ConfigureGateway(requests::ConfigureGateway {
+            parameter: host_protocol::GatewayParameter::LinkSilenceUs.number(),
+            value: Value::Unsigned(us),
+        }),
+        Ask::Bus { bus, window_us } => {
+            let (bitrate, protocols) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
+            Request::ConfigureBus(requests::ConfigureBus {
+                bus,
+                bitrate,
+                protocols: ProtocolSet::of(protocols),
+                wholly_ours: false,
+                reply_window_us: window_us,
+            })
+        }
+        Ask::Set { axis, parameter, value } => {
+            let value = match value {
+                Number::Bool(value) => Value::Bool(value),
+                Number::Unsigned(value) => Value::Unsigned(value),
+                Number::Signed(value) => Value::Signed(value),
+                Number::Float(value) => Value::Float(value),
+            };
+            Request::ConfigureAxis(requests::ConfigureAxis { axis, parameter, value })
+        }
+        Ask::Remove { axis } => Request::RemoveAxis(requests::RemoveAxis { axis }),
+        Ask::Provision { axis, timeout_ms } => {
+            Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis, timeout_ms })
+        }
+        Ask::Arm { axis } => Request::Arm(requests::Arm { axis }),
+        Ask::Disarm { axis } => Request::Disarm(requests::Disarm { axis }),
+        Ask::Stop { axis } => Request::Stop(requests::Stop { target: StopTarget::Axis(axis) }),
+        Ask::StopAll => Request::Stop(requests::Stop { target: StopTarget::All }),
+        Ask::EStop => Request::EStop(requests::EStop {}),
+        Ask::ClearGateway => Request::Clear(requests::Clear { target: ClearTarget::Gateway }),
+        Ask::Clear { axis } => Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }),
+        Ask::ClearUnreachable { axis } => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
+        Ask::Setpoint { ref permit, goal } => Request::Setpoint(requests::Setpoint {
+            axis: permit.axis,
+            epoch: epoch(permit),
+            expires_at_us: expiry(permit),
+            setpoint: setpoint(goal),
+        }),
+        Ask::Move { ref permit, distance, speed } => Request::MoveRelative(requests::MoveRelative {
+            axis: permit.axis,
+            epoch: epoch(permit),
+            expires_at_us: expiry(permit),
+            distance_rad: distance,
+            speed_limit_rad_s: speed,
+        }),
+        Ask::Native { ref permit, ref data } => Request::Native(requests::Native {
+            axis: permit.axis,
+            epoch: epoch(permit),
+            expires_at_us: expiry(permit),
+            data: data.iter().copied().take(8).collect(),
+        }),
+        Ask::Read { axis } => Request::ReadState(requests::ReadState { axis }),
+        Ask::Subscribe { axes, period_us } => {
+            let fields = StateFields::from_bits(u8::MAX);
+            Request::Subscribe(requests::Subscribe { axes, fields, period_us })
+        }
+        Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
+        Ask::RawOpen { bus } => Request::RawOpen(requests::RawOpen { bus }),
+        Ask::RawSend { bus, id, ref data } => {
+            let can = CanFrame::standard(id, data).map(RawFrame::Can);
+            let serial = || RawFrame::Serial(data.iter().copied().take(64).collect::<Bytes<_>>());
+            let is_can = usize::from(bus) < BUS_SETUP.len() - 1;
+            let frame = can.filter(|_| is_can).unwrap_or_else(serial);
+            Request::RawSend(requests::RawSend { bus, frame })
+        }
+        Ask::RawReceive { bus } => Request::RawReceive(requests::RawReceive { bus }),
+        Ask::RawClose { bus } => Request::RawClose(requests::RawClose { bus }),
+    }
+}
+
+fn setpoint(goal: Goal) -> Setpoint {
+    match goal {
+        Goal::Signal(fraction) => Setpoint::Signal { fraction },
+        Goal::Current(current_a) => Setpoint::Current { current_a },
+        Goal::Velocity(velocity_rad_s) => Setpoint::Velocity { velocity_rad_s },
+        Goal::Position(position_rad, speed_limit_rad_s) => {
+            Setpoint::Position { position_rad, speed_limit_rad_s }
+        }
+        Goal::Impedance(position_rad) => Setpoint::Impedance {
+            position_rad,
+            velocity_rad_s: 0.0,
+            stiffness_nm_per_rad: 10.0,
+            damping_nm_s_per_rad: 1.0,
+            torque_nm: 0.0,
+        },
+    }
+}

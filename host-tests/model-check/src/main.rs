@@ -1,0 +1,197 @@
+//! `model-check run [EVENTS [FIRST_SEED]]` runs random events until there were so many, on two threads;
+//! `model-check bad-host` sends a million random frames between a trip and its confirmation;
+//! `model-check replay FILE` runs a counterexample again and prints what was on the wires.
+
+use model_check::{Counts, Step, World, bad_host, broken_by, generate::Generator, shrink, text};
+use promise_model::Violation;
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Events of a run in CI.
+const EVENTS: u64 = 10_000_000;
+/// Of them at least so many in a hundred must fall while an axis is armed, active or stopping.
+const BUSY_PERCENT: u64 = 30;
+const THREADS: usize = 2;
+/// Steps of one seed: 5 to 10 s of gateway time.
+const STEPS: usize = 20_000;
+/// Frames of a bad host between a trip and its confirmation.
+const BAD_FRAMES: u64 = 1_000_000;
+/// After the last step, µs.
+const SETTLE_US: u64 = 300_000;
+/// Runs that the search for a shorter counterexample may take.
+const SHRINK_RUNS: u32 = 2_000;
+/// Lines of the trace that a replay prints.
+const TRACE_LINES: usize = 60;
+
+/// A list of steps that breaks a promise.
+struct Counterexample {
+    seed: u64,
+    start_us: u64,
+    steps: Vec<Step>,
+    violation: Violation,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let number = |word: &str| word.replace('_', "").parse::<u64>().ok();
+    match words.as_slice() {
+        ["replay", file] => replay(file),
+        ["bad-host"] => bad_host(),
+        ["run"] => run(EVENTS, 1),
+        ["run", events] if number(events).is_some() => run(number(events).unwrap_or(EVENTS), 1),
+        ["run", events, seed] if number(events).and(number(seed)).is_some() => {
+            run(number(events).unwrap_or(EVENTS), number(seed).unwrap_or(1))
+        }
+        _ => {
+            eprintln!("usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | replay FILE");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Every other run begins shortly before the clock's low 32 bits wrap around.
+fn start_of(seed: u64) -> u64 {
+    if seed.is_multiple_of(2) { 1_000 } else { (1 << 32) - 1_000_000 }
+}
+
+fn run(events: u64, first_seed: u64) -> ExitCode {
+    let next = AtomicU64::new(first_seed);
+    let stop = AtomicBool::new(false);
+    let total = Mutex::new(Counts::default());
+    let found = Mutex::new(None::<Counterexample>);
+    std::thread::scope(|scope| {
+        for _ in 0..THREADS {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    let (counts, broken) = run_seed(seed);
+                    let Ok(mut total) = total.lock() else { return };
+                    *total = total.plus(counts);
+                    let is_broken = broken.is_some();
+                    if let (Some(broken), Ok(mut found)) = (broken, found.lock()) {
+                        found.get_or_insert(broken);
+                    }
+                    if is_broken || total.events >= events {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                }
+            });
+        }
+    });
+    let total = total.into_inner().unwrap_or_default();
+    let seeds = next.load(Ordering::Relaxed) - first_seed;
+    let busy = total.busy * 100 / total.events.max(1);
+    println!(
+        "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; {} motion frames, {} armings, \
+         {} trips, {} stops confirmed",
+        total.events, total.motions, total.armed, total.trips, total.confirmed
+    );
+    if let Ok(Some(counterexample)) = found.into_inner() {
+        return report(counterexample);
+    }
+    if busy < BUSY_PERCENT || total.events < events {
+        eprintln!("too little has happened: {BUSY_PERCENT} % of {events} events are wanted");
+        return ExitCode::FAILURE;
+    }
+    ExitCode::SUCCESS
+}
+
+/// Runs one seed.
+fn run_seed(seed: u64) -> (Counts, Option<Counterexample>) {
+    let start_us = start_of(seed);
+    let _told = ToldOnPanic(seed);
+    let mut world = World::new(start_us);
+    let mut generator = Generator::new(seed);
+    let mut steps = Vec::new();
+    for _ in 0..STEPS {
+        let step = generator.next(&world);
+        world.step(&step);
+        steps.push(step);
+        if let Some(violation) = world.broken() {
+            let violation = violation.clone();
+            return (world.counts(), Some(Counterexample { seed, start_us, steps, violation }));
+        }
+    }
+    (world.counts(), None)
+}
+
+/// Tells which seed it was when the core panics.
+struct ToldOnPanic(u64);
+
+impl Drop for ToldOnPanic {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("in seed {}", self.0);
+        }
+    }
+}
+
+/// Shrinks a counterexample and prints it as a file.
+fn report(counterexample: Counterexample) -> ExitCode {
+    let Counterexample { seed, start_us, steps, violation } = counterexample;
+    println!("# seed {seed}, {} steps: {violation}", steps.len());
+    let steps = shrink(start_us, steps, violation.check, SETTLE_US, SHRINK_RUNS);
+    if let Some((violation, _)) = broken_by(start_us, &steps, SETTLE_US) {
+        println!("# {violation}");
+    }
+    print!("{}", text::write(start_us, &steps));
+    ExitCode::FAILURE
+}
+
+fn bad_host() -> ExitCode {
+    match bad_host::run(1, BAD_FRAMES) {
+        Ok(outcome) if outcome.frames == BAD_FRAMES && outcome.axes > 0 => {
+            println!(
+                "{} random frames between a trip and its confirmation: the stops of {} axes went on, at least {} times each, \
+                 and were confirmed",
+                outcome.frames, outcome.axes, outcome.fewest_stops
+            );
+            ExitCode::SUCCESS
+        }
+        Ok(outcome) => {
+            eprintln!("too little has happened: {outcome:?}");
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn replay(file: &str) -> ExitCode {
+    let read = std::fs::read_to_string(file).map_err(|error| error.to_string());
+    let (start_us, steps) = match read.and_then(|content| text::read(&content)) {
+        Ok(read) => read,
+        Err(error) => {
+            eprintln!("{file}: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let mut world = World::new(start_us);
+    world.keep_trace();
+    for step in &steps {
+        world.step(step);
+        if world.broken().is_some() {
+            break;
+        }
+    }
+    let end = world.since_start_us() + SETTLE_US;
+    while world.broken().is_none() && world.since_start_us() < end {
+        world.run_to(world.since_start_us() + 100);
+    }
+    let trace = world.trace();
+    trace[trace.len().saturating_sub(TRACE_LINES)..].iter().for_each(|line| println!("{line}"));
+    match world.broken() {
+        Some(violation) => {
+            println!("{violation}");
+            ExitCode::FAILURE
+        }
+        None => {
+            println!("no promise is broken");
+            ExitCode::SUCCESS
+        }
+    }
+}

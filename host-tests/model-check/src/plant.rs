@@ -1,0 +1,73 @@
+//! The board, its buses, and the motors on them.
+
+use gateway::{Board, BusPort, BusPortKind};
+use host_protocol::{BootReason, Protocol, StopAction};
+use promise_model::BusKind;
+
+/// Host links.
+pub const LINKS: u8 = 3;
+/// The link whose host only listens: it has said hello, and reads everything at once.
+pub const LISTENER: u8 = 2;
+/// Buses.
+pub const BUSES: u8 = 3;
+
+/// The board.
+pub static BOARD: Board = Board {
+    name: "model-check",
+    firmware: "0.1.0",
+    build_id: "model-check",
+    boot: BootReason::Simulated,
+    buses: &[
+        BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000] },
+        BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
+        BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &[2_000_000] },
+    ],
+    links: LINKS,
+    last_words: "",
+    e_stop_input: true,
+    enable_output: true,
+};
+
+/// The buses as the model knows them.
+pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }];
+
+/// Bitrate and protocols of each bus.
+pub const BUS_SETUP: [(u32, &[Protocol]); BUSES as usize] = [
+    (1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
+    (210_526, &[Protocol::D5]),
+    (2_000_000, &[Protocol::Rmd]),
+];
+
+/// A motor, and how its axis stops it.
+#[derive(Debug, Clone, Copy)]
+pub struct Wired {
+    /// Its bus.
+    pub bus: u8,
+    /// What it speaks.
+    pub protocol: Protocol,
+    /// Its id.
+    pub node: u8,
+    /// The stop action of its axis.
+    pub stop: StopAction,
+}
+
+const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired {
+    Wired { bus, protocol, node, stop }
+}
+
+/// Motor n is that of axis n.
+pub const MOTORS: [Wired; 10] = [
+    wired(0, Protocol::Rmd, 1, StopAction::Coast),
+    wired(0, Protocol::Rmd, 2, StopAction::Hold),
+    wired(0, Protocol::Rmd, 3, StopAction::Brake),
+    wired(0, Protocol::Thruster, 0x0E, StopAction::Coast),
+    wired(0, Protocol::Thruster, 0x0F, StopAction::Coast),
+    wired(0, Protocol::Thruster, 0x10, StopAction::Coast),
+    wired(1, Protocol::D5, 0x26, StopAction::Hold),
+    wired(1, Protocol::D5, 0x27, StopAction::Hold),
+    wired(2, Protocol::Rmd, 1, StopAction::Hold),
+    wired(2, Protocol::Rmd, 2, StopAction::Coast),
+];
+
+/// The thruster with an encoder.
+pub const POSITION_DEVICE: u8 = 5;

@@ -1,0 +1,164 @@
+//! One bus: what its controller holds, and the time that the gateway is not to blame for.
+
+use std::collections::VecDeque;
+
+/// What a bus is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BusKind {
+    /// CAN with standard frames.
+    Can,
+    /// A half-duplex serial line.
+    Rs485 {
+        /// The gateway hears itself.
+        echo: bool,
+    },
+}
+
+/// A frame that the gateway has handed over and that has neither left nor come back.
+#[derive(Debug, Clone)]
+pub(crate) struct Held {
+    pub slot: u8,
+    pub handed_us: u64,
+    pub axis: Option<u8>,
+    pub data: Vec<u8>,
+    pub is_motion: bool,
+    pub is_stop: bool,
+    /// A later step of a stop: it goes where stops go.
+    pub is_step: bool,
+    pub asked_back: bool,
+}
+
+/// One bus.
+#[derive(Debug)]
+pub(crate) struct Bus {
+    pub kind: BusKind,
+    /// 0 while it is not configured.
+    pub bitrate: u32,
+    pub wholly_ours: bool,
+    pub window_us: u64,
+    pub held: Vec<Held>,
+    /// Since when the controller cannot send at all.
+    pub off_since: Option<u64>,
+    pub raw_open: bool,
+    /// Raw frames that were accepted and not yet handed over.
+    pub raw: VecDeque<(Option<u32>, Vec<u8>)>,
+    /// Time so far that frames waited for others, or the bus was off.
+    outside_us: u64,
+    /// When the frame that is first in the controller could begin.
+    first_since_us: u64,
+    /// Our own bytes that have not come back yet.
+    pub echo: VecDeque<u8>,
+    /// What has been heard of a serial frame.
+    pub heard: Vec<u8>,
+}
+
+/// Longest stuffed standard frame with intermission, bits (G5).
+const FRAME_BITS: u64 = 135;
+/// A frame of 13 bytes on RS485, bits (G5).
+const SERIAL_BITS: u64 = 130;
+/// Idle time before a serial frame, bits (G5).
+const GAP_BITS: u64 = 20;
+/// What of a reply window delays a stop, at most (G5).
+const WINDOW_DELAY_US: u64 = 1_000;
+/// Requests outstanding on a bus with thrusters, at most (m of G5).
+const MAX_OUTSTANDING: u64 = 4;
+/// g of G5: the gateway's software.
+pub(crate) const SOFTWARE_US: u64 = 100;
+
+impl Bus {
+    pub fn new(kind: BusKind) -> Self {
+        Self {
+            kind,
+            bitrate: 0,
+            wholly_ours: false,
+            window_us: 0,
+            held: Vec::new(),
+            off_since: None,
+            raw_open: false,
+            raw: VecDeque::new(),
+            outside_us: 0,
+            first_since_us: 0,
+            echo: VecDeque::new(),
+            heard: Vec::new(),
+        }
+    }
+
+    pub fn is_can(&self) -> bool {
+        self.kind == BusKind::Can
+    }
+
+    fn bits_us(&self, bits: u64) -> u64 {
+        (bits * 1_000_000).div_ceil(u64::from(self.bitrate.max(1)))
+    }
+
+    /// F or C of G5.
+    pub fn frame_us(&self) -> u64 {
+        self.bits_us(if self.is_can() { FRAME_BITS } else { SERIAL_BITS })
+    }
+
+    /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which says when it starts, and the
+    /// frame itself. Foreign frames (I of G5) are time of others. m, the replies that go before a thruster's stop, is in it;
+    /// allowance: the replies themselves are time of others too, what goes in their place is another axis's second stop.
+    pub fn stop_bound_us(&self, k: u64, outranked: bool) -> u64 {
+        let frame = self.frame_us();
+        if self.is_can() {
+            let replies = if outranked { MAX_OUTSTANDING } else { 0 };
+            return SOFTWARE_US + frame * (2 * k - 1 + replies) + frame;
+        }
+        let exchange = 2 * frame + self.window_us.min(WINDOW_DELAY_US);
+        SOFTWARE_US
+            + exchange
+            + self.bits_us(GAP_BITS)
+            + (k - 1) * (exchange + self.bits_us(GAP_BITS))
+            + frame
+    }
+
+    /// Time of others up to `at`: what the gateway's bounds do not count.
+    pub fn outside_us(&self, at: u64) -> u64 {
+        let waits = match (self.off_since, self.held.is_empty()) {
+            (Some(since), _) => at.saturating_sub(since),
+            (None, false) => at.saturating_sub(self.first_since_us + self.frame_us()),
+            (None, true) => 0,
+        };
+        self.outside_us + waits
+    }
+
+    pub fn hand(&mut self, now: u64, held: Held) {
+        if self.held.is_empty() {
+            self.first_since_us = now;
+        }
+        self.held.push(held);
+    }
+
+    /// Takes the frame in `slot` out: it has left, or it has come back.
+    pub fn take(&mut self, now: u64, slot: u8) -> Option<Held> {
+        let index = self.held.iter().position(|held| held.slot == slot)?;
+        self.outside_us = self.outside_us(now);
+        self.first_since_us = now;
+        if let Some(since) = &mut self.off_since {
+            *since = now;
+        }
+        Some(self.held.remove(index))
+    }
+
+    /// Takes a frame out that was not sent: the time of the attempt was for nothing.
+    pub fn lose(&mut self, now: u64, slot: u8) -> Option<Held> {
+        let attempt = now.saturating_sub(self.first_since_us).min(self.frame_us());
+        let lost = self.take(now, slot)?;
+        self.outside_us += attempt;
+        Some(lost)
+    }
+
+    /// The controller can no longer send, or can again.
+    pub fn set_off(&mut self, now: u64, off: bool) {
+        self.outside_us = self.outside_us(now);
+        self.first_since_us = now;
+        self.off_since = off.then_some(now);
+    }
+
+    /// Bytes of others on a serial line: the gateway waits until they are over.
+    pub fn disturbed(&mut self, bytes: usize) {
+        let bits = 10 * u64::try_from(bytes).unwrap_or(u64::MAX) + GAP_BITS;
+        self.outside_us += self.bits_us(bits);
+    }
+}

@@ -1,0 +1,189 @@
+//! What hosts ask for: authority, permissions, stops (G1, G2, G9).
+
+use crate::axis::{Cause, Permit};
+use crate::link::Arrival;
+use crate::motor::Purpose;
+use crate::oracle::Oracle;
+use crate::wire::{Clears, Kind, Request, Stops, Told};
+
+impl Oracle {
+    /// Bytes of a host arrive.
+    pub fn to_gateway(&mut self, now: u64, link: u8, bytes: &[u8]) {
+        self.advance(now);
+        for byte in bytes {
+            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            let Some(message) = port.incoming.push(*byte) else { continue };
+            if message.kind != Kind::Request {
+                continue;
+            }
+            // Any valid request shows that the host is there, a repeated one too.
+            if let Some((holder, heard_us)) = &mut self.holder
+                && *holder == link
+            {
+                *heard_us = now;
+            }
+            match port.arrive(now, message) {
+                Arrival::New => self.execute(now, link),
+                Arrival::Repeated => {}
+                // Stops are executed all the same.
+                Arrival::NoPlace(request) => self.stop_on_request(now, &request),
+            }
+        }
+    }
+
+    /// Executes the newest request of a link, as far as that does not depend on its result.
+    fn execute(&mut self, now: u64, link: u8) {
+        let record = &mut self.links[usize::from(link)].records[0];
+        let (request, sequence) = (record.request.clone(), record.sequence);
+        let takes = request.takes_authority() || self.native_takes(&request);
+        let record = &mut self.links[usize::from(link)].records[0];
+        match self.holder {
+            None if takes => {
+                self.holder = Some((link, now));
+                record.took = true;
+            }
+            Some((holder, _)) if takes && holder != link => {
+                record.must_be_refused = true;
+                return;
+            }
+            _ => {}
+        }
+        self.stop_on_request(now, &request);
+        let in_command = self.holder.is_some_and(|(holder, _)| holder == link);
+        match request {
+            Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.clearing += 1;
+                }
+            }
+            Request::Hello if in_command => self.lose_authority(now),
+            Request::ReleaseAuthority if in_command => self.lose_authority(now),
+            Request::Setpoint { axis, epoch, expires_at_us } => {
+                self.offer(now, axis, epoch, expires_at_us, |permit| Permit { link, sequence, ..permit });
+            }
+            Request::MoveRelative { axis, epoch, expires_at_us } => {
+                let is_relative = true;
+                self.offer(now, axis, epoch, expires_at_us, |permit| Permit {
+                    link,
+                    sequence,
+                    is_relative,
+                    ..permit
+                });
+            }
+            Request::Native { axis, epoch, expires_at_us, data } => {
+                let protocol = self.axes.get(usize::from(axis)).and_then(|axis| axis.protocol());
+                if let Some(axis) =
+                    self.axes.get_mut(usize::from(axis)).filter(|axis| axis.told == Told::Idle)
+                    && protocol.map(|protocol| protocol.purpose(&data)) == Some(Purpose::Stop)
+                {
+                    axis.native_stop = Some(data.clone());
+                }
+                let once = match protocol.map(|protocol| protocol.asked_by_host(&data)) {
+                    Some(Purpose::Motion { once }) => once,
+                    Some(Purpose::Rest) => false,
+                    _ => return,
+                };
+                let native = Some(data);
+                self.offer(now, axis, epoch, expires_at_us, |permit| Permit {
+                    link,
+                    sequence,
+                    native,
+                    once,
+                    ..permit
+                });
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a native command takes authority: by what its bytes do (PROTOCOL.md, Native commands).
+    fn native_takes(&self, request: &Request) -> bool {
+        let Request::Native { axis, epoch, data, .. } = request else { return false };
+        let Some(axis) = self.axes.get(usize::from(*axis)) else { return false };
+        let Some(protocol) = axis.protocol().filter(|_| axis.is_complete()) else { return false };
+        match protocol.asked_by_host(data) {
+            Purpose::Read => false,
+            Purpose::Motion { .. } | Purpose::Change => true,
+            Purpose::Stop => axis.told == Told::Idle,
+            // With the epoch of an armed axis it is a setpoint, else a stop.
+            Purpose::Rest => axis.told == Told::Idle || axis.armed && axis.epoch == Some(*epoch),
+        }
+    }
+
+    /// A permission to move that is in force once the gateway says so, if nothing known speaks against it.
+    fn offer(
+        &mut self,
+        now: u64,
+        axis: u8,
+        epoch: u32,
+        expires_at_us: u32,
+        complete: impl FnOnce(Permit) -> Permit,
+    ) {
+        let Some(axis) = self.axes.get_mut(usize::from(axis)) else { return };
+        if !axis.armed || axis.epoch != Some(epoch) || self.e_stopped {
+            return;
+        }
+        #[allow(clippy::cast_possible_truncation)] // The low 32 bits are what the wire carries.
+        let lead = u64::from(expires_at_us.wrapping_sub(now as u32));
+        let expires_us = if axis.is_without_expiry() {
+            None
+        } else if (1..=axis.ttl_us()).contains(&lead) {
+            Some(now + lead)
+        } else {
+            return;
+        };
+        axis.permits.push(complete(Permit {
+            link: 0,
+            sequence: 0,
+            expires_us,
+            in_force: false,
+            is_relative: false,
+            native: None,
+            data: None,
+            once: false,
+            sent: false,
+        }));
+    }
+
+    /// What stops does so whatever its result.
+    pub(crate) fn stop_on_request(&mut self, now: u64, request: &Request) {
+        let (one, cause) = match request {
+            Request::Stop(Stops::Axis(axis)) | Request::Disarm(axis) => {
+                (Some(usize::from(*axis)), Cause::Asked)
+            }
+            Request::Stop(Stops::All) => (None, Cause::Asked),
+            Request::EStop => {
+                self.e_stopped = true;
+                (None, Cause::EStop)
+            }
+            _ => return,
+        };
+        for index in 0..self.axes.len() {
+            let axis = &self.axes[index];
+            let meant = one.is_none_or(|one| one == index);
+            let runs = axis
+                .bus()
+                .and_then(|bus| self.buses.get(bus))
+                .is_some_and(|bus| bus.bitrate > 0 && bus.off_since.is_none());
+            // All of them: those at rest too, where something else may have set the motor in motion.
+            let at_rest = one.is_none() && axis.told == Told::Idle && axis.is_complete() && runs;
+            if meant && (axis.armed || axis.told == Told::Arming || at_rest) {
+                self.owe_stop(index, cause, now);
+            }
+        }
+    }
+
+    /// Nobody is in command any more, since `at`.
+    pub(crate) fn lose_authority(&mut self, at: u64) {
+        self.holder = None;
+        for bus in &mut self.buses {
+            bus.raw_open = false;
+            bus.raw.clear();
+        }
+        for axis in 0..self.axes.len() {
+            if self.axes[axis].armed {
+                self.owe_stop(axis, Cause::Host, at);
+            }
+        }
+    }
+}

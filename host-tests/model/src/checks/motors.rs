@@ -1,0 +1,113 @@
+//! What motors answer: acknowledgements, standstill, faults, refusals (G3, G4).
+
+use crate::axis::{Asked, Cause};
+use crate::bus::BusKind;
+use crate::motor::{Protocol, Purpose, Reading, serial_frame};
+use crate::oracle::{Frame, Oracle};
+
+/// Bytes of a serial frame.
+const SERIAL_FRAME: usize = 13;
+
+impl Oracle {
+    /// A frame has come in.
+    pub fn received(&mut self, now: u64, bus: u8, frame: Frame<'_>) {
+        self.advance(now);
+        match frame {
+            Frame::Can(id, data) => {
+                for index in 0..self.axes.len() {
+                    let axis = &self.axes[index];
+                    if axis.bus() != Some(usize::from(bus)) {
+                        continue;
+                    }
+                    let (Some(protocol), Some(node)) = (axis.protocol(), axis.node()) else { continue };
+                    if let Some(data) = protocol.reply_of(node, axis.d5_reply_id(), id, data) {
+                        self.reply(now, index, protocol, &data);
+                    }
+                }
+            }
+            Frame::Serial(bytes) => self.heard(now, bus, bytes),
+        }
+    }
+
+    /// Bytes of a serial line: our own, as they come back, are none of a motor's.
+    fn heard(&mut self, now: u64, bus: u8, bytes: &[u8]) {
+        let mut foreign = 0;
+        for byte in bytes {
+            let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
+            if let (BusKind::Rs485 { echo: true }, Some(own)) = (state.kind, state.echo.front().copied()) {
+                if own == *byte {
+                    state.echo.pop_front();
+                    continue;
+                }
+                // A collision: whatever comes may be a motor's.
+                state.echo.clear();
+            }
+            foreign += 1;
+            state.heard.push(*byte);
+            if state.heard.len() > SERIAL_FRAME {
+                state.heard.remove(0);
+            }
+            if let Some((node, data)) = serial_frame(&state.heard) {
+                state.heard.clear();
+                let of_node = |axis: &crate::axis::Axis| {
+                    axis.bus() == Some(usize::from(bus)) && axis.node() == Some(node)
+                };
+                if let Some(index) = self.axes.iter().position(of_node) {
+                    self.reply(now, index, Protocol::Rmd, &data);
+                }
+            }
+        }
+        if let Some(state) = self.buses.get_mut(usize::from(bus)).filter(|_| foreign > 0) {
+            state.disturbed(foreign);
+        }
+    }
+
+    /// A motor's frame: the answer to the oldest request that it can be the answer to. Allowance: one whose reply window has
+    /// passed is that only where there is no other.
+    fn reply(&mut self, now: u64, index: usize, protocol: Protocol, data: &[u8]) {
+        let bus = self.axes[index].bus().unwrap_or_default();
+        let Some(bus) = self.buses.get(bus) else { return };
+        let (outside, window) = (bus.outside_us(now), bus.window_us);
+        let axis = &mut self.axes[index];
+        axis.heard = (now, outside);
+        let answers = |asked: &Asked| protocol.answer(&asked.data, data);
+        let is_slow = |asked: &Asked| protocol.is_slow(&asked.data);
+        let in_window = |asked: &Asked| is_slow(asked) || now < asked.left_us + window;
+        let fits = |asked: &Asked| answers(asked).is_some();
+        let oldest = axis.asked.iter().position(|asked| fits(asked) && in_window(asked));
+        let Some(place) = oldest.or_else(|| axis.asked.iter().rposition(fits)) else { return };
+        let same = axis.asked.iter().filter(|asked| fits(asked)).count();
+        let asked = axis.asked.remove(place);
+        let Some(reading) = answers(&asked) else { return };
+        let in_time = same == 1 && now < asked.left_us + window;
+        self.read_for_stop(now, index, &asked, &reading);
+        let moved = matches!(protocol.purpose(&asked.data), Purpose::Motion { .. });
+        let axis = &self.axes[index];
+        if !axis.armed || !in_time {
+            // What comes late may belong to an older request: the next reading counts.
+            return;
+        }
+        if reading.faults.is_some_and(|word| word != 0) {
+            self.owe_stop(index, Cause::Fault, now);
+        } else if reading.refused && moved {
+            self.owe_stop(index, Cause::Refused, now);
+        }
+    }
+
+    fn read_for_stop(&mut self, now: u64, index: usize, asked: &Asked, reading: &Reading) {
+        let axis = &mut self.axes[index];
+        let still = axis.standstill() * (1.0 + 1e-3) + 1e-6; // f32 in the gateway
+        let Some(duty) = axis.duty.as_mut().filter(|duty| asked.left_us >= duty.since_us) else { return };
+        if reading.stops {
+            duty.acknowledged_us.get_or_insert(now);
+        }
+        if let Some(speed) = reading.speed
+            && duty.acknowledged_us.is_some_and(|at| asked.handed_us >= at)
+        {
+            duty.still = if speed <= still { duty.still + 1 } else { 0 };
+        }
+        if let Some(locked) = reading.locked {
+            duty.locked = locked && duty.locking;
+        }
+    }
+}

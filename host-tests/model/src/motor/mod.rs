@@ -1,0 +1,136 @@
+//! What the bytes of the three manuals do to a motor, and what a motor's bytes tell.
+
+mod d5;
+mod rmd;
+mod thruster;
+
+pub use rmd::serial_frame;
+
+/// What speaks on a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Protocol {
+    /// RMD V3.6.
+    Rmd,
+    /// Thruster manual.
+    Thruster,
+    /// D5 manual.
+    D5,
+}
+
+/// What a request does to the motor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// It moves the shaft; where `once`, each time anew.
+    Motion {
+        /// Sent again it would move again.
+        once: bool,
+    },
+    /// It stops the shaft.
+    Stop,
+    /// A setpoint of zero, or what overwrites one: neither moves nor counts as the stop.
+    Rest,
+    /// It only asks.
+    Read,
+    /// It changes the motor.
+    Change,
+}
+
+/// What a reply tells.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Reading {
+    /// The fault word.
+    pub faults: Option<u16>,
+    /// Measured speed, rad/s, without sign.
+    pub speed: Option<f64>,
+    /// The brake is locked.
+    pub locked: Option<bool>,
+    /// It acknowledges a stop, or shows that the commanded speed is zero.
+    pub stops: bool,
+    /// The motor refuses.
+    pub refused: bool,
+}
+
+impl Protocol {
+    /// The protocol with this number in the parameter table.
+    pub fn of_number(number: u32) -> Option<Self> {
+        match number {
+            1 => Some(Self::Rmd),
+            2 => Some(Self::Thruster),
+            3 => Some(Self::D5),
+            _ => None,
+        }
+    }
+
+    /// The data of a CAN frame with this id and data, if it is a request to this node.
+    pub fn request_to(self, node: u8, d5_id: Option<u32>, id: u32, data: &[u8]) -> Option<Vec<u8>> {
+        let node_id = u32::from(node);
+        match self {
+            Self::Rmd if id == 0x140 + node_id => Some(data.to_vec()),
+            Self::Rmd if id == 0x400 + node_id => Some(rmd::motion_mode(data)),
+            Self::Thruster if id == 0x300 + node_id => Some(data.to_vec()),
+            Self::D5 if id == d5_id.unwrap_or(node_id) && data.get(..2) == Some(&[0xD5, node]) => {
+                Some(data.to_vec())
+            }
+            _ => None,
+        }
+    }
+
+    /// The data of a CAN frame, if it is a reply of this node.
+    pub fn reply_of(self, node: u8, d5_id: Option<u32>, id: u32, data: &[u8]) -> Option<Vec<u8>> {
+        let node_id = u32::from(node);
+        match self {
+            Self::Rmd if id == 0x240 + node_id => Some(data.to_vec()),
+            Self::Rmd if id == 0x500 + node_id && data.first() == Some(&node) => Some(rmd::motion_mode(data)),
+            Self::Thruster if id == 0x280 + node_id => Some(data.to_vec()),
+            Self::D5 if d5_id.is_none_or(|wanted| wanted == id) && d5::is_from(node, data) => {
+                Some(data.to_vec())
+            }
+            _ => None,
+        }
+    }
+
+    /// What a request does.
+    pub fn purpose(self, data: &[u8]) -> Purpose {
+        match self {
+            Self::Rmd => rmd::purpose(data),
+            Self::Thruster => thruster::purpose(data),
+            Self::D5 => d5::purpose(data),
+        }
+    }
+
+    /// What a native command is by the rules for hosts (PROTOCOL.md, Native commands): a zero is a setpoint or a stop, LS a
+    /// stop, and what only prepares a D5 motor is a motion.
+    pub fn asked_by_host(self, data: &[u8]) -> Purpose {
+        match (self, self.purpose(data), data) {
+            (Self::Thruster, _, [b'L', b'S', ..]) => Purpose::Stop,
+            (Self::Thruster | Self::D5, Purpose::Stop, _) => Purpose::Rest,
+            (Self::D5, Purpose::Rest, _) => Purpose::Motion { once: true },
+            (_, purpose, _) => purpose,
+        }
+    }
+
+    /// Whether two requests are the same command of the manual, whatever their values. Bytes that the command does not use
+    /// are not sent as the host gave them.
+    pub fn same_command(self, one: &[u8], other: &[u8]) -> bool {
+        let command = |data: &[u8]| match self {
+            Self::Rmd => data.get(..1).map(<[u8]>::to_vec),
+            Self::Thruster => data.get(..2).map(<[u8]>::to_vec),
+            Self::D5 => data.get(3..5).map(<[u8]>::to_vec),
+        };
+        command(one) == command(other)
+    }
+
+    /// Whether the motor takes long to answer: freeing and locking a brake (PROTOCOL-NOTES R20).
+    pub fn is_slow(self, data: &[u8]) -> bool {
+        self == Self::Rmd && matches!(data.first(), Some(0x77 | 0x78))
+    }
+
+    /// What a reply tells as the answer to a request; `None` where it cannot be its answer.
+    pub fn answer(self, request: &[u8], reply: &[u8]) -> Option<Reading> {
+        match self {
+            Self::Rmd => rmd::answer(request, reply),
+            Self::Thruster => thruster::answer(request, reply),
+            Self::D5 => d5::answer(request, reply),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! RMD V3.6.
+
+use super::{Purpose, Reading};
+use std::f64::consts::PI;
+
+/// Put before the data of motion mode, whose CAN ids say what it is (§5): no command of §2 has this number.
+const MOTION_MODE: u8 = 0x00;
+
+pub(super) fn motion_mode(data: &[u8]) -> Vec<u8> {
+    std::iter::once(MOTION_MODE).chain(data.iter().copied()).collect()
+}
+
+pub(super) fn purpose(data: &[u8]) -> Purpose {
+    match data.first() {
+        // §2.17 to §2.22, and §5
+        Some(0xA8) => Purpose::Motion { once: true },
+        Some(0xA0..=0xA7 | &MOTION_MODE) => Purpose::Motion { once: false },
+        // §2.15, §2.16
+        Some(0x80 | 0x81) => Purpose::Stop,
+        // §2.1, §2.5, §2.7 to §2.9, §2.11 to §2.14, §2.23, §2.24, §2.28, §2.29, §2.31
+        Some(
+            0x30 | 0x42 | 0x60 | 0x61 | 0x62 | 0x70 | 0x71 | 0x90 | 0x92 | 0x94 | 0x9A | 0x9C | 0x9D | 0xB1
+            | 0xB2 | 0xB5,
+        ) => Purpose::Read,
+        _ => Purpose::Change,
+    }
+}
+
+pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
+    let none = Reading::default();
+    // The data field has eight bytes; those of motion mode have one put before them.
+    let is_whole = reply.len() == 8 || reply.first() == Some(&MOTION_MODE) && reply.len() == 9;
+    if request.first() != reply.first() || !is_whole {
+        return None;
+    }
+    let word = |at: usize| Some(u16::from_le_bytes([*reply.get(at)?, *reply.get(at + 1)?]));
+    Some(match *reply.first()? {
+        0x80 | 0x81 => Reading { stops: true, ..none },
+        // §2.12: byte 3 is 1 while the brake is released
+        0x9A => Reading { faults: Some(word(6)?), locked: Some(*reply.get(3)? == 0), ..none },
+        // §2.13: 1 degree a second
+        0x9C => {
+            let speed = f64::from(word(4)?.cast_signed()) * PI / 180.0;
+            Reading { speed: Some(speed.abs()), ..none }
+        }
+        _ => none,
+    })
+}
+
+/// The data of an RS485 frame to or from a node (RS485 framing of §1).
+pub fn serial_frame(bytes: &[u8]) -> Option<(u8, [u8; 8])> {
+    let [0x3E, node, 8, data @ .., low, high] = bytes else { return None };
+    let sum = crc16(&bytes[..bytes.len() - 2]);
+    (sum == u16::from_le_bytes([*low, *high])).then_some((*node, data.try_into().ok()?))
+}
+
+/// CRC-16/MODBUS (PROTOCOL-NOTES R1).
+fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |sum, byte| {
+        (0..8).fold(
+            sum ^ u16::from(*byte),
+            |sum, _| {
+                if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 }
+            },
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksums_of_two_known_frames() {
+        assert_eq!(crc16(&[0x3E, 1, 8, 0x9C, 0, 0, 0, 0, 0, 0, 0]).to_le_bytes(), [0xF2, 0x30]);
+        let reply = [0x3E, 1, 8, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
+        assert_eq!(serial_frame(&reply), Some((1, [0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56])));
+        assert_eq!(serial_frame(&reply[1..]), None);
+    }
+
+    #[test]
+    fn what_moves_and_what_stops() {
+        assert_eq!(purpose(&[0xA2, 0, 0, 0, 0, 0, 0, 0]), Purpose::Motion { once: false });
+        assert_eq!(purpose(&[0xA8, 0, 0, 0, 0, 0, 0, 0]), Purpose::Motion { once: true });
+        assert_eq!(purpose(&motion_mode(&[0x80; 8])), Purpose::Motion { once: false });
+        assert_eq!(purpose(&[0x80, 0, 0, 0, 0, 0, 0, 0]), Purpose::Stop);
+        assert_eq!(purpose(&[0x9A, 0, 0, 0, 0, 0, 0, 0]), Purpose::Read);
+        assert_eq!(purpose(&[0x77, 0, 0, 0, 0, 0, 0, 0]), Purpose::Change);
+    }
+
+    #[test]
+    fn a_speed_and_a_fault_are_read() {
+        let speed = answer(&[0x9C], &[0x9C, 50, 1, 0, 0xF4, 1, 45, 0]).unwrap().speed.unwrap();
+        assert!((speed - 8.7266).abs() < 1e-3, "500 degrees a second");
+        let status = answer(&[0x9A], &[0x9A, 50, 0, 1, 0xE5, 1, 4, 0]).unwrap();
+        assert_eq!((status.faults, status.locked), (Some(4), Some(false)));
+        assert_eq!(answer(&[0x9A], &[0x9C, 0, 0, 0, 0, 0, 0, 0]), None);
+    }
+}

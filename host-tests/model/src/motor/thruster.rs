@@ -1,0 +1,71 @@
+//! Thruster manual.
+
+use super::{Purpose, Reading};
+use std::f64::consts::PI;
+
+/// What the data of a refusal end in (T6).
+const REFUSAL: [u8; 4] = [0, 0, 0xEE, 0xEE];
+
+pub(super) fn purpose(data: &[u8]) -> Purpose {
+    let value_is_zero = data.get(4..).is_some_and(|value| value.iter().all(|byte| *byte == 0));
+    match data.get(..2) {
+        // §2.1: signal and speed
+        Some(b"TC") if value_is_zero => Purpose::Stop,
+        Some(b"VC") if value_is_zero => Purpose::Rest,
+        Some(b"TC" | b"VC") => Purpose::Motion { once: false },
+        // §4: absolute, relative, emergency stop
+        Some(b"LA") => Purpose::Motion { once: false },
+        Some(b"LR") => Purpose::Motion { once: true },
+        Some(b"LS") => Purpose::Rest,
+        Some(b"QV" | b"QC" | b"QP" | b"QT" | b"EQ" | b"EF" | b"FR" | b"QA" | b"QR" | b"RP") => Purpose::Read,
+        _ => Purpose::Change,
+    }
+}
+
+pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
+    let none = Reading::default();
+    if request.get(..2)? != reply.get(..2)? {
+        return None;
+    }
+    let word = || Some(u16::from_be_bytes([*reply.get(6)?, *reply.get(7)?]));
+    let refused = reply.get(4..8) == Some(&REFUSAL);
+    Some(match reply.get(..2)? {
+        b"TC" if refused => Reading { refused, ..none },
+        b"TC" => {
+            // The device repeats the value that it has taken.
+            if request.get(4..8)? != reply.get(4..8)? {
+                return None;
+            }
+            Reading { stops: reply.get(4..8) == Some(&[0; 4]), ..none }
+        }
+        b"VC" | b"LA" | b"LR" => Reading { refused, ..none },
+        b"EF" => Reading { faults: Some(word()?), ..none },
+        // 1 rpm
+        b"QV" => Reading { speed: Some((f64::from(word()?.cast_signed()) * PI / 30.0).abs()), ..none },
+        _ => none,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signal_zero_stops_and_others_move() {
+        assert_eq!(purpose(&[0x54, 0x43, 0, 0, 0, 0, 0, 5]), Purpose::Motion { once: false });
+        assert_eq!(purpose(&[0x54, 0x43, 0, 0, 0, 0, 0, 0]), Purpose::Stop);
+        assert_eq!(purpose(&[0x4C, 0x52, 0, 9, 0, 0, 0, 1]), Purpose::Motion { once: true });
+        assert_eq!(purpose(&[0x45, 0x46, 0, 0]), Purpose::Read);
+        assert_eq!(purpose(&[0x43, 0x49, 0, 0, 0, 0, 0, 0x7F]), Purpose::Change);
+    }
+
+    #[test]
+    fn a_refusal_is_no_acknowledgement() {
+        let zero = [0x54, 0x43, 0, 0, 0, 0, 0, 0];
+        assert!(answer(&zero, &zero).unwrap().stops);
+        let refused = answer(&zero, &[0x54, 0x43, 0, 0, 0, 0, 0xEE, 0xEE]).unwrap();
+        assert!(refused.refused && !refused.stops);
+        let faults = answer(b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x08, 0]).unwrap().faults;
+        assert_eq!(faults, Some(0x0800));
+    }
+}

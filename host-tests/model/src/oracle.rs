@@ -1,0 +1,237 @@
+//! The oracle: what it is told, and what it is asked.
+
+use crate::axis::{Axis, Cause, Duty};
+use crate::bus::{Bus, BusKind, Held};
+use crate::link::Link;
+use crate::violation::{Check, Violation};
+use crate::wire::{Request, Told};
+
+/// A frame on a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame<'a> {
+    /// A CAN frame: its id, with bit 31 for 29 bits and bit 30 for a remote frame, and its data.
+    Can(u32, &'a [u8]),
+    /// Bytes on a serial line.
+    Serial(&'a [u8]),
+}
+
+impl Frame<'_> {
+    pub(crate) fn text(&self) -> String {
+        let (mut text, bytes) = match self {
+            Self::Can(id, data) => (format!("{id:03X}#"), data),
+            Self::Serial(bytes) => (String::new(), bytes),
+        };
+        bytes.iter().for_each(|byte| text += &format!("{byte:02X}"));
+        text
+    }
+}
+
+/// What a host may be silent for if it has set nothing else, µs (PROTOCOL.md, Gateway parameters).
+const LINK_SILENCE_US: u64 = 250_000;
+
+/// The model.
+#[derive(Debug)]
+pub struct Oracle {
+    pub(crate) axes: Vec<Axis>,
+    pub(crate) buses: Vec<Bus>,
+    pub(crate) links: Vec<Link>,
+    /// The link whose host reads everything at once: its events are the news.
+    pub(crate) listener: u8,
+    /// The link in command, and when it was last heard.
+    pub(crate) holder: Option<(u8, u64)>,
+    pub(crate) silence_us: u64,
+    pub(crate) e_stopped: bool,
+    /// The e-stop input is open: pressed, or its cable cut.
+    pub(crate) e_stop_open: bool,
+    pub(crate) violations: Vec<Violation>,
+    pub(crate) motions: u64,
+}
+
+impl Oracle {
+    /// The model of a gateway with these buses, and so many links and axes, of which nothing is configured. One host is
+    /// listening.
+    #[must_use]
+    pub fn new(buses: &[BusKind], links: usize, listener: u8, axes: usize) -> Self {
+        Self {
+            axes: (0..axes).map(|_| Axis::default()).collect(),
+            buses: buses.iter().map(|kind| Bus::new(*kind)).collect(),
+            links: (0..links).map(|_| Link::default()).collect(),
+            listener,
+            holder: None,
+            silence_us: LINK_SILENCE_US,
+            e_stopped: false,
+            e_stop_open: false,
+            violations: Vec::new(),
+            motions: 0,
+        }
+    }
+
+    /// Promises that were broken, in their order.
+    #[must_use]
+    pub fn violations(&self) -> &[Violation] {
+        &self.violations
+    }
+
+    /// Motion frames that were handed over so far.
+    #[must_use]
+    pub fn motions(&self) -> u64 {
+        self.motions
+    }
+
+    /// Whether some axis is armed, active or stopping.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        self.axes.iter().any(Axis::is_busy)
+    }
+
+    /// The state of an axis, as the gateway told it last.
+    #[must_use]
+    pub fn told(&self, axis: u8) -> Told {
+        self.axes.get(usize::from(axis)).map_or(Told::Unconfigured, |axis| axis.told)
+    }
+
+    /// The epoch of an armed axis, as the gateway told it.
+    #[must_use]
+    pub fn epoch(&self, axis: u8) -> Option<u32> {
+        self.axes.get(usize::from(axis)).and_then(|axis| axis.epoch)
+    }
+
+    /// Whether the axis owes a stop that its motor has not confirmed.
+    #[must_use]
+    pub fn owes_stop(&self, axis: u8) -> bool {
+        let duty = self.axes.get(usize::from(axis)).and_then(|axis| axis.duty.as_ref());
+        duty.is_some_and(|duty| !duty.confirmed)
+    }
+
+    /// Stop frames of an axis that have left since its stop became due.
+    #[must_use]
+    pub fn stops_left(&self, axis: u8) -> u32 {
+        self.axes.get(usize::from(axis)).and_then(|axis| axis.duty.as_ref()).map_or(0, |duty| duty.left)
+    }
+
+    /// Results that a link owes its host.
+    #[must_use]
+    pub fn owed(&self, link: u8) -> usize {
+        let records = self.links.get(usize::from(link)).map(|link| &link.records);
+        records.map_or(0, |records| records.iter().filter(|record| record.result.is_none()).count())
+    }
+
+    pub(crate) fn broken(&mut self, check: Check, at_us: u64, seen: String) {
+        self.violations.push(Violation { check, at_us, seen });
+    }
+
+    /// A port of a bus has handed a frame to its controller.
+    pub fn handed(&mut self, now: u64, bus: u8, slot: u8, frame: Frame<'_>) {
+        self.advance(now);
+        let Some(state) = self.buses.get(usize::from(bus)) else { return };
+        if state.held.iter().any(|held| held.slot == slot) {
+            self.broken(Check::StopNotFirst, now, format!("slot {slot} of bus {bus} is handed over twice"));
+        }
+        let held = self.judge(now, bus, slot, frame);
+        let state = &mut self.buses[usize::from(bus)];
+        if let (BusKind::Rs485 { echo: true }, Frame::Serial(bytes)) = (state.kind, frame) {
+            state.echo = bytes.iter().copied().collect();
+        }
+        state.heard.clear();
+        state.hand(now, held);
+    }
+
+    /// The gateway wants the frame in a slot back.
+    pub fn asked_back(&mut self, now: u64, bus: u8, slot: u8) {
+        self.advance(now);
+        let held =
+            self.buses.get_mut(usize::from(bus)).and_then(|b| b.held.iter_mut().find(|h| h.slot == slot));
+        if let Some(held) = held {
+            held.asked_back = true;
+        }
+    }
+
+    /// The frame in a slot has left.
+    pub fn left(&mut self, now: u64, bus: u8, slot: u8) {
+        self.advance(now);
+        let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
+        let Some(held) = state.take(now, slot) else { return };
+        self.count_left(now, usize::from(bus), held);
+    }
+
+    /// The frame in a slot has not left and will not: it was given back, or dropped.
+    pub fn withdrawn(&mut self, now: u64, bus: u8, slot: u8) {
+        self.advance(now);
+        let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
+        let Some(Held { axis: Some(axis), data, is_motion: true, .. }) = state.lose(now, slot) else {
+            return;
+        };
+        // It may be sent after all.
+        let permits = &mut self.axes[usize::from(axis)].permits;
+        permits.iter_mut().filter(|p| p.data.as_ref() == Some(&data)).for_each(|p| p.sent = false);
+    }
+
+    /// A controller has gone off, or sends again. What it held is reported by [`withdrawn`](Self::withdrawn) before.
+    pub fn bus_state(&mut self, now: u64, bus: u8, off: bool) {
+        self.advance(now);
+        let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
+        let was_off = state.off_since.is_some();
+        state.set_off(now, off);
+        if off && !was_off {
+            for axis in 0..self.axes.len() {
+                if self.axes[axis].bus() == Some(usize::from(bus)) && self.axes[axis].armed {
+                    self.owe_stop(axis, Cause::BusOff, now);
+                }
+            }
+        }
+    }
+
+    /// The e-stop input was read.
+    pub fn e_stop_input(&mut self, now: u64, open: bool) {
+        self.advance(now);
+        let pressed = open && !self.e_stop_open;
+        self.e_stop_open = open;
+        if pressed {
+            self.stop_on_request(now, &Request::EStop);
+        }
+    }
+
+    /// Everything that has come about by this instant has been told: what is due now?
+    pub fn settle(&mut self, now: u64) {
+        self.advance(now);
+        self.check_due(now);
+    }
+
+    /// A stop of this axis is due since `at`; permission to move has ended.
+    pub(crate) fn owe_stop(&mut self, index: usize, cause: Cause, at: u64) {
+        let Some(bus) = self.axes[index].bus().filter(|bus| *bus < self.buses.len()) else { return };
+        let axis = &mut self.axes[index];
+        axis.armed = false;
+        axis.epoch = None;
+        axis.permits.clear();
+        axis.revoked = Some((cause, at));
+        if axis.duty.is_some() {
+            return;
+        }
+        let mut before = 0;
+        for other in self.axes.iter_mut().filter(|other| other.bus() == Some(bus)) {
+            // They take turns, and in the controller the lower id goes first, be it that of a second stop: each of them may
+            // have to wait for the other.
+            if let Some(duty) = other.duty.as_mut() {
+                duty.k += 1;
+                before += 1;
+            }
+        }
+        self.axes[index].duty = Some(Duty {
+            cause,
+            since_us: at,
+            outside_us: self.buses[bus].outside_us(at),
+            k: 1 + before,
+            rests: false,
+            left: 0,
+            left_before: 0,
+            last: None,
+            acknowledged_us: None,
+            still: 0,
+            locking: false,
+            locked: false,
+            output_off: false,
+            confirmed: false,
+        });
+    }
+}

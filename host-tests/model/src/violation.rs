@@ -1,0 +1,73 @@
+//! The promises, one by one, and how a broken one is told.
+
+use std::fmt;
+
+/// A promise that is checked. `Gn` is its rule in the product's guarantees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Check {
+    /// G1: no motion frame for an axis that is not armed; native and raw ones included.
+    MotionUnarmed,
+    /// G2: no motion frame without a setpoint that still lives; refreshes included.
+    MotionExpired,
+    /// G4: no motion frame after a stop or a trip until the next arming.
+    MotionAfterStop,
+    /// G2: what is refreshed is the newest setpoint, unchanged.
+    MotionStale,
+    /// G2: native 0xA8, LR and D5 04, 05 go out exactly once.
+    MotionTwice,
+    /// G4: motion that waits in the controller when its axis is stopped is asked back.
+    MotionKept,
+    /// G2: broadcast motion is never sent.
+    Broadcast,
+    /// G5: the first stop frame leaves within its bound.
+    StopLate,
+    /// G4: until the first stop has left, nothing else is started on that bus.
+    StopNotFirst,
+    /// G4: every stop is sent at least twice.
+    StopOnce,
+    /// G4: a stop is repeated, until it is confirmed and while the axis is tripped.
+    StopForgotten,
+    /// G4: a stop is confirmed by its acknowledgement and, for hold and brake, two readings of standstill after that.
+    ConfirmedUnproved,
+    /// G4: what is sent is the stop action of the configuration.
+    WrongStopAction,
+    /// G1: a trip ends only by a request to clear it.
+    TripForgotten,
+    /// G1: only an arm request of the link in command arms.
+    ArmedUnasked,
+    /// G1: while the e-stop is latched nothing is armed.
+    EStopIgnored,
+    /// G1: a setpoint of another epoch is refused.
+    EpochIgnored,
+    /// G2: a setpoint is refused unless now < expiry ≤ now + TTL.
+    ExpiryIgnored,
+    /// G9: a link that is not in command is refused.
+    AuthorityIgnored,
+    /// G9: a request has at most one result, and a result belongs to a request.
+    ResultUnasked,
+    /// G9: every request has a result.
+    ResultMissing,
+    /// G9: a repeated request gets the same bytes.
+    ResultChanged,
+    /// G2: raw access only where it is open, and not while an axis there is armed.
+    RawUnopened,
+    /// G2: nothing changes a motor while its axis is armed.
+    ChangedWhileArmed,
+}
+
+/// A broken promise.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Violation {
+    /// Which.
+    pub check: Check,
+    /// When, µs of the gateway's time.
+    pub at_us: u64,
+    /// What was seen.
+    pub seen: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?} at {} µs: {}", self.check, self.at_us, self.seen)
+    }
+}

@@ -1,0 +1,11 @@
+//! The host protocol as PROTOCOL.md has it, read anew: frames, bodies, and the messages that the promises speak of.
+
+mod body;
+mod frame;
+mod message;
+mod request;
+
+pub use body::Body;
+pub use frame::{Deframer, Kind, Message, frame};
+pub use message::{News, Told, event};
+pub use request::{Clears, Request, Stops};

@@ -1,0 +1,194 @@
+//! The requests that the promises speak of (PROTOCOL.md, Requests).
+
+use super::body::Body;
+use super::frame::Message;
+
+/// What a host asks for. What the promises do not speak of is `Other`.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Request {
+    /// 0x0001
+    Hello,
+    /// 0x0003, and others that take authority and of which nothing else matters.
+    Takes,
+    /// 0x0004
+    ReleaseAuthority,
+    /// 0x0010: the link silence in microseconds, if it is that parameter.
+    LinkSilence(u32),
+    /// 0x0011
+    ConfigureBus { bus: u8, bitrate: u32, wholly_ours: bool, reply_window_us: u32 },
+    /// 0x0020: the value as its bits.
+    ConfigureAxis { axis: u8, parameter: u16, value: u32 },
+    /// 0x0023
+    RemoveAxis(u8),
+    /// 0x0024
+    Provision { axis: u8, timeout_ms: u32 },
+    /// 0x0030
+    Arm(u8),
+    /// 0x0031
+    Disarm(u8),
+    /// 0x0032
+    Stop(Stops),
+    /// 0x0033
+    EStop,
+    /// 0x0034
+    Clear(Clears),
+    /// 0x0035
+    ClearUnreachable(u8),
+    /// 0x0040
+    Setpoint { axis: u8, epoch: u32, expires_at_us: u32 },
+    /// 0x0042
+    MoveRelative { axis: u8, epoch: u32, expires_at_us: u32 },
+    /// 0x0043
+    Native { axis: u8, epoch: u32, expires_at_us: u32, data: Vec<u8> },
+    /// 0x0050
+    RawOpen(u8),
+    /// 0x0051: an arbitration id with its flags and data, or bytes.
+    RawSend { bus: u8, id: Option<u32>, data: Vec<u8> },
+    /// 0x0053
+    RawClose(u8),
+    /// Anything else, and what cannot be read.
+    Other,
+}
+
+/// Whom a `Stop` names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stops {
+    /// One axis.
+    Axis(u8),
+    /// All.
+    All,
+}
+
+/// What a `Clear` names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clears {
+    /// One axis.
+    Axis(u8),
+    /// The latched e-stop.
+    Gateway,
+}
+
+/// Gateway parameter `link_silence_us`.
+const LINK_SILENCE: u16 = 256;
+
+impl Request {
+    /// Reads a message of kind request.
+    pub fn read(message: &Message) -> Self {
+        Self::fields(message.number, Body(message.body())).unwrap_or(Self::Other)
+    }
+
+    fn fields(number: u16, mut body: Body<'_>) -> Option<Self> {
+        let b = &mut body;
+        let request = match number {
+            0x0001 => {
+                let _version = (b.u16()?, b.u16()?);
+                let _session = b.u32()?;
+                Self::Hello
+            }
+            0x0003 => Self::Takes,
+            0x0004 => Self::ReleaseAuthority,
+            0x0010 => {
+                let (parameter, value) = (b.u16()?, value(b)?);
+                if parameter == LINK_SILENCE { Self::LinkSilence(value) } else { Self::Takes }
+            }
+            0x0011 => Self::ConfigureBus {
+                bus: b.byte()?,
+                bitrate: b.u32()?,
+                wholly_ours: (b.byte()?, b.bool()?).1,
+                reply_window_us: b.u32()?,
+            },
+            0x0020 => Self::ConfigureAxis { axis: b.byte()?, parameter: b.u16()?, value: value(b)? },
+            0x0023 => Self::RemoveAxis(b.byte()?),
+            0x0024 => Self::Provision { axis: b.byte()?, timeout_ms: b.u32()? },
+            0x0030 => Self::Arm(b.byte()?),
+            0x0031 => Self::Disarm(b.byte()?),
+            0x0032 => Self::Stop(match b.varint(32)? {
+                0 => Stops::Axis(b.byte()?),
+                1 => Stops::All,
+                _ => return None,
+            }),
+            0x0033 => Self::EStop,
+            0x0034 => Self::Clear(match b.varint(32)? {
+                0 => Clears::Axis(b.byte()?),
+                1 => Clears::Gateway,
+                _ => return None,
+            }),
+            0x0035 => Self::ClearUnreachable(b.byte()?),
+            0x0040 => {
+                let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
+                let numbers = match b.varint(32)? {
+                    0..=2 => 1,
+                    3 => 2,
+                    4 => 5,
+                    _ => return None,
+                };
+                for _ in 0..numbers {
+                    b.f32()?;
+                }
+                Self::Setpoint { axis, epoch, expires_at_us }
+            }
+            0x0042 => {
+                let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
+                let _distance_and_speed = (b.f32()?, b.f32()?);
+                Self::MoveRelative { axis, epoch, expires_at_us }
+            }
+            0x0043 => {
+                let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
+                Self::Native { axis, epoch, expires_at_us, data: b.bytes(8)?.to_vec() }
+            }
+            0x0050 => Self::RawOpen(b.byte()?),
+            0x0051 => {
+                let bus = b.byte()?;
+                match b.varint(32)? {
+                    0 => Self::RawSend { bus, id: Some(b.u32()?), data: b.bytes(8)?.to_vec() },
+                    1 => Self::RawSend { bus, id: None, data: b.bytes(64)?.to_vec() },
+                    _ => return None,
+                }
+            }
+            0x0052 => {
+                b.byte()?;
+                Self::Takes
+            }
+            0x0053 => Self::RawClose(b.byte()?),
+            _ => Self::Other,
+        };
+        if request == Self::Other { Some(request) } else { body.end(request) }
+    }
+
+    /// Whether it takes authority, or is refused where another link has it. A native command does by what its bytes do.
+    pub fn takes_authority(&self) -> bool {
+        match self {
+            Self::Takes
+            | Self::LinkSilence(_)
+            | Self::ConfigureBus { .. }
+            | Self::ConfigureAxis { .. }
+            | Self::RemoveAxis(_)
+            | Self::Provision { .. }
+            | Self::Arm(_)
+            | Self::Clear(_)
+            | Self::ClearUnreachable(_)
+            | Self::Setpoint { .. }
+            | Self::MoveRelative { .. }
+            | Self::RawOpen(_)
+            | Self::RawSend { .. }
+            | Self::RawClose(_) => true,
+            Self::Hello
+            | Self::ReleaseAuthority
+            | Self::Disarm(_)
+            | Self::Stop(_)
+            | Self::EStop
+            | Self::Native { .. }
+            | Self::Other => false,
+        }
+    }
+}
+
+/// A `Value` as its bits: a signed one zigzag, as it comes.
+fn value(body: &mut Body<'_>) -> Option<u32> {
+    match body.varint(32)? {
+        0 => body.bool().map(u32::from),
+        1 | 2 => body.u32(),
+        3 => body.f32().map(f32::to_bits),
+        _ => None,
+    }
+}
