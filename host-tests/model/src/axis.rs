@@ -220,11 +220,6 @@ impl Axis {
             && self.stop_action().is_some()
     }
 
-    /// Whether its stop has an id that replies and other stops go before (G5: thrusters).
-    pub fn is_outranked(&self) -> bool {
-        self.protocol() == Some(Protocol::Thruster)
-    }
-
     /// Whether the gateway says that it may move or is about to.
     pub fn is_busy(&self) -> bool {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)

@@ -1,5 +1,6 @@
 //! One bus: what its controller holds, and the time that the gateway is not to blame for.
 
+use crate::motor::Protocol;
 use std::collections::VecDeque;
 
 /// What a bus is.
@@ -99,11 +100,18 @@ impl Bus {
     /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which says when it starts, and the
     /// frame itself. Foreign frames (I of G5) are time of others. m, the replies that go before a thruster's stop, is in it;
     /// allowance: the replies themselves are time of others too, what goes in their place is another axis's second stop.
-    pub fn stop_bound_us(&self, k: u64, outranked: bool) -> u64 {
+    pub fn stop_bound_us(&self, k: u64, protocol: Option<Protocol>) -> u64 {
         let frame = self.frame_us();
         if self.is_can() {
-            let replies = if outranked { MAX_OUTSTANDING } else { 0 };
-            return SOFTWARE_US + frame * (2 * k - 1 + replies) + frame;
+            let further = match protocol {
+                // Its id is one that replies and other stops go before.
+                Some(Protocol::Thruster) => MAX_OUTSTANDING * frame,
+                // Requests and replies have one id: two that are sent together destroy each other. Allowance: its stop waits
+                // for a reply that is due, as on RS485.
+                Some(Protocol::D5) => self.window_us.min(WINDOW_DELAY_US) + frame,
+                Some(Protocol::Rmd) | None => 0,
+            };
+            return SOFTWARE_US + frame * (2 * k - 1) + further + frame;
         }
         let exchange = 2 * frame + self.window_us.min(WINDOW_DELAY_US);
         SOFTWARE_US

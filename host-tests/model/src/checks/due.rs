@@ -113,7 +113,7 @@ impl Oracle {
             // What has been handed over leaves by itself.
             let number = u8::try_from(index).ok();
             let handed = bus.held.iter().any(|held| held.is_stop && held.axis == number);
-            if used > bus.stop_bound_us(duty.k, axis.is_outranked()) && !handed && !duty.rests {
+            if used > bus.stop_bound_us(duty.k, axis.protocol()) && !handed && !duty.rests {
                 let seen =
                     format!("axis {index}: no stop after {used} µs, {:?} at {}", duty.cause, duty.since_us);
                 self.broken(Check::StopLate, now, seen);

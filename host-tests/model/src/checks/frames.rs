@@ -225,7 +225,6 @@ impl Oracle {
         });
         axis.asked.push(Asked { data: held.data.clone(), handed_us: held.handed_us, left_us: now });
         // One that was on its way before the cause stops the motor as well: it has left after it.
-        let outranked = axis.is_outranked();
         let Some(duty) = axis.duty.as_mut() else { return };
         let first = held.data.first();
         if held.is_stop || held.is_step {
@@ -238,7 +237,7 @@ impl Oracle {
             duty.left += 1;
             if duty.left == 1 && !duty.rests {
                 let used = (now - duty.since_us).saturating_sub(outside - duty.outside_us);
-                let bound = self.buses[bus].stop_bound_us(duty.k, outranked);
+                let bound = self.buses[bus].stop_bound_us(duty.k, protocol);
                 if used > bound {
                     let seen =
                         format!("axis {index}: first stop after {used} µs of {bound}, {:?}", duty.cause);
