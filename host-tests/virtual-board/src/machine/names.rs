@@ -24,7 +24,9 @@ impl Names {
     pub(crate) fn read(file: &[u8]) -> Result<Self, object::Error> {
         let file = object::File::parse(file)?;
         let named = |symbol: object::Symbol<'_, '_>| {
-            let name = symbol.name().ok().filter(|_| symbol.size() > 0)?.to_owned();
+            // The compiler's own tables begin with a dot.
+            let has_a_place = |name: &&str| symbol.size() > 0 && !name.starts_with('.');
+            let name = symbol.name().ok().filter(has_a_place)?.to_owned();
             // The lowest bit of a function's address says that it is Thumb code; no static here is odd.
             Some((name, Named { address: symbol.address() & !1, size: symbol.size() }))
         };

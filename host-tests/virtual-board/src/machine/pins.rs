@@ -77,7 +77,7 @@ impl PinProbe<'_> {
 
 impl Part {
     /// Drives a pin from outside from `at` on; `None` lets go of it.
-    pub(crate) fn drive_pin(&mut self, pin: Pin, level: Option<Level>, at: VirtualNanos) {
+    pub fn drive_pin(&mut self, pin: Pin, level: Option<Level>, at: VirtualNanos) {
         let number = gpio::Pin::new(pin.number()).expect("a port has sixteen pins");
         self.stm32.drive_port(at, pin.port(), |gpio, registers, context| {
             gpio.drive(number, level, registers, context);

@@ -1,15 +1,19 @@
 //! Faults planted in the unmodified image while it runs: a few instructions in flash that the image leaves free, and a
 //! branch there from a function, or from one task in place of its own code.
 
+use std::time::Duration;
+
+use rigless::emulator::Watch;
 use rigless::soc::Width;
 
 use super::Machine;
 use super::names::Named;
+use crate::nodes::since_start;
 
 /// Where the image has nothing: the last sector of the flash.
-const FREE: u64 = 0x081F_F000;
-/// `B .`: a loop of one instruction (ARMv7-M, A7.7.12).
-const BRANCH_TO_ITSELF: u16 = 0xE7FE;
+pub(super) const FREE: u64 = 0x081F_F000;
+/// `NOP`, then `B .`, a loop of one instruction (ARMv7-M, A7.7.88 and A7.7.12): the core comes by the first of them once.
+const HANG: [u16; 2] = [0xBF00, 0xE7FE];
 /// `UDF #0`: undefined for ever (A7.7.194).
 const UNDEFINED: u16 = 0xDE00;
 /// What a wrong index calls: the index, the length, the place in the source.
@@ -56,12 +60,17 @@ impl Machine {
     /// If the image has no such place.
     pub fn plant(&mut self, place: Place<'_>, fault: &Fault) {
         let code = match fault {
-            Fault::Hang => vec![BRANCH_TO_ITSELF],
+            Fault::Hang => HANG.to_vec(),
             Fault::HardFault => vec![UNDEFINED],
             Fault::Panic => self.panicking(),
             Fault::Code(code) => code.clone(),
         };
         self.program(FREE, &code);
+        self.core.order(|session, _, _, recorder| {
+            session.unwatch(Watch::Instruction(FREE));
+            session.watch(Watch::Instruction(FREE));
+            recorder.forget_strike();
+        });
         match place {
             Place::Function(path) => {
                 let at = self.names.get(path).address;
@@ -75,6 +84,11 @@ impl Machine {
                 self.write_memory(entry, &pointer.to_le_bytes());
             }
         }
+    }
+
+    /// When the last fault that was planted struck first, since the board was switched on.
+    pub fn struck(&mut self) -> Option<Duration> {
+        self.core.order(|_, _, _, recorder| recorder.strike()).map(since_start)
     }
 
     /// Gives the function of the last [`Place::Function`] its own instructions back.
@@ -108,10 +122,10 @@ impl Machine {
         // LDR r0, r1, r2 and pc from the words behind it (A7.7.44).
         let mut code = vec![0x4802, 0x4903, 0x4A03, 0xF8DF, 0xF010, 0xBF00];
         let word = |address: u64| u32::try_from(address).expect("32 bits");
-        let length = u32::try_from(FILE.len() + 1).expect("short");
-        // What the call takes, where it leads, and a `core::panic::Location`, whose file name ends with a zero.
+        let length = u32::try_from(FILE.len()).expect("short");
+        // What the call takes, where it leads, and a `core::panic::Location`; a zero follows the name of its file.
         for word in [INDEX, LENGTH, word(location), word(panic), word(file), length, LINE, COLUMN] {
-            code.extend([word as u16, (word >> 16) as u16]);
+            code.extend(halves(word));
         }
         let mut name = FILE.as_bytes().to_vec();
         name.resize(FILE.len().next_multiple_of(2) + 2, 0);
@@ -133,6 +147,12 @@ impl Machine {
             }
         });
     }
+}
+
+/// A word as two halves, in the order of memory.
+fn halves(word: u32) -> [u16; 2] {
+    let [a, b, c, d] = word.to_le_bytes();
+    [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }
 
 /// `B.W`, from and to a Thumb address (A7.7.12, encoding T4).

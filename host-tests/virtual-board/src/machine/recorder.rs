@@ -7,6 +7,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
+use super::plant::FREE;
 use super::retention::Retention;
 use crate::part::Part;
 use crate::pins::OutputLog;
@@ -35,6 +36,7 @@ pub struct Recorder {
     rtt: Vec<u8>,
     outputs: OutputLog,
     retention: Retention,
+    strike: Option<VirtualNanos>,
     #[serde(skip)]
     hits: Vec<Hit>,
 }
@@ -50,6 +52,7 @@ impl Recorder {
             rtt: Vec::new(),
             outputs: OutputLog::default(),
             retention: Retention::default(),
+            strike: None,
             hits: Vec::new(),
         }
     }
@@ -74,13 +77,25 @@ impl Recorder {
         }
     }
 
-    /// A hit of a watch. Stores into the retained RAM are always watched, and no test's.
+    /// A hit of a watch. Stores into the retained RAM and planted faults are always watched, and no test's.
     pub fn hit(&mut self, hit: Hit, host: &mut dyn Host) {
-        if hit.kind == HitKind::Write && Retention::holds(hit.address) {
-            self.retention.written(hit.address, host);
-        } else {
-            self.hits.push(hit);
+        match hit.kind {
+            HitKind::Write if Retention::holds(hit.address) => self.retention.written(hit.address, host),
+            HitKind::Instruction if hit.address == FREE => {
+                self.strike.get_or_insert(hit.at);
+            }
+            HitKind::Write | HitKind::Instruction => self.hits.push(hit),
         }
+    }
+
+    /// When a planted fault struck first.
+    pub fn strike(&self) -> Option<VirtualNanos> {
+        self.strike
+    }
+
+    /// Another fault is planted.
+    pub fn forget_strike(&mut self) {
+        self.strike = None;
     }
 
     /// The part was reset, or is held in reset.

@@ -5,6 +5,7 @@ mod host_link;
 mod line_noise;
 mod mute_motor;
 mod overflow;
+mod pins;
 mod reset;
 mod two_hosts;
 
@@ -53,8 +54,19 @@ faults! {
     line_noise::a_quiet_spell_of_noise_on_rs485_is_only_counted
     line_noise::an_error_on_a_line_brings_nothing_old_back
     overflow::frames_lost_in_the_controller_are_counted_and_nothing_sticks
-    reset::after_a_reset_the_motors_stop_by_their_own_timeouts
-    reset::after_a_reset_the_host_configures_again_and_stops
+    pins::an_opened_e_stop_input_stops_every_axis
+    pins::an_opened_e_stop_input_stays_latched_over_a_reset
+    pins::the_enable_output_is_inactive_from_a_panic_until_the_stops_have_left
+    pins::the_enable_output_is_inactive_while_an_axis_is_unreachable
+    pins::the_light_shows_the_state
+    reset::the_reset_pin_in_mid_motion_is_followed_by_stops
+    reset::a_reset_by_software_in_mid_motion_is_followed_by_stops
+    reset::a_hang_of_any_task_is_followed_by_stops
+    reset::a_hang_of_the_core_is_followed_by_stops
+    reset::a_panic_in_a_task_is_followed_by_stops
+    reset::a_hard_fault_is_followed_by_stops
+    reset::a_power_cycle_leaves_nothing_configured_and_says_so
+    reset::after_a_reset_an_axis_is_cleared_and_moves_again
     two_hosts::the_second_host_may_read_and_stop_and_not_command
     two_hosts::an_emergency_stop_from_the_second_host_reaches_every_bus_at_once
 }

@@ -138,9 +138,14 @@ impl Lab {
             self.client.configure_axis(axis, parameter, Value::Unsigned(value)).expect("a parameter");
         }
         if protocol != Protocol::D5 {
-            let ms = u32::try_from(MOTOR_TIMEOUT.as_millis()).expect("small");
-            self.client.provision_motor_timeout(axis, ms).expect("the motor's own timeout");
+            self.provision_timeout(axis);
         }
+    }
+
+    /// Tells a motor its own timeout.
+    pub fn provision_timeout(&mut self, axis: u8) {
+        let ms = u32::try_from(MOTOR_TIMEOUT.as_millis()).expect("small");
+        self.client.provision_motor_timeout(axis, ms).expect("the motor's own timeout");
     }
 
     /// Lets the setpoints of an axis be valid for longer.

@@ -8,10 +8,12 @@ use std::time::Duration;
 
 use rigless::device::ResetCause;
 use rigless::emulator::{HitKind, Watch};
-use rigless::mcu::Operate;
-use rigless::soc::Width;
+use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
-use virtual_board::machine::{Machine, Reports};
+use virtual_board::machine::{Fault, Machine, Place, Reports};
+use virtual_board::nodes::since_start;
+use virtual_board::part::Part;
+use virtual_board::pins::E_STOP;
 
 /// Long enough for the start-up: it takes 3 ms.
 const STARTED: Duration = Duration::from_millis(20);
@@ -24,6 +26,18 @@ const EXPECTED_TOLD: [(&str, &str, &str); 2] = [
     ("RCC", "PLLCKSELR", "PLL"),
 ];
 
+/// What answers from its registers alone, each with its reason.
+const EXPECTED_UNIMPLEMENTED: [&str; 3] = [
+    // Trims the oscillator of the USB: its frequency is exact here.
+    "CRS",
+    // The USB with nothing plugged in: see `virtual_board::usb`.
+    "OTG2_HS_DEVICE",
+    "OTG2_HS_PWRCLK",
+];
+
+/// GHWCFG4 of the USB, which the emulator's table does not have: the driver reads the width of a transceiver that it does not use.
+const EXPECTED_UNDEFINED: u64 = 0x4008_0050;
+
 fn started() -> Machine {
     let mut machine = Machine::builder().power_on();
     machine.run_for(STARTED);
@@ -31,10 +45,16 @@ fn started() -> Machine {
 }
 
 fn assert_no_gaps(reports: &Reports) {
-    assert!(reports.unimplemented.is_empty(), "{:?}", reports.unimplemented);
+    for gap in reports.unimplemented.values() {
+        assert!(EXPECTED_UNIMPLEMENTED.contains(&gap.instance), "{gap:?}");
+    }
     assert!(reports.unmapped.is_empty(), "{:?}", reports.unmapped);
     assert!(reports.refused.is_empty(), "{:?}", reports.refused);
-    assert!(reports.undefined.is_empty(), "{:?}", reports.undefined);
+    assert!(
+        reports.undefined.keys().all(|address| *address == EXPECTED_UNDEFINED),
+        "{:?}",
+        reports.undefined
+    );
     assert!(reports.unrouted.is_empty(), "{:?}", reports.unrouted);
     for told in &reports.told {
         let expected = EXPECTED_TOLD.iter().any(|(instance, register, word)| {
@@ -87,6 +107,35 @@ fn a_machine_goes_on_from_a_snapshot_as_the_one_it_was_taken_of() {
     }
 }
 
+/// Done in a branch, a run is the same as done by the board itself afterwards.
+#[test]
+fn a_branch_runs_as_the_board_does_which_never_knows() {
+    let mut machine = started();
+    let (after, span) = (Duration::from_micros(123), Duration::from_millis(30));
+    let open = |part: &mut Part, at| part.drive_pin(E_STOP, None, at);
+    let registers = |part: &mut Part| {
+        format!("{:?}", part.stm32.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
+    };
+    let before = (machine.now(), machine.access_digest());
+    let branched =
+        [(); 2].map(|()| machine.branch(after, open, span, move |part| registers(part).into_bytes()));
+    assert_eq!(branched[0], branched[1]);
+    assert_eq!((machine.now(), machine.access_digest()), before);
+    let untouched = machine.branch(after, |_, _| {}, span, move |part| registers(part).into_bytes());
+    assert!(untouched != branched[0], "the input was opened in the others");
+    machine.run_for(after);
+    machine.open_e_stop(true);
+    machine.run_for(span);
+    let itself = registers(machine.part_mut());
+    assert!(itself.into_bytes() == branched[0]);
+}
+
+#[test]
+#[should_panic(expected = "the branch failed")]
+fn a_branch_that_panics_is_told() {
+    started().branch(Duration::ZERO, |_, _| panic!("in the branch"), Duration::ZERO, |_| Vec::new());
+}
+
 #[test]
 fn the_core_is_as_fast_as_it_is_told() {
     let mut slow = Machine::builder().instructions_per_second(100_000_000).power_on();
@@ -113,22 +162,24 @@ fn the_reset_pin_starts_it_again() {
     assert_ne!(second_log, first_log, "it was started by the pin this time");
 }
 
+/// RCC_RSR and its flag of the watchdog (RM0433 §8.7.39), which the firmware reads before it clears it.
 #[test]
 fn the_watchdog_resets_the_part_when_nobody_feeds_it() {
-    const IWDG_KR: u64 = 0x5800_4800;
     let mut machine = started();
-    let now = VirtualNanos(u64::try_from(machine.now().as_nanos()).unwrap());
-    machine.part_mut().write(now, IWDG_KR, Width::W32, 0xCCCC).unwrap();
-    // 4096 counts of 4 cycles of the 32 kHz LSI, once that runs.
-    machine.run_for(Duration::from_millis(510));
-    assert_eq!(machine.reports().resets, []);
-    machine.run_for(Duration::from_millis(10));
-    let resets = machine.reports().resets;
-    assert_eq!(resets.len(), 1);
-    assert_eq!(resets[0].cause, ResetCause::Model("IWDG"));
-    assert!(!machine.part().iwdg.is_started());
     machine.run_for(Duration::from_secs(1));
-    assert_eq!(machine.reports().resets.len(), 1, "a reset stops it");
+    assert_eq!(machine.reports().resets, [], "it is fed");
+    assert!(machine.part().iwdg.is_started());
+    machine.plant(Place::Task("motor_gateway::tasks::supervisor::supervisor", 0), &Fault::Hang);
+    assert!(machine.run_until(Duration::from_millis(100), |machine| !machine.reports().resets.is_empty()));
+    let resets = machine.reports().resets;
+    assert_eq!(resets[0].cause, ResetCause::Model("IWDG"));
+    let (hung, reset) = (machine.struck().unwrap(), since_start(resets[0].at));
+    // The last feed was at most 10 ms before.
+    let took = reset - hung;
+    assert!((Duration::from_millis(39)..Duration::from_millis(51)).contains(&took), "{took:?}");
+    assert!(!machine.part().iwdg.is_started(), "a reset stops it");
+    machine.run_for(STARTED);
+    assert!(machine.part().iwdg.is_started(), "and the firmware starts it again");
 }
 
 #[test]

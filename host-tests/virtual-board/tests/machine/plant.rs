@@ -4,11 +4,10 @@ use std::time::Duration;
 
 use rigless::device::ResetCause;
 use virtual_board::machine::{Fault, Machine, Place};
-use virtual_board::pins::LIGHT;
 
 use crate::started;
 
-const LIFE: Place<'_> = Place::Task("motor_gateway::tasks::life::life", 0);
+const LIGHT_TASK: Place<'_> = Place::Task("motor_gateway::tasks::light::light", 0);
 
 /// The causes of the resets since the board was switched on.
 fn resets(machine: &mut Machine) -> Vec<ResetCause> {
@@ -18,18 +17,18 @@ fn resets(machine: &mut Machine) -> Vec<ResetCause> {
 #[test]
 fn a_hang_in_a_task_takes_the_processor_for_good() {
     let mut machine = started();
-    machine.run_for(Duration::from_secs(1));
-    let blinked = machine.probe(LIGHT).changed();
-    machine.plant(LIFE, &Fault::Hang);
-    machine.run_for(Duration::from_secs(3));
-    assert_eq!(machine.probe(LIGHT).changed(), blinked);
-    assert_eq!(resets(&mut machine), []);
+    assert_eq!(machine.struck(), None);
+    machine.plant(LIGHT_TASK, &Fault::Hang);
+    assert!(machine.run_until(Duration::from_millis(200), |machine| machine.struck().is_some()));
+    let reset = |machine: &mut Machine| !machine.reports().resets.is_empty();
+    assert!(machine.run_until(Duration::from_millis(60), reset), "nobody fed the watchdog");
+    assert_eq!(resets(&mut machine), [ResetCause::Model("IWDG")]);
 }
 
 #[test]
 fn a_panic_in_a_task_starts_the_part_again() {
     let mut machine = started();
-    machine.plant(LIFE, &Fault::Panic);
+    machine.plant(LIGHT_TASK, &Fault::Panic);
     machine.run_for(Duration::from_secs(1));
     assert_eq!(resets(&mut machine), [ResetCause::Core]);
 }

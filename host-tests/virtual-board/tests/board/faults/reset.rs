@@ -1,66 +1,258 @@
-//! The part is reset in mid-motion. Nothing is remembered over a reset yet, so the motors' own timeouts act, or the host.
+//! The part starts again in mid-motion, for every reason there is: the stops leave before a host hears anything, the reason is
+//! told, and what moved is tripped (GUARANTEES G6, G8).
 
 use std::time::Duration;
 
-use host_protocol::{AxisState, BootReason, StopTarget};
-use mgw_sim::MotorEvent;
+use host_protocol::requests::Ping;
+use host_protocol::{AxisState, BootReason, Call, Incident, Kind, MAX_FRAME, TripReason, encode};
+use mgw_sim::Motor;
+use virtual_board::machine::{Fault, Place};
+use virtual_board::nodes::since_start;
 
-use crate::lab::{AXES, Lab, NAMES, bus_of};
-use crate::log;
+use crate::lab::{AXES, Lab, NAMES, RMD, bus_of, turning};
 use crate::reaction::Reaction;
 
-/// The D5's own timeout.
-const D5_TIMEOUT: Duration = Duration::from_secs(2);
+/// From a hang to the first stop (GUARANTEES G6), and so from anything that is over sooner.
+pub const HANG: Duration = Duration::from_millis(150);
+/// Until whoever will be planted with a fault has the processor next.
+const STRIKES: Duration = Duration::from_millis(200);
+/// For every motor to come to rest and confirm it.
+const AFTERWARDS: Duration = Duration::from_millis(1_500);
 
-fn reset_in_motion() -> (Lab, Duration) {
-    let mut lab = Lab::configured();
-    lab.moving(&AXES);
-    log::take(&mut lab.machine.borrow_mut());
-    let at = lab.now();
-    lab.machine.borrow_mut().reset_by_pin();
-    (lab, at)
+/// What starts the part again.
+#[derive(Debug, Clone, Copy)]
+enum Cause<'a> {
+    /// The reset pin.
+    Pin,
+    /// A fault at a place: what the firmware then says of it begins like that.
+    Planted(Place<'a>, &'a Fault, &'a str),
 }
 
-/// Nobody says a word to the motors: each stops when its own timeout strikes, and not before.
-pub fn after_a_reset_the_motors_stop_by_their_own_timeouts() -> Vec<Reaction> {
-    let (mut lab, at) = reset_in_motion();
-    lab.run_for(Duration::from_millis(500));
-    AXES.iter().for_each(|axis| lab.assert_turning(*axis));
-    lab.run_for(D5_TIMEOUT);
+/// A task of the firmware.
+const fn task(path: &str, index: usize) -> Place<'_> {
+    Place::Task(path, index)
+}
+
+/// All four motors turn; a host asks all the while. Then that, and everything that must follow.
+fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    lab.moving(&AXES);
+    let before = lab.now();
+    let (at, words) = match cause {
+        Cause::Pin => {
+            lab.machine.borrow_mut().reset_by_pin();
+            (lab.now(), "")
+        }
+        Cause::Planted(place, fault, words) => {
+            let mut machine = lab.machine.borrow_mut();
+            machine.plant(place, fault);
+            let strikes = machine.run_until(STRIKES, |machine| machine.struck().is_some());
+            assert!(strikes, "{place:?} never has the processor");
+            if matches!(place, Place::Function(_)) {
+                machine.run_until(HANG, |machine| !machine.reports().resets.is_empty());
+                machine.heal();
+            }
+            (machine.struck().expect("it struck"), words)
+        }
+    };
+    ask_all_the_while(&lab);
+    let reset = lab.machine.borrow_mut().reports().resets.last().map(|reset| since_start(reset.at));
+    let reset = reset.unwrap_or_else(|| panic!("{name}: the part was not started again"));
+    let first_answer = first_byte_to_a_host(&lab, reset);
+    let reactions: Vec<Reaction> = AXES
+        .into_iter()
+        .map(|axis| {
+            let stop = lab.first_stop(axis, at);
+            assert!(stop.first_bit > reset, "axis {axis}: the new run stops it");
+            assert!(
+                stop.first_bit < first_answer,
+                "axis {axis}: stopped at {stop:?}, host at {first_answer:?}"
+            );
+            Reaction::new(name, NAMES[usize::from(axis)], at, &stop, HANG)
+        })
+        .collect();
+    lab.run_for(AFTERWARDS);
+    lab.client.reconnect().expect("hello");
+    assert_eq!(lab.client.hello().boot, boot, "{name}");
+    let told = lab.client.last_words().expect("a text");
+    assert!(told.starts_with(words) && told.is_empty() == words.is_empty(), "{name}: {told:?}");
+    assert_eq!(lab.client.hello().panic_recorded, !words.is_empty());
     for axis in AXES {
-        let log = lab.motor_log(axis, at);
-        assert!(log.iter().any(|event| matches!(event, MotorEvent::Timeout { .. })), "axis {axis}: {log:?}");
+        lab.assert_stopped_by_gateway(axis, before);
+        assert_eq!(lab.trip(axis), Some((TripReason::Reset, true)), "{name}, axis {axis}");
+    }
+    assert_remembered(&mut lab, boot, !words.is_empty());
+    assert_resets_are(&lab, 1);
+    reactions
+}
+
+/// Until well behind the restart and its stops.
+fn ask_all_the_while(lab: &Lab) {
+    let mut frame = [0; MAX_FRAME];
+    let length = encode(Kind::Request, 0x7000, Ping::NUMBER, &Ping {}, &mut frame).expect("it fits");
+    let mut machine = lab.machine.borrow_mut();
+    for _ in 0..300 {
+        machine.line(lab.outside.hosts[1]).send(&frame[..length]);
+        machine.run_for(Duration::from_millis(1));
+    }
+}
+
+/// When the first byte after an instant had arrived at a host.
+fn first_byte_to_a_host(lab: &Lab, since: Duration) -> Duration {
+    let mut machine = lab.machine.borrow_mut();
+    let firsts = lab.outside.hosts.map(|host| {
+        let received = machine.line(host).take_timed();
+        received.iter().map(|received| received.at).find(|at| *at > since)
+    });
+    firsts.into_iter().flatten().min().expect("the host that asks is answered at last")
+}
+
+/// The history has the trips of all axes, behind this start and the first one.
+fn assert_remembered(lab: &mut Lab, boot: BootReason, words: bool) {
+    let incidents = lab.client.incidents().expect("the history");
+    let started = Incident::Started { start: 2, boot, last_words: words };
+    assert!(incidents.contains(&started), "{incidents:?}");
+    for axis in AXES {
+        let of_axis = |incident: &&Incident| {
+            matches!(incident, Incident::Tripped { start: 2, axis: tripped, trip }
+                if *tripped == axis && trip.reason == TripReason::Reset)
+        };
+        assert_eq!(incidents.iter().filter(of_axis).count(), 1, "axis {axis}: {incidents:?}");
+    }
+}
+
+fn assert_resets_are(lab: &Lab, expected: usize) {
+    let resets = lab.machine.borrow_mut().reports().resets;
+    assert_eq!(resets.len(), expected, "{resets:?}");
+}
+
+pub fn the_reset_pin_in_mid_motion_is_followed_by_stops() -> Vec<Reaction> {
+    restarts("reset by pin", Cause::Pin, BootReason::Pin)
+}
+
+/// The firmware writes SYSRESETREQ to AIRCR itself (ARMv7-M, B3.2.6), out of a task, without a word.
+pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction> {
+    // LDR r0, LDR r1, STR r1, [r0]; B .; the words 0xE000ED0C and 0x05FA0004.
+    let reset = Fault::Code(vec![0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA]);
+    let place = task("motor_gateway::tasks::light::light", 0);
+    restarts("reset by software", Cause::Planted(place, &reset, ""), BootReason::Software)
+}
+
+/// Each kind of task.
+pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
+    let hangs = [
+        ("hang of a CAN task", "motor_gateway::tasks::can::can", 0, "watchdog: no life from bus 0"),
+        ("hang of the other CAN task", "motor_gateway::tasks::can::can", 1, "watchdog: no life from bus 1"),
+        ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, "watchdog: no life from bus 2"),
+        (
+            "hang of a host's receiver",
+            "motor_gateway::tasks::host::receive",
+            0,
+            "watchdog: no life from host link 0",
+        ),
+        (
+            "hang of a host's sender",
+            "motor_gateway::tasks::host::send",
+            1,
+            "watchdog: no life from host link 1",
+        ),
+        (
+            "hang of the deadline task",
+            "motor_gateway::tasks::deadline::deadline",
+            0,
+            "watchdog: no life from deadlines",
+        ),
+        (
+            "hang of the e-stop task",
+            "motor_gateway::tasks::safety::e_stop",
+            0,
+            "watchdog: no life from e-stop input",
+        ),
+        ("hang of the USB task", "motor_gateway::tasks::usb::usb", 0, "watchdog: no life from USB"),
+        ("hang of the light's task", "motor_gateway::tasks::light::light", 0, "watchdog: no life from light"),
+        ("hang of the supervisor", "motor_gateway::tasks::supervisor::supervisor", 0, "watchdog: "),
+    ];
+    let hang = |(name, path, index, words)| {
+        restarts(name, Cause::Planted(task(path, index), &Fault::Hang, words), BootReason::Watchdog)
+    };
+    hangs.into_iter().flat_map(hang).collect()
+}
+
+/// The core itself hangs, in the middle of an event: the executor never has the processor again.
+pub fn a_hang_of_the_core_is_followed_by_stops() -> Vec<Reaction> {
+    let place = Place::Function("gateway::gateway::Gateway::handle");
+    restarts("hang of the core", Cause::Planted(place, &Fault::Hang, "watchdog: "), BootReason::Watchdog)
+}
+
+pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
+    let words = "panic at planted.rs:11: index out of bounds: the len is 3 but the index is 7";
+    let panics = [
+        ("panic in a CAN task", task("motor_gateway::tasks::can::can", 0)),
+        ("panic in the deadline task", task("motor_gateway::tasks::deadline::deadline", 0)),
+        ("panic in a host's receiver", task("motor_gateway::tasks::host::receive", 0)),
+        ("panic in the core", Place::Function("gateway::gateway::Gateway::handle")),
+    ];
+    let panic =
+        |(name, place)| restarts(name, Cause::Planted(place, &Fault::Panic, words), BootReason::Software);
+    panics.into_iter().flat_map(panic).collect()
+}
+
+pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {
+    let words = "hard fault at 0x081ff000";
+    let faults = [
+        ("hard fault in a task", task("motor_gateway::tasks::rs485::rs485", 0)),
+        ("hard fault in the core", Place::Function("gateway::gateway::Gateway::handle")),
+    ];
+    let fault =
+        |(name, place)| restarts(name, Cause::Planted(place, &Fault::HardFault, words), BootReason::Software);
+    faults.into_iter().flat_map(fault).collect()
+}
+
+/// The board loses its supply and the motors do not: nothing is configured any more, so nobody says a word to them, and
+/// that is told. Each stops when its own timeout strikes.
+pub fn a_power_cycle_leaves_nothing_configured_and_says_so() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    lab.moving(&AXES);
+    let at = lab.now();
+    lab.machine.borrow_mut().power_cycle(Duration::from_millis(50));
+    lab.run_for(Duration::from_millis(450));
+    AXES.iter().for_each(|axis| lab.assert_turning(*axis));
+    lab.run_for(Duration::from_secs(2));
+    for axis in AXES {
         lab.assert_standing(axis);
-        let said: Vec<_> =
-            lab.wire(bus_of(axis), at).into_iter().filter(|message| message.by_gateway).collect();
+        let said: Vec<_> = lab
+            .wire(bus_of(axis), at + Duration::from_millis(1))
+            .into_iter()
+            .filter(|one| one.by_gateway)
+            .collect();
         assert_eq!(said, [], "the gateway said nothing");
     }
     lab.client.reconnect().expect("hello");
-    assert_eq!(lab.client.hello().boot, BootReason::Pin);
+    assert_eq!(lab.client.hello().boot, BootReason::PowerOn);
     assert_eq!(lab.client.list_axes().expect("a list"), [], "nothing is configured, nothing is armed");
-    let lines = log::take(&mut lab.machine.borrow_mut());
-    let boots: Vec<_> = lines.iter().filter(|line| line.contains("motor gateway")).collect();
-    assert!(matches!(&boots[..], [boot] if boot.ends_with("started by Pin")), "{lines:?}");
+    assert_eq!(lab.client.last_words().expect("a text"), "");
+    let history = lab.client.incidents().expect("the history");
+    assert_eq!(history, [Incident::Started { start: 1, boot: BootReason::PowerOn, last_words: false }]);
     Vec::new()
 }
 
-/// The host notices, configures and stops, long before the motors' own timeouts.
-pub fn after_a_reset_the_host_configures_again_and_stops() -> Vec<Reaction> {
-    let (mut lab, at) = reset_in_motion();
-    lab.run_for(Duration::from_millis(20));
+/// Cleared and armed anew it moves, with the configuration of before.
+pub fn after_a_reset_an_axis_is_cleared_and_moves_again() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    lab.moving(&AXES);
+    lab.machine.borrow_mut().reset_by_pin();
+    lab.run_for(AFTERWARDS);
     lab.client.reconnect().expect("hello");
-    assert_eq!(lab.client.hello().boot, BootReason::Pin);
-    lab.configure();
-    AXES.iter().for_each(|axis| lab.assert_turning(*axis));
-    lab.client.stop(StopTarget::All).expect("stopped");
-    lab.stay(Duration::from_secs(1));
-    AXES.into_iter()
-        .map(|axis| {
-            assert_eq!(lab.report(axis).state, AxisState::Idle, "axis {axis}");
-            lab.assert_stopped_by_gateway(axis, at);
-            let stop = lab.first_stop(axis, at);
-            let cause = "reset by pin, configured again by the host";
-            Reaction::new(cause, NAMES[usize::from(axis)], at, &stop, Duration::from_millis(500))
-        })
-        .collect()
+    let list = lab.client.list_axes().expect("a list");
+    assert_eq!(list.len(), AXES.len());
+    assert!(list.iter().all(|axis| axis.state == AxisState::Tripped { confirmed: true }), "{list:?}");
+    lab.client.clear(host_protocol::ClearTarget::Axis(RMD)).expect("cleared");
+    // The motor may have been replaced meanwhile, and with it its own timeout.
+    lab.provision_timeout(RMD);
+    let holds = lab.arm(&[RMD]);
+    assert_eq!(holds[0].setpoint, turning(RMD));
+    lab.keep(&holds, Duration::from_millis(300));
+    lab.assert_turning(RMD);
+    assert!(lab.motor(1, Motor::speed_rad_s).abs() < 0.1, "the others stand");
+    Vec::new()
 }

@@ -1,0 +1,213 @@
+//! The e-stop input, the enable output and the light, on the pins (GUARANTEES G6).
+
+use std::time::Duration;
+
+use host_protocol::{ClearTarget, Error, Event, TripReason};
+use mgw_client::ClientError;
+use mgw_sim::Injection;
+use rigless::device::Level;
+use virtual_board::machine::{Fault, Place};
+use virtual_board::nodes::since_start;
+use virtual_board::pins::{Change, ENABLE, LIGHT};
+
+use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
+use crate::reaction::{Reaction, stop_within};
+use crate::wire;
+
+/// How long the input must be open to count as pressed.
+const PRESSED: Duration = Duration::from_millis(1);
+
+/// What the gateway refuses.
+fn refused<T: std::fmt::Debug>(result: Result<T, ClientError>) -> Error {
+    match result {
+        Err(ClientError::Gateway(error)) => error,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn enable_changes(lab: &Lab, since: Duration) -> Vec<Change> {
+    let changes = lab.machine.borrow_mut().probe(ENABLE).changes();
+    changes.into_iter().filter(|change| change.at >= since).collect()
+}
+
+fn enabled(lab: &Lab) -> bool {
+    lab.machine.borrow_mut().probe(ENABLE).driven() == Some(Level::High)
+}
+
+/// At any moment of the buses' traffic: from one snapshot in motion, 870 µs apart. The worst of them counts.
+pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
+    const MOMENTS: u32 = 24;
+    const APART: Duration = Duration::from_micros(870);
+    let mut lab = Lab::configured();
+    lab.moving(&AXES);
+    lab.events();
+    let in_motion = lab.machine.borrow_mut().snapshot();
+    let mut worst: Vec<Reaction> = Vec::new();
+    for moment in 0..MOMENTS {
+        let (board, outside, _) = wired(SEED);
+        let mut machine = board.resume(&in_motion);
+        machine.run_for(APART * moment);
+        let at = machine.now();
+        machine.open_e_stop(true);
+        machine.run_for(Duration::from_millis(20));
+        for axis in AXES {
+            let on_wire = wire_of(&mut machine, &outside, bus_of(axis), at);
+            let stop =
+                wire::find(&on_wire, STOPS[usize::from(axis)]).unwrap_or_else(|error| panic!("{error}"));
+            let limit = PRESSED + stop_within(axis);
+            let cause = "e-stop input opened, the latest of 24";
+            let reaction = Reaction::new(cause, NAMES[usize::from(axis)], at, stop, limit);
+            match worst.get_mut(usize::from(axis)) {
+                None => worst.push(reaction),
+                Some(worst) if worst.took < reaction.took => *worst = reaction,
+                Some(_) => {}
+            }
+        }
+    }
+    worst
+}
+
+/// Latched until it is closed and cleared, over a reset too; a pulse that is shorter than any contact's is none.
+pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    lab.moving(&AXES);
+    lab.events();
+    lab.machine.borrow_mut().open_e_stop(true);
+    lab.run_for(Duration::from_micros(300));
+    lab.machine.borrow_mut().open_e_stop(false);
+    lab.run_for(Duration::from_millis(20));
+    AXES.iter().for_each(|axis| lab.assert_turning(*axis));
+
+    let at = lab.now();
+    lab.machine.borrow_mut().open_e_stop(true);
+    lab.stay(Duration::from_secs(1));
+    let events = lab.events();
+    assert_eq!(trips(&events), AXES.map(|axis| (axis, TripReason::EStop)));
+    assert!(events.contains(&Event::EStopInputChanged { open: true }), "{events:?}");
+    assert!(events.contains(&Event::EStopLatched {}));
+    AXES.iter().for_each(|axis| lab.assert_stopped_by_gateway(*axis, at));
+    assert_eq!(refused(lab.client.clear(ClearTarget::Gateway)), Error::EStopInputOpen {});
+
+    lab.machine.borrow_mut().open_e_stop(false);
+    lab.stay(Duration::from_millis(100));
+    assert!(lab.events().contains(&Event::EStopInputChanged { open: false }));
+    lab.machine.borrow_mut().reset_by_pin();
+    lab.run_for(Duration::from_secs(1));
+    lab.client.reconnect().expect("hello");
+    let status = lab.client.gateway_status().expect("a status");
+    assert!(status.e_stop_latched && status.e_stop_input_open == Some(false), "{status:?}");
+    assert_eq!(refused(lab.client.arm(RMD)), Error::EStopped {});
+    lab.client.clear(ClearTarget::Gateway).expect("cleared");
+    lab.client.clear(ClearTarget::Axis(RMD)).expect("cleared");
+    lab.provision_timeout(RMD);
+    let holds = lab.arm(&[RMD]);
+    lab.keep(&holds, Duration::from_millis(300));
+    lab.assert_turning(RMD);
+    Vec::new()
+}
+
+/// From the first instruction of the panic, from the reset, and until the motors that were known have been told to stop.
+pub fn the_enable_output_is_inactive_from_a_panic_until_the_stops_have_left() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    let never = lab.machine.borrow_mut().probe(ENABLE).changes();
+    assert!(
+        never.first().is_some_and(|change| change.level != Some(Level::High)),
+        "inactive first: {never:?}"
+    );
+    lab.moving(&AXES);
+    assert!(enabled(&lab));
+    let before = lab.now();
+    {
+        let mut machine = lab.machine.borrow_mut();
+        machine.plant(Place::Task("motor_gateway::tasks::can::can", 0), &Fault::Panic);
+        machine.run_for(Duration::from_millis(500));
+    }
+    let struck = lab.machine.borrow_mut().struck().expect("it struck");
+    let reset = since_start(lab.machine.borrow_mut().reports().resets[0].at);
+    let changes = enable_changes(&lab, before);
+    let [panicked, gone, .., back] = &changes[..] else { panic!("{changes:?}") };
+    assert_eq!((panicked.level, gone.level, gone.at), (Some(Level::Low), None, reset), "{changes:?}");
+    let took = panicked.at - struck;
+    assert!(took < Duration::from_micros(5), "{took:?}");
+    assert!(
+        changes[..changes.len() - 1].iter().all(|change| change.level != Some(Level::High)),
+        "{changes:?}"
+    );
+    assert_eq!(back.level, Some(Level::High), "{changes:?}");
+    Vec::new()
+}
+
+/// While an axis is unreachable the motors have no power; found again or given up, they have.
+pub fn the_enable_output_is_inactive_while_an_axis_is_unreachable() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    let holds = lab.moving(&AXES);
+    lab.events();
+    let at = lab.now();
+    lab.outside.inject(&mut lab.machine.borrow_mut(), RMD.into(), Injection::Mute(true));
+    lab.keep(&holds, Duration::from_secs(2));
+    let events = lab.events();
+    assert!(events.contains(&Event::AxisUnreachable { axis: RMD }), "{events:?}");
+    assert!(events.contains(&Event::EnableOutputChanged { active: false }), "{events:?}");
+    assert!(!enabled(&lab));
+    assert_eq!(lab.client.gateway_status().expect("a status").enable_output, Some(false));
+    lab.outside.inject(&mut lab.machine.borrow_mut(), RMD.into(), Injection::Mute(false));
+    lab.keep(&holds, Duration::from_secs(2));
+    assert!(enabled(&lab), "found again");
+    let levels: Vec<_> = enable_changes(&lab, at).iter().map(|change| change.level).collect();
+    assert_eq!(levels, [Some(Level::Low), Some(Level::High)]);
+    Vec::new()
+}
+
+/// How long the light is on and off in turn, in tenths of a second, beginning with the first change after `since`.
+fn light(lab: &Lab, since: Duration) -> Vec<(bool, u128)> {
+    let changes = lab.machine.borrow_mut().probe(LIGHT).changes();
+    let changes: Vec<_> = changes.into_iter().filter(|change| change.at >= since).collect();
+    let span = |pair: &[Change]| {
+        (pair[0].level == Some(Level::High), (pair[1].at - pair[0].at).as_millis().div_ceil(100))
+    };
+    changes.windows(2).map(span).collect()
+}
+
+/// In tenths of a second.
+fn assert_light(lab: &Lab, since: Duration, on_and_off: &[(bool, u128)]) {
+    let seen = light(lab, since);
+    assert!(seen.len() > 2, "{seen:?}");
+    assert!(seen.iter().all(|span| on_and_off.contains(span)), "{seen:?}");
+    assert!(on_and_off.iter().all(|span| seen.contains(span)), "{seen:?}");
+}
+
+/// As the table of patterns says.
+pub fn the_light_shows_the_state() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    let since = lab.now();
+    lab.run_for(Duration::from_millis(3_500));
+    assert_light(&lab, since, &[(true, 8), (false, 8)]);
+
+    let holds = lab.moving(&[RMD]);
+    let since = lab.now();
+    lab.keep(&holds, Duration::from_secs(2));
+    assert_eq!(light(&lab, since), [], "armed: it stays on");
+    assert_eq!(lab.machine.borrow_mut().probe(LIGHT).driven(), Some(Level::High));
+
+    // The setpoint expires: tripped, and the host is heard all the while.
+    lab.stay(Duration::from_millis(500));
+    assert!(lab.trip(RMD).is_some());
+    let since = lab.now();
+    lab.stay(Duration::from_secs(2));
+    assert_light(&lab, since, &[(true, 1), (false, 1)]);
+
+    lab.client.clear(ClearTarget::Axis(RMD)).expect("cleared");
+    lab.client.take_authority().expect("in command");
+    lab.run_for(Duration::from_secs(1));
+    let since = lab.now();
+    lab.run_for(Duration::from_secs(5));
+    assert_light(&lab, since, &[(true, 1), (false, 1), (false, 13)]);
+
+    lab.client.reconnect().expect("hello");
+    lab.client.estop().expect("stopped");
+    lab.stay(Duration::from_millis(200));
+    let since = lab.now();
+    lab.stay(Duration::from_secs(5));
+    assert_light(&lab, since, &[(false, 1), (true, 1), (true, 13)]);
+    Vec::new()
+}
