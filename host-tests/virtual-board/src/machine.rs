@@ -7,6 +7,7 @@
 //! Same image, same peers, same orders at the same instants: same run, to the last access.
 
 mod board;
+mod branch;
 mod builder;
 mod core_thread;
 mod handles;

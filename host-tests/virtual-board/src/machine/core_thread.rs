@@ -12,6 +12,7 @@ use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
 use super::board::NucleoH743zi;
+use super::branch::{Fork, Script, fork};
 use super::recorder::Recorder;
 use super::retention::Retention;
 use super::snapshot::Snapshot;
@@ -42,6 +43,8 @@ type Job = Box<dyn FnOnce(&mut Session<NucleoH743zi>, &mut dyn Host, Stop, &mut 
 enum Order {
     Do(Job),
     RunTo(VirtualNanos),
+    /// Let a forked process do that; its number is the answer.
+    Branch(Script, Sender<libc::pid_t>),
     End,
 }
 
@@ -103,6 +106,14 @@ impl CoreThread {
         })));
         self.wait();
         result.recv().expect("the job was done before the emulation stopped again")
+    }
+
+    /// Lets a forked process go on from here; its number.
+    pub fn branch(&mut self, script: Script) -> libc::pid_t {
+        let (number_in, number) = channel();
+        self.send(Order::Branch(script, number_in));
+        self.wait();
+        number.recv().expect("the process was forked before the emulation stood still again")
     }
 
     fn send(&mut self, order: Order) {
@@ -168,6 +179,7 @@ fn run(
         target: VirtualNanos(0),
         next_drain: Recorder::next_drain(from.map_or(VirtualNanos(0), Snapshot::at)),
         resets: session.resets().len(),
+        script: None,
         begin: if from.is_some() { Begin::Snapshot } else { Begin::PowerOn },
     };
     if let Err(error) = emulator::run(session, &start, driver) {
@@ -190,6 +202,8 @@ struct Rendezvous {
     next_drain: VirtualNanos,
     /// Resets seen so far.
     resets: usize,
+    /// What a forked process does; the test's thread is not there.
+    script: Option<Script>,
     /// Where it has not yet stood for the first time.
     begin: Begin,
 }
@@ -228,6 +242,16 @@ impl Rendezvous {
                     self.target = instant;
                     return Some(self.next_stop());
                 }
+                Order::Branch(script, number) => match fork() {
+                    Fork::Child => {
+                        self.script = Some(script);
+                        return Some(self.next_stop());
+                    }
+                    Fork::Parent(child) => {
+                        // The other end waits for it.
+                        let _ = number.send(child);
+                    }
+                },
                 Order::End => {
                     self.begin = Begin::Ended;
                     return None;
@@ -244,7 +268,7 @@ impl Rendezvous {
     }
 
     fn next_stop(&self) -> VirtualNanos {
-        self.next_drain.min(self.target)
+        self.next_drain.min(self.script.as_ref().map_or(self.target, Script::next_stop))
     }
 }
 
@@ -286,6 +310,14 @@ impl Driver<NucleoH743zi> for Rendezvous {
         if stop.at >= self.next_drain {
             self.next_drain = Recorder::next_drain(stop.at);
             self.recorder.drain(host);
+        }
+        if let Some(script) = self.script.take_if(|script| stop.at >= script.next_stop()) {
+            let mut part = session.board_mut().lend();
+            self.script = Some(script.play(&mut part, stop.at));
+            session.board_mut().take_back(part);
+        }
+        if self.script.is_some() {
+            return Some(self.next_stop());
         }
         if stop.at >= self.target { self.stand(session, host, stop) } else { Some(self.next_stop()) }
     }
