@@ -11,6 +11,7 @@ pub mod nodes;
 pub mod outside;
 pub mod part;
 pub mod pins;
+pub mod reaction;
 pub mod rs485_line;
 pub mod serial_port;
 pub mod serve;

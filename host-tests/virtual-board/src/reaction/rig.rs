@@ -1,0 +1,297 @@
+//! A situation, set up once; every reaction is a branch of the run that has led there.
+
+use std::cell::RefCell;
+use std::ops::ControlFlow;
+use std::rc::Rc;
+use std::time::Duration;
+
+use host_protocol::{
+    AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol, ProtocolSet,
+    Setpoint, StopAction, StopTarget, Value, encode,
+};
+use mgw_client::{Client, ClientError};
+use mgw_sim::MotorWiring;
+
+use super::situation::{Bus, Load, Situation};
+use super::stops::{self, FirstStops};
+use crate::host_uart::HostUart;
+use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
+use crate::nodes::{Probe, since_start};
+use crate::outside::Outside;
+use crate::part::Part;
+use crate::rs485_line::Rs485Line;
+use crate::transport::BoardTransport;
+
+/// Decides the motors' reply times.
+const SEED: u64 = 1;
+const REPLY_WINDOW: Duration = Duration::from_millis(5);
+const MOTOR_TIMEOUT_MS: u32 = 1_000;
+/// Nothing expires while nobody speaks.
+const TTL: Duration = Duration::from_secs(60);
+const LINK_SILENCE_US: u32 = 10_000_000;
+/// Polls of axes that are to be quiet.
+const RARELY_US: u32 = 1_000_000;
+/// For motors to come up to speed, and for a load to be carried evenly.
+const SETTLED: Duration = Duration::from_millis(300);
+/// For every axis to stop and to confirm it.
+const STOPPED: Duration = Duration::from_secs(2);
+/// A situation lasts for so long at least behind where it begins.
+const LASTS: Duration = Duration::from_millis(400);
+/// How long after a bound a stop that is late is still waited for.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// A sequence number that the client has not used lately.
+const SEQUENCE: u16 = 0x7000;
+/// Of a byte on a UART: start, 8 data, stop.
+const BITS_PER_BYTE: u64 = 10;
+/// 100 MHz / 109, the nearest to 921600 bit/s.
+const HOST_BIT: Duration = Duration::from_nanos(1_090);
+
+/// A situation.
+pub(super) struct Rig {
+    situation: Situation,
+    machine: Rc<RefCell<Machine>>,
+    /// From where the board stands to the first phase.
+    begin: Duration,
+    build_id: String,
+}
+
+/// A board with what hangs on it, not yet switched on.
+fn wired(board: &dyn Fn() -> Builder, situation: Situation) -> (Builder, Outside, [CanNode<Probe>; 2]) {
+    let bus = situation.bus;
+    let motor =
+        |node| MotorWiring { bus: bus.index(), protocol: bus.protocol(), node, bitrate: bus.bitrate() };
+    let motors: Vec<MotorWiring> = (1..=bus.axes()).map(motor).collect();
+    let mut board = board();
+    let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
+    let probes = [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
+    (board, outside, probes)
+}
+
+impl Rig {
+    /// Sets it up.
+    ///
+    /// # Panics
+    ///
+    /// If the gateway refuses what it should do.
+    pub(super) fn new(board: &dyn Fn() -> Builder, situation: Situation) -> Self {
+        let (powered_off, outside, probes) = wired(board, situation);
+        let machine = Rc::new(RefCell::new(powered_off.power_on()));
+        let connect = |link: usize, session| {
+            Client::connect_as(BoardTransport::new(&machine, outside.hosts[link]), session, 1).expect("hello")
+        };
+        let mut client = connect(0, 1);
+        let build_id = client.hello().build_id.to_string();
+        let set_up = configure(&mut client, situation).and_then(|()| rehearse(&mut client, situation));
+        set_up
+            .and_then(|()| arm(&mut client, situation))
+            .unwrap_or_else(|error| panic!("{situation}: {error}"));
+        // Known there, but without a say.
+        drop((client, connect(1, 2)));
+        {
+            let mut machine = machine.borrow_mut();
+            if situation.load == Load::Foreign {
+                babble(&mut machine, probes[usize::from(situation.bus.index())], situation);
+            }
+            machine.run_for(SETTLED);
+            for port in [CanPort::Bus0, CanPort::Bus1] {
+                machine.can_mut(port).take_log();
+            }
+            machine.line(outside.rs485).clear_sent();
+        }
+        let mut rig = Self { situation, machine, begin: Duration::ZERO, build_id };
+        if situation.load == Load::Quiet {
+            rig.begin = rig.quiet_spell();
+        }
+        rig
+    }
+
+    /// The build of the firmware.
+    pub(super) fn build_id(&self) -> &str {
+        &self.build_id
+    }
+
+    /// Sends a command on the second host link, so long after the begin of the situation, in a branch of the run. From its
+    /// last bit to the first stop of each axis.
+    pub(super) fn react<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> FirstStops {
+        let mut frame = [0; MAX_FRAME];
+        let length = encode(Kind::Request, SEQUENCE, C::NUMBER, command, &mut frame).expect("it fits");
+        let frame = frame[..length].to_vec();
+        let bits = BITS_PER_BYTE * u64::try_from(length).expect("short");
+        let mut machine = self.machine.borrow_mut();
+        let (bus, begin) = (self.situation.bus, self.begin + after);
+        let since = machine.now() + begin + HOST_BIT * u32::try_from(bits).expect("short");
+        let send = move |part: &mut Part, _| {
+            let host: &mut HostUart = part.serial[UartPort::Host1.index()].peer_mut().expect("a computer");
+            assert_eq!(
+                (host.unsent(), host.settings().bit_ps),
+                (0, 1_090_000),
+                "the line is free, as fast as it should be"
+            );
+            host.send(&frame);
+        };
+        let look = move |part: &mut Part| {
+            let stops = first_stops(part, bus, since);
+            let nanos = |stop: &Option<Duration>| {
+                stop.map_or(u64::MAX, |stop| u64::try_from(stop.as_nanos()).expect("short"))
+            };
+            stops.iter().flat_map(|stop| nanos(stop).to_le_bytes()).collect()
+        };
+        let found = machine.branch(begin, send, bound + PATIENCE, look);
+        let mut stops = FirstStops::default();
+        for (stop, nanos) in stops.iter_mut().zip(words(&found)) {
+            *stop = (nanos != u64::MAX).then(|| Duration::from_nanos(nanos));
+        }
+        stops
+    }
+
+    /// When the longest pause of the bus begins, with a margin: from where the board stands.
+    fn quiet_spell(&self) -> Duration {
+        let mut machine = self.machine.borrow_mut();
+        let (begin, bus) = (machine.now(), self.situation.bus);
+        let ends = move |part: &mut Part| {
+            let ends: Vec<Duration> = match bus.index() {
+                2 => line(part).sent().iter().map(|sent| sent.end).collect(),
+                bus => {
+                    part.fdcan[usize::from(bus)].log().iter().map(|record| since_start(record.end)).collect()
+                }
+            };
+            ends.iter().flat_map(|end| u64::try_from(end.as_nanos()).expect("short").to_le_bytes()).collect()
+        };
+        let found = machine.branch(Duration::ZERO, |_, _| {}, LASTS, ends);
+        let mut busy: Vec<Duration> = words(&found).map(Duration::from_nanos).collect();
+        busy.insert(0, begin);
+        busy.push(begin + LASTS);
+        let spell =
+            busy.windows(2).max_by_key(|pair| pair[1].saturating_sub(pair[0])).expect("a begin and an end");
+        let (from, to) = (spell[0] + REPLY_WINDOW, spell[1]);
+        assert!(to > from + bus.frame() * 2 + REPLY_WINDOW, "{}: never quiet", self.situation);
+        from - begin
+    }
+}
+
+/// Numbers of a branch's report.
+fn words(report: &[u8]) -> impl Iterator<Item = u64> {
+    report.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().expect("eight bytes")))
+}
+
+fn line(part: &mut Part) -> &mut Rs485Line {
+    part.serial[UartPort::Rs485.index()].peer_mut().expect("a line")
+}
+
+fn first_stops(part: &mut Part, bus: Bus, since: Duration) -> FirstStops {
+    match bus.index() {
+        2 => stops::among_bytes(line(part).sent(), since),
+        bus => stops::among_frames(part.fdcan[usize::from(bus)].log(), since),
+    }
+}
+
+fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Result<(), ClientError> {
+    let Situation { bus, load } = situation;
+    let us = |span: Duration| u32::try_from(span.as_micros()).expect("a minute");
+    client.configure_gateway(GatewayParameter::LinkSilenceUs, Value::Unsigned(LINK_SILENCE_US))?;
+    client.configure_bus(
+        bus.index(),
+        bus.bitrate(),
+        ProtocolSet::of(&[bus.protocol()]),
+        false,
+        REPLY_WINDOW,
+    )?;
+    let (refresh_us, poll_us) =
+        if load == Load::Own { bus.busy_periods_us() } else { (RARELY_US, RARELY_US) };
+    for axis in 0..bus.axes() {
+        let values = [
+            (AxisParameter::TtlUs, us(TTL)),
+            (AxisParameter::StatePollUs, RARELY_US),
+            (AxisParameter::FaultPollUs, RARELY_US),
+            (AxisParameter::StopAction, StopAction::Hold.into()),
+            (AxisParameter::Protocol, bus.protocol().into()),
+            (AxisParameter::Node, u32::from(axis) + 1),
+            // From here on it counts on its bus.
+            (AxisParameter::Bus, bus.index().into()),
+        ];
+        for (parameter, value) in values {
+            client.configure_axis(axis, parameter, Value::Unsigned(value))?;
+        }
+        if bus.protocol() != Protocol::D5 {
+            client.provision_motor_timeout(axis, MOTOR_TIMEOUT_MS)?;
+        }
+    }
+    // Not before: an axis whose motor's own timeout is not known yet takes more of its bus.
+    for axis in 0..bus.axes() {
+        for (parameter, value) in
+            [(AxisParameter::RefreshUs, refresh_us), (AxisParameter::StatePollUs, poll_us)]
+        {
+            client.configure_axis(axis, parameter, Value::Unsigned(value))?;
+        }
+    }
+    Ok(())
+}
+
+/// Arms all axes; they move if they are the load.
+fn arm(client: &mut Client<BoardTransport>, Situation { bus, load }: Situation) -> Result<(), ClientError> {
+    for axis in 0..bus.axes() {
+        let epoch = client.arm(axis)?.epoch;
+        if load == Load::Own {
+            client.set(axis, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL)?;
+        }
+    }
+    Ok(())
+}
+
+/// Once before it counts: from then on the emulator has translated what runs, and branches need not do that again.
+fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result<(), ClientError> {
+    arm(client, situation)?;
+    client.stop(StopTarget::Axis(0))?;
+    client.estop()?;
+    client.hold(STOPPED, |_| Ok(ControlFlow::Continue(())))?;
+    client.clear(ClearTarget::Gateway)?;
+    for axis in 0..situation.bus.axes() {
+        client.clear(ClearTarget::Axis(axis))?;
+    }
+    Ok(())
+}
+
+/// The node sends without a pause from now on, and loses against everybody.
+fn babble(machine: &mut Machine, node: CanNode<Probe>, situation: Situation) {
+    let now = machine.now();
+    let frames = (SETTLED + LASTS).as_nanos() / (situation.bus.frame() * 3 / 4).as_nanos();
+    let frame = CanFrame::standard(0x7FF, &[0x55; 8]).expect("a frame");
+    let probe = machine.node(node);
+    for _ in 0..frames {
+        probe.send(now, &frame);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use host_protocol::requests::EStop;
+
+    use crate::fdcan::Sender;
+
+    use super::*;
+    use crate::reaction::situation::Bus;
+
+    /// Under the load of the others' frames there is no pause in which a stop could go unnoticed.
+    #[test]
+    fn a_load_is_one() {
+        for load in [Load::Own, Load::Foreign] {
+            let situation = Situation { bus: Bus::Can, load };
+            let rig = Rig::new(&Machine::builder, situation);
+            let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16));
+            assert!(stops.iter().all(Option::is_some), "{stops:?}");
+            assert_eq!(
+                rig.react(Duration::ZERO, &EStop {}, situation.bound(16)),
+                stops,
+                "the board never knew"
+            );
+            let mut machine = rig.machine.borrow_mut();
+            machine.run_for(Duration::from_millis(20));
+            let frames = machine.can(CanPort::Bus0).log();
+            let ours = frames.iter().filter(|record| record.sender == Sender::Controller).count();
+            match load {
+                Load::Own => assert!(ours > 50 && frames.len() > 100, "{ours} of {}", frames.len()),
+                _ => assert!(frames.len() > 140, "{} frames of others", frames.len()),
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! What a bus is and what it carries when the command comes.
+
+use std::fmt;
+use std::time::Duration;
+
+use host_protocol::Protocol;
+
+/// Axes on a bus at most.
+pub(super) const MOST_AXES: u8 = 16;
+/// Axes with D5 motors that the gateway takes on a bus: it sends each its setpoint every 20 ms.
+const D5_AXES: u8 = 11;
+/// Our software (GUARANTEES G5: g).
+const SOFTWARE: Duration = Duration::from_micros(100);
+/// The first stop on a quiet CAN bus; on RS485 after it 20 idle bits.
+const QUIET: Duration = Duration::from_micros(200);
+/// Bits of the longest standard frame with its intermission (F), and of 13 bytes on RS485 (C).
+const FRAME_BITS: u32 = 135;
+const MESSAGE_BITS: u32 = 130;
+/// Bits without a start bit that end a message on RS485.
+const IDLE_BITS: u32 = 20;
+/// What a stop waits of a reply window (W), at most.
+const WINDOW: Duration = Duration::from_millis(1);
+/// Different periods of the traffic that the phases are taken in.
+const PERIODS: u32 = 16;
+/// Frames between two of them.
+const FRAMES_APART: u32 = 7;
+
+/// The buses that the guarantees speak of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Bus {
+    /// RMD motors on CAN at 1 Mbit/s.
+    Can,
+    /// D5 motors on CAN at 210526 bit/s.
+    SlowCan,
+    /// RMD motors on RS485 at 115200 baud.
+    Rs485,
+    /// RMD motors on RS485 at 2 Mbaud.
+    FastRs485,
+}
+
+/// What it carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Load {
+    Quiet,
+    Own,
+    Foreign,
+}
+
+/// A bus with its axes, and its load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Situation {
+    pub(super) bus: Bus,
+    pub(super) load: Load,
+}
+
+impl Bus {
+    pub(super) const ALL: [Self; 4] = [Self::Can, Self::SlowCan, Self::Rs485, Self::FastRs485];
+
+    /// Its number.
+    pub(super) fn index(self) -> u8 {
+        match self {
+            Self::Can => 0,
+            Self::SlowCan => 1,
+            Self::Rs485 | Self::FastRs485 => 2,
+        }
+    }
+
+    pub(super) fn is_can(self) -> bool {
+        matches!(self, Self::Can | Self::SlowCan)
+    }
+
+    pub(super) fn bitrate(self) -> u32 {
+        match self {
+            Self::Can => 1_000_000,
+            Self::SlowCan => 210_526,
+            Self::Rs485 => 115_200,
+            Self::FastRs485 => 2_000_000,
+        }
+    }
+
+    pub(super) fn protocol(self) -> Protocol {
+        match self {
+            Self::SlowCan => Protocol::D5,
+            Self::Can | Self::Rs485 | Self::FastRs485 => Protocol::Rmd,
+        }
+    }
+
+    /// Axes on it.
+    pub(super) fn axes(self) -> u8 {
+        if self == Self::SlowCan { D5_AXES } else { MOST_AXES }
+    }
+
+    /// Refresh and state polls of each axis with which they take what the gateway allows, µs.
+    pub(super) fn busy_periods_us(self) -> (u32, u32) {
+        match self {
+            Self::Can => (11_500, 11_500),
+            Self::SlowCan => (20_000, 300_000),
+            Self::Rs485 => (115_000, 115_000),
+            Self::FastRs485 => (17_000, 17_000),
+        }
+    }
+
+    fn bits(self, bits: u32) -> Duration {
+        Duration::from_nanos(u64::from(bits) * 1_000_000_000 / u64::from(self.bitrate()))
+    }
+
+    /// The longest message.
+    pub(super) fn frame(self) -> Duration {
+        self.bits(if self.is_can() { FRAME_BITS } else { MESSAGE_BITS })
+    }
+}
+
+impl Situation {
+    /// Every one that the table has.
+    pub(super) fn all() -> Vec<Self> {
+        let loads = |bus: Bus| {
+            let loads: &[Load] = if bus.is_can() {
+                &[Load::Quiet, Load::Own, Load::Foreign]
+            } else {
+                &[Load::Quiet, Load::Own]
+            };
+            loads.iter().map(move |load| Self { bus, load: *load })
+        };
+        Bus::ALL.into_iter().flat_map(loads).collect()
+    }
+
+    /// Within which the k-th stop on the bus starts (GUARANTEES G5).
+    pub(super) fn bound(self, k: u8) -> Duration {
+        let Self { bus, load } = self;
+        let (k, frame) = (u32::from(k), bus.frame());
+        // The reply of a D5 has the id of its request: that of a lower node goes first.
+        let outranking = u32::from(bus == Bus::SlowCan && load == Load::Own);
+        match (bus.is_can(), load, k) {
+            (true, Load::Quiet, 1) => QUIET,
+            (true, ..) => SOFTWARE + frame * (2 * k - 1 + outranking),
+            (false, Load::Quiet, 1) => QUIET + bus.bits(IDLE_BITS),
+            (false, ..) => SOFTWARE + bus.bits(IDLE_BITS) + (2 * frame + WINDOW) * k,
+        }
+    }
+
+    /// How long after the snapshot the command of a phase is sent.
+    pub(super) fn offset(self, phase: u32, phases: u32) -> Duration {
+        let within = self.bus.frame() * phase / phases;
+        match self.load {
+            Load::Quiet => within,
+            Load::Own | Load::Foreign => within + self.bus.frame() * FRAMES_APART * (phase % PERIODS),
+        }
+    }
+}
+
+impl fmt::Display for Situation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = if self.bus.is_can() { "CAN" } else { "RS485" };
+        let load = match self.load {
+            Load::Quiet => "quiet",
+            Load::Own => "own",
+            Load::Foreign => "foreign",
+        };
+        write!(f, "{kind} {}, {load}", self.bus.bitrate())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn us(us: f64) -> Duration {
+        Duration::from_secs_f64(us / 1e6)
+    }
+
+    #[track_caller]
+    fn assert_bound(bus: Bus, load: Load, k: u8, expected: f64) {
+        let bound = Situation { bus, load }.bound(k);
+        assert!(bound.abs_diff(us(expected)) < us(1.0), "{bound:?}");
+    }
+
+    /// The numbers that GUARANTEES G5 gives.
+    #[test]
+    fn the_bounds_are_those_of_the_guarantees() {
+        assert_bound(Bus::Can, Load::Quiet, 1, 200.0);
+        assert_bound(Bus::SlowCan, Load::Quiet, 1, 200.0);
+        assert_bound(Bus::Can, Load::Foreign, 1, 235.0);
+        assert_bound(Bus::Can, Load::Own, 16, 100.0 + 31.0 * 135.0);
+        assert_bound(Bus::SlowCan, Load::Foreign, 1, 741.3);
+        assert_bound(Bus::Rs485, Load::Own, 1, 3530.6);
+        assert_bound(Bus::FastRs485, Load::Own, 1, 1240.0);
+        assert_bound(Bus::FastRs485, Load::Quiet, 1, 210.0);
+    }
+
+    #[test]
+    fn the_phases_are_spread_over_a_frame() {
+        let quiet = Situation { bus: Bus::Can, load: Load::Quiet };
+        assert_eq!([0, 25, 49].map(|phase| quiet.offset(phase, 50)), [us(0.0), us(67.5), us(132.3)]);
+        let own = Situation { bus: Bus::Can, load: Load::Own };
+        assert_eq!(own.offset(17, 50), us(45.9) + us(945.0));
+    }
+}
