@@ -201,6 +201,7 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
     for axis in 0..bus.axes() {
         let values = [
             (AxisParameter::TtlUs, us(TTL)),
+            (AxisParameter::RefreshUs, RARELY_US),
             (AxisParameter::StatePollUs, RARELY_US),
             (AxisParameter::FaultPollUs, RARELY_US),
             (AxisParameter::StopAction, StopAction::Hold.into()),
