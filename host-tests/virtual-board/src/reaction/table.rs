@@ -111,7 +111,7 @@ fn tenths(text: &str) -> Option<u64> {
         return Some(NEVER);
     }
     let (whole, tenth) = text.split_once('.')?;
-    let tenth: u64 = tenth.parse().ok().filter(|tenth| *tenth < 10)?;
+    let tenth: u64 = (tenth.len() == 1).then(|| tenth.parse().ok()).flatten()?;
     Some((whole.parse::<u64>().ok()? * 10 + tenth) * TENTH_NS)
 }
 
