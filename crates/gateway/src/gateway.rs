@@ -91,6 +91,7 @@ impl Gateway {
     pub fn handle(&mut self, now: Instant, event: Event<'_>) {
         let now = now.max(self.now);
         self.now = now;
+        self.remember_trips();
         self.supervise(now);
         match event {
             Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
@@ -117,12 +118,11 @@ impl Gateway {
             Event::Tick => {}
         }
         self.spread_trips(now);
-        self.remember_trips();
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
     }
 
-    /// New trips go into the history.
+    /// New trips go into the history: not while they are news, as their stops are to leave first.
     pub(crate) fn remember_trips(&mut self) {
         let Self { axes, history, starts, .. } = self;
         for axis in axes {

@@ -150,7 +150,10 @@ impl Gateway {
                 self.bus_mut(bus)?.raw.take().ok_or(Error::RawNotOpen { bus })?;
                 Reply::RawClose(done)
             }
-            Request::ReadIncidents(request) => Reply::ReadIncidents(self.history.page(request.first)),
+            Request::ReadIncidents(request) => {
+                self.remember_trips();
+                Reply::ReadIncidents(self.history.page(request.first))
+            }
             Request::ReadLastWords(_) => {
                 Reply::ReadLastWords(replies::LastWords { text: text(self.board.last_words) })
             }
@@ -170,6 +173,7 @@ impl Gateway {
             return Err(Error::UnsupportedVersion { gateway_major: PROTOCOL_MAJOR, host_major });
         }
         self.links.log(LogEntry::Hello { link });
+        self.remember_trips();
         Ok(replies::HelloReply {
             protocol_major: PROTOCOL_MAJOR,
             protocol_minor: PROTOCOL_MINOR,

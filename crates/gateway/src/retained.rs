@@ -102,6 +102,7 @@ impl Gateway {
     }
 
     fn save_changes(&mut self, write: &mut dyn FnMut(usize, u32)) {
+        self.remember_trips();
         let states = self.states();
         let Self { retention, axes, buses, history, .. } = self;
         let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));

@@ -179,6 +179,9 @@ impl Bus {
             let index = (turn + offset) % axes.len();
             let Some(axis) = axes.get(index).filter(here) else { continue };
             let Some(want) = axis.wants(now) else { continue };
+            if best.as_ref().is_some_and(|(_, chosen)| want.priority >= chosen.priority) {
+                continue;
+            }
             let allowed = match want.priority {
                 Priority::Ordinary => may_ordinary,
                 Priority::Watch => may_ordinary && self.may_watch(now, axes),
@@ -186,7 +189,7 @@ impl Bus {
                     self.may_send_stop(now, axis, &want)
                 }
             };
-            if allowed && best.as_ref().is_none_or(|(_, chosen)| want.priority < chosen.priority) {
+            if allowed {
                 best = Some((index, want));
             }
         }

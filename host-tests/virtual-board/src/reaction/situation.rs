@@ -132,6 +132,10 @@ impl Situation {
         let outranking = u32::from(bus == Bus::SlowCan && load == Load::Own);
         match (bus.is_can(), load, k) {
             (true, Load::Quiet, 1) => QUIET,
+            // A D5's stop waits for a reply that is due, as that has its id.
+            (true, Load::Own, _) if bus == Bus::SlowCan => {
+                SOFTWARE + WINDOW + frame * (2 * k - 1 + outranking)
+            }
             (true, ..) => SOFTWARE + frame * (2 * k - 1 + outranking),
             (false, Load::Quiet, 1) => QUIET + bus.bits(IDLE_BITS),
             (false, ..) => SOFTWARE + bus.bits(IDLE_BITS) + (2 * frame + WINDOW) * k,
