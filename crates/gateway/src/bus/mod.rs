@@ -37,6 +37,8 @@ pub(crate) struct Bus {
     counters: BusCounters,
     in_flight: [Option<InFlight>; TRANSMIT_SLOTS],
     line: Line,
+    /// CAN: when the last frame had left or had come.
+    active_at: Instant,
     pub raw: Option<Raw>,
     /// When the frame that has waited longest for an acknowledgement counts as unacknowledged, although it was taken back.
     carried_deadline: Option<Instant>,
@@ -85,6 +87,7 @@ impl Bus {
             counters: NO_COUNTS,
             in_flight: [None; TRANSMIT_SLOTS],
             line: Line::new(local_echo),
+            active_at: Instant::from_micros(0),
             raw: None,
             carried_deadline: None,
             restart_at: None,

@@ -16,6 +16,7 @@ impl Bus {
     /// A frame has arrived on a CAN bus.
     pub fn can_received(&mut self, now: Instant, frame: CanFrame, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.counters.received = self.counters.received.saturating_add(1);
+        self.active_at = now;
         if let Some(raw) = &mut self.raw {
             raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Can(frame) });
         }

@@ -55,6 +55,7 @@ impl Bus {
             return;
         };
         self.counters.sent = self.counters.sent.saturating_add(1);
+        self.active_at = now;
         self.carried_deadline = None;
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
@@ -183,10 +184,12 @@ impl Bus {
                 continue;
             }
             let allowed = match want.priority {
-                Priority::Ordinary => may_ordinary,
-                Priority::Watch => may_ordinary && self.may_watch(now, axes),
+                Priority::Ordinary => may_ordinary && self.id_is_free_at(axis, axes) <= now,
+                Priority::Watch => {
+                    may_ordinary && self.may_watch(now, axes) && self.id_is_free_at(axis, axes) <= now
+                }
                 Priority::FirstStop | Priority::FirstStopAtRest | Priority::Stop => {
-                    self.may_send_stop(now, axis, &want)
+                    self.may_send_stop(now, axis, &want, axes)
                 }
             };
             if allowed {
@@ -216,12 +219,12 @@ impl Bus {
         self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
     }
 
-    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want) -> bool {
+    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis]) -> bool {
         match self.kind() {
             BusKind::Can => {
                 let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
-                self.free_slot().is_some() && !taken && self.id_is_free_at(axis) <= now
+                self.free_slot().is_some() && !taken && self.id_is_free_at(axis, axes) <= now
             }
             BusKind::Rs485 => {
                 self.in_flight.iter().all(Option::is_none)
@@ -230,16 +233,20 @@ impl Bus {
         }
     }
 
-    /// From when on a stop of the axis cannot meet a reply with its own id. It waits for the reply, and no longer than on RS485.
-    fn id_is_free_at(&self, axis: &Axis) -> Instant {
+    /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
+    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded: our
+    /// frames and the replies to them, two for each axis.
+    fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
+        let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
         let delay = self.line_times().stop_delay();
-        axis.reply_with_our_id_since().map_or(Instant::from_micros(0), |since| since + delay)
+        let others = self.bit_time(LONGEST_EXCHANGE_BITS).times(self.axes_here(axes).count() as u64);
+        (since.max(self.active_at) + delay).min(since + others + delay)
     }
 
-    /// When the next stop may go out that waits for a reply with its own id.
+    /// When the next frame may go out that waits for a reply with its own id.
     fn next_free_id_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
-        let stops = self.axes_here(axes).filter(|axis| axis.stop_due_at().is_some());
-        stops.map(|axis| self.id_is_free_at(axis)).filter(|at| *at > after).min()
+        let waiting = self.axes_here(axes).filter(|axis| axis.reply_with_our_id_since().is_some());
+        waiting.map(|axis| self.id_is_free_at(axis, axes)).filter(|at| *at > after).min()
     }
 
     pub(super) fn carries(&self, protocol: Protocol) -> bool {
