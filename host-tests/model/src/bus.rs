@@ -55,6 +55,8 @@ pub(crate) struct Bus {
 
 /// Longest stuffed standard frame with intermission, bits (G5).
 const FRAME_BITS: u64 = 135;
+/// Axes of a gateway, all of which may be on one bus.
+const MOST_AXES: u64 = 32;
 /// A frame of 13 bytes on RS485, bits (G5).
 const SERIAL_BITS: u64 = 130;
 /// Idle time before a serial frame, bits (G5).
@@ -107,8 +109,8 @@ impl Bus {
                 // Its id is one that replies and other stops go before.
                 Some(Protocol::Thruster) => MAX_OUTSTANDING * frame,
                 // Requests and replies have one id: two that are sent together destroy each other. Allowance: its stop waits
-                // for a reply that is due, as on RS485.
-                Some(Protocol::D5) => self.window_us.min(WINDOW_DELAY_US) + frame,
+                // for a reply that is due, as on RS485, and the reply for as many exchanges as a bus has axes.
+                Some(Protocol::D5) => self.window_us.min(WINDOW_DELAY_US) + frame * (1 + 2 * MOST_AXES),
                 Some(Protocol::Rmd) | None => 0,
             };
             return SOFTWARE_US + frame * (2 * k - 1) + further + frame;
