@@ -1,5 +1,6 @@
 //! The boards: one file each, chosen by a feature. Only they name pins, clocks and interrupts.
 
+mod host_links;
 #[cfg(feature = "nucleo-g474re")]
 mod nucleo_g474re;
 #[cfg(feature = "nucleo-h743zi")]

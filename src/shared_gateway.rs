@@ -86,9 +86,9 @@ impl SharedGateway {
 
     /// Tells the core what happened, and every port to poll it again.
     ///
-    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. What must outlive a reset is stored when the buses have had their frames, before anything is
-    /// said to a host and before the next event. That is in time: an axis is recorded as one that may move from the start of
-    /// its arming, and a later event lets it move.
+    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. What must outlive a reset is stored when the buses
+    /// have had their frames, before anything is said to a host and before the next event. That is in time: an axis is
+    /// recorded as one that may move from the start of its arming, and a later event lets it move.
     pub fn handle(&self, event: Event<'_>) {
         let enabled = self.with(|core, now| {
             self.save(core);

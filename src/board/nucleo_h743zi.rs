@@ -35,6 +35,7 @@ use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::BootReason;
 use static_cell::{ConstStaticCell, StaticCell};
 
+use super::host_links::HostLinks;
 use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
@@ -48,9 +49,6 @@ pub const CAN_BUSES: usize = 2;
 pub const RS485_BUSES: usize = 1;
 /// Host links on UARTs, numbered first.
 pub const HOST_UARTS: usize = 2;
-/// The host link on USB.
-const USB_LINK: u8 = 2;
-const HOST_LINKS: u8 = USB_LINK + 1;
 
 /// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
 const HSE_HZ: u32 = 8_000_000;
@@ -201,13 +199,6 @@ pub struct Ports {
     light: Output<'static>,
 }
 
-/// The host links of the board, set up and not yet served.
-pub struct HostLinks {
-    uart_0: (Receiver, Sender),
-    uart_1: (Receiver, Sender),
-    usb: UsbPort,
-}
-
 /// The independent watchdog.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 
@@ -253,14 +244,16 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
             serial::rs485_line::<USART2>(rs485, RING.take(), first_bitrate)
         },
         hosts: HostLinks {
-            uart_0: {
-                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                serial::host_line::<USART3>(host_0, RING.take())
-            },
-            uart_1: {
-                static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                serial::host_line::<USART6>(host_1, RING.take())
-            },
+            uarts: [
+                {
+                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                    serial::host_line::<USART3>(host_0, RING.take())
+                },
+                {
+                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
+                    serial::host_line::<USART6>(host_1, RING.take())
+                },
+            ],
             usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
         },
         e_stop: ExtiInput::new(p.PE11, p.EXTI11, Pull::Up, Irqs),
@@ -283,17 +276,6 @@ impl Ports {
         let (receiver, sender) = self.rs485;
         spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 2, receiver, sender)));
         self.hosts
-    }
-}
-
-impl HostLinks {
-    /// Starts the tasks of every host link.
-    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {
-        for (link, (receiver, sender)) in (0..).zip([self.uart_0, self.uart_1]) {
-            spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
-            spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
-        }
-        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
     }
 }
 
@@ -331,7 +313,7 @@ fn description(boot: BootReason, last_words: &'static str) -> Board {
         e_stop_input: true,
         enable_output: true,
         buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
-        links: HOST_LINKS,
+        links: HostLinks::COUNT,
     }
 }
 
