@@ -1,6 +1,7 @@
 //! Measures reaction times, prints the table and compares it with the committed one; `--renew` writes that anew.
 //!
-//! `.ci/virtual-board reaction [--phases N] [--only SITUATION] [--renew]` builds the image and runs it, in virtual time.
+//! `.ci/virtual-board reaction [--phases N] [--only SITUATION] [--trace | --renew]` builds the image and runs it, in virtual
+//! time. `--trace` prints instead what the bus carried about the e-stop with the latest last stop.
 
 use std::error::Error;
 use std::fs;
@@ -8,7 +9,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use virtual_board::machine::image_path;
-use virtual_board::reaction::{Complaint, FEW_PHASES, LEGEND, Table, measure};
+use virtual_board::reaction::{Complaint, FEW_PHASES, LEGEND, Table, measure, traces};
 
 /// The committed table.
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reaction-times.txt");
@@ -20,6 +21,7 @@ struct Arguments {
     /// Only the situations whose names contain it.
     only: Option<String>,
     renew: bool,
+    trace: bool,
 }
 
 impl Arguments {
@@ -34,17 +36,18 @@ impl Arguments {
                 }
                 "--only" => read.only = Some(arguments.next()?),
                 "--renew" => read.renew = true,
+                "--trace" => read.trace = true,
                 _ => return None,
             }
         }
         // A table of some situations is none.
-        (!read.renew || read.only.is_none()).then_some(read)
+        (!read.renew || read.only.is_none() && !read.trace).then_some(read)
     }
 }
 
 fn main() -> ExitCode {
     let Some(arguments) = Arguments::read(std::env::args().skip(1)) else {
-        eprintln!("usage: reaction [--phases N] [--only SITUATION | --renew]");
+        eprintln!("usage: reaction [--phases N] [--only SITUATION] [--trace | --renew]");
         return ExitCode::from(2);
     };
     match run(&arguments) {
@@ -60,7 +63,12 @@ fn main() -> ExitCode {
 /// Whether the committed table holds.
 fn run(arguments: &Arguments) -> Result<bool, Box<dyn Error>> {
     let only = arguments.only.as_deref().unwrap_or_default();
-    let measured = measure(&image_path()?, arguments.phases.unwrap_or(FEW_PHASES), only)?;
+    let phases = arguments.phases.unwrap_or(FEW_PHASES);
+    if arguments.trace {
+        print!("{}", traces(&image_path()?, phases, only)?);
+        return Ok(true);
+    }
+    let measured = measure(&image_path()?, phases, only)?;
     print!("{measured}");
     let path = Path::new(COMMITTED);
     if arguments.renew {

@@ -8,6 +8,7 @@ mod rig;
 mod situation;
 mod stops;
 mod table;
+mod trace;
 
 pub use situation::Situation;
 pub use table::{Complaint, Malformed, Row, Table};
@@ -92,6 +93,38 @@ pub fn measure(image: &Path, phases: u32, filter: &str) -> Result<Table, NotRunn
     Ok(Table { image, phases, rows: found.into_iter().flat_map(|(_, (_, rows))| rows).collect() })
 }
 
+/// What the bus carried about the e-stop that took longest to its last stop: of each situation whose name contains `filter`.
+///
+/// # Errors
+///
+/// If the file is no image.
+///
+/// # Panics
+///
+/// If the gateway does not do what it is asked for.
+pub fn traces(image: &Path, phases: u32, filter: &str) -> Result<String, NotRunnable> {
+    Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
+    let board = || Builder::new(image).expect("the image that was just read");
+    let mut text = String::new();
+    for situation in Situation::all().into_iter().filter(|one| one.to_string().contains(filter)) {
+        let rig = Rig::new(&board, situation);
+        let bound = situation.bound(situation.bus.axes());
+        let last = |phase: &u32| {
+            let stops = rig.react(situation.offset(*phase, phases), &EStop {}, bound);
+            last_stop(&stops[..usize::from(situation.bus.axes())]).unwrap_or(Duration::MAX)
+        };
+        let worst = (0..phases).max_by_key(last).unwrap_or_default();
+        let trace = rig.trace(situation.offset(worst, phases), &EStop {}, bound);
+        text += &format!("{situation}, phase {worst} of {phases}\n{trace}");
+    }
+    Ok(text)
+}
+
+/// `None`: an axis is not stopped at all.
+fn last_stop(stops: &[Option<Duration>]) -> Option<Duration> {
+    stops.iter().copied().collect::<Option<Vec<_>>>().and_then(|stops| stops.into_iter().max())
+}
+
 /// The build that runs, and the rows of one situation.
 fn rows(board: &dyn Fn() -> Builder, situation: Situation, phases: u32) -> (String, Vec<Row>) {
     let rig = Rig::new(board, situation);
@@ -102,13 +135,10 @@ fn rows(board: &dyn Fn() -> Builder, situation: Situation, phases: u32) -> (Stri
         let axis = u8::try_from(phase % u32::from(axes)).expect("small");
         let stops = rig.react(after, &Stop { target: StopTarget::Axis(axis) }, situation.bound(1));
         one.push(stops[usize::from(axis)]);
-        // An axis that is not stopped is the last.
         let stops = rig.react(after, &EStop {}, situation.bound(axes));
         let stops = &stops[..usize::from(axes)];
         first.push(stops.iter().copied().flatten().min());
-        last.push(
-            stops.iter().copied().collect::<Option<Vec<_>>>().and_then(|stops| stops.into_iter().max()),
-        );
+        last.push(last_stop(stops));
     }
     let row =
         |stop: &str, took: &[Option<Duration>], bound| Row::new(&format!("{situation}, {stop}"), took, bound);

@@ -14,6 +14,7 @@ use mgw_sim::MotorWiring;
 
 use super::situation::{Bus, Load, Situation};
 use super::stops::{self, FirstStops};
+use super::trace;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
@@ -113,12 +114,45 @@ impl Rig {
     /// Sends a command on the second host link, so long after the begin of the situation, in a branch of the run. From its
     /// last bit to the first stop of each axis.
     pub(super) fn react<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> FirstStops {
+        let bus = self.situation.bus;
+        let found = self.branch(after, command, bound, move |part, since| {
+            let stops = first_stops(part, bus, since);
+            let nanos = |stop: &Option<Duration>| {
+                stop.map_or(u64::MAX, |stop| u64::try_from(stop.as_nanos()).expect("short"))
+            };
+            stops.iter().flat_map(|stop| nanos(stop).to_le_bytes()).collect()
+        });
+        let mut stops = FirstStops::default();
+        for (stop, nanos) in stops.iter_mut().zip(words(&found)) {
+            *stop = (nanos != u64::MAX).then(|| Duration::from_nanos(nanos));
+        }
+        stops
+    }
+
+    /// The same; what the bus carried meanwhile, as text.
+    pub(super) fn trace<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> String {
+        let bus = self.situation.bus;
+        let found = self.branch(after, command, bound, move |part, since| match bus.index() {
+            2 => trace::of_bytes(line(part).sent(), since).into_bytes(),
+            bus => trace::of_frames(part.fdcan[usize::from(bus)].log(), since).into_bytes(),
+        });
+        String::from_utf8(found).expect("it was text")
+    }
+
+    /// Sends a command in a branch of the run, and has a report made of the part and the end of the command's last bit.
+    fn branch<C: Call>(
+        &self,
+        after: Duration,
+        command: &C,
+        bound: Duration,
+        report: impl FnOnce(&mut Part, Duration) -> Vec<u8> + Send + 'static,
+    ) -> Vec<u8> {
         let mut frame = [0; MAX_FRAME];
         let length = encode(Kind::Request, SEQUENCE, C::NUMBER, command, &mut frame).expect("it fits");
         let frame = frame[..length].to_vec();
         let bits = BITS_PER_BYTE * u64::try_from(length).expect("short");
         let mut machine = self.machine.borrow_mut();
-        let (bus, begin) = (self.situation.bus, self.begin + after);
+        let begin = self.begin + after;
         let since = machine.now() + begin + HOST_BIT * u32::try_from(bits).expect("short");
         let send = move |part: &mut Part, _| {
             let host: &mut HostUart = part.serial[UartPort::Host1.index()].peer_mut().expect("a computer");
@@ -129,19 +163,7 @@ impl Rig {
             );
             host.send(&frame);
         };
-        let look = move |part: &mut Part| {
-            let stops = first_stops(part, bus, since);
-            let nanos = |stop: &Option<Duration>| {
-                stop.map_or(u64::MAX, |stop| u64::try_from(stop.as_nanos()).expect("short"))
-            };
-            stops.iter().flat_map(|stop| nanos(stop).to_le_bytes()).collect()
-        };
-        let found = machine.branch(begin, send, bound + PATIENCE, look);
-        let mut stops = FirstStops::default();
-        for (stop, nanos) in stops.iter_mut().zip(words(&found)) {
-            *stop = (nanos != u64::MAX).then(|| Duration::from_nanos(nanos));
-        }
-        stops
+        machine.branch(begin, send, bound + PATIENCE, move |part| report(part, since))
     }
 
     /// When the longest pause of the bus begins, with a margin: from where the board stands.
