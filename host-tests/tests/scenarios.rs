@@ -123,6 +123,7 @@ scenarios! {
     raw_access_that_is_left_open_ends_with_its_host
     rmd_and_thruster_share_a_bus
     stop_and_disarm_go_through_stopping_to_idle
+    stops_of_eleven_d5_motors_wait_for_their_replies_and_meet_none
     stops_of_many_axes_follow_each_other_without_a_gap
     stops_of_two_axes_on_rs485_follow_within_the_bound
     the_32_bit_time_wraps_around_without_harm

@@ -217,7 +217,9 @@ impl Axis {
             && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
         {
             self.displaced = None;
-            self.unanswered_since = None;
+            // The reply to what was sent in its place is still due.
+            self.unanswered_since =
+                self.unanswered_since.filter(|_| self.pending.as_ref().is_some_and(Pending::is_waiting));
             return Reception::Late;
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {

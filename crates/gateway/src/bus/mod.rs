@@ -39,6 +39,8 @@ pub(crate) struct Bus {
     line: Line,
     /// CAN: when the last frame had left or had come.
     active_at: Instant,
+    /// CAN: when it was last known to have been quiet for as long as a motor takes to begin its reply.
+    quiet_at: Instant,
     pub raw: Option<Raw>,
     /// When the frame that has waited longest for an acknowledgement counts as unacknowledged, although it was taken back.
     carried_deadline: Option<Instant>,
@@ -88,6 +90,7 @@ impl Bus {
             in_flight: [None; TRANSMIT_SLOTS],
             line: Line::new(local_echo),
             active_at: Instant::from_micros(0),
+            quiet_at: Instant::from_micros(0),
             raw: None,
             carried_deadline: None,
             restart_at: None,

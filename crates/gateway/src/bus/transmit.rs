@@ -173,7 +173,8 @@ impl Bus {
         let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
         let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
         let outstanding = self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
-        let may_ordinary = !stops_wait && self.may_send_ordinary(now, outstanding);
+        let may_ordinary =
+            !stops_wait && self.may_send_ordinary(now, outstanding) && !self.lets_replies_pass(now, axes);
         let turn = usize::from(self.turn);
         let mut best: Option<(usize, Want)> = None;
         for offset in 1..=axes.len() {
@@ -188,8 +189,11 @@ impl Bus {
                 Priority::Watch => {
                     may_ordinary && self.may_watch(now, axes) && self.id_is_free_at(axis, axes) <= now
                 }
-                Priority::FirstStop | Priority::FirstStopAtRest | Priority::Stop => {
-                    self.may_send_stop(now, axis, &want, axes)
+                Priority::FirstStop | Priority::FirstStopAtRest => self.may_send_stop(now, axis, &want, axes),
+                // On CAN a first stop may have to wait for a reply, which these would hold up.
+                Priority::Stop => {
+                    let waits = stops_wait && self.kind() == BusKind::Can;
+                    !waits && self.may_send_stop(now, axis, &want, axes)
                 }
             };
             if allowed {
@@ -224,7 +228,10 @@ impl Bus {
             BusKind::Can => {
                 let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
-                self.free_slot().is_some() && !taken && self.id_is_free_at(axis, axes) <= now
+                // A reply that is still due could win the bus together with it behind another frame.
+                let alone = self.in_flight.iter().all(Option::is_none);
+                let apart = alone || axis.reply_with_our_id_since().is_none();
+                self.free_slot().is_some() && !taken && apart && self.id_is_free_at(axis, axes) <= now
             }
             BusKind::Rs485 => {
                 self.in_flight.iter().all(Option::is_none)
@@ -234,13 +241,26 @@ impl Bus {
     }
 
     /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
-    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded: our
-    /// frames and the replies to them, two for each axis.
+    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded, as replies
+    /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
     fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
         let delay = self.line_times().stop_delay();
-        let others = self.bit_time(LONGEST_EXCHANGE_BITS).times(self.axes_here(axes).count() as u64);
+        let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
         (since.max(self.active_at) + delay).min(since + others + delay)
+    }
+
+    /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now could hold it up until the next frame
+    /// to its motor meets it. No longer than until the bus has been quiet once when the reply window was over.
+    fn lets_replies_pass(&self, now: Instant, axes: &[Axis]) -> bool {
+        let held_up = |axis: &Axis| {
+            axis.reply_with_our_id_since().is_some_and(|since| {
+                let late = since + self.line_times().stop_delay() <= now;
+                let missed = self.quiet_at >= since + self.reply_window();
+                late && !missed && self.id_is_free_at(axis, axes) > now
+            })
+        };
+        self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
     }
 
     /// When the next frame may go out that waits for a reply with its own id.
@@ -311,6 +331,9 @@ impl Bus {
                 None
             }
         };
+        if self.active_at + self.line_times().stop_delay() <= now {
+            self.quiet_at = now;
+        }
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
             // A setpoint that takes the place of another one has no more time than that had.
             let deadline = self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
