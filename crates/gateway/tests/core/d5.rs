@@ -1,10 +1,14 @@
 //! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched and read back.
 
 use crate::bench::{
-    self, D5_VELOCITY, arm_axis, keep_moving, listed, move_axis, outcomes, run_with_host, stop,
+    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, outcomes, run_with_host,
+    stop,
 };
-use crate::rig::{FRAME_US, Instead, MOTOR_US};
-use host_protocol::{AxisState, Error, Event as HostEvent, MotorTimeout, Reply, Request, replies, requests};
+use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
+use host_protocol::{
+    AxisState, Error, Event as HostEvent, MotorTimeout, Protocol, Reply, Request, Setpoint, StopAction,
+    replies, requests,
+};
 
 #[test]
 fn a_motor_that_answers_reads_only_confirms_by_reading_back() {
@@ -68,21 +72,146 @@ fn a_stop_waits_for_the_reply_that_has_its_id_and_no_longer_than_a_millisecond()
         if !answers {
             rig.instead(|_| Instead::Nothing);
         }
-        // The moment at which a request to the motor has just left.
-        let sent = rig.sent_since(1, 0).len();
-        while rig.sent_since(1, 0).len() == sent {
-            rig.run(10);
-        }
-        let (at, ..) = *rig.wire.last().unwrap();
-        rig.run(at + FRAME_US + 10 - rig.now_us);
+        let left_at = just_asked(&mut rig, "00B#");
         let asked_at = rig.now_us;
         rig.send(&Request::EStop(requests::EStop {}));
         assert_eq!(rig.sent_since(1, asked_at), [""; 0], "answers: {answers}");
         rig.run(5_000);
         let stop = rig.wire.iter().find(|(when, ..)| *when >= asked_at).unwrap();
         assert_eq!(stop.2, "00B#D50B050320000033");
-        let left_at = at + FRAME_US;
         let expected = if answers { left_at + MOTOR_US + FRAME_US } else { left_at + 1_000 };
         assert_eq!(stop.0, expected, "answers: {answers}");
     }
+}
+
+/// The moment at which a request to a motor has just left.
+fn just_asked(rig: &mut Rig, motor: &str) -> u64 {
+    let sent = rig.wire.len();
+    let asked =
+        |rig: &Rig| rig.wire[sent..].iter().find(|(.., text)| text.starts_with(motor)).map(|(at, ..)| *at);
+    let left_at = loop {
+        rig.run(10);
+        if let Some(at) = asked(rig) {
+            break at + FRAME_US;
+        }
+    };
+    rig.run(left_at + 10 - rig.now_us);
+    left_at
+}
+
+/// Motors 0x0B and 1 turn; of those named from now on no reply comes through. With the epoch of axis 1.
+fn two_that_turn(held_up: &'static [&'static str]) -> (Rig, u32) {
+    let (mut rig, _) = bench::d5();
+    configure_axis(&mut rig, 1, 1, Protocol::D5, 1, StopAction::Hold);
+    let epochs = [0, 1].map(|axis| (axis, arm_axis(&mut rig, axis)));
+    keep_moving(&mut rig, &epochs, D5_VELOCITY, 30_000);
+    rig.instead(move |text| match held_up.iter().any(|motor| text.starts_with(motor)) {
+        true => Instead::Nothing,
+        false => Instead::AsUsual,
+    });
+    let (_, epoch) = epochs[1];
+    (rig, epoch)
+}
+
+/// Somebody else keeps the bus from being quiet.
+fn run_busy(rig: &mut Rig, us: u64) {
+    const PERIOD_US: u64 = 500;
+    for _ in 0..us / PERIOD_US {
+        rig.receive(1, "000#");
+        rig.run(PERIOD_US);
+    }
+}
+
+const STOP_B: &str = "00B#D50B050320000033";
+const STOP_1: &str = "001#D501050320000029";
+
+/// The second stop of a lower id would outrank the reply that the first stop of the other motor waits for.
+#[test]
+fn no_second_stop_goes_before_the_first_stop_of_who_waits_for_its_reply() {
+    let (mut rig, _) = two_that_turn(&["00B#"]);
+    just_asked(&mut rig, "00B#");
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    rig.run(5_000);
+    assert_eq!(rig.sent_since(1, since).get(..3), Some(&[STOP_1, STOP_B, STOP_1][..]));
+}
+
+/// In the second buffer it would wait for the end of the other frame, perhaps beside the reply.
+#[test]
+fn a_stop_that_has_not_heard_its_reply_goes_out_alone() {
+    let (mut rig, _) = two_that_turn(&["00B#", "001#"]);
+    just_asked(&mut rig, "00B#");
+    let left_at = just_asked(&mut rig, "001#");
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    rig.run(5_000);
+    let stops: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).map(|(at, ..)| *at).collect();
+    assert_eq!(stops.get(..2), Some(&[left_at + 1_000, left_at + 1_000 + FRAME_US + 1_000][..]));
+    assert_eq!(rig.sent_since(1, since).get(..2), Some(&[STOP_B, STOP_1][..]));
+}
+
+/// Once the reply is overdue whatever goes out may hold it up; a motor that is dead holds nobody up for longer than
+/// the frames of both axes can take (six of 135 bits), and 1 ms.
+#[test]
+fn while_a_reply_is_held_up_no_setpoint_goes_out() {
+    let (mut rig, epoch) = two_that_turn(&["00B#"]);
+    let left_at = just_asked(&mut rig, "00B#");
+    run_busy(&mut rig, 1_000);
+    let since = rig.now_us;
+    turn_slower(&mut rig, epoch);
+    run_busy(&mut rig, 3_000);
+    assert_eq!(rig.sent_since(1, since), [""; 0]);
+    run_busy(&mut rig, 2_000);
+    let (at, _, text) = rig.wire.iter().find(|(at, ..)| *at > since).unwrap();
+    assert_eq!((text.as_str(), at - left_at), ("001#D50105032073009C", 4_848));
+}
+
+#[test]
+fn while_a_reply_is_held_up_the_first_stop_of_another_motor_goes_out() {
+    let (mut rig, _) = two_that_turn(&["00B#"]);
+    just_asked(&mut rig, "00B#");
+    run_busy(&mut rig, 2_000);
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    assert_eq!(rig.sent_since(1, since), [STOP_1]);
+}
+
+/// The bus was quiet when the reply window was over: what would have waited has passed.
+#[test]
+fn a_motor_that_does_not_answer_holds_nobody_up_behind_its_reply_window() {
+    let (mut rig, epoch) = two_that_turn(&["00B#"]);
+    for axis in [2, 3] {
+        configure_axis(&mut rig, axis, 1, Protocol::D5, axis, StopAction::Hold);
+    }
+    just_asked(&mut rig, "00B#");
+    rig.run(5_000);
+    turn_slower(&mut rig, epoch);
+    rig.run(FRAME_US + MOTOR_US + FRAME_US);
+    let since = rig.now_us;
+    keep_moving(&mut rig, &[(1, epoch)], D5_VELOCITY, 10);
+    assert_eq!(rig.sent_since(1, since), ["001#D501050320580283"]);
+}
+
+/// Axis 1 gets another speed: 115 °/s.
+fn turn_slower(rig: &mut Rig, epoch: u32) {
+    keep_moving(rig, &[(1, epoch)], Setpoint::Velocity { velocity_rad_s: 2.007 }, 10);
+}
+
+/// The late reply is to the request before: that to the stop is still to come.
+#[test]
+fn a_late_reply_does_not_free_the_id_of_the_stop_that_is_under_way() {
+    let (mut rig, _) = two_that_turn(&["00B#"]);
+    for axis in [2, 3] {
+        configure_axis(&mut rig, axis, 1, Protocol::D5, axis, StopAction::Hold);
+    }
+    just_asked(&mut rig, "00B#");
+    rig.send(&Request::Stop(requests::Stop { target: host_protocol::StopTarget::Axis(0) }));
+    rig.run(1_500);
+    let (stop_at, _, text) = rig.wire.last().unwrap().clone();
+    assert_eq!(text, STOP_B);
+    rig.receive(1, "00B#5D0B05032058028D"); // 600 °/s
+    run_busy(&mut rig, 20_000);
+    let again = rig.wire.iter().find(|(at, _, text)| *at > stop_at && text == STOP_B).unwrap();
+    // Four axes, three frames each, and 1 ms; not when its window of 5 ms closes.
+    assert!((8_500..9_500).contains(&(again.0 - stop_at)), "{} after {stop_at}", again.0);
 }

@@ -100,7 +100,8 @@ pub fn d5(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
     let mut timeout_switch = 1;
     move |_, _, text| {
         let play = play.borrow();
-        let frame = unhex(text.strip_prefix("00B#")?);
+        let (arbitration_id, data) = text.split_once('#')?;
+        let frame = unhex(data);
         if play.mute {
             return None;
         }
@@ -118,6 +119,6 @@ pub fn d5(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
         };
         let body = [id, length, command, register, low, high];
         let sum = body.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
-        Some(format!("00B#5D{}{sum:02X}", hex(&body)))
+        Some(format!("{arbitration_id}#5D{}{sum:02X}", hex(&body)))
     }
 }
