@@ -183,6 +183,11 @@ impl Axis {
         self.unanswered_since.filter(|_| same_id)
     }
 
+    /// The next frame to the motor has met its reply on the bus and was taken back: the reply is let pass first.
+    pub fn reply_comes_first(&mut self, now: Instant) {
+        self.unanswered_since = Some(now);
+    }
+
     /// Whether the frame in `slot` is the request under way.
     pub fn has_pending(&self, slot: u8) -> bool {
         self.pending.as_ref().is_some_and(|p| p.slot == slot)
@@ -223,6 +228,8 @@ impl Axis {
             return Reception::Late;
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
+            // Late beyond everything that is remembered, but it has come.
+            self.unanswered_since = None;
             return self.unasked(now, received, out);
         };
         let verdict = motor::judge(&pending.command, received, &self.config);

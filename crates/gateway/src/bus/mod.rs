@@ -70,6 +70,8 @@ struct InFlight {
     is_stop: bool,
     /// Asked back from the controller, which must report by then.
     cancel_by: Option<Instant>,
+    /// When it counts as destroyed by a reply with its own id, which was due and had not come when it was handed over.
+    collided_at: Option<Instant>,
 }
 
 impl Bus {

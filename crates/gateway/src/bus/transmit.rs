@@ -19,6 +19,8 @@ const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
 /// A controller that has neither sent nor given back a frame within this and four frame times is started again.
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
+/// A frame that waited in vain for a reply with its own id, and has not left after so many frame times, has met that reply.
+const COLLIDED_AFTER_FRAMES: u64 = 3;
 /// Longest stuffed standard data frame with intermission, bits.
 pub(super) const LONGEST_FRAME_BITS: u64 = 135;
 /// A request and its reply, on CAN or RS485, bits.
@@ -78,7 +80,8 @@ impl Bus {
             let unwanted = match axis {
                 // What was given up must not leave when nobody expects it any more.
                 Some(axis) => {
-                    axis.has_replaced(slot)
+                    in_flight.collided_at.is_some_and(|at| at <= now)
+                        || axis.has_replaced(slot)
                         || in_flight.overdue && !in_flight.is_stop && !axis.has_pending(slot)
                 }
                 None => self.raw.is_none(),
@@ -103,6 +106,9 @@ impl Bus {
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.withdrawn(now, slot);
+            if in_flight.collided_at.is_some_and(|at| at <= now) {
+                axis.reply_comes_first(now);
+            }
         }
     }
 
@@ -138,7 +144,7 @@ impl Bus {
     /// Earliest time after `after` at which the bus must be looked at again.
     pub fn next_deadline(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
         let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
-        let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by);
+        let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by.or(f.collided_at));
         overdue
             .chain(cancels)
             .chain(self.line_ready_at(after, axes))
@@ -293,6 +299,10 @@ impl Bus {
             return None;
         };
         self.turn = axis.index;
+        // Once for a frame that leaves: on a cut bus a stop stays in the controller.
+        let may_collide = axis.reply_with_our_id_since().is_some() && self.carried_deadline.is_none();
+        let frames = self.bit_time(LONGEST_FRAME_BITS).times(COLLIDED_AFTER_FRAMES);
+        let collided_at = may_collide.then_some(now + frames);
         axis.handed(now, want.exchange, want.command, slot);
         let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
         let within = match want.exchange {
@@ -300,7 +310,11 @@ impl Bus {
             _ => within,
         };
         let is_stop = want.exchange.is_stop();
-        Some(self.launch(now, slot, Some(axis.index), frame, within, is_stop))
+        let transmit = self.launch(now, slot, Some(axis.index), frame, within, is_stop);
+        if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut) {
+            in_flight.collided_at = collided_at;
+        }
+        Some(transmit)
     }
 
     fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
@@ -337,7 +351,15 @@ impl Bus {
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
             // A setpoint that takes the place of another one has no more time than that had.
             let deadline = self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
-            *place = Some(InFlight { axis, id, deadline, overdue: false, is_stop, cancel_by: None });
+            *place = Some(InFlight {
+                axis,
+                id,
+                deadline,
+                overdue: false,
+                is_stop,
+                cancel_by: None,
+                collided_at: None,
+            });
         }
         Transmit { slot, frame }
     }

@@ -215,3 +215,60 @@ fn a_late_reply_does_not_free_the_id_of_the_stop_that_is_under_way() {
     // Four axes, three frames each, and 1 ms; not when its window of 5 ms closes.
     assert!((8_500..9_500).contains(&(again.0 - stop_at)), "{} after {stop_at}", again.0);
 }
+
+/// It had to wait behind others for longer than its request is remembered.
+#[test]
+fn a_reply_that_comes_after_all_windows_frees_its_id() {
+    let (mut rig, _) = two_that_turn(&["00B#"]);
+    for axis in [2, 3] {
+        configure_axis(&mut rig, axis, 1, Protocol::D5, axis, StopAction::Hold);
+    }
+    just_asked(&mut rig, "00B#");
+    rig.send(&Request::Stop(requests::Stop { target: host_protocol::StopTarget::Axis(0) }));
+    run_busy(&mut rig, 7_000);
+    let since = rig.now_us;
+    rig.receive(1, "00B#5D0B05032058028D"); // 600 °/s
+    assert_eq!(rig.sent_since(1, since), [STOP_B]);
+}
+
+/// The first stop of a motor goes out, whose reply is still due.
+fn stopped_without_a_reply() -> Rig {
+    let (mut rig, _) = bench::d5();
+    let epoch = arm_axis(&mut rig, 0);
+    keep_moving(&mut rig, &[(0, epoch)], D5_VELOCITY, 30_000);
+    rig.instead(|_| Instead::Nothing);
+    let left_at = just_asked(&mut rig, "00B#");
+    stop(&mut rig);
+    rig.run(left_at + 1_000 - rig.now_us);
+    assert_eq!(rig.wire.last().map(|(at, _, text)| (*at, text.as_str())), Some((left_at + 1_000, STOP_B)));
+    rig
+}
+
+/// A motor slower than 1 ms has begun its reply in the same bit as its stop.
+#[test]
+fn a_stop_that_has_met_its_reply_is_taken_back_and_follows_it() {
+    let mut rig = stopped_without_a_reply();
+    // While they destroy each other nothing leaves.
+    rig.cut();
+    rig.run(1_920);
+    assert_eq!(rig.held_texts(), [STOP_B]);
+    rig.run(10); // three times 642 µs
+    assert_eq!(rig.held_texts(), [""; 0]);
+    rig.mend();
+    rig.run(FRAME_US);
+    let since = rig.now_us;
+    rig.receive(1, "00B#5D0B05032058028D"); // 600 °/s
+    assert_eq!(rig.sent_since(1, since), [STOP_B]);
+}
+
+/// The bus is cut: there is no reply that it could meet.
+#[test]
+fn a_stop_is_taken_back_for_a_reply_once_and_then_stays_in_the_controller() {
+    let mut rig = stopped_without_a_reply();
+    rig.cut();
+    rig.run(1_930 + 1_010);
+    for _ in 0..15 {
+        assert_eq!(rig.held_texts(), [STOP_B]);
+        rig.run(1_000);
+    }
+}
