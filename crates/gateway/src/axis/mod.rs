@@ -199,7 +199,8 @@ impl Axis {
         self.enter(state, out);
     }
 
-    /// The motor's own timeout, where the gateway has programmed one.
+    /// The motor's own timeout, where the gateway has programmed one. A D5's stays unknown although it can be read back: register 0x11
+    /// only switches it on and off, and no register and no page of the manual tells how long it is.
     fn programmed_timeout(&self) -> Option<Duration> {
         match self.motor_timeout {
             MotorTimeout::Written { timeout_ms } if timeout_ms > 0 => {
