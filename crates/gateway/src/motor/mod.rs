@@ -220,6 +220,15 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     })
 }
 
+/// Whether motors of a protocol keep their own timeout without power: RMD writes it to ROM (V3.6 §2.30); whether a thruster
+/// does, its manual does not say; a D5 motor is asked whenever it is armed.
+pub(crate) fn stores_its_timeout(protocol: Protocol) -> bool {
+    match protocol {
+        Protocol::Rmd => true,
+        Protocol::Thruster | Protocol::D5 => false,
+    }
+}
+
 /// The reply window of a command where the motor needs longer than its bus's window.
 pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
     match command {

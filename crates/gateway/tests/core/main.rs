@@ -33,4 +33,5 @@ mod subscriptions;
 mod text;
 mod trip_groups;
 mod unreachable;
+mod unreachable_after_reset;
 mod wire;
