@@ -27,6 +27,7 @@ mod raw_access;
 mod relative_moves;
 mod rest;
 mod rig;
+mod rules;
 mod stop_again;
 mod stops;
 mod subscriptions;
