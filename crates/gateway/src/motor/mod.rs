@@ -1,6 +1,7 @@
 //! From the core's words to each protocol's commands and back. One file per protocol; only they and [`convert`](crate::convert)
 //! know a manual's units.
 
+mod counts;
 mod d5;
 mod exchange;
 mod impedance;
@@ -9,6 +10,7 @@ mod raw;
 mod rmd;
 mod thruster;
 
+use counts::{Unit, fit, position};
 pub(crate) use exchange::Exchange;
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{Touch, touched_by_can, touched_by_serial};
@@ -301,15 +303,4 @@ pub(crate) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
         Some(Protocol::D5) => d5::accepts_id(config, frame),
         _ => true,
     }
-}
-
-/// A wire count as the type the wire has, or the refusal that names the SI range that type can carry.
-fn fit<T: TryFrom<i32>>(
-    count: Option<i32>,
-    quantity: Quantity,
-    value: f32,
-    range: (f32, f32),
-) -> Result<T, Error> {
-    let out_of_range = Error::OutOfRange { quantity, value, min: range.0, max: range.1 };
-    count.and_then(|count| T::try_from(count).ok()).ok_or(out_of_range)
 }

@@ -1,13 +1,12 @@
 //! A reset while a motor is unreachable, and what is known of its own timeout afterwards (GUARANTEES G1, G4, G6).
 
 use crate::bench::{
-    self, HOLD, VELOCITY, clear, e_stop, listed, move_axis, outcomes, parameter, run_with_host, state,
+    self, HOLD, VELOCITY, clear, e_stop, listed, move_axis, parameter, provision, run_with_host, state,
 };
 use crate::motors::Shared;
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, MotorTimeout, Reply, Request, Setpoint, StopAction,
-    Value, requests,
+    AxisParameter, AxisState, Error, MotorTimeout, Reply, Request, Setpoint, StopAction, Value, requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -17,10 +16,6 @@ const SILENCE_US: u64 = 600_000;
 const BOTH_US: u64 = 20_000;
 /// The data of a thruster's stop.
 const THRUSTER_STOP: &str = "30B#5443000000000000";
-
-fn provision(rig: &mut Rig, timeout_ms: u32) -> Result<Reply, Error> {
-    rig.ask(Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis: 0, timeout_ms }))
-}
 
 fn arm(rig: &mut Rig) -> Result<Reply, Error> {
     rig.ask(Request::Arm(requests::Arm { axis: 0 }))
@@ -37,8 +32,7 @@ fn provisioned((mut rig, play): (Rig, Shared)) -> (Rig, Shared) {
 fn unreachable((mut rig, play): (Rig, Shared), setpoint: Setpoint) -> (Rig, Shared) {
     move_axis(&mut rig, setpoint);
     play.borrow_mut().mute = true;
-    run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    bench::assert_becomes_unreachable(&mut rig);
     assert!(!rig.gateway.enable_output());
     (rig, play)
 }
