@@ -97,6 +97,7 @@ scenarios! {
     an_impedance_setpoint_holds_like_a_spring
     an_open_e_stop_input_bars_clearing_over_a_reset
     an_unreachable_motor_is_left_alone_between_two_stops
+    an_unreachable_motor_stays_so_over_a_reset
     arming_asks_each_motor_in_its_order_and_writes_nothing_that_stays
     arming_needs_a_known_motor_timeout
     arming_needs_a_motor_that_stands_answers_and_has_no_fault

@@ -22,12 +22,14 @@ pub mod port;
 mod raws;
 mod requests;
 mod retained;
+mod rules;
 pub mod time;
 
 pub use gateway::Gateway;
 pub use log::LogEntry;
 pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Transmit};
 pub use retained::RETAINED_WORDS;
+pub use rules::{AxisRules, NativeEffect};
 pub use time::{Duration, Instant};
 
 /// Axes of one gateway.

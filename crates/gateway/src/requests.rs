@@ -6,12 +6,13 @@ use crate::gateway::Gateway;
 use crate::link::Incoming;
 use crate::log::LogEntry;
 use crate::outbox::Ticket;
+use crate::rules;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, Setpoint, StopTarget,
-    Text, TripReason, Vec, replies, requests,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, StopTarget, Text,
+    TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
@@ -278,24 +279,12 @@ impl Gateway {
 
     fn setpoint(&mut self, now: Instant, request: &requests::Setpoint) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
-        if let (Setpoint::Impedance { .. }, Some(protocol)) =
-            (request.setpoint, self.serial_protocol(request.axis)?)
-        {
-            // Motion mode has CAN ids of its own and no serial form (RMD V3.6 §5).
-            return Err(Error::Unsupported { axis: request.axis, protocol });
+        let config = &self.axis(request.axis)?.config;
+        if let Some(bus) = config.bus() {
+            rules::check_bus(request.axis, self.bus(bus)?.kind(), request.setpoint, config)?;
         }
         let (epoch, expires) = (request.epoch, request.expires_at_us);
         self.with_axis(now, request.axis, |axis, out| axis.set(now, epoch, expires, request.setpoint, out))?
-    }
-
-    /// The protocol of an axis that is on a serial bus.
-    fn serial_protocol(&self, index: u8) -> Result<Option<Protocol>> {
-        let config = &self.axis(index)?.config;
-        let on_serial = match config.bus() {
-            Some(bus) => self.bus(bus)?.kind() == BusKind::Rs485,
-            None => false,
-        };
-        Ok(config.protocol().filter(|_| on_serial))
     }
 
     pub(crate) fn stop(&mut self, now: Instant, target: StopTarget) -> Result<()> {

@@ -1,62 +1,37 @@
-//! What outlives a reset: the axis table, who was in motion or tripped, and the history (GUARANTEES G6, G8).
+//! What outlives a reset: the axis table, who was in motion, tripped or unreachable, and the history (GUARANTEES G6, G8).
 //!
 //! The core says which words to keep and reads them back; whoever runs it stores them in memory that a start does not
 //! clear. A board that is reset in mid-motion therefore knows its motors, and stops them before any host speaks.
 
 mod layout;
 mod slot;
+mod states;
 
 pub use layout::RETAINED_WORDS;
 
 use core::mem::take;
 
-use crate::axis::AxisConfig;
+use crate::axis::{Axis, AxisConfig};
 use crate::gateway::Gateway;
 use crate::history::History;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{AxisState, BusConfig, Incident, ProtocolSet, TripReason, requests};
-use layout::{Place, SLOTS, STATES_WORDS};
+use layout::{Place, SLOTS};
+use states::{E_STOPPED, States};
+
+/// Words of an axis: its configuration, then the timeout last written to its motor, ms.
+const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 
 /// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
 const BUS_WORDS: usize = 4;
-
-/// Bits of the flags word.
-const E_STOPPED: u32 = 1;
-
-/// What changes while axes move; one word each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct States {
-    /// Starts since power came on.
-    starts: u32,
-    /// Axes that may move: arming, armed, active or stopping. Bit 0 is axis 0.
-    moving: u32,
-    /// Axes that are tripped.
-    tripped: u32,
-    flags: u32,
-    /// Silence of the host in command that trips, µs.
-    silence_us: u32,
-}
-
-impl States {
-    const NONE: Self = Self { starts: 0, moving: 0, tripped: 0, flags: 0, silence_us: 0 };
-
-    fn words(self) -> [u32; STATES_WORDS] {
-        [self.starts, self.moving, self.tripped, self.flags, self.silence_us]
-    }
-
-    fn from_words(words: &[u32]) -> Option<Self> {
-        let [starts, moving, tripped, flags, silence_us] = *words else { return None };
-        Some(Self { starts, moving, tripped, flags, silence_us })
-    }
-}
 
 /// What has been saved, and what has changed since.
 pub(crate) struct Retention {
     /// The generation last written of each slot; its parity says which copy.
     generations: [u32; SLOTS],
-    /// Axes configured anew. Bit 0 is axis 0.
+    /// Axes configured anew, or whose motor was. Bit 0 is axis 0.
     axes: u32,
     /// Buses configured anew. Bit 0 is bus 0.
     buses: u32,
@@ -105,10 +80,13 @@ impl Gateway {
         self.remember_trips();
         let states = self.states();
         let Self { retention, axes, buses, history, .. } = self;
+        for axis in axes.iter_mut().filter_map(Axis::take_unsaved) {
+            retention.axis_changed(axis);
+        }
         let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
         if new_axes | new_buses != 0 {
             for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
-                retention.write(Place::Axis(index), &axis.config.to_words(), write);
+                retention.write(Place::Axis(index), &axis_words(axis), write);
             }
             for (index, bus) in buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0) {
                 retention.write(Place::Bus(index), &bus_words(bus.config()), write);
@@ -138,14 +116,17 @@ impl Gateway {
                 }
                 AxisState::Tripped { .. } => states.tripped |= bit(index),
             }
+            if axis.is_unreachable() {
+                states.unreachable |= bit(index);
+            }
         }
         states
     }
 
     /// Takes over what was saved before a reset; once, before any event. `words` are those of the memory, empty after
     /// power came on. Every configured axis is stopped: what may have been in motion trips with [`TripReason::Reset`], what was tripped
-    /// stays so, the others are stopped to be sure. What the memory holds is believed only where its checksum is right and
-    /// it would be accepted as a configuration.
+    /// stays so, and unreachable if it was; the others are stopped to be sure. What the memory holds is believed only where its
+    /// checksum is right and it would be accepted as a configuration.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
         let states =
             self.retention.read(Place::States, words).and_then(States::from_words).unwrap_or(States::NONE);
@@ -184,9 +165,9 @@ impl Gateway {
     fn restore_axes(&mut self, words: &[u32]) {
         for index in 0..MAX_AXES {
             let payload = self.retention.read(Place::Axis(index), words);
-            let config = payload.and_then(|payload| AxisConfig::from_words(payload).ok());
-            if let (Some(config), Ok(axis)) = (config, u8::try_from(index)) {
-                self.restore_axis(axis, config);
+            let known = payload.and_then(axis_from_words);
+            if let (Some((config, timeout_ms)), Ok(axis)) = (known, u8::try_from(index)) {
+                self.restore_axis(axis, config, timeout_ms);
             }
         }
     }
@@ -198,7 +179,8 @@ impl Gateway {
             let was_tripped = states.tripped & bit(index) != 0;
             if was_tripped || states.moving & bit(index) != 0 {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
-                axis.trip_after_reset(now, known.unwrap_or(TripReason::Reset), &mut out);
+                let unreachable = was_tripped && states.unreachable & bit(index) != 0;
+                axis.trip_after_reset(now, known.unwrap_or(TripReason::Reset), unreachable, &mut out);
                 if was_tripped {
                     // It stands in the history already.
                     let _ = axis.take_unrecorded_trip();
@@ -218,6 +200,20 @@ impl Gateway {
 /// The bit of an axis or a bus; none beyond the word.
 fn bit(index: usize) -> u32 {
     u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0)
+}
+
+/// The words of an axis: its configuration, and the timeout last written to its motor.
+fn axis_words(axis: &Axis) -> [u32; AXIS_WORDS] {
+    let mut words = [0; AXIS_WORDS];
+    let [config @ .., timeout_ms] = &mut words;
+    config.copy_from_slice(&axis.config.to_words());
+    *timeout_ms = axis.written_timeout_ms();
+    words
+}
+
+fn axis_from_words(words: &[u32]) -> Option<(AxisConfig, u32)> {
+    let [config @ .., timeout_ms] = words else { return None };
+    Some((AxisConfig::from_words(config).ok()?, *timeout_ms))
 }
 
 fn bus_words(config: Option<&BusConfig>) -> [u32; BUS_WORDS] {

@@ -176,6 +176,17 @@ impl AxisConfig {
         }
     }
 
+    /// A configured upper limit; infinity where the axis has none.
+    pub fn limit(&self, parameter: AxisParameter) -> f32 {
+        self.float(parameter).unwrap_or(f32::INFINITY)
+    }
+
+    /// The lowest and the highest position allowed, rad.
+    pub fn position_range(&self) -> (f32, f32) {
+        let min = self.float(AxisParameter::PositionMinRad).unwrap_or(f32::NEG_INFINITY);
+        (min, self.limit(AxisParameter::PositionMaxRad))
+    }
+
     pub fn flag(&self, parameter: AxisParameter) -> bool {
         matches!(self.get(parameter), Some(Value::Bool(true)))
     }

@@ -104,9 +104,14 @@ impl Axis {
             pending.predates_job = true;
         }
         self.job = Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false });
-        if matches!(kind, JobKind::Arm { .. }) {
-            self.holding = false;
-            self.enter(AxisState::Arming, out);
+        match kind {
+            JobKind::Arm { .. } => {
+                self.holding = false;
+                self.enter(AxisState::Arming, out);
+            }
+            // Until the motor has answered it may have the one or the other.
+            JobKind::Provision { .. } => self.forget_motor_timeout(),
+            _ => {}
         }
         if self.pass_over_steps() {
             self.finish(now, &Observation::default(), &[], out);
@@ -363,7 +368,7 @@ impl Axis {
             },
             JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
             JobKind::Provision { timeout_ms } => {
-                self.motor_timeout = self.provisioned(timeout_ms);
+                self.provisioned(timeout_ms);
                 Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout }))
             }
             JobKind::Clear => {
@@ -390,26 +395,6 @@ impl Axis {
                 }
             }
             Err(error) => self.fail(now, error, out),
-        }
-    }
-
-    /// The motor's own timeout is the second layer: arming without knowing it must be allowed by the configuration.
-    pub fn check_motor_timeout(&self) -> Result<(), Error> {
-        let axis = self.index;
-        match self.motor_timeout {
-            MotorTimeout::Verified | MotorTimeout::Written { .. } => Ok(()),
-            _ if self.config.flag(AxisParameter::AllowUnknownMotorTimeout) => Ok(()),
-            MotorTimeout::Off => Err(Error::MotorTimeoutOff { axis }),
-            MotorTimeout::Unknown => Err(Error::MotorTimeoutUnknown { axis }),
-        }
-    }
-
-    /// A D5 motor has a timeout of its own length, and its switch has been read back; others count the time given.
-    fn provisioned(&self, timeout_ms: u32) -> MotorTimeout {
-        match (timeout_ms, self.config.protocol()) {
-            (0, _) => MotorTimeout::Off,
-            (_, Some(Protocol::D5)) => MotorTimeout::Verified,
-            _ => MotorTimeout::Written { timeout_ms },
         }
     }
 

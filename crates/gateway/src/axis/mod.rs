@@ -10,6 +10,7 @@ mod limits;
 mod measured;
 mod motion;
 mod stop;
+mod timeout;
 mod trips;
 mod wants;
 
@@ -45,6 +46,11 @@ pub(crate) struct Axis {
     pub config: AxisConfig,
     pub state: AxisState,
     pub motor_timeout: MotorTimeout,
+    /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or something may have changed it since.
+    /// It outlives a reset of the gateway also where `motor_timeout` does not.
+    written_timeout_ms: u32,
+    /// It has still to be saved.
+    timeout_unsaved: bool,
     pub measured: Measured,
     pub trip: Option<Trip>,
     /// The trip has still to reach the others of its group.
@@ -93,6 +99,8 @@ impl Axis {
             config: AxisConfig::new(),
             state: AxisState::Unconfigured,
             motor_timeout: MotorTimeout::Unknown,
+            written_timeout_ms: 0,
+            timeout_unsaved: false,
             measured: Measured::new(),
             trip: None,
             trip_spreads: false,
@@ -182,40 +190,16 @@ impl Axis {
             && !(self.holding && exchange == Exchange::Velocity)
     }
 
-    /// A native command is about to change the motor: what was known of its own timeout may no longer hold.
-    pub fn forget_motor_timeout(&mut self) {
-        self.motor_timeout = MotorTimeout::Unknown;
-    }
-
     /// A parameter has been set. Another motor is another motor: nothing is known of it.
     pub fn configured(&mut self, parameter: AxisParameter, complete: bool, out: &mut Outbox<'_>) {
         if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
-            self.motor_timeout = MotorTimeout::Unknown;
+            self.forget_motor_timeout();
             self.measured = Measured::new();
             self.holding = false;
         }
         self.holding &= self.must_hold();
         let state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
         self.enter(state, out);
-    }
-
-    /// The motor's own timeout, where the gateway has programmed one. A D5's stays unknown although it can be read back: register 0x11
-    /// only switches it on and off, and no register and no page of the manual tells how long it is.
-    fn programmed_timeout(&self) -> Option<Duration> {
-        match self.motor_timeout {
-            MotorTimeout::Written { timeout_ms } if timeout_ms > 0 => {
-                Some(Duration::from_millis(u64::from(timeout_ms)))
-            }
-            _ => None,
-        }
-    }
-
-    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
-    fn unreachable_silence(&self) -> Duration {
-        match self.programmed_timeout() {
-            Some(timeout) => timeout.and_a_half(),
-            None => self.config.stop_repeat(),
-        }
     }
 
     /// How often a setpoint goes out: as configured, and at least every third of the motor's own timeout.

@@ -3,6 +3,7 @@
 use super::{Axis, JobKind};
 use crate::motor::{self, Command, Demand, Exchange};
 use crate::outbox::{Outbox, Ticket};
+use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
 use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, TripReason};
@@ -67,8 +68,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
         let expires = self.permission(now, epoch, expires_at_us)?;
-        self.check_limits(setpoint)?;
-        let command = motor::motion(self.index, setpoint, &self.config)?;
+        let command = rules::command(self.index, setpoint, &self.config)?;
         self.supersede(now, out);
         self.take_motion(now, command, expires, false, out);
         Ok(())
@@ -85,7 +85,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
-        self.check_demand(motion.demand)?;
+        rules::check_demand(self.index, motion.demand, &self.config)?;
         self.make_way(now, out);
         self.supersede(now, out);
         if self.is_busy() {
@@ -107,12 +107,8 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
-        if !distance_rad.is_finite() {
-            return Err(Error::NotANumber { quantity: Quantity::Position });
-        }
         // What does not depend on the position is refused before it is read.
-        self.check_speed_limit(speed_limit_rad_s)?;
-        motor::motion(self.index, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, &self.config)?;
+        rules::check_move(self.index, distance_rad, speed_limit_rad_s, &self.config)?;
         self.make_way(now, out);
         self.supersede(now, out);
         if self.is_busy() {
@@ -138,7 +134,8 @@ impl Axis {
         let setpoint = Setpoint::Position { position_rad: 0.0, speed_limit_rad_s };
         let command = motor::motion(self.index, setpoint, &self.config)?;
         let further = motor::further(command, start_count, distance_rad, &self.config)?;
-        self.check_limits(Setpoint::Position { position_rad: further.target_rad, speed_limit_rad_s })?;
+        let target = Setpoint::Position { position_rad: further.target_rad, speed_limit_rad_s };
+        rules::check_limits(target, &self.config)?;
         self.take_motion(now, further.command, expires, false, out);
         Ok(MoveTarget { start_rad: further.start_rad, target_rad: further.target_rad })
     }

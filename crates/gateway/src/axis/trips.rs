@@ -38,11 +38,21 @@ impl Axis {
         out.event(&Event::Tripped { axis: self.index, trip });
     }
 
-    /// The axis was in motion, or tripped already, when the gateway was reset.
-    pub fn trip_after_reset(&mut self, now: Instant, reason: TripReason, out: &mut Outbox<'_>) {
+    /// The axis was in motion, or tripped already, when the gateway was reset. A motor that was unreachable stays so until it
+    /// confirms a stop; as none of this run has left, its first two go out before the silence.
+    pub fn trip_after_reset(
+        &mut self,
+        now: Instant,
+        reason: TripReason,
+        unreachable: bool,
+        out: &mut Outbox<'_>,
+    ) {
         // It may have been doing anything.
         self.state = AxisState::Stopping;
         self.trip(now, reason, out);
+        if unreachable {
+            self.rest(now, out);
+        }
     }
 
     /// The trip that has still to go into the history.

@@ -1,6 +1,7 @@
 //! From the core's words to each protocol's commands and back. One file per protocol; only they and [`convert`](crate::convert)
 //! know a manual's units.
 
+mod counts;
 mod d5;
 mod exchange;
 mod impedance;
@@ -9,6 +10,7 @@ mod raw;
 mod rmd;
 mod thruster;
 
+use counts::{Unit, fit, position};
 pub(crate) use exchange::Exchange;
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{Touch, touched_by_can, touched_by_serial};
@@ -220,6 +222,15 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     })
 }
 
+/// Whether motors of a protocol keep their own timeout without power: RMD writes it to ROM (V3.6 §2.30); whether a thruster
+/// does, its manual does not say; a D5 motor is asked whenever it is armed.
+pub(crate) fn stores_its_timeout(protocol: Protocol) -> bool {
+    match protocol {
+        Protocol::Rmd => true,
+        Protocol::Thruster | Protocol::D5 => false,
+    }
+}
+
 /// The reply window of a command where the motor needs longer than its bus's window.
 pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
     match command {
@@ -292,15 +303,4 @@ pub(crate) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
         Some(Protocol::D5) => d5::accepts_id(config, frame),
         _ => true,
     }
-}
-
-/// A wire count as the type the wire has, or the refusal that names the SI range that type can carry.
-fn fit<T: TryFrom<i32>>(
-    count: Option<i32>,
-    quantity: Quantity,
-    value: f32,
-    range: (f32, f32),
-) -> Result<T, Error> {
-    let out_of_range = Error::OutOfRange { quantity, value, min: range.0, max: range.1 };
-    count.and_then(|count| T::try_from(count).ok()).ok_or(out_of_range)
 }

@@ -1,7 +1,7 @@
 //! MyActuator RMD (V3.6) in the core's words.
 
 use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Verdict, fit, impedance};
+use super::{Command, Exchange, Sequences, Unit, Verdict, fit, impedance, position};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
@@ -24,6 +24,11 @@ pub(super) const SEQUENCES: Sequences = Sequences {
     // There is no command that clears a fault (§8).
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
 };
+
+/// Of speed limits, and of angles.
+const DEGREES: Unit = Unit { from_si: convert::rad_to_degrees, to_si: convert::degrees_to_rad };
+const CENTIDEGREES: Unit =
+    Unit { from_si: convert::rad_to_centidegrees, to_si: convert::centidegrees_to_rad };
 
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
     Some(match exchange {
@@ -65,16 +70,9 @@ pub(super) fn motion(
             Request::Velocity { speed: CentidegreesPerSecond(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
-            let limit = convert::degrees_to_rad(i32::from(u16::MAX));
-            let count = convert::rad_to_degrees(speed_limit_rad_s);
-            let max_speed: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, (0.0, limit))?;
-            if max_speed == 0 {
-                // The manual does not say what 0 means, newer ones say unlimited (PROTOCOL-NOTES R33).
-                return Err(Error::SpeedLimitZero { axis });
-            }
-            let limit = convert::centidegrees_to_rad(i32::MAX);
-            let count = convert::rad_to_centidegrees(sign * position_rad);
-            let angle = fit(count, Quantity::Position, position_rad, (-limit, limit))?;
+            // What a speed of 0 means the manual does not say, newer ones say unlimited (PROTOCOL-NOTES R33).
+            let (max_speed, angle) =
+                position(axis, speed_limit_rad_s, &DEGREES, sign, position_rad, &CENTIDEGREES)?;
             Request::AbsolutePosition { max_speed: SpeedLimit(max_speed), angle: Centidegrees(angle) }
         }
         Setpoint::Signal { .. } => return Ok(None),

@@ -1,7 +1,7 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
 use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Verdict, fit};
+use super::{Command, Exchange, Sequences, Unit, Verdict, fit, position};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
@@ -29,6 +29,10 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::DriverTemperature,
     ],
 };
+
+/// Of speeds, and of angles.
+const RPM: Unit = Unit { from_si: convert::rad_s_to_rpm, to_si: convert::rpm_to_rad_s };
+const DECIDEGREES: Unit = Unit { from_si: convert::rad_to_decidegrees, to_si: convert::decidegrees_to_rad };
 
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
     let has_position = config.flag(AxisParameter::PositionDevice);
@@ -72,16 +76,9 @@ pub(super) fn motion(
         Setpoint::Position { position_rad, speed_limit_rad_s }
             if config.flag(AxisParameter::PositionDevice) =>
         {
-            let limit = convert::rpm_to_rad_s(i32::from(u16::MAX));
-            let count = convert::rad_s_to_rpm(speed_limit_rad_s);
-            let speed: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, (0.0, limit))?;
-            if speed == 0 {
-                // Speed 0 means: do not start (T16).
-                return Err(Error::SpeedLimitZero { axis });
-            }
-            let limit = convert::decidegrees_to_rad(i32::MAX);
-            let count = convert::rad_to_decidegrees(sign * position_rad);
-            let position = fit(count, Quantity::Position, position_rad, (-limit, limit))?;
+            // Speed 0 means: do not start (T16).
+            let (speed, position) =
+                position(axis, speed_limit_rad_s, &RPM, sign, position_rad, &DECIDEGREES)?;
             Request::AbsolutePosition { speed: RpmLimit(speed), position: Decidegrees(position) }
         }
         Setpoint::Position { .. } | Setpoint::Current { .. } | Setpoint::Impedance { .. } => return Ok(None),

@@ -1,19 +1,16 @@
 //! Where each slot lies among the retained words.
 
-use super::BUS_WORDS;
 use super::slot::Slot;
-use crate::axis::AxisConfig;
+use super::states::STATES_WORDS;
+use super::{AXIS_WORDS, BUS_WORDS};
 use crate::history::{INCIDENT_WORDS, INCIDENTS};
 use crate::{MAX_AXES, MAX_BUSES};
-
-/// Words of the states: those of `States`.
-pub(super) const STATES_WORDS: usize = 5;
 
 /// Slots in all.
 pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
 
 const AXES_AT: usize = Slot::words(STATES_WORDS);
-const BUSES_AT: usize = AXES_AT + MAX_AXES * Slot::words(AxisConfig::WORDS);
+const BUSES_AT: usize = AXES_AT + MAX_AXES * Slot::words(AXIS_WORDS);
 const INCIDENTS_AT: usize = BUSES_AT + MAX_BUSES * Slot::words(BUS_WORDS);
 
 /// Words that outlive a reset, of 32 bits.
@@ -24,7 +21,7 @@ pub const RETAINED_WORDS: usize = INCIDENTS_AT + INCIDENTS * Slot::words(INCIDEN
 pub(super) enum Place {
     /// The states.
     States,
-    /// The configuration of an axis.
+    /// The configuration of an axis, and what was written to its motor.
     Axis(usize),
     /// The configuration of a bus.
     Bus(usize),
@@ -47,7 +44,7 @@ impl Place {
     pub const fn slot(self) -> Slot {
         let (first, nth, payload) = match self {
             Self::States => (0, 0, STATES_WORDS),
-            Self::Axis(axis) => (AXES_AT, axis, AxisConfig::WORDS),
+            Self::Axis(axis) => (AXES_AT, axis, AXIS_WORDS),
             Self::Bus(bus) => (BUSES_AT, bus, BUS_WORDS),
             Self::Incident(place) => (INCIDENTS_AT, place, INCIDENT_WORDS),
         };

@@ -7,7 +7,7 @@ const FRAME_WORDS: usize = 2;
 const COPIES: usize = 2;
 
 /// Enters every checksum. To be changed with the layout, so that another firmware's words count as none.
-const LAYOUT_VERSION: u32 = 1;
+const LAYOUT_VERSION: u32 = 2;
 
 static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
@@ -98,8 +98,8 @@ mod tests {
     fn the_bytes_of_a_copy_are_these() {
         let mut words = [0; MEMORY];
         write(&mut words, 1, &[7, 8]);
-        // CRC-32C of the words 1, 3, 1, 7, 8, little-endian.
-        assert_eq!(words, [0, 0, 0, 0, 0, 0, 0, 1, 7, 8, 0xA512_73A2]);
+        // CRC-32C of the words 2, 3, 1, 7, 8, little-endian.
+        assert_eq!(words, [0, 0, 0, 0, 0, 0, 0, 1, 7, 8, 0xFCD6_6B65]);
     }
 
     #[test]

@@ -176,8 +176,7 @@ fn an_unknown_motor_timeout_is_refused_unless_allowed() {
     let arm_axis = Request::Arm(requests::Arm { axis: 0 });
     assert_eq!(rig.ask(arm_axis.clone()), Err(Error::MotorTimeoutUnknown { axis: 0 }));
     let since = rig.now_us;
-    let provision = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 1_000 };
-    rig.ask(Request::ProvisionMotorTimeout(provision)).unwrap();
+    bench::provision(&mut rig, 1_000).unwrap();
     assert_eq!(rig.sent_since(0, since), ["141#B3000000E8030000"]); // RMD V3.6 §2.30.4
     assert!(matches!(rig.ask(arm_axis), Ok(Reply::Arm(_))));
 }

@@ -81,6 +81,17 @@ pub fn thruster() -> (Rig, Shared) {
     (rig, play)
 }
 
+/// A thruster that is armed and falls silent, and has just been given a setpoint of 0, which reads as its stop does.
+pub fn thruster_that_owes_the_reply_to_a_setpoint_of_0() -> (Rig, Shared) {
+    let (mut rig, play) = thruster();
+    let epoch = arm(&mut rig);
+    rig.run(10_000);
+    play.borrow_mut().mute = true;
+    let request = setpoint(&rig, epoch, TTL_US, Setpoint::Signal { fraction: 0.0 });
+    rig.ask(request).unwrap();
+    (rig, play)
+}
+
 /// D5 id 0x0B on CAN bus 1.
 pub fn d5() -> (Rig, Shared) {
     let (mut rig, play) = (Rig::new(), play());
@@ -101,6 +112,13 @@ pub fn d5_that_answers_reads_only() -> Rig {
         _ => Instead::AsUsual,
     });
     rig
+}
+
+/// RMD node 1 on CAN bus 0 that holds, and was told its own timeout.
+pub fn rmd_with_timeout(timeout_ms: u32) -> (Rig, Shared) {
+    let (mut rig, play) = rmd(StopAction::Hold);
+    provision(&mut rig, timeout_ms).unwrap();
+    (rig, play)
 }
 
 /// RMD node 1 on RS485 bus 2.
@@ -132,6 +150,11 @@ pub fn arm_axis(rig: &mut Rig, axis: u8) -> u32 {
         Ok(Reply::Arm(replies::Armed { epoch, .. })) => epoch,
         other => panic!("arming was answered {other:?}"),
     }
+}
+
+/// Tells the motor of axis 0 its own timeout.
+pub fn provision(rig: &mut Rig, timeout_ms: u32) -> Result<Reply, Error> {
+    rig.ask(Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis: 0, timeout_ms }))
 }
 
 pub fn disarm(rig: &mut Rig) {
@@ -232,6 +255,14 @@ pub fn assert_tripped(rig: &mut Rig, reason: TripReason, confirmed: bool) {
     let state = state(rig);
     assert_eq!(state.trip.map(|trip| trip.reason), Some(reason));
     assert_eq!(state.state, AxisState::Tripped { confirmed });
+}
+
+/// Within 2 s axis 0 is out of reach, and its stop is not confirmed.
+#[track_caller]
+pub fn assert_becomes_unreachable(rig: &mut Rig) {
+    run_with_host(rig, 2_000_000);
+    assert_eq!(outcomes(rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    assert_eq!(listed(rig, 0), AxisState::Tripped { confirmed: false });
 }
 
 /// Confirmed stops and axes out of reach, as the host was told.

@@ -1,13 +1,11 @@
 //! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched and read back.
 
 use crate::bench::{
-    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, outcomes, run_with_host,
-    stop,
+    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, run_with_host, stop,
 };
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisState, Error, Event as HostEvent, MotorTimeout, Protocol, Reply, Request, Setpoint, StopAction,
-    replies, requests,
+    AxisState, Error, MotorTimeout, Protocol, Reply, Request, Setpoint, StopAction, replies, requests,
 };
 
 #[test]
@@ -30,9 +28,7 @@ fn a_motor_that_answers_reads_only_and_falls_silent_becomes_unreachable() {
     rig.run(1_000);
     rig.instead(|_| Instead::Nothing);
     stop(&mut rig);
-    run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
-    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    bench::assert_becomes_unreachable(&mut rig);
 }
 
 #[test]

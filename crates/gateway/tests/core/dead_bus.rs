@@ -6,8 +6,8 @@ use crate::bench::{
 };
 use crate::rig::Rig;
 use host_protocol::{
-    AxisState, BusState, Error, Event as HostEvent, NoReplyHint, Reply, Request, Setpoint, StopAction,
-    TripReason, replies, requests,
+    AxisState, BusState, Error, Event as HostEvent, NoReplyHint, Reply, Request, StopAction, TripReason,
+    replies, requests,
 };
 
 fn trips(rig: &Rig) -> Vec<(u8, TripReason)> {
@@ -67,9 +67,7 @@ fn a_motor_behind_a_cut_cable_becomes_unreachable() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);
     rig.cut();
-    run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
-    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    bench::assert_becomes_unreachable(&mut rig);
 }
 
 #[test]
@@ -77,13 +75,11 @@ fn an_unreachable_motor_is_sent_two_stops_and_then_left_alone() {
     let silence_ms = |timeout_ms: Option<u32>| {
         let (mut rig, play) = bench::rmd(StopAction::Hold);
         if let Some(timeout_ms) = timeout_ms {
-            let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
-            rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+            bench::provision(&mut rig, timeout_ms).unwrap();
         }
         move_axis(&mut rig, VELOCITY);
         play.borrow_mut().mute = true;
-        run_with_host(&mut rig, 2_000_000);
-        assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+        bench::assert_becomes_unreachable(&mut rig);
         let since = rig.now_us;
         run_with_host(&mut rig, 3_000_000);
         let sent: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).collect();
@@ -100,9 +96,7 @@ fn an_unreachable_motor_is_sent_two_stops_and_then_left_alone() {
 
 #[test]
 fn a_stop_that_could_never_leave_is_due_when_the_bus_is_back_however_long_the_motor_s_timeout() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 5_000 };
-    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    let (mut rig, _) = bench::rmd_with_timeout(5_000);
     move_axis(&mut rig, VELOCITY);
     rig.shorted = true;
     rig.bus_off(0);
@@ -232,12 +226,7 @@ fn a_restart_with_a_stop_in_the_controller_loses_no_stop() {
 
 #[test]
 fn a_reply_to_a_setpoint_of_0_that_left_before_does_not_acknowledge_the_stop() {
-    let (mut rig, play) = bench::thruster();
-    let epoch = arm(&mut rig);
-    rig.run(10_000);
-    play.borrow_mut().mute = true;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.0 });
-    rig.ask(request).unwrap();
+    let (mut rig, play) = bench::thruster_that_owes_the_reply_to_a_setpoint_of_0();
     rig.run(400); // the setpoint has left
     let since = rig.now_us;
     stop(&mut rig);

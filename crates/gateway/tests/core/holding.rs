@@ -1,16 +1,14 @@
 //! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a hanging load drops.
 
 use crate::bench::{self, VELOCITY, arm, disarm, run_with_host};
-use crate::motors::Shared;
 use crate::rig::Rig;
 use host_protocol::{AxisParameter, AxisState, Error, Request, StopAction, Value, requests};
 
-/// An axis whose motor's timeout is `timeout_ms`.
-fn with_timeout(timeout_ms: u32) -> (Rig, Shared) {
-    let (mut rig, play) = bench::rmd(StopAction::Hold);
-    let provision = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
-    rig.ask(Request::ProvisionMotorTimeout(provision)).unwrap();
-    (rig, play)
+/// The motor of axis 0 has heard something every 100 ms, up to now.
+fn assert_fed_every_100_ms(rig: &Rig, since_us: u64) {
+    let gap = rig.longest_gap_us(0, since_us, "141#");
+    assert!(gap <= 100_000, "{gap} µs");
+    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 100_000);
 }
 
 /// The slowest state polls that can be configured.
@@ -21,32 +19,28 @@ fn with_slow_polls(rig: &mut Rig) {
 
 #[test]
 fn a_disarmed_axis_is_polled_at_once_and_within_a_third_of_the_timeout() {
-    let (mut rig, _) = with_timeout(300);
+    let (mut rig, _) = bench::rmd_with_timeout(300);
     with_slow_polls(&mut rig);
     let since = rig.now_us;
     arm(&mut rig);
     disarm(&mut rig);
     run_with_host(&mut rig, 2_000_000);
-    let gap = rig.longest_gap_us(0, since, "141#");
-    assert!(gap <= 100_000, "{gap} µs");
-    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 100_000);
+    assert_fed_every_100_ms(&rig, since);
 }
 
 #[test]
 fn an_armed_axis_that_was_given_no_setpoint_is_polled_within_a_third_of_the_timeout() {
-    let (mut rig, _) = with_timeout(300);
+    let (mut rig, _) = bench::rmd_with_timeout(300);
     with_slow_polls(&mut rig);
     let since = rig.now_us;
     arm(&mut rig);
     run_with_host(&mut rig, 2_000_000);
-    let gap = rig.longest_gap_us(0, since, "141#");
-    assert!(gap <= 100_000, "{gap} µs");
-    assert!(rig.now_us - rig.wire.last().unwrap().0 <= 100_000);
+    assert_fed_every_100_ms(&rig, since);
 }
 
 #[test]
 fn an_arming_that_fails_goes_on_holding() {
-    let (mut rig, play) = with_timeout(500);
+    let (mut rig, play) = bench::rmd_with_timeout(500);
     arm(&mut rig);
     disarm(&mut rig);
     run_with_host(&mut rig, 500_000);
@@ -76,7 +70,7 @@ fn another_node_is_another_motor_and_is_not_held() {
 
 #[test]
 fn a_motor_that_should_hold_and_turns_is_stopped_again() {
-    let (mut rig, play) = with_timeout(300);
+    let (mut rig, play) = bench::rmd_with_timeout(300);
     arm(&mut rig);
     disarm(&mut rig);
     run_with_host(&mut rig, 500_000);

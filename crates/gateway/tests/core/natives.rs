@@ -16,6 +16,16 @@ fn tripped(rig: &mut Rig) -> Option<TripReason> {
     bench::state(rig).trip.map(|trip| trip.reason)
 }
 
+/// RMD node 1, which answers a relative move too.
+fn rmd_that_answers_0xa8() -> Rig {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| match text.get(4..6) {
+        Some("A8") => Instead::Says("241#A8326400F4012D00"),
+        _ => Instead::AsUsual,
+    });
+    rig
+}
+
 #[test]
 fn a_command_that_only_asks_is_free_and_its_reply_comes_as_it_is() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
@@ -90,11 +100,7 @@ fn the_direction_of_the_axis_turns_the_limits_and_not_the_bytes() {
 
 #[test]
 fn a_relative_move_goes_out_once_and_ends_with_its_permission() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    rig.instead(|text| match text.get(4..6) {
-        Some("A8") => Instead::Says("241#A8326400F4012D00"),
-        _ => Instead::AsUsual,
-    });
+    let mut rig = rmd_that_answers_0xa8();
     let epoch = arm(&mut rig);
     let since = rig.now_us;
     let request = native(&rig, epoch, "A800F40110270000"); // 100° on, at 500 °/s
@@ -198,8 +204,7 @@ fn what_changes_the_motor_needs_an_idle_axis_and_is_sent_once() {
 #[test]
 fn a_change_takes_away_what_was_known_of_the_motor_s_own_timeout() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 200 };
-    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    bench::provision(&mut rig, 200).unwrap();
     assert_eq!(bench::state(&mut rig).motor_timeout, MotorTimeout::Written { timeout_ms: 200 });
     let request = native(&rig, 0, "B300000000000000");
     assert_eq!(answered(rig.ask(request)), "B300000000000000");
@@ -316,11 +321,7 @@ fn a_setpoint_of_0_is_motion_with_the_epoch_of_an_armed_axis_and_else_a_stop() {
 
 #[test]
 fn the_reply_to_a_superseded_move_does_not_answer_the_same_move_asked_for_again() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    rig.instead(|text| match text.get(4..6) {
-        Some("A8") => Instead::Says("241#A8326400F4012D00"),
-        _ => Instead::AsUsual,
-    });
+    let mut rig = rmd_that_answers_0xa8();
     let epoch = arm(&mut rig);
     rig.run(3_000);
     let since = rig.now_us;

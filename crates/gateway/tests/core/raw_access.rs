@@ -67,8 +67,7 @@ fn motion_that_is_cut_short_or_unknown_is_refused_too() {
 fn a_timeout_that_was_written_raw_is_not_the_one_we_wrote() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(false));
-    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: 500 };
-    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+    bench::provision(&mut rig, 500).unwrap();
     open(&mut rig, 0).unwrap();
     send_can(&mut rig, 0x141, "B300000000000000").unwrap();
     rig.ask(Request::RawClose(requests::RawClose { bus: 0 })).unwrap();

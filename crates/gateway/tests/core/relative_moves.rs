@@ -26,6 +26,11 @@ fn sent(rig: &Rig, since_us: u64) -> usize {
     rig.sent_since(0, since_us).iter().filter(|text| text.starts_with("141#A4")).count()
 }
 
+/// From now on the motor says that of its position.
+fn stands_at(rig: &mut Rig, reply: &'static str) {
+    rig.instead(move |text| if text.starts_with("141#92") { Instead::Says(reply) } else { Instead::AsUsual });
+}
+
 #[test]
 fn the_target_is_held_like_a_position_setpoint_until_it_expires() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
@@ -157,10 +162,7 @@ fn far_from_zero_the_target_is_as_exact_as_the_motor_counts() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let epoch = arm(&mut rig);
     // 1 234 567.89°, where an f32 of radians has steps of 0.1°.
-    rig.instead(|text| match &text[..6] {
-        "141#92" => Instead::Says("241#9200000015CD5B07"),
-        _ => Instead::AsUsual,
-    });
+    stands_at(&mut rig, "241#9200000015CD5B07");
     let since = rig.now_us;
     let request = relative(&rig, epoch, 0.25, 2.0);
     rig.ask(request).unwrap();
@@ -174,10 +176,7 @@ fn far_from_zero_the_target_is_as_exact_as_the_motor_counts() {
 fn a_target_that_the_motor_cannot_count_is_refused() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let epoch = arm(&mut rig);
-    rig.instead(|text| match &text[..6] {
-        "141#92" => Instead::Says("241#92000000FFFFFF7F"),
-        _ => Instead::AsUsual,
-    });
+    stands_at(&mut rig, "241#92000000FFFFFF7F");
     let since = rig.now_us;
     let request = relative(&rig, epoch, 0.25, 2.0);
     let refused = rig.ask(request);

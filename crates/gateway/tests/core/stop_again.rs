@@ -6,8 +6,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, Setpoint, StopAction,
-    StopTarget, TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, StopAction, StopTarget,
+    TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -132,12 +132,7 @@ fn a_host_that_asks_for_stops_without_a_pause_does_not_keep_them_from_being_conf
 
 #[test]
 fn the_late_reply_to_a_setpoint_of_0_that_was_given_up_does_not_acknowledge_the_stop() {
-    let (mut rig, play) = bench::thruster();
-    let epoch = arm(&mut rig);
-    rig.run(10_000);
-    play.borrow_mut().mute = true;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.0 });
-    rig.ask(request).unwrap();
+    let (mut rig, _) = bench::thruster_that_owes_the_reply_to_a_setpoint_of_0();
     let since = rig.now_us;
     // The window of the setpoint has closed, and a poll is under way.
     while rig.sent_since(0, since).is_empty() {

@@ -197,12 +197,7 @@ fn a_late_reply_to_motion_is_not_taken_for_the_stops() {
 
 #[test]
 fn a_late_reply_to_a_setpoint_of_0_is_not_taken_for_that_of_the_same_stop() {
-    let (mut rig, play) = bench::thruster();
-    let epoch = arm(&mut rig);
-    rig.run(10_000);
-    play.borrow_mut().mute = true;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.0 });
-    rig.ask(request).unwrap();
+    let (mut rig, _) = bench::thruster_that_owes_the_reply_to_a_setpoint_of_0();
     rig.run(5_200); // the reply window has closed
     stop(&mut rig);
     rig.run(200);

@@ -120,8 +120,7 @@ fn a_watched_motor_that_something_else_turns_is_left_alone_so_that_its_own_timeo
     let longest_pause_ms = |timeout_ms: Option<u32>| {
         let (mut rig, play) = bench::rmd(StopAction::Coast);
         if let Some(timeout_ms) = timeout_ms {
-            let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
-            rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
+            bench::provision(&mut rig, timeout_ms).unwrap();
         }
         subscribe(&mut rig, 1, 20_000).unwrap();
         run_with_host(&mut rig, 300_000);

@@ -7,20 +7,13 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Request, Setpoint, StopAction, StopTarget,
-    TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Request, Setpoint, StopTarget, TripReason, Value,
+    requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
 /// 1.5 × the motor's own timeout.
 const SILENCE_US: u64 = 600_000;
-
-fn with_timeout() -> (Rig, crate::motors::Shared) {
-    let (mut rig, play) = bench::rmd(StopAction::Hold);
-    let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms: TIMEOUT_MS };
-    rig.ask(Request::ProvisionMotorTimeout(request)).unwrap();
-    (rig, play)
-}
 
 /// Times between frames on bus 0 that are longer than a reply window, µs.
 fn silences(rig: &Rig, bus: u8, since_us: u64) -> Vec<u64> {
@@ -31,7 +24,7 @@ fn silences(rig: &Rig, bus: u8, since_us: u64) -> Vec<u64> {
 
 #[test]
 fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_then_left_alone() {
-    let (mut rig, play) = with_timeout();
+    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
     move_axis(&mut rig, VELOCITY);
     rig.run(1_000);
     play.borrow_mut().turning = true;
@@ -59,11 +52,10 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
 
 #[test]
 fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout_from_acting() {
-    let (mut rig, play) = with_timeout();
+    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
     move_axis(&mut rig, VELOCITY);
     play.borrow_mut().mute = true;
-    run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    bench::assert_becomes_unreachable(&mut rig);
     let since = rig.now_us;
     for _ in 0..500 {
         rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
@@ -75,7 +67,7 @@ fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout
 
 #[test]
 fn a_stop_that_a_host_asks_for_goes_to_an_unreachable_motor_at_once() {
-    let (mut rig, play) = with_timeout();
+    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
     move_axis(&mut rig, VELOCITY);
     play.borrow_mut().mute = true;
     run_with_host(&mut rig, 2_000_000);

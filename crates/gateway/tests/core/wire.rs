@@ -14,7 +14,7 @@ fn read_state(rig: &mut Rig, bus: u8) -> Vec<String> {
 
 fn provision(rig: &mut Rig, bus: u8, timeout_ms: u32) -> Vec<String> {
     let since = rig.now_us;
-    rig.ask(Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis: 0, timeout_ms })).unwrap();
+    bench::provision(rig, timeout_ms).unwrap();
     rig.sent_since(bus, since).iter().map(ToString::to_string).collect()
 }
 

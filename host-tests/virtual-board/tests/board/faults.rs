@@ -58,6 +58,7 @@ faults! {
     pins::an_opened_e_stop_input_stays_latched_over_a_reset
     pins::the_enable_output_is_inactive_from_a_panic_until_the_stops_have_left
     pins::the_enable_output_is_inactive_while_an_axis_is_unreachable
+    pins::the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachable
     pins::the_light_shows_the_state
     reset::the_reset_pin_in_mid_motion_is_followed_by_stops
     reset::a_reset_by_software_in_mid_motion_is_followed_by_stops

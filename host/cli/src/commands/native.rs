@@ -2,17 +2,19 @@
 
 use std::time::Duration;
 
+use gateway::NativeEffect;
 use host_protocol::{AxisParameter, AxisState, BusKind, Bytes, Error, MAX_CAN_DATA};
 use mgw_client::{ClientError, NativeHold};
 use serde_json::json;
 
 use super::drive::{ArmedAxis, Rounds, drive};
-use super::{limits, raw};
+use super::limits::Limits;
+use super::raw;
 use crate::args::NativeArgs;
 use crate::decode;
 use crate::encode;
 use crate::failure::Failure;
-use crate::native_request::{Demand, Effect, Motor, NativeRequest};
+use crate::native_request::{self, Motor};
 use crate::parameters;
 use crate::session::Session;
 
@@ -27,30 +29,31 @@ struct Command {
     /// Whether its axis was idle when this was typed.
     is_idle: bool,
     data: Bytes<MAX_CAN_DATA>,
-    effect: Effect,
+    effect: NativeEffect,
+    limits: Limits,
 }
 
 /// Sends the command and prints the reply; what moves is armed before, kept up, and stopped.
 pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure> {
     let command = command(session, arguments)?;
     match (command.effect, arguments.duration) {
-        (Effect::Prepares, _) => Err(Failure::Usage(encode::PREPARED.to_owned())),
-        (Effect::Moves(_) | Effect::MovesOnce(_), None) => Err(Failure::Usage(
+        (NativeEffect::Prepares, _) => Err(Failure::Usage(encode::PREPARED.to_owned())),
+        (NativeEffect::Moves | NativeEffect::MovesOnce, None) => Err(Failure::Usage(
             "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so long and stopped"
                 .to_owned(),
         )),
-        (Effect::Moves(demand), Some(duration)) => {
-            move_by(session, &command, demand, |session, armed| keep_up(session, &command, armed, duration))
+        (NativeEffect::Moves, Some(duration)) => {
+            move_by(session, &command, |session, armed| keep_up(session, &command, armed, duration))
         }
-        (Effect::MovesOnce(demand), Some(duration)) => {
-            move_by(session, &command, demand, |session, armed| once(session, &command, armed, duration))
+        (NativeEffect::MovesOnce, Some(duration)) => {
+            move_by(session, &command, |session, armed| once(session, &command, armed, duration))
         }
-        (Effect::Stops | Effect::Other, Some(_)) => {
+        (NativeEffect::Stops | NativeEffect::Asks | NativeEffect::Changes, Some(_)) => {
             Err(Failure::Usage("--for is for commands that move the motor; this one does not".to_owned()))
         }
-        (Effect::Stops | Effect::Other, None) => {
+        (NativeEffect::Stops | NativeEffect::Asks | NativeEffect::Changes, None) => {
             let axis = command.motor.axis;
-            let is_stop = command.effect == Effect::Stops && !command.is_idle;
+            let is_stop = command.effect == NativeEffect::Stops && !command.is_idle;
             let data = command.data.clone();
             let reply = session.client.native_when_free(axis, 0, data, Duration::ZERO)?;
             if is_stop && reply.is_empty() {
@@ -66,10 +69,9 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
 fn move_by(
     session: &mut Session,
     command: &Command,
-    demand: Demand,
     act: impl FnOnce(&mut Session, ArmedAxis) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    limits::check_demand(session, command.motor.axis, demand)?;
+    command.limits.native(&command.data)?;
     drive(session, command.motor.axis, act)
 }
 
@@ -91,9 +93,11 @@ fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Fai
         ))
     };
     let bytes = Bytes::from_slice(&data).map_err(too_long)?;
-    let effect = NativeRequest::decode(motor, &data)?.effect();
+    let missing = Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() };
+    let limits = Limits::of(session, axis)?.ok_or(ClientError::Gateway(missing))?;
+    let effect = limits.native_effect(&data).map_err(|error| native_request::explain(motor, &data, error))?;
     let is_idle = state == AxisState::Idle;
-    Ok(Command { motor, is_idle, data: bytes, effect })
+    Ok(Command { motor, is_idle, data: bytes, effect, limits })
 }
 
 /// The motor of an axis, as it is configured, and the state of the axis; without asking the motor.

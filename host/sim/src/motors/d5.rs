@@ -13,9 +13,9 @@ use host_protocol::CanFrame;
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
-use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
+use super::watch::Watch;
 use crate::bus::Wire;
 
 /// Time from a request to its answer.
@@ -61,8 +61,7 @@ pub(super) struct D5 {
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_write"))]
     waiting: Option<(Register, Value)>,
     last_command: u8,
-    last_heard: Option<Duration>,
-    timed_out: bool,
+    watch: Watch,
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_faults"))]
     faults: Faults,
     stall: StallGuard,
@@ -77,8 +76,7 @@ impl D5 {
             registers: [0; 256],
             waiting: None,
             last_command: 0,
-            last_heard: None,
-            timed_out: false,
+            watch: Watch::default(),
             faults: Faults::empty(),
             stall: StallGuard::default(),
         };
@@ -168,13 +166,8 @@ impl D5 {
         self.plant.set_drive(if self.faults.is_empty() { drive } else { Drive::Off });
     }
 
-    fn timeout_at(&self) -> Option<Duration> {
-        self.own_timeout().filter(|_| !self.timed_out).and_then(|after| Some(self.last_heard? + after))
-    }
-
     fn hear(&mut self, cx: &mut Context<'_>, address: Address, request: &Request) {
-        self.last_heard = Some(cx.now);
-        self.timed_out = false;
+        self.watch.hear(cx.now);
         if let Some(name) = name(request) {
             cx.command(name);
         }
@@ -310,14 +303,12 @@ impl Model for D5 {
     }
 
     fn next_timer(&self) -> Option<Duration> {
-        [self.timeout_at(), self.stall.strikes_at()].into_iter().flatten().min()
+        [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()].into_iter().flatten().min()
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {
-        if self.timeout_at().is_some_and(|at| at <= cx.now) {
-            self.timed_out = true;
+        if self.watch.strikes(self.own_timeout(), cx) {
             self.store(Register::SPEED, Value::Word(0));
-            cx.log(MotorEvent::Timeout { after_ms: u32::try_from(TIMEOUT.as_millis()).unwrap_or(u32::MAX) });
         }
         self.update(cx);
     }

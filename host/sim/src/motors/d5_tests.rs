@@ -1,8 +1,8 @@
 use host_protocol::Protocol;
 
 use super::super::Injection;
+use super::super::MotorEvent;
 use super::super::test_motor::TestMotor;
-use super::*;
 
 const ID: u16 = 0x0B;
 /// 600 °/s counter-clockwise (D5 manual, common commands, row 2): 10.472 rad/s.

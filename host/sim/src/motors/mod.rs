@@ -16,6 +16,7 @@ mod stall;
 #[cfg(test)]
 mod test_motor;
 mod thruster;
+mod watch;
 
 use std::fmt;
 use std::time::Duration;

@@ -15,6 +15,7 @@ use super::framer::Framer;
 use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
+use super::watch::Watch;
 use crate::bus::{Wire, bit_time};
 
 /// CAN id on which every motor listens (RMD V3.6 §6).
@@ -84,8 +85,7 @@ pub(super) struct Rmd {
     before_fault: Option<Drive>,
     /// Stored by 0xB3; zero = off.
     timeout: Duration,
-    last_heard: Option<Duration>,
-    timed_out: bool,
+    watch: Watch,
     /// The next command will be echoed and ignored.
     deaf_once: bool,
     /// The timeout has locked the brake.
@@ -107,8 +107,7 @@ impl Rmd {
             wanted: Drive::Off,
             before_fault: None,
             timeout: Duration::ZERO,
-            last_heard: None,
-            timed_out: false,
+            watch: Watch::default(),
             deaf_once: false,
             locked_by_timeout: false,
             brake_released: true,
@@ -119,21 +118,11 @@ impl Rmd {
         }
     }
 
-    fn timeout_at(&self) -> Option<Duration> {
-        if self.timeout.is_zero() || self.timed_out {
-            return None;
-        }
-        Some(self.last_heard? + self.timeout)
-    }
-
-    /// Output cut and brake locked (RMD V3.6 §2.30.1).
-    fn strike_timeout(&mut self, cx: &mut Context<'_>) {
-        self.timed_out = true;
+    /// The timeout has struck: output cut and brake locked (RMD V3.6 §2.30.1).
+    fn cut_output(&mut self, cx: &mut Context<'_>) {
         self.deaf_once = true;
         self.wanted = Drive::Off;
         self.notice_at = Some(cx.now + NOTICE_EVERY);
-        let after_ms = u32::try_from(self.timeout.as_millis()).unwrap_or(u32::MAX);
-        cx.log(MotorEvent::Timeout { after_ms });
         if !self.is_locked() {
             cx.log(MotorEvent::BrakeLocked);
         }
@@ -167,7 +156,7 @@ impl Rmd {
     fn apply_drive(&mut self) {
         let drive = if self.is_locked() {
             Drive::Locked
-        } else if self.is_faulty() || self.timed_out {
+        } else if self.is_faulty() || self.watch.has_struck() {
             Drive::Off
         } else {
             self.wanted
@@ -176,8 +165,7 @@ impl Rmd {
     }
 
     fn hear(&mut self, cx: &mut Context<'_>, request: &Request) {
-        self.last_heard = Some(cx.now);
-        self.timed_out = false;
+        self.watch.hear(cx.now);
         self.notice_at = None;
         let is_read =
             matches!(request, Request::ReadMultiTurnAngle | Request::ReadStatus1 | Request::ReadStatus2);
@@ -388,13 +376,18 @@ impl Model for Rmd {
     }
 
     fn next_timer(&self) -> Option<Duration> {
-        let timers = [self.timeout_at(), self.release_at, self.notice_at, self.stall.strikes_at()];
+        let timers = [
+            self.watch.strikes_at(self.own_timeout()),
+            self.release_at,
+            self.notice_at,
+            self.stall.strikes_at(),
+        ];
         timers.into_iter().flatten().min()
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {
-        if self.timeout_at().is_some_and(|at| at <= cx.now) {
-            self.strike_timeout(cx);
+        if self.watch.strikes(self.own_timeout(), cx) {
+            self.cut_output(cx);
         }
         if self.release_at.take_if(|at| *at <= cx.now).is_some() {
             let was_locked = self.is_locked();
@@ -421,8 +414,8 @@ impl Model for Rmd {
 
     fn power_cycle(&mut self) {
         (self.wanted, self.before_fault) = (Drive::Off, None);
-        self.last_heard = None;
-        (self.timed_out, self.deaf_once, self.locked_by_timeout) = (false, false, false);
+        self.watch = Watch::default();
+        (self.deaf_once, self.locked_by_timeout) = (false, false);
         (self.brake_released, self.release_at, self.notice_at) = (true, None, None);
         (self.faults, self.stall) = (Faults::empty(), StallGuard::default());
     }

@@ -11,9 +11,9 @@ use thruster::{
 
 use super::counts::{to_i16, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
-use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
+use super::watch::Watch;
 use crate::bus::Wire;
 
 /// Time from a request to its answer.
@@ -66,8 +66,7 @@ pub(super) struct Thruster {
     wanted_rad_s: f64,
     /// Set by ST; zero = off.
     timeout: Duration,
-    last_heard: Option<Duration>,
-    timed_out: bool,
+    watch: Watch,
     /// What it ran at when the timeout struck, rad/s.
     before_timeout_rad_s: f64,
     /// Zero has been commanded since the start or the last timeout.
@@ -86,8 +85,7 @@ impl Thruster {
             plant: Plant::new(CHARACTERISTICS),
             wanted_rad_s: 0.0,
             timeout: Duration::ZERO,
-            last_heard: None,
-            timed_out: false,
+            watch: Watch::default(),
             before_timeout_rad_s: 0.0,
             zero_seen: false,
             faults: Faults::empty(),
@@ -96,25 +94,16 @@ impl Thruster {
         }
     }
 
-    fn timeout_at(&self) -> Option<Duration> {
-        if self.timeout.is_zero() || self.timed_out {
-            return None;
-        }
-        Some(self.last_heard? + self.timeout)
-    }
-
-    fn strike_timeout(&mut self, cx: &mut Context<'_>) {
-        self.timed_out = true;
+    /// The timeout has struck.
+    fn stop_running(&mut self) {
         self.before_timeout_rad_s = self.wanted_rad_s;
         self.wanted_rad_s = 0.0;
         self.zero_seen = false;
-        let after_ms = u32::try_from(self.timeout.as_millis()).unwrap_or(u32::MAX);
-        cx.log(MotorEvent::Timeout { after_ms });
     }
 
     /// Any command, a poll too, clears the timeout stop (Thruster manual §2.3).
     fn end_timeout(&mut self, cx: &Context<'_>) {
-        if std::mem::take(&mut self.timed_out) && cx.injected.resume_after_timeout {
+        if self.watch.hear(cx.now) && cx.injected.resume_after_timeout {
             self.wanted_rad_s = self.before_timeout_rad_s;
             self.zero_seen = true;
         }
@@ -123,7 +112,7 @@ impl Thruster {
     fn update(&mut self, cx: &Context<'_>) {
         let protection = self.faults & Faults::ZERO_PROTECTION;
         self.faults = (self.faults & LATCHED) | protection | Faults::from_bits_retain(cx.injected.fault_bits);
-        self.faults.set(Faults::TIMEOUT, self.timed_out || self.faults.contains(Faults::TIMEOUT));
+        self.faults.set(Faults::TIMEOUT, self.watch.has_struck() || self.faults.contains(Faults::TIMEOUT));
         if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
             self.faults |= Faults::STALL;
         }
@@ -141,7 +130,6 @@ impl Thruster {
     }
 
     fn hear(&mut self, cx: &mut Context<'_>, request: &Request) {
-        self.last_heard = Some(cx.now);
         if let Some(name) = name(request) {
             cx.command(name);
         }
@@ -290,12 +278,12 @@ impl Model for Thruster {
     }
 
     fn next_timer(&self) -> Option<Duration> {
-        [self.timeout_at(), self.stall.strikes_at()].into_iter().flatten().min()
+        [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()].into_iter().flatten().min()
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {
-        if self.timeout_at().is_some_and(|at| at <= cx.now) {
-            self.strike_timeout(cx);
+        if self.watch.strikes(self.own_timeout(), cx) {
+            self.stop_running();
         }
         self.update(cx);
     }

@@ -1,8 +1,8 @@
 use host_protocol::Protocol;
 
 use super::super::Injection;
+use super::super::MotorEvent;
 use super::super::test_motor::TestMotor;
-use super::*;
 
 const ID: u16 = 0x30B;
 const TC_0: [u8; 8] = [0x54, 0x43, 0, 0, 0, 0, 0x00, 0x00];

@@ -19,7 +19,7 @@ impl Axis {
     }
 
     /// The motor is unreachable: from now on it is sent two stops between silences, in which its own timeout can act.
-    pub(super) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
+    pub(in crate::axis) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let silence = self.unreachable_silence();
         let Some(stop) = &mut self.stop else { return };
         let first_time = !core::mem::replace(&mut stop.unreachable, true);

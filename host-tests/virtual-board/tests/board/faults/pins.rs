@@ -11,6 +11,7 @@ use virtual_board::nodes::since_start;
 use virtual_board::pins::{Change, ENABLE, LIGHT};
 
 use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
+use super::reset::{HANG, RESET_AT, reset_by_software};
 use crate::reaction::{Reaction, stop_within};
 use crate::wire;
 
@@ -99,7 +100,6 @@ pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
     assert_eq!(refused(lab.client.arm(RMD)), Error::EStopped {});
     lab.client.clear(ClearTarget::Gateway).expect("cleared");
     lab.client.clear(ClearTarget::Axis(RMD)).expect("cleared");
-    lab.provision_timeout(RMD);
     let holds = lab.arm(&[RMD]);
     lab.keep(&holds, Duration::from_millis(300));
     lab.assert_turning(RMD);
@@ -155,6 +155,44 @@ pub fn the_enable_output_is_inactive_while_an_axis_is_unreachable() -> Vec<React
     assert!(enabled(&lab), "found again");
     let levels: Vec<_> = enable_changes(&lab, at).iter().map(|change| change.level).collect();
     assert_eq!(levels, [Some(Level::Low), Some(Level::High)]);
+    Vec::new()
+}
+
+/// From the reset on, through the start, and for as long as the motor confirms no stop: whoever has cut its power for that does
+/// not give it back.
+pub fn the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachable() -> Vec<Reaction> {
+    let mut lab = Lab::configured();
+    let holds = lab.moving(&AXES);
+    let at = lab.now();
+    lab.outside.inject(&mut lab.machine.borrow_mut(), RMD.into(), Injection::Mute(true));
+    lab.keep(&holds, Duration::from_secs(1));
+    assert!(!enabled(&lab));
+    let before = lab.now();
+    {
+        let mut machine = lab.machine.borrow_mut();
+        machine.plant(RESET_AT, &reset_by_software());
+        machine.run_for(Duration::from_secs(2));
+    }
+    let resets = lab.machine.borrow_mut().reports().resets;
+    let [reset] = &resets[..] else { panic!("{resets:?}") };
+    let reset = since_start(reset.at);
+    assert!(reset > before);
+    AXES.iter().for_each(|axis| assert!(lab.first_stop(*axis, reset).first_bit < reset + HANG));
+    // Two stops at once, and no ten that fail: after the silence of 1.5 s two more.
+    let stops = lab.wire(bus_of(RMD), reset);
+    let stops = stops.iter().filter(|one| one.text == STOPS[usize::from(RMD)]);
+    assert_eq!(stops.count(), 4);
+    lab.client.reconnect().expect("hello");
+    assert_eq!(lab.client.gateway_status().expect("a status").enable_output, Some(false));
+    let changes = enable_changes(&lab, at);
+    let levels: Vec<_> = changes.iter().map(|change| change.level).collect();
+    assert_eq!(levels, [Some(Level::Low), None, Some(Level::Low)], "{changes:?}");
+    assert_eq!(changes[1].at, reset);
+
+    lab.outside.inject(&mut lab.machine.borrow_mut(), RMD.into(), Injection::Mute(false));
+    lab.stay(Duration::from_secs(2));
+    assert_eq!(lab.trip(RMD), Some((TripReason::MotorSilent, true)));
+    assert!(enabled(&lab), "found again");
     Vec::new()
 }
 

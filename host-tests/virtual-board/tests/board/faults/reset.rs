@@ -130,12 +130,18 @@ pub fn the_reset_pin_in_mid_motion_is_followed_by_stops() -> Vec<Reaction> {
     restarts("reset by pin", Cause::Pin, BootReason::Pin)
 }
 
-/// The firmware writes SYSRESETREQ to AIRCR itself (ARMv7-M, B3.2.6), out of a task, without a word.
-pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction> {
+/// Where a reset by software is planted: a task that is no hurry to anybody.
+pub const RESET_AT: Place<'static> = task("motor_gateway::tasks::light::light", 0);
+
+/// The firmware writes SYSRESETREQ to AIRCR itself (ARMv7-M, B3.2.6), without a word.
+pub fn reset_by_software() -> Fault {
     // LDR r0, LDR r1, STR r1, [r0]; B .; the words 0xE000ED0C and 0x05FA0004.
-    let reset = Fault::Code(vec![0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA]);
-    let place = task("motor_gateway::tasks::light::light", 0);
-    restarts("reset by software", Cause::Planted(place, &reset, ""), BootReason::Software)
+    Fault::Code(vec![0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA])
+}
+
+pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction> {
+    let cause = Cause::Planted(RESET_AT, &reset_by_software(), "");
+    restarts("reset by software", cause, BootReason::Software)
 }
 
 /// Each kind of task.
@@ -247,8 +253,7 @@ pub fn after_a_reset_an_axis_is_cleared_and_moves_again() -> Vec<Reaction> {
     assert_eq!(list.len(), AXES.len());
     assert!(list.iter().all(|axis| axis.state == AxisState::Tripped { confirmed: true }), "{list:?}");
     lab.client.clear(host_protocol::ClearTarget::Axis(RMD)).expect("cleared");
-    // The motor may have been replaced meanwhile, and with it its own timeout.
-    lab.provision_timeout(RMD);
+    // It keeps its own timeout in its ROM, so that nobody has to tell it again.
     let holds = lab.arm(&[RMD]);
     assert_eq!(holds[0].setpoint, turning(RMD));
     lab.keep(&holds, Duration::from_millis(300));

@@ -1,0 +1,211 @@
+//! What an axis may be asked for: every check that needs no more than its configuration. The gateway makes them before it takes
+//! anything that moves; a program may make the same ones before it arms, as arming may free a brake.
+
+use crate::axis::AxisConfig;
+use crate::motor::{self, Command, Demand, Effect, Native};
+use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, Value};
+
+/// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
+#[derive(Debug, Clone)]
+pub struct AxisRules {
+    axis: u8,
+    bus: BusKind,
+    config: AxisConfig,
+}
+
+/// What a native command does, as far as different rules hold for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NativeEffect {
+    /// It only asks.
+    Asks,
+    /// It changes the motor.
+    Changes,
+    /// It stops the motor, or is a setpoint of 0.
+    Stops,
+    /// It moves the motor, and may be sent again and again.
+    Moves,
+    /// It moves the motor anew each time it is sent.
+    MovesOnce,
+    /// It prepares a motion in the motor, or starts what was prepared.
+    Prepares,
+}
+
+impl AxisRules {
+    /// The rules of an axis with the default of every parameter, on a bus of that kind.
+    #[must_use]
+    pub fn new(axis: u8, bus: BusKind) -> Self {
+        Self { axis, bus, config: AxisConfig::new() }
+    }
+
+    /// Takes over a parameter of the axis.
+    ///
+    /// # Errors
+    /// Those of a value that the parameter cannot have.
+    pub fn set(&mut self, parameter: AxisParameter, value: Value) -> Result<(), Error> {
+        self.config.set(parameter, value)
+    }
+
+    /// Refuses a setpoint that the axis would not take.
+    ///
+    /// # Errors
+    /// Those of the request `Setpoint` that do not depend on time or state.
+    pub fn check_setpoint(&self, setpoint: Setpoint) -> Result<(), Error> {
+        check_bus(self.axis, self.bus, setpoint, &self.config)?;
+        command(self.axis, setpoint, &self.config).map(drop)
+    }
+
+    /// Refuses a move that the axis would make from nowhere. Whether its target is within the limits is a question of where it
+    /// begins: [`check_setpoint`](Self::check_setpoint) of the target tells.
+    ///
+    /// # Errors
+    /// Those of the request `MoveRelative` that do not depend on time, state or position.
+    pub fn check_move(&self, distance_rad: f32, speed_limit_rad_s: f32) -> Result<(), Error> {
+        check_move(self.axis, distance_rad, speed_limit_rad_s, &self.config)
+    }
+
+    /// What a native command does.
+    ///
+    /// # Errors
+    /// Those of data that are no command to the motor of this axis.
+    pub fn native_effect(&self, data: &[u8]) -> Result<NativeEffect, Error> {
+        let Native { command, effect } = self.native(data)?;
+        Ok(match effect {
+            Effect::Asks => NativeEffect::Asks,
+            Effect::Changes { .. } => NativeEffect::Changes,
+            Effect::Stops | Effect::Rests(_) => NativeEffect::Stops,
+            Effect::Moves(_) => NativeEffect::Moves,
+            // No D5 motor moves by a distance: these are a speed that waits, and what starts it.
+            Effect::MovesOnce(_) if matches!(command, Command::D5(_)) => NativeEffect::Prepares,
+            Effect::MovesOnce(_) => NativeEffect::MovesOnce,
+        })
+    }
+
+    /// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+    ///
+    /// # Errors
+    /// Those of the request `Native` that do not depend on time or state.
+    pub fn check_native(&self, data: &[u8]) -> Result<(), Error> {
+        match self.native(data)?.effect {
+            Effect::Moves(demand) | Effect::MovesOnce(demand) | Effect::Rests(demand) => {
+                check_demand(self.axis, demand, &self.config)
+            }
+            Effect::Asks | Effect::Stops | Effect::Changes { .. } => Ok(()),
+        }
+    }
+
+    fn native(&self, data: &[u8]) -> Result<Native, Error> {
+        motor::native(self.axis, data, self.bus, &self.config)
+    }
+}
+
+/// Refuses an impedance on a serial bus: motion mode has CAN ids of its own and no serial form (RMD V3.6 §5).
+pub(crate) fn check_bus(
+    axis: u8,
+    bus: BusKind,
+    setpoint: Setpoint,
+    config: &AxisConfig,
+) -> Result<(), Error> {
+    match (config.protocol(), bus, setpoint) {
+        (Some(protocol), BusKind::Rs485, Setpoint::Impedance { .. }) => {
+            Err(Error::Unsupported { axis, protocol })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The command that carries out a setpoint, or why the axis does not take it.
+pub(crate) fn command(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Command, Error> {
+    check_limits(setpoint, config)?;
+    motor::motion(axis, setpoint, config)
+}
+
+/// Refuses what is wrong with a relative move wherever it begins.
+pub(crate) fn check_move(
+    axis: u8,
+    distance_rad: f32,
+    speed_limit_rad_s: f32,
+    config: &AxisConfig,
+) -> Result<(), Error> {
+    if !distance_rad.is_finite() {
+        return Err(Error::NotANumber { quantity: Quantity::Position });
+    }
+    check_speed_limit(speed_limit_rad_s, config)?;
+    motor::motion(axis, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, config).map(drop)
+}
+
+/// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Result<(), Error> {
+    let unnoticed = |quantity| Err(Error::CannotCheckLimit { axis, quantity });
+    match demand {
+        Demand::Prepared => Ok(()),
+        Demand::Setpoint(Setpoint::Position { speed_limit_rad_s: 0.0, .. })
+        | Demand::Distance { speed_limit_rad_s: 0.0 } => Err(Error::SpeedLimitZero { axis }),
+        Demand::Setpoint(setpoint) => check_limits(setpoint, config),
+        Demand::Unlimited { .. } if config.limit(AxisParameter::VelocityLimitRadS).is_finite() => {
+            unnoticed(Quantity::Velocity)
+        }
+        Demand::Unlimited { position_rad } => check_position(position_rad, config),
+        Demand::Distance { speed_limit_rad_s } => {
+            check_speed_limit(speed_limit_rad_s, config)?;
+            // Where it ends depends on where the motor is when it begins.
+            let (min, max) = config.position_range();
+            if min.is_finite() || max.is_finite() { unnoticed(Quantity::Position) } else { Ok(()) }
+        }
+    }
+}
+
+/// Refuses a setpoint that is not a number or lies beyond a limit of the axis.
+pub(crate) fn check_limits(setpoint: Setpoint, config: &AxisConfig) -> Result<(), Error> {
+    let symmetric = |quantity, value, limit: f32| within(quantity, value, -limit, limit);
+    let limit = |parameter| config.limit(parameter);
+    match setpoint {
+        Setpoint::Signal { fraction } => {
+            let limit = config.float(AxisParameter::SignalLimit).unwrap_or(1.0);
+            symmetric(Quantity::Signal, fraction, limit)
+        }
+        Setpoint::Current { current_a } => {
+            symmetric(Quantity::Current, current_a, limit(AxisParameter::CurrentLimitA))
+        }
+        Setpoint::Velocity { velocity_rad_s } => {
+            symmetric(Quantity::Velocity, velocity_rad_s, limit(AxisParameter::VelocityLimitRadS))
+        }
+        Setpoint::Position { position_rad, speed_limit_rad_s } => {
+            check_speed_limit(speed_limit_rad_s, config)?;
+            check_position(position_rad, config)
+        }
+        Setpoint::Impedance {
+            position_rad,
+            velocity_rad_s,
+            stiffness_nm_per_rad,
+            damping_nm_s_per_rad,
+            torque_nm,
+        } => {
+            symmetric(Quantity::Velocity, velocity_rad_s, limit(AxisParameter::VelocityLimitRadS))?;
+            within(Quantity::Stiffness, stiffness_nm_per_rad, 0.0, f32::INFINITY)?;
+            within(Quantity::Damping, damping_nm_s_per_rad, 0.0, f32::INFINITY)?;
+            symmetric(Quantity::Torque, torque_nm, limit(AxisParameter::TorqueLimitNm))?;
+            check_position(position_rad, config)
+        }
+    }
+}
+
+fn check_speed_limit(speed_limit_rad_s: f32, config: &AxisConfig) -> Result<(), Error> {
+    let fastest = config.limit(AxisParameter::VelocityLimitRadS);
+    within(Quantity::SpeedLimit, speed_limit_rad_s, 0.0, fastest)
+}
+
+fn check_position(position_rad: f32, config: &AxisConfig) -> Result<(), Error> {
+    let (min, max) = config.position_range();
+    within(Quantity::Position, position_rad, min, max)
+}
+
+/// Refuses NaN, infinities and values outside an inclusive range.
+fn within(quantity: Quantity, value: f32, min: f32, max: f32) -> Result<(), Error> {
+    if !value.is_finite() {
+        return Err(Error::NotANumber { quantity });
+    }
+    if value < min || value > max {
+        return Err(Error::OutOfRange { quantity, value, min, max });
+    }
+    Ok(())
+}
