@@ -80,9 +80,6 @@ impl Gateway {
         self.remember_trips();
         let states = self.states();
         let Self { retention, axes, buses, history, .. } = self;
-        for axis in axes.iter_mut().filter_map(Axis::take_unsaved) {
-            retention.axis_changed(axis);
-        }
         let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
         if new_axes | new_buses != 0 {
             for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
@@ -101,23 +98,29 @@ impl Gateway {
         }
     }
 
-    fn states(&self) -> States {
+    /// The states as they are; an axis whose motor was told a timeout has changed.
+    fn states(&mut self) -> States {
         let mut states = States {
             starts: self.starts,
             flags: if self.e_stopped { E_STOPPED } else { 0 },
             silence_us: self.authority.silence().as_micros_u32(),
             ..States::NONE
         };
-        for (index, axis) in self.axes.iter().enumerate() {
+        for (index, axis) in self.axes.iter_mut().enumerate() {
+            if axis.take_unsaved_timeout() {
+                self.retention.axes |= bit(index);
+            }
             match axis.state {
                 AxisState::Unconfigured | AxisState::Idle => {}
                 AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping => {
                     states.moving |= bit(index);
                 }
-                AxisState::Tripped { .. } => states.tripped |= bit(index),
-            }
-            if axis.is_unreachable() {
-                states.unreachable |= bit(index);
+                AxisState::Tripped { .. } => {
+                    states.tripped |= bit(index);
+                    if axis.is_unreachable() {
+                        states.unreachable |= bit(index);
+                    }
+                }
             }
         }
         states

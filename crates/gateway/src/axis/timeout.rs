@@ -43,9 +43,9 @@ impl Axis {
         self.written_timeout_ms
     }
 
-    /// The number of the axis, if that has changed and has still to be saved.
-    pub fn take_unsaved(&mut self) -> Option<u8> {
-        core::mem::take(&mut self.timeout_unsaved).then_some(self.index)
+    /// Whether that has changed and has still to be saved.
+    pub fn take_unsaved_timeout(&mut self) -> bool {
+        core::mem::take(&mut self.timeout_unsaved)
     }
 
     /// What was written before the gateway was reset. The motor's power may have been off since, so arming believes it where the motor stores it;
