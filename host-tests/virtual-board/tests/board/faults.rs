@@ -56,7 +56,7 @@ faults! {
     overflow::frames_lost_in_the_controller_are_counted_and_nothing_sticks
     pins::an_opened_e_stop_input_stops_every_axis
     pins::an_opened_e_stop_input_stays_latched_over_a_reset
-    pins::the_enable_output_is_inactive_from_a_panic_until_the_stops_have_left
+    pins::the_enable_output_is_inactive_from_a_panic_until_the_firmware_runs_again
     pins::the_enable_output_is_inactive_while_an_axis_is_unreachable
     pins::the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachable
     pins::the_light_shows_the_state

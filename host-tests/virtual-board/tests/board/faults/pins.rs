@@ -10,8 +10,8 @@ use virtual_board::machine::{Fault, Place};
 use virtual_board::nodes::since_start;
 use virtual_board::pins::{Change, ENABLE, LIGHT};
 
-use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
 use super::reset::{HANG, RESET_AT, reset_by_software};
+use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
 use crate::reaction::{Reaction, stop_within};
 use crate::wire;
 
@@ -106,8 +106,8 @@ pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
     Vec::new()
 }
 
-/// From the first instruction of the panic, from the reset, and until the motors that were known have been told to stop.
-pub fn the_enable_output_is_inactive_from_a_panic_until_the_stops_have_left() -> Vec<Reaction> {
+/// From the first instruction of the panic, undriven at the reset, and low again until the core has taken over what it knew.
+pub fn the_enable_output_is_inactive_from_a_panic_until_the_firmware_runs_again() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     let never = lab.machine.borrow_mut().probe(ENABLE).changes();
     assert!(
