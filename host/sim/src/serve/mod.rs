@@ -101,10 +101,12 @@ impl Server {
     }
 
     fn connect(&mut self, stream: TcpStream, peer: SocketAddr, log: &mut impl FnMut(&str)) {
-        let taken = |link: &u8| self.connections.iter().any(|connection| connection.link == *link);
-        let links = self.world.host_links();
-        let Some(link) = (0..links).find(|link| !taken(link)) else {
-            log(&format!("{peer} refused: all {links} host links are taken"));
+        let Some(link) = self.free_link().or_else(|| {
+            // Whoever left just before this one came has not been missed yet.
+            self.read(log);
+            self.free_link()
+        }) else {
+            log(&format!("{peer} refused: all {} host links are taken", self.world.host_links()));
             return;
         };
         match Connection::new(stream, peer, link) {
@@ -115,6 +117,11 @@ impl Server {
             }
             Err(error) => log(&format!("{peer} could not connect: {error}")),
         }
+    }
+
+    fn free_link(&self) -> Option<u8> {
+        let taken = |link: &u8| self.connections.iter().any(|connection| connection.link == *link);
+        (0..self.world.host_links()).find(|link| !taken(link))
     }
 
     fn read(&mut self, log: &mut impl FnMut(&str)) {
