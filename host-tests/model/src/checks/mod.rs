@@ -1,7 +1,9 @@
 //! What follows from what was seen: one file for each side of it.
 
 mod due;
+mod events;
 mod frames;
+mod grants;
 mod hosts;
 mod motors;
 mod results;

@@ -1,0 +1,113 @@
+//! What hosts ask for: requests of every kind, mostly ones that make sense.
+
+use crate::action::{Ask, Goal, Number, Permit};
+use crate::dice::Dice;
+use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use host_protocol::Protocol;
+
+/// A request of any kind.
+pub fn any_ask(dice: &mut Dice) -> Ask {
+    let axis = dice.byte() % 10;
+    let bus = dice.byte() % (BUSES + 1);
+    match dice.below(40) {
+        0 => Ask::Take,
+        1 if dice.one_in(8) => Ask::Release,
+        2 if dice.one_in(8) => Ask::Hello,
+        3 if dice.one_in(4) => Ask::StopAll,
+        4 if dice.one_in(4) => Ask::EStop,
+        5..8 => Ask::ClearGateway,
+        8..10 => Ask::Disarm { axis },
+        10..12 => Ask::Stop { axis },
+        12..14 => Ask::Setpoint { permit: permit(dice, axis), goal: goal(dice, axis) },
+        14..20 => native(dice, axis),
+        20 => Ask::Provision { axis, timeout_ms: dice.pick(&[0, 1, 99, 100, 300]) },
+        21 => Ask::Set { axis, parameter: dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) },
+        22 => Ask::Set { axis, parameter: 14, value: Number::Float(dice.fraction() * 20.0) },
+        23 => Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]) },
+        24 => Ask::Remove { axis: 31 },
+        25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
+        26..28 => Ask::Read { axis },
+        28 => Ask::Status,
+        29 => Ask::RawOpen { bus },
+        30..33 => {
+            let id = dice.pick(&[0x700, 0x141, 0x30E, 0x26, 0x7FF]);
+            Ask::RawSend { bus, id, data: raw_data(dice) }
+        }
+        33 => Ask::RawReceive { bus },
+        34..36 => Ask::RawClose { bus },
+        36 => Ask::ClearUnreachable { axis },
+        37 => Ask::Clear { axis },
+        _ => Ask::Ping,
+    }
+}
+
+/// Mostly in good time and for the right epoch.
+pub(super) fn permit(dice: &mut Dice, axis: u8) -> Permit {
+    let epoch = if dice.percent(97) { 0 } else { dice.pick(&[-1, -2, 1000]) };
+    let lead_us = match dice.below(50) {
+        0 => dice.pick(&[0, -1, -5_000, i32::MIN, 1, 200_001, 61_000_000]),
+        1..4 => dice.pick(&[2_000, 10_000]),
+        _ => 48_000,
+    };
+    Permit { axis, epoch, lead_us }
+}
+
+pub(super) fn goal(dice: &mut Dice, axis: u8) -> Goal {
+    let value = match dice.below(60) {
+        0 => f32::NAN,
+        1 => 1e30,
+        2 => 0.0,
+        _ => dice.fraction() * 4.0,
+    };
+    match MOTORS[usize::from(axis)].protocol {
+        _ if dice.percent(3) => Goal::Current(value),
+        Protocol::Thruster if axis == POSITION_DEVICE && dice.percent(30) => Goal::Position(value, 10.0),
+        Protocol::Thruster => dice.pick(&[Goal::Signal(value / 5.0), Goal::Velocity(value * 3.0)]),
+        Protocol::D5 => Goal::Velocity(value),
+        Protocol::Rmd => dice.pick(&[
+            Goal::Velocity(value),
+            Goal::Velocity(value),
+            Goal::Current(value),
+            Goal::Position(value, 1.0),
+            Goal::Impedance(value),
+        ]),
+    }
+}
+
+/// A command of the manual, or bytes that are none.
+pub(super) fn native(dice: &mut Dice, axis: u8) -> Ask {
+    let motor = &MOTORS[usize::from(axis)];
+    let data = match motor.protocol {
+        _ if dice.percent(5) => dice.bytes(9),
+        Protocol::Rmd => {
+            let command = dice.pick(&[
+                0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8, 0xA8,
+            ]);
+            vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
+        }
+        Protocol::Thruster => {
+            let [a, b] = *dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ"]);
+            let value = dice.pick(&[0, dice.clone().byte() / 3]);
+            let long = vec![a, b, 0, 9, 0, 0, 0, value];
+            dice.pick(&[long.clone(), long, vec![a, b, 0, 0]])
+        }
+        Protocol::D5 => {
+            let command = dice.pick(&[1, 2, 3, 3, 4, 5]);
+            let address = if command == 5 { 0 } else { dice.pick(&[0x20, 0x20, 0x26, 0x15]) };
+            let low = if command == 5 { 0 } else { dice.pick(&[0, 30, 200]) };
+            let body = [motor.node, 5, command, address, low, 0];
+            let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+            std::iter::once(0xD5).chain(body).chain([sum]).collect()
+        }
+    };
+    Ask::Native { permit: permit(dice, axis), data }
+}
+
+/// Data of a raw frame, which move no motor.
+fn raw_data(dice: &mut Dice) -> Vec<u8> {
+    let mut data = dice.bytes(9);
+    if let Some(first) = data.first_mut() {
+        *first = dice.pick(&[0x9A, 0x9C, 0x81, 0x3E, 0x51]);
+    }
+    data
+}

@@ -1,0 +1,44 @@
+//! What the first host sets up.
+
+use crate::action::{Action, Ask, Number};
+use crate::dice::Dice;
+use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use host_protocol::AxisParameter;
+
+/// The steps of a host that finds nothing configured.
+pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
+    let mut asks = vec![Ask::Hello, Ask::Silence { us: dice.pick(&[100_000, 250_000]) }];
+    asks.extend((0..BUSES).map(|bus| Ask::Bus { bus, window_us: dice.pick(&[2_000, 3_000, 5_000]) }));
+    let grouped = dice.percent(30);
+    let provisioned = dice.percent(40);
+    for (axis, motor) in (0u8..).zip(&MOTORS) {
+        let mut set = |parameter: AxisParameter, value: Number| {
+            asks.push(Ask::Set { axis, parameter: parameter.number(), value });
+        };
+        set(AxisParameter::Bus, Number::Unsigned(motor.bus.into()));
+        set(AxisParameter::Protocol, Number::Unsigned(motor.protocol.number().into()));
+        set(AxisParameter::Node, Number::Unsigned(motor.node.into()));
+        set(AxisParameter::StopAction, Number::Unsigned(motor.stop.number().into()));
+        set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(true));
+        set(AxisParameter::TtlUs, Number::Unsigned(dice.pick(&[50_000, 100_000, 200_000])));
+        if dice.percent(20) {
+            set(AxisParameter::VelocityLimitRadS, Number::Float(3.0));
+        }
+        if grouped && axis < 4 {
+            set(AxisParameter::TripGroup, Number::Unsigned(1));
+        }
+        if axis == POSITION_DEVICE {
+            set(AxisParameter::PositionDevice, Number::Bool(true));
+        }
+        if axis == 2 && dice.percent(50) {
+            set(AxisParameter::ReleaseBrakeWhenArming, Number::Bool(true));
+        }
+        if dice.percent(20) {
+            set(AxisParameter::Direction, Number::Signed(-1));
+        }
+        if provisioned {
+            asks.push(Ask::Provision { axis, timeout_ms: dice.pick(&[200, 500]) });
+        }
+    }
+    asks.into_iter().map(|ask| Action::Ask { link: 0, ask }).collect()
+}

@@ -1,0 +1,89 @@
+//! What goes wrong: buses, motors, hosts that fall silent.
+
+use super::Generator;
+use crate::action::{Action, Ask, Does};
+use crate::plant::{BUSES, LISTENER, MOTORS};
+use host_protocol::Protocol;
+
+/// Longest silence of the hosts, µs: more than the gateway bears.
+const SILENCE_US: u64 = 400_000;
+
+impl Generator {
+    /// Bytes and frames that mean nothing, or look as if they did.
+    pub(super) fn noise(&mut self) -> Action {
+        match self.dice.below(4) {
+            0 => Action::Bytes { link: self.dice.byte() % LISTENER, bytes: self.dice.bytes(40) },
+            1 => Action::Noise { bus: BUSES - 1, bytes: self.dice.bytes(16) },
+            _ => {
+                let bus = self.dice.byte() % 2;
+                let id = self
+                    .dice
+                    .pick(&[0x241, 0x242, 0x243, 0x28E, 0x28F, 0x290, 0x26, 0x27, 0x501, 0x7FF, 0x001]);
+                let mut data = self.dice.bytes(9);
+                if let Some(first) = data.first_mut().filter(|_| id < 0x280) {
+                    *first = self.dice.pick(&[0x80, 0x81, 0x9A, 0x9C, 0xA2, 0x5D]);
+                }
+                Action::Stray { bus, id, data }
+            }
+        }
+    }
+
+    /// Something breaks.
+    pub(super) fn trouble(&mut self, now: u64) -> Action {
+        let bus = self.dice.byte() % 2;
+        let motor = self.axis();
+        match self.dice.below(20) {
+            0 if self.dice.percent(40) => {
+                self.silent_until_us = now + self.dice.below(SILENCE_US);
+                if self.dice.percent(40) {
+                    self.commander = 1 - self.commander;
+                }
+                Action::Ask { link: self.commander, ask: Ask::Ping }
+            }
+            1 if self.dice.percent(40) => Action::Cut { bus, for_us: self.span() },
+            2 if self.dice.percent(30) => Action::Short { bus, for_us: self.span() },
+            3 => {
+                let id = self.dice.pick(&[0x001, 0x250, 0x7FF]);
+                let pause_us = self.dice.pick(&[140, 200, 700, 1_500]);
+                Action::Foreign { bus, id, pause_us, for_us: self.dice.below(30_000) }
+            }
+            4 => Action::Stubborn { bus, for_us: self.dice.below(50_000) },
+            5 => Action::Overflow { bus: self.dice.byte() % BUSES },
+            6 => {
+                // Never the one that all depends on.
+                Action::Unread { link: self.dice.byte() % LISTENER, for_us: self.dice.below(50_000) }
+            }
+            7 if self.dice.percent(30) => Action::EStopInput { open: self.dice.percent(50) },
+            8..13 => Action::EStopInput { open: false },
+            _ => Action::Motor { motor, does: self.misdeed(motor) },
+        }
+    }
+
+    fn misdeed(&mut self, motor: u8) -> Does {
+        match self.dice.below(16) {
+            0 => Does::Mute { for_us: self.span() },
+            1 => Does::Deaf { for_us: self.span() },
+            2..5 => Does::Late { by_us: self.dice.below(12_000) },
+            5..7 => Does::Twice,
+            7..9 => {
+                let mut data = self.dice.bytes(9);
+                match (MOTORS[usize::from(motor)].protocol, data.first_mut()) {
+                    (Protocol::Rmd, Some(first)) => *first = self.dice.pick(&[0x80, 0x81, 0x9A, 0x9C, 0x92]),
+                    (_, Some(first)) => *first = self.dice.pick(&[0x5D, b'Q', b'E', b'T']),
+                    _ => {}
+                }
+                Does::Lies { data }
+            }
+            9..11 => Does::Refuses,
+            11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40]) },
+            12 | 13 => Does::Faults { word: 0 },
+            14 => self.dice.pick(&[Does::Restarts, Does::Turns { speed: 90.0 }]),
+            _ => Does::Disobeys { for_us: self.span() },
+        }
+    }
+
+    fn span(&mut self) -> u64 {
+        let longest = self.dice.pick(&[5_000, 60_000, 300_000, 2_000_000]);
+        self.dice.below(longest)
+    }
+}

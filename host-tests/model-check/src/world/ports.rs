@@ -1,0 +1,163 @@
+//! The ports of the core: what it takes in and hands out, with the model as witness.
+
+use super::World;
+use crate::plant::{BUSES, LINKS};
+use embedded_can::Id;
+use gateway::{Event, Instant, Outgoing, port::TRANSMIT_SLOTS};
+use host_protocol::{BusState, CanFrame, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
+use promise_model::Frame;
+
+/// Frames that a link may have for its host at one moment.
+const MAX_OUTPUT: usize = 300;
+
+/// An event on its way to the core.
+#[derive(Debug)]
+pub(super) enum Input {
+    Host { link: u8, bytes: Vec<u8> },
+    Can { bus: u8, id: u16, data: Vec<u8> },
+    Serial { bus: u8, bytes: Vec<u8> },
+    Transmitted { bus: u8, slot: u8 },
+    Cancelled { bus: u8, slot: u8 },
+    State { bus: u8, off: bool },
+    Overflow { bus: u8 },
+    Pin { open: bool },
+    Tick,
+}
+
+impl World {
+    pub(super) fn feed(&mut self, input: Input) {
+        self.inputs.push_back(input);
+        while let Some(input) = self.inputs.pop_front() {
+            self.take_in(&input);
+            self.say();
+            self.oracle.settle(self.now_us);
+            self.count();
+        }
+    }
+
+    /// The core takes in an event, and the model sees what it was.
+    fn take_in(&mut self, input: &Input) {
+        let now = self.now_us;
+        if !matches!(input, Input::Tick) {
+            self.note(|| format!("in  {input:X?}"));
+        }
+        let oracle = &mut self.oracle;
+        let event = match input {
+            Input::Host { link, bytes } => {
+                oracle.to_gateway(now, *link, bytes);
+                Event::HostBytes { link: *link, bytes }
+            }
+            Input::Can { bus, id, data } => {
+                let Some(frame) = CanFrame::standard(*id, data) else { return };
+                oracle.received(now, *bus, Frame::Can((*id).into(), data));
+                Event::CanReceived { bus: *bus, frame }
+            }
+            Input::Serial { bus, bytes } => {
+                oracle.received(now, *bus, Frame::Serial(bytes));
+                Event::SerialReceived { bus: *bus, bytes }
+            }
+            Input::Transmitted { bus, slot } => {
+                oracle.left(now, *bus, *slot);
+                Event::Transmitted { bus: *bus, slot: *slot }
+            }
+            Input::Cancelled { bus, slot } => {
+                oracle.withdrawn(now, *bus, *slot);
+                Event::Cancelled { bus: *bus, slot: *slot }
+            }
+            Input::State { bus, off } => {
+                oracle.bus_state(now, *bus, *off);
+                let state = if *off { BusState::BusOff } else { BusState::Active };
+                Event::BusState { bus: *bus, state, transmit_errors: 0, receive_errors: 0 }
+            }
+            Input::Overflow { bus } => Event::ReceiveOverflow { bus: *bus, lost: 1 },
+            Input::Pin { open } => {
+                oracle.e_stop_input(now, *open);
+                Event::EStopInput { open: *open }
+            }
+            Input::Tick => Event::Tick,
+        };
+        self.counts.events += 1;
+        self.counts.busy += u64::from(self.oracle.is_busy());
+        self.gateway.handle(Instant::from_micros(now), event);
+    }
+
+    /// Everything that the gateway has to say: to its hosts first, then to its buses.
+    fn say(&mut self) {
+        let now = self.now_us;
+        let mut out = [0; MAX_FRAME];
+        for link in 0..LINKS {
+            if now < self.hosts[usize::from(link)].unread_until {
+                continue;
+            }
+            let mut frames = 0;
+            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+                frames += 1;
+                assert!(frames <= MAX_OUTPUT, "link {link} does not stop talking");
+                self.oracle.from_gateway(now, link, &out[..length]);
+                self.note(|| format!("host {link} {}", told(&out[..length])));
+            }
+            self.oracle.drained(now, link);
+        }
+        for bus in 0..BUSES {
+            self.start_bus(bus);
+            let at = Instant::from_micros(now);
+            while let Some(slot) = self.gateway.poll_cancel(at, bus) {
+                self.oracle.asked_back(now, bus, slot);
+                self.note(|| format!("out bus {bus} slot {slot} is asked back"));
+                if self.buses[usize::from(bus)].give_back(now, slot) {
+                    self.inputs.push_back(Input::Cancelled { bus, slot });
+                }
+            }
+            let mut frames = 0;
+            while let Some(transmit) = self.gateway.poll_transmit(at, bus) {
+                frames += 1;
+                assert!(frames <= TRANSMIT_SLOTS, "bus {bus} is handed more than it can hold");
+                let frame = match &transmit.frame {
+                    Outgoing::Can(frame) => Frame::Can(arbitration(frame), frame.data()),
+                    Outgoing::Serial(bytes) => Frame::Serial(bytes),
+                };
+                self.oracle.handed(now, bus, transmit.slot, frame);
+                self.note(|| format!("out bus {bus} slot {} {:X?}", transmit.slot, transmit.frame));
+                self.buses[usize::from(bus)].take(transmit);
+            }
+            self.buses[usize::from(bus)].begin(now);
+        }
+    }
+
+    /// Starts a bus as the gateway wants it.
+    fn start_bus(&mut self, bus: u8) {
+        let index = usize::from(bus);
+        let generation = self.gateway.bus_setup(bus).map(|setup| setup.generation);
+        if self.buses[index].generation != generation {
+            self.buses[index].generation = generation;
+            self.drop_held(bus);
+            let off = self.now_us < self.buses[index].short_until;
+            self.inputs.push_back(Input::State { bus, off });
+        }
+    }
+}
+
+/// What a frame for a host says.
+fn told(bytes: &[u8]) -> String {
+    let mut deframer = Deframer::new();
+    let mut said = String::new();
+    for byte in bytes {
+        let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+        said = match frame.kind {
+            Kind::Reply => format!("{} {:?}", frame.sequence, Reply::decode(frame.number, frame.body)),
+            Kind::Error => {
+                format!("{} {:?}", frame.sequence, host_protocol::Error::decode(frame.number, frame.body))
+            }
+            _ => format!("{:?}", EventMessage::decode(frame.number, frame.body).map(|message| message.event)),
+        };
+    }
+    said
+}
+
+/// The id of a frame with its flags, as the model knows it.
+fn arbitration(frame: &CanFrame) -> u32 {
+    match frame.id() {
+        Id::Standard(id) => id.as_raw().into(),
+        Id::Extended(id) => id.as_raw() | 1 << 31,
+    }
+}

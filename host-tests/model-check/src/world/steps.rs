@@ -1,0 +1,88 @@
+//! What a step does.
+
+use super::World;
+use super::ports::Input;
+use crate::action::{Action, Ask};
+use crate::bus::{Bus, OnWire};
+use crate::plant::LISTENER;
+
+impl World {
+    /// Does what a step says.
+    pub fn act(&mut self, action: &Action) {
+        let now = self.now_us;
+        match action {
+            Action::Ask { link, ask } => {
+                let epoch =
+                    axis_of(ask).and_then(|axis| self.epochs.get(usize::from(axis))).copied().unwrap_or(0);
+                let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
+                let bytes = host.ask(now, ask, epoch);
+                self.feed(Input::Host { link: *link, bytes });
+            }
+            Action::Again { link, back } => {
+                let bytes = self.hosts.get(usize::from(*link)).and_then(|host| host.again(*back));
+                if let Some(bytes) = bytes {
+                    self.feed(Input::Host { link: *link, bytes });
+                }
+            }
+            Action::Bytes { link, bytes } => self.feed(Input::Host { link: *link, bytes: bytes.clone() }),
+            Action::Unread { link, for_us } => {
+                if let Some(host) = self.hosts.get_mut(usize::from(*link)).filter(|_| *link != LISTENER) {
+                    host.unread_until = now + for_us;
+                }
+            }
+            Action::EStopInput { open } => self.feed(Input::Pin { open: *open }),
+            Action::Motor { motor, does } => {
+                if let Some(motor) = self.motors.get_mut(usize::from(*motor)) {
+                    motor.does(now, does);
+                }
+            }
+            Action::Stray { bus, id, data } => {
+                let what = OnWire::Can { id: *id, data: data.clone() };
+                self.on_bus(*bus, |bus| bus.stray(now, what));
+            }
+            Action::Noise { bus, bytes } => {
+                self.on_bus(*bus, |bus| bus.stray(now, OnWire::Serial(bytes.clone())));
+            }
+            Action::Cut { bus, for_us } => self.on_bus(*bus, |bus| bus.cut(now + for_us)),
+            Action::Foreign { bus, id, pause_us, for_us } => {
+                self.on_bus(*bus, |bus| bus.load(now, *id, *pause_us, *for_us));
+            }
+            Action::Stubborn { bus, for_us } => self.on_bus(*bus, |bus| bus.stubborn_until = now + for_us),
+            Action::Short { bus, for_us } => {
+                self.on_bus(*bus, |bus| bus.short_until = now + for_us);
+                if usize::from(*bus) < self.buses.len() {
+                    self.drop_held(*bus);
+                    self.feed(Input::State { bus: *bus, off: true });
+                }
+            }
+            Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
+        }
+    }
+
+    fn on_bus(&mut self, bus: u8, act: impl FnOnce(&mut Bus)) {
+        let now = self.now_us;
+        if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+            act(bus);
+            bus.begin(now);
+        }
+    }
+
+    /// The controller of a bus forgets what it held.
+    pub(super) fn drop_held(&mut self, bus: u8) {
+        let state = &mut self.buses[usize::from(bus)];
+        for slot in state.slots() {
+            self.oracle.withdrawn(self.now_us, bus, slot);
+        }
+        state.forget();
+    }
+}
+
+/// The axis whose epoch a request carries.
+fn axis_of(ask: &Ask) -> Option<u8> {
+    match ask {
+        Ask::Setpoint { permit, .. } | Ask::Move { permit, .. } | Ask::Native { permit, .. } => {
+            Some(permit.axis)
+        }
+        _ => None,
+    }
+}

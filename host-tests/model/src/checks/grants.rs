@@ -1,0 +1,145 @@
+//! What follows from a request that was carried out, or refused (G1, G2).
+
+use crate::axis::Axis;
+use crate::oracle::Oracle;
+use crate::violation::Check;
+use crate::wire::{Body, Clears, Message, Request};
+
+impl Oracle {
+    /// A request was carried out.
+    pub(super) fn granted(
+        &mut self,
+        now: u64,
+        link: u8,
+        sequence: u16,
+        request: &Request,
+        message: &Message,
+    ) {
+        match *request {
+            Request::LinkSilence(us) => self.silence_us = us.into(),
+            Request::ConfigureBus { bus, bitrate, wholly_ours, reply_window_us } => {
+                if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+                    bus.bitrate = bitrate;
+                    bus.wholly_ours = wholly_ours;
+                    bus.window_us = reply_window_us.into();
+                }
+            }
+            Request::ConfigureAxis { axis, parameter, value } => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.set(parameter, value);
+                }
+            }
+            Request::RemoveAxis(axis) => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    *axis = Axis::default();
+                }
+            }
+            Request::Provision { axis, timeout_ms } => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.motor_timeout_ms = (timeout_ms > 0).then_some(timeout_ms);
+                }
+            }
+            Request::Arm(axis) => {
+                let epoch = Body(message.body()).u32();
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)).filter(|axis| axis.armed) {
+                    axis.epoch = epoch;
+                }
+            }
+
+            Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.cleared_us = Some(now);
+                    if let Request::ClearUnreachable(_) = request {
+                        // Unsafe, and named so: nothing is owed any more.
+                        axis.duty = None;
+                        axis.unreachable = false;
+                    }
+                }
+            }
+            Request::Setpoint { axis, epoch, expires_at_us } => {
+                self.grant(now, link, sequence, axis, (epoch, expires_at_us));
+            }
+            Request::MoveRelative { axis, epoch, expires_at_us } => {
+                self.grant(now, link, sequence, axis, (epoch, expires_at_us));
+            }
+            Request::Native { axis, .. } => {
+                // A motion was granted when it was not refused; a stop says so by its events.
+                self.fulfil(link, sequence, axis);
+            }
+            Request::RawOpen(bus) => {
+                let armed = self.axes.iter().any(|axis| axis.bus() == Some(usize::from(bus)) && axis.armed);
+                if armed {
+                    self.broken(
+                        Check::RawUnopened,
+                        now,
+                        format!("bus {bus} is opened with an armed axis on it"),
+                    );
+                }
+                if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+                    bus.raw_open = true;
+                }
+            }
+            Request::RawSend { bus, id, ref data } => {
+                if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+                    bus.raw.push_back((id, data.clone()));
+                }
+            }
+            Request::RawClose(bus) => {
+                if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
+                    bus.raw_open = false;
+                    bus.raw.clear();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A setpoint was accepted: it should not have been unless it was offered.
+    fn grant(&mut self, now: u64, link: u8, sequence: u16, index: u8, (epoch, expires_at_us): (u32, u32)) {
+        let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
+        let offered = axis.permits.iter().rposition(|p| (p.link, p.sequence) == (link, sequence));
+        if let Some(offered) = offered {
+            in_force(axis, offered);
+            return;
+        }
+        // The axis may have been stopped since, or the host may read late.
+        let at =
+            self.links[usize::from(link)].records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
+        let axis = &self.axes[usize::from(index)];
+        if at != Some(now) {
+            return;
+        }
+        let check = match axis.epoch {
+            _ if !axis.armed => Check::MotionUnarmed,
+            Some(current) if current != epoch => Check::EpochIgnored,
+            Some(_) => Check::ExpiryIgnored,
+            // Its host has not read yet which epoch it is.
+            None => return,
+        };
+        let seen = format!("axis {index} takes a setpoint of epoch {epoch} that expires at {expires_at_us}");
+        self.broken(check, now, seen);
+    }
+
+    /// A permission whose result is there: in force if it was not before.
+    fn fulfil(&mut self, link: u8, sequence: u16, axis: u8) {
+        let Some(axis) = self.axes.get_mut(usize::from(axis)) else { return };
+        let offered = |p: &crate::axis::Permit| (p.link, p.sequence) == (link, sequence) && !p.in_force;
+        if let Some(offered) = axis.permits.iter().rposition(offered) {
+            in_force(axis, offered);
+        }
+    }
+
+    /// A request was refused: what it offered is void. A native motion that fails later trips its axis or was replaced.
+    pub(super) fn refused(&mut self, link: u8, sequence: u16) {
+        for axis in &mut self.axes {
+            axis.permits.retain(|p| (p.link, p.sequence) != (link, sequence) || p.in_force);
+        }
+    }
+}
+
+/// Puts a permission in force: it takes the place of those before it.
+pub(super) fn in_force(axis: &mut Axis, index: usize) {
+    axis.permits[index].in_force = true;
+    axis.permits[index].is_relative = false;
+    axis.permits.drain(..index);
+}

@@ -1,0 +1,74 @@
+//! What hosts are granted and told.
+
+use super::*;
+
+#[test]
+fn an_axis_that_is_armed_unasked() {
+    let mut trace = Trace::new(HOLD);
+    trace.state(3);
+    trace.breaks(Check::ArmedUnasked);
+}
+
+#[test]
+fn arming_while_the_e_stop_is_latched() {
+    let mut trace = Trace::new(COAST);
+    trace.done(1, 0x33, &[]);
+    trace.state(5);
+    trace.exchange(OFF, OFF);
+    trace.exchange(OFF, OFF);
+    trace.state(1);
+    trace.arm(0);
+    trace.breaks(Check::EStopIgnored);
+}
+
+#[test]
+fn the_epoch_of_an_earlier_arming() {
+    let mut trace = Trace::armed();
+    trace.setpoint(EPOCH - 1, 50_000);
+    trace.breaks(Check::EpochIgnored);
+}
+
+#[test]
+fn a_setpoint_that_expires_later_than_the_axis_allows() {
+    let mut trace = Trace::armed();
+    trace.setpoint(EPOCH, 100_001);
+    trace.breaks(Check::ExpiryIgnored);
+}
+
+#[test]
+fn a_link_that_is_not_in_command_is_obeyed() {
+    let mut trace = Trace::armed();
+    trace.done(1, 0x50, &[0]);
+    assert_eq!(trace.oracle.violations()[0].check, Check::AuthorityIgnored);
+}
+
+#[test]
+fn a_second_result() {
+    let mut trace = Trace::new(HOLD);
+    let sequence = trace.done(0, 0x03, &[]);
+    trace.answer(0, sequence, 2, 0x03, DONE);
+    trace.breaks(Check::ResultUnasked);
+}
+
+#[test]
+fn a_request_without_a_result() {
+    let mut trace = Trace::new(HOLD);
+    trace.ask(0, 0x41, &[0]);
+    for _ in 0..5 {
+        trace.wait(1_000_000);
+    }
+    trace.breaks(Check::ResultMissing);
+}
+
+#[test]
+fn a_repeated_request_that_gets_other_bytes() {
+    let mut trace = Trace::new(HOLD);
+    let sequence = trace.ask(0, 0x02, &[]);
+    trace.answer(0, sequence, 2, 0x02, &[1]);
+    trace.oracle.to_gateway(trace.now, 0, &frame(1, sequence, 0x02, &[]));
+    trace.answer(0, sequence, 2, 0x02, &[1]);
+    trace.breaks_nothing();
+    trace.oracle.to_gateway(trace.now, 0, &frame(1, sequence, 0x02, &[]));
+    trace.answer(0, sequence, 2, 0x02, &[2]);
+    trace.breaks(Check::ResultChanged);
+}
