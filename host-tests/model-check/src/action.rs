@@ -38,6 +38,13 @@ pub enum Action {
     Stubborn { bus: u8, for_us: u64 },
     /// The port reports that it lost frames.
     Overflow { bus: u8 },
+    /// The watchdog resets the gateway.
+    Reset,
+    /// It does so when the gateway has saved so many more words of what outlives a reset: the last of them is whole, or garbage.
+    /// What was going to be said or sent behind that is not.
+    ResetWhileSaving { words: u32, garbles: bool },
+    /// The gateway loses its power for a moment.
+    PowerLoss,
 }
 
 /// What a motor does.
@@ -92,6 +99,7 @@ pub enum Ask {
     Read { axis: u8 },
     Subscribe { axes: u32, period_us: u32 },
     Status,
+    List,
     RawOpen { bus: u8 },
     RawSend { bus: u8, id: u16, data: Vec<u8> },
     RawReceive { bus: u8 },

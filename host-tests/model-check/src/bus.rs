@@ -106,6 +106,11 @@ impl Bus {
         self.sending = self.sending.take().filter(|(_, what)| !matches!(what, OnWire::Ours { .. }));
     }
 
+    /// Who answers now is not heard: the gateway starts.
+    pub fn is_not_heard(&mut self) {
+        self.coming.clear();
+    }
+
     /// Nobody acknowledges and nothing arrives until then.
     pub fn cut(&mut self, until: u64) {
         self.cut_until = until;

@@ -12,7 +12,9 @@ pub const LISTENER: u8 = 2;
 pub const BUSES: u8 = 3;
 
 /// The board.
-pub static BOARD: Board = Board {
+pub static BOARD: Board = BOARD_OF_A_START;
+
+const BOARD_OF_A_START: Board = Board {
     name: "model-check",
     firmware: "0.1.0",
     build_id: "model-check",
@@ -27,6 +29,10 @@ pub static BOARD: Board = Board {
     e_stop_input: true,
     enable_output: true,
 };
+
+/// The board when the watchdog has reset it.
+pub static BOARD_AGAIN: Board =
+    Board { boot: BootReason::Watchdog, last_words: "no life from bus 0", ..BOARD_OF_A_START };
 
 /// The buses as the model knows them.
 pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }];

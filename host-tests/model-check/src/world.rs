@@ -1,6 +1,7 @@
 //! The gateway, its hosts, buses and motors, and the model that watches them.
 
 mod counts;
+mod life;
 mod ports;
 mod steps;
 
@@ -14,6 +15,7 @@ use crate::plant::{BOARD, BUSES, KINDS, LINKS, LISTENER, MOTORS};
 use embedded_can::Id;
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
 use host_protocol::Protocol;
+use life::Life;
 use ports::Input;
 use promise_model::{Oracle, Told, Violation};
 use std::collections::VecDeque;
@@ -36,6 +38,7 @@ pub struct World {
     epochs: [u32; MOTORS.len()],
     told: [Told; MOTORS.len()],
     counts: Counts,
+    life: Life,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
 }
@@ -56,6 +59,7 @@ impl World {
             epochs: [0; MOTORS.len()],
             told: [Told::Unconfigured; MOTORS.len()],
             counts: Counts::default(),
+            life: Life::new(),
             trace: None,
         };
         world.gateway.restore(Instant::from_micros(start_us), &[]);
@@ -123,7 +127,14 @@ impl World {
         let mut stuck = 0;
         loop {
             let buses = self.buses.iter().filter_map(|bus| bus.next_us(self.now_us));
-            let Some(next) = buses.chain(self.tick_us()).min().map(|at| at.max(self.now_us)) else { break };
+            let Some(next) = buses
+                .chain(self.tick_us())
+                .chain(self.life.links_open_by())
+                .min()
+                .map(|at| at.max(self.now_us))
+            else {
+                break;
+            };
             if next > end {
                 break;
             }
@@ -151,6 +162,9 @@ impl World {
                 self.arrive(bus, what);
             }
             self.buses[index].begin(self.now_us);
+        }
+        if self.open_links() {
+            return;
         }
         if !ended && self.tick_us().is_some_and(|at| at <= self.now_us) {
             self.feed(Input::Tick);

@@ -49,6 +49,8 @@ pub(crate) enum Cause {
     BusOff,
     /// Another axis of the trip group tripped.
     Group,
+    /// The gateway was reset.
+    Reset,
     /// The gateway said so.
     Told,
 }
@@ -212,6 +214,12 @@ impl Axis {
         self.parameters.get(&parameter::TRIP_GROUP).copied()
     }
 
+    /// Bus, protocol and node.
+    pub fn wiring(&self) -> [Option<u8>; 3] {
+        [parameter::BUS, parameter::PROTOCOL, parameter::NODE]
+            .map(|number| self.parameters.get(&number).and_then(|value| u8::try_from(*value).ok()))
+    }
+
     /// Whether it has all that makes it an axis.
     pub fn is_complete(&self) -> bool {
         self.bus().is_some()
@@ -223,5 +231,10 @@ impl Axis {
     /// Whether the gateway says that it may move or is about to.
     pub fn is_busy(&self) -> bool {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)
+    }
+
+    /// What a reset leaves of it: the parameters.
+    pub fn restarted(&mut self) -> Self {
+        Self { parameters: std::mem::take(&mut self.parameters), ..Self::default() }
     }
 }

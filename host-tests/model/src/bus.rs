@@ -166,6 +166,16 @@ impl Bus {
         self.off_since = off.then_some(now);
     }
 
+    /// What a reset leaves of it: the configuration.
+    pub fn restarted(&mut self, now: u64) {
+        self.set_off(now, false);
+        self.held.clear();
+        self.raw_open = false;
+        self.raw.clear();
+        self.echo.clear();
+        self.heard.clear();
+    }
+
     /// Bytes of others on a serial line: the gateway waits until they are over.
     pub fn disturbed(&mut self, bytes: usize) {
         let bits = 10 * u64::try_from(bytes).unwrap_or(u64::MAX) + GAP_BITS;

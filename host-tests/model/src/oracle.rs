@@ -2,6 +2,7 @@
 
 use crate::axis::{Axis, Cause, Duty};
 use crate::bus::{Bus, BusKind, Held};
+use crate::checks::Unlisted;
 use crate::link::Link;
 use crate::violation::{Check, Violation};
 use crate::wire::{Request, Told};
@@ -27,7 +28,7 @@ impl Frame<'_> {
 }
 
 /// What a host may be silent for if it has set nothing else, µs (PROTOCOL.md, Gateway parameters).
-const LINK_SILENCE_US: u64 = 250_000;
+pub(crate) const LINK_SILENCE_US: u64 = 250_000;
 
 /// The model.
 #[derive(Debug)]
@@ -43,6 +44,12 @@ pub struct Oracle {
     pub(crate) e_stopped: bool,
     /// The e-stop input is open: pressed, or its cable cut.
     pub(crate) e_stop_open: bool,
+    /// When a host asked for the e-stop last, or the input opened.
+    pub(crate) e_stop_asked_us: Option<u64>,
+    /// Starts since power came on.
+    pub(crate) starts: u32,
+    /// Since the start nobody has been told how the axes are.
+    pub(crate) unlisted: Option<Unlisted>,
     pub(crate) violations: Vec<Violation>,
     pub(crate) motions: u64,
 }
@@ -61,6 +68,9 @@ impl Oracle {
             silence_us: LINK_SILENCE_US,
             e_stopped: false,
             e_stop_open: false,
+            e_stop_asked_us: None,
+            starts: 1,
+            unlisted: None,
             violations: Vec::new(),
             motions: 0,
         }
@@ -187,6 +197,7 @@ impl Oracle {
         let pressed = open && !self.e_stop_open;
         self.e_stop_open = open;
         if pressed {
+            self.e_stop_asked_us = Some(now);
             self.stop_on_request(now, &Request::EStop);
         }
     }

@@ -53,6 +53,11 @@ pub enum Check {
     RawUnopened,
     /// G2: nothing changes a motor while its axis is armed.
     ChangedWhileArmed,
+    /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop stays latched, the
+    /// configuration is the same, and the starts are counted.
+    ResetForgot,
+    /// G6: after a loss of power nothing is configured.
+    PowerLossKept,
 }
 
 /// A broken promise.

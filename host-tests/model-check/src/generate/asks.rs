@@ -27,7 +27,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         24 => Ask::Remove { axis: 31 },
         25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
         26..28 => Ask::Read { axis },
-        28 => Ask::Status,
+        28 => dice.pick(&[Ask::Status, Ask::List]),
         29 => Ask::RawOpen { bus },
         30..33 => {
             let id = dice.pick(&[0x700, 0x141, 0x30E, 0x26, 0x7FF]);

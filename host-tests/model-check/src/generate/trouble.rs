@@ -1,6 +1,7 @@
 //! What goes wrong: buses, motors, hosts that fall silent.
 
 use super::Generator;
+use super::setup::configuration;
 use crate::action::{Action, Ask, Does};
 use crate::plant::{BUSES, LISTENER, MOTORS};
 use host_protocol::Protocol;
@@ -54,8 +55,24 @@ impl Generator {
                 Action::Unread { link: self.dice.byte() % LISTENER, for_us: self.dice.below(50_000) }
             }
             7 if self.dice.percent(30) => Action::EStopInput { open: self.dice.percent(50) },
+            7 if self.dice.percent(50) => self.start(),
             8..13 => Action::EStopInput { open: false },
             _ => Action::Motor { motor, does: self.misdeed(motor) },
+        }
+    }
+
+    /// The gateway starts anew; after a loss of power a host sets it up again.
+    fn start(&mut self) -> Action {
+        match self.dice.below(8) {
+            0 => {
+                self.first = configuration(&mut self.dice).into();
+                Action::PowerLoss
+            }
+            1..4 => Action::Reset,
+            _ => Action::ResetWhileSaving {
+                words: self.dice.pick(&[1, 2, 6, 7, 8, 14, 20]),
+                garbles: self.dice.percent(50),
+            },
         }
     }
 

@@ -18,6 +18,8 @@ pub struct Counts {
     pub trips: u64,
     /// Stops that were confirmed.
     pub confirmed: u64,
+    /// Starts after a reset or a loss of power.
+    pub starts: u64,
 }
 
 impl Counts {
@@ -31,6 +33,7 @@ impl Counts {
             armed: self.armed + other.armed,
             trips: self.trips + other.trips,
             confirmed: self.confirmed + other.confirmed,
+            starts: self.starts + other.starts,
         }
     }
 }

@@ -29,6 +29,10 @@ impl World {
         self.inputs.push_back(input);
         while let Some(input) = self.inputs.pop_front() {
             self.take_in(&input);
+            if self.is_reset_while_saving() {
+                self.reset(true);
+                continue;
+            }
             self.say();
             self.oracle.settle(self.now_us);
             self.count();
@@ -38,6 +42,9 @@ impl World {
     /// The core takes in an event, and the model sees what it was.
     fn take_in(&mut self, input: &Input) {
         let now = self.now_us;
+        if matches!(input, Input::Host { .. }) && self.life.links_open_by().is_some() {
+            return;
+        }
         if !matches!(input, Input::Tick) {
             self.note(|| format!("in  {input:X?}"));
         }
@@ -71,6 +78,7 @@ impl World {
             }
             Input::Overflow { bus } => Event::ReceiveOverflow { bus: *bus, lost: 1 },
             Input::Pin { open } => {
+                self.life.set_e_stop(*open);
                 oracle.e_stop_input(now, *open);
                 Event::EStopInput { open: *open }
             }
@@ -79,6 +87,7 @@ impl World {
         self.counts.events += 1;
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.gateway.handle(Instant::from_micros(now), event);
+        self.save();
     }
 
     /// Everything that the gateway has to say: to its hosts first, then to its buses.
@@ -86,7 +95,7 @@ impl World {
         let now = self.now_us;
         let mut out = [0; MAX_FRAME];
         for link in 0..LINKS {
-            if now < self.hosts[usize::from(link)].unread_until {
+            if now < self.hosts[usize::from(link)].unread_until || self.life.links_open_by().is_some() {
                 continue;
             }
             let mut frames = 0;
@@ -99,7 +108,9 @@ impl World {
             self.oracle.drained(now, link);
         }
         for bus in 0..BUSES {
-            self.start_bus(bus);
+            if self.start_bus(bus) {
+                continue;
+            }
             let at = Instant::from_micros(now);
             while let Some(slot) = self.gateway.poll_cancel(at, bus) {
                 self.oracle.asked_back(now, bus, slot);
@@ -124,16 +135,18 @@ impl World {
         }
     }
 
-    /// Starts a bus as the gateway wants it.
-    fn start_bus(&mut self, bus: u8) {
+    /// Starts a bus if the gateway wants it otherwise.
+    fn start_bus(&mut self, bus: u8) -> bool {
         let index = usize::from(bus);
         let generation = self.gateway.bus_setup(bus).map(|setup| setup.generation);
-        if self.buses[index].generation != generation {
+        let starts = self.buses[index].generation != generation;
+        if starts {
             self.buses[index].generation = generation;
             self.drop_held(bus);
             let off = self.now_us < self.buses[index].short_until;
             self.inputs.push_back(Input::State { bus, off });
         }
+        starts
     }
 }
 

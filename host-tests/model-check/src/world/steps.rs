@@ -9,6 +9,7 @@ use crate::plant::LISTENER;
 impl World {
     /// Does what a step says.
     pub fn act(&mut self, action: &Action) {
+        self.open_links();
         let now = self.now_us;
         match action {
             Action::Ask { link, ask } => {
@@ -55,6 +56,9 @@ impl World {
                     self.feed(Input::State { bus: *bus, off: true });
                 }
             }
+            Action::Reset => self.reset(false),
+            Action::ResetWhileSaving { words, garbles } => self.life.reset_while_saving(*words, *garbles),
+            Action::PowerLoss => self.lose_power(),
             Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
         }
     }

@@ -57,7 +57,7 @@ impl Oracle {
         }
     }
 
-    fn state(&mut self, now: u64, index: usize, state: Told) {
+    pub(super) fn state(&mut self, now: u64, index: usize, state: Told) {
         let Some(axis) = self.axes.get_mut(index) else { return };
         let before = std::mem::replace(&mut axis.told, state);
         match (before, state) {

@@ -154,6 +154,7 @@ impl Oracle {
             Request::Stop(Stops::All) => (None, Cause::Asked),
             Request::EStop => {
                 self.e_stopped = true;
+                self.e_stop_asked_us = Some(now);
                 (None, Cause::EStop)
             }
             _ => return,

@@ -7,3 +7,6 @@ mod grants;
 mod hosts;
 mod motors;
 mod results;
+mod starts;
+
+pub(crate) use starts::Unlisted;

@@ -3,7 +3,7 @@
 use super::grants::in_force;
 use crate::oracle::Oracle;
 use crate::violation::Check;
-use crate::wire::{Clears, Kind, Message, Request, event};
+use crate::wire::{Clears, Kind, Message, Request, event, report};
 
 /// Errors (PROTOCOL.md, Errors) that come before authority is looked at.
 const READ_BEFORE_AUTHORITY: [u16; 8] = [1, 2, 5, 6, 7, 17, 44, 45];
@@ -73,6 +73,13 @@ impl Oracle {
             }
             if is_reply {
                 self.granted(now, link, sequence, &request, message);
+                // What is told at once is how it is now.
+                if link == self.listener
+                    && at == now
+                    && let Some(report) = report(message)
+                {
+                    self.reported(now, &report);
+                }
             } else {
                 if took
                     && at == now

@@ -5,6 +5,7 @@
 
 mod hosts;
 mod motion;
+mod starts;
 mod stops;
 
 use super::*;

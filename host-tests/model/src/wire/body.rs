@@ -52,6 +52,11 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// What may be missing.
+    pub fn optional<T>(&mut self, read: impl FnOnce(&mut Self) -> Option<T>) -> Option<Option<T>> {
+        if self.bool()? { read(self).map(Some) } else { Some(None) }
+    }
+
     /// A list of bytes, at most `most`.
     pub fn bytes(&mut self, most: usize) -> Option<&'a [u8]> {
         let length = usize::try_from(self.varint(64)?).ok()?;

@@ -67,7 +67,7 @@ pub fn event(message: &Message) -> Option<News> {
     })
 }
 
-fn state(body: &mut Body<'_>) -> Option<Told> {
+pub(super) fn state(body: &mut Body<'_>) -> Option<Told> {
     Some(match body.varint(32)? {
         0 => Told::Unconfigured,
         1 => Told::Idle,

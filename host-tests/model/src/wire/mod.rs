@@ -3,9 +3,11 @@
 mod body;
 mod frame;
 mod message;
+mod report;
 mod request;
 
 pub use body::Body;
 pub use frame::{Deframer, Kind, Message, frame};
 pub use message::{News, Told, event};
+pub use report::{Listed, Report, report};
 pub use request::{Clears, Request, Stops};
