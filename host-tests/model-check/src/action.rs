@@ -68,8 +68,8 @@ pub enum Does {
     Restarts,
     /// It answers and does not obey for a while.
     Disobeys { for_us: u64 },
-    /// Something turns its shaft, degrees a second.
-    Turns { speed: f32 },
+    /// Something turns its shaft for a while, degrees a second.
+    Turns { speed: f32, for_us: u64 },
 }
 
 /// A request. Epoch and expiry are relative to what the host knows, so that a list of steps that has become shorter means the

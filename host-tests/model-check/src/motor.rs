@@ -70,7 +70,11 @@ impl Motor {
             Does::Faults { word } => self.faults = *word,
             Does::Restarts => *self = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) },
             Does::Disobeys { for_us } => self.disobeys_until = now + for_us,
-            Does::Turns { speed } => self.speed = (*speed).into(),
+            Does::Turns { speed, for_us } => {
+                self.speed = (*speed).into();
+                self.wanted = self.speed;
+                self.disobeys_until = now + for_us;
+            }
         }
     }
 

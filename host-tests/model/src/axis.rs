@@ -1,5 +1,6 @@
 //! One axis: what the hosts have configured and the gateway has told, and what follows for what may be sent.
 
+use crate::checks::Arming;
 use crate::motor::Protocol;
 use crate::wire::Told;
 use std::collections::BTreeMap;
@@ -113,6 +114,9 @@ pub(crate) struct Axis {
     pub unreachable: bool,
     /// Programmed by provisioning.
     pub motor_timeout_ms: Option<u32>,
+    /// The motor has acknowledged a timeout of its own, and nothing has touched it since.
+    pub timeout_written: bool,
+    pub arming: Option<Arming>,
     pub asked: Vec<Asked>,
     /// When its motor was last heard, and the time of others then.
     pub heard: (u64, u64),
@@ -133,8 +137,11 @@ mod parameter {
     pub const MISSED_REPLIES: (u16, u32) = (10, 3);
     pub const STANDSTILL: (u16, f32) = (11, 0.1);
     pub const STOP_REPEAT_US: (u16, u32) = (13, 500_000);
+    pub const ALLOW_UNKNOWN_TIMEOUT: (u16, u32) = (21, 0);
+    pub const D5_ACK_LEVEL: (u16, u32) = (22, 2);
     pub const D5_REQUEST_ID: u16 = 23;
     pub const D5_REPLY_ID: u16 = 24;
+    pub const RELEASE_BRAKE: (u16, u32) = (26, 0);
     pub const INFINITE_TTL: u16 = 27;
     pub const TRIP_GROUP: u16 = 34;
 }
@@ -152,6 +159,7 @@ impl Axis {
         self.parameters.insert(number, bits);
         if matches!(number, parameter::BUS | parameter::PROTOCOL | parameter::NODE) {
             self.motor_timeout_ms = None;
+            self.timeout_written = false;
             self.asked.clear();
         }
     }
@@ -193,9 +201,22 @@ impl Axis {
         self.get(parameter::STOP_REPEAT_US).into()
     }
 
-    pub fn standstill(&self) -> f64 {
+    /// Up to this speed the motor counts as standing; the gateway reckons in f32.
+    pub fn still(&self) -> f64 {
         let (number, default) = parameter::STANDSTILL;
-        f32::from_bits(self.get((number, default.to_bits()))).into()
+        f64::from(f32::from_bits(self.get((number, default.to_bits())))) * (1.0 + 1e-3) + 1e-6
+    }
+
+    pub fn allows_unknown_timeout(&self) -> bool {
+        self.get(parameter::ALLOW_UNKNOWN_TIMEOUT) != 0
+    }
+
+    pub fn releases_brake(&self) -> bool {
+        self.get(parameter::RELEASE_BRAKE) != 0
+    }
+
+    pub fn d5_ack_level(&self) -> u32 {
+        self.get(parameter::D5_ACK_LEVEL)
     }
 
     pub fn d5_request_id(&self) -> Option<u32> {

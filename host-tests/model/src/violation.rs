@@ -35,6 +35,9 @@ pub enum Check {
     TripForgotten,
     /// G1: only an arm request of the link in command arms.
     ArmedUnasked,
+    /// G1: an axis is armed when its motor has answered what its protocol asks, stands, has no fault and, unless the axis allows
+    /// otherwise, a timeout of its own that is known.
+    ArmedUnproved,
     /// G1: while the e-stop is latched nothing is armed.
     EStopIgnored,
     /// G1: a setpoint of another epoch is refused.
@@ -51,7 +54,8 @@ pub enum Check {
     ResultChanged,
     /// G2: raw access only where it is open, and not while an axis there is armed.
     RawUnopened,
-    /// G2: nothing changes a motor while its axis is armed.
+    /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the axis says so, and changes nothing
+    /// else (G1).
     ChangedWhileArmed,
     /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop stays latched, the
     /// configuration is the same, and the starts are counted.

@@ -11,6 +11,8 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
     asks.extend((0..BUSES).map(|bus| Ask::Bus { bus, window_us: dice.pick(&[2_000, 3_000, 5_000]) }));
     let grouped = dice.percent(30);
     let provisioned = dice.percent(40);
+    // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
+    let known_only = dice.percent(if provisioned { 50 } else { 5 });
     for (axis, motor) in (0u8..).zip(&MOTORS) {
         let mut set = |parameter: AxisParameter, value: Number| {
             asks.push(Ask::Set { axis, parameter: parameter.number(), value });
@@ -19,7 +21,7 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
         set(AxisParameter::Protocol, Number::Unsigned(motor.protocol.number().into()));
         set(AxisParameter::Node, Number::Unsigned(motor.node.into()));
         set(AxisParameter::StopAction, Number::Unsigned(motor.stop.number().into()));
-        set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(true));
+        set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(!known_only));
         set(AxisParameter::TtlUs, Number::Unsigned(dice.pick(&[50_000, 100_000, 200_000])));
         if dice.percent(20) {
             set(AxisParameter::VelocityLimitRadS, Number::Float(3.0));

@@ -88,7 +88,7 @@ impl Words<'_> {
             "faults" => Does::Faults { word: self.number()? },
             "restarts" => Does::Restarts,
             "disobeys" => Does::Disobeys { for_us: self.number()? },
-            "turns" => Does::Turns { speed: self.number()? },
+            "turns" => Does::Turns { speed: self.number()?, for_us: self.number()? },
             _ => return None,
         })
     }

@@ -56,7 +56,7 @@ fn deed(does: &Does) -> String {
         Does::Faults { word } => format!("faults {word}"),
         Does::Restarts => "restarts".into(),
         Does::Disobeys { for_us } => format!("disobeys {for_us}"),
-        Does::Turns { speed } => format!("turns {speed:?}"),
+        Does::Turns { speed, for_us } => format!("turns {speed:?} {for_us}"),
     }
 }
 

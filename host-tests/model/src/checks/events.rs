@@ -1,5 +1,6 @@
 //! What the gateway tells of its axes by events (G1, G4).
 
+use super::Arming;
 use crate::axis::{Cause, StopAction};
 use crate::oracle::Oracle;
 use crate::violation::Check;
@@ -48,6 +49,7 @@ impl Oracle {
     fn tripped(&mut self, now: u64, index: usize) {
         let Some(axis) = self.axes.get_mut(index) else { return };
         axis.told = Told::Tripped { confirmed: false };
+        axis.arming = None;
         let group = axis.trip_group();
         self.owe_stop(index, Cause::Told, now);
         for other in 0..self.axes.len() {
@@ -60,9 +62,19 @@ impl Oracle {
     pub(super) fn state(&mut self, now: u64, index: usize, state: Told) {
         let Some(axis) = self.axes.get_mut(index) else { return };
         let before = std::mem::replace(&mut axis.told, state);
+        let arming = axis.arming.take();
+        if state == Told::Arming {
+            axis.arming = Some(Arming::new(now));
+        }
         match (before, state) {
             (Told::Armed | Told::Active, Told::Armed | Told::Active) => {}
-            (_, Told::Armed | Told::Active) => self.armed(now, index),
+            (_, Told::Armed | Told::Active) => {
+                let missing = arming.map_or(Some("arming"), |arming| arming.missing(&self.axes[index]));
+                if let Some(missing) = missing {
+                    self.broken(Check::ArmedUnproved, now, format!("axis {index}, without {missing}"));
+                }
+                self.armed(now, index);
+            }
             (_, Told::Stopping) => self.owe_stop(index, Cause::Told, now),
             (Told::Tripped { confirmed: true }, Told::Tripped { confirmed: false }) => {
                 // It turns again: the stop begins anew.
@@ -79,6 +91,8 @@ impl Oracle {
                 self.confirmed(now, index);
                 self.axes[index].duty = None;
             }
+            // Allowance: it failed at the very instant at which it was to be stopped, and had nothing to stop.
+            (Told::Arming, Told::Idle) => axis.duty = axis.duty.take().filter(|duty| duty.since_us != now),
             (_, Told::Idle | Told::Unconfigured | Told::Arming) => {
                 if axis.armed {
                     // No stop is under way: one is due all the same.

@@ -14,6 +14,8 @@ const RMD_SERIAL_BROADCAST: u8 = 0xCD;
 const D5_BROADCAST: u8 = 0xFE;
 /// A stop has nothing but these before it, where the motor asks for them.
 const LOCK_BRAKE: u8 = 0x78;
+/// Part of arming where the axis says so.
+const FREE_BRAKE: u8 = 0x77;
 const OUTPUT_OFF: u8 = 0x80;
 
 impl Oracle {
@@ -50,6 +52,13 @@ impl Oracle {
             Purpose::Stop => self.judge_stop(now, axis, &data),
             Purpose::Change if self.axes[axis].armed => {
                 self.broken(Check::ChangedWhileArmed, now, format!("axis {axis}: {}", frame.text()));
+            }
+            Purpose::Change if self.axes[axis].arming.is_some() => {
+                let frees =
+                    self.axes[axis].protocol() == Some(Protocol::Rmd) && data.first() == Some(&FREE_BRAKE);
+                if !frees || !self.axes[axis].releases_brake() {
+                    self.broken(Check::ChangedWhileArmed, now, format!("axis {axis} arms: {}", frame.text()));
+                }
             }
             Purpose::Change if data.first() == Some(&LOCK_BRAKE) => {
                 if let Some(duty) = &mut self.axes[axis].duty {
@@ -219,6 +228,10 @@ impl Oracle {
         }
         let axis = &mut self.axes[index];
         let protocol = axis.protocol();
+        if let (Some(arming), Some(protocol)) = (&mut axis.arming, protocol) {
+            arming.left(protocol, held.handed_us, &held.data);
+        }
+        axis.timeout_written &= protocol.and_then(|p| p.timeout_touched(&held.data)) != Some(false);
         axis.asked.retain(|asked| {
             let slow = protocol.is_some_and(|protocol| protocol.is_slow(&asked.data));
             asked.left_us + 2 * window.max(if slow { SLOW_US } else { 0 }) > now

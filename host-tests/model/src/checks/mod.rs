@@ -1,5 +1,6 @@
 //! What follows from what was seen: one file for each side of it.
 
+mod arming;
 mod due;
 mod events;
 mod frames;
@@ -9,4 +10,5 @@ mod motors;
 mod results;
 mod starts;
 
+pub(crate) use arming::Arming;
 pub(crate) use starts::Unlisted;

@@ -70,6 +70,15 @@ impl Oracle {
         let (outside, window) = (bus.outside_us(now), bus.window_us);
         let axis = &mut self.axes[index];
         axis.heard = (now, outside);
+        let still = axis.still();
+        if let Some(arming) = &mut axis.arming {
+            arming.answered(protocol, data, still);
+        }
+        let written = |asked: &Asked| {
+            protocol.timeout_touched(&asked.data) == Some(true)
+                && protocol.answer(&asked.data, data).is_some()
+        };
+        axis.timeout_written |= axis.asked.iter().any(written);
         let answers = |asked: &Asked| protocol.answer(&asked.data, data);
         let is_slow = |asked: &Asked| protocol.is_slow(&asked.data);
         let in_window = |asked: &Asked| is_slow(asked) || now < asked.left_us + window;
@@ -96,7 +105,7 @@ impl Oracle {
 
     fn read_for_stop(&mut self, now: u64, index: usize, asked: &Asked, reading: &Reading) {
         let axis = &mut self.axes[index];
-        let still = axis.standstill() * (1.0 + 1e-3) + 1e-6; // f32 in the gateway
+        let still = axis.still();
         let Some(duty) = axis.duty.as_mut().filter(|duty| asked.left_us >= duty.since_us) else { return };
         if reading.stops {
             duty.acknowledged_us.get_or_insert(now);

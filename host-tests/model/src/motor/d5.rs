@@ -1,6 +1,6 @@
 //! D5 manual: `D5 id length command address low high sum`, replies with 5D.
 
-use super::{Purpose, Reading};
+use super::{Purpose, Question, Reading};
 use std::f64::consts::PI;
 
 /// Commanded speed, and its upper byte (table, 0x20 and 0x21).
@@ -32,6 +32,16 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
     }
 }
 
+pub(super) fn question(data: &[u8]) -> Option<Question> {
+    match (*data.get(3)?, *data.get(4)?) {
+        (0x02, MEASURED) => Some(Question::Speed),
+        (0x02, STATUS) => Some(Question::Faults),
+        (0x02, register) => Some(Question::Register(register)),
+        (0x04, SPEED) => Some(Question::Overwrite),
+        _ => None,
+    }
+}
+
 pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
     let none = Reading::default();
     if request.get(3..5)? != reply.get(3..5)? {
@@ -44,6 +54,7 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         (0x03 | 0x02, SPEED) => Reading { stops: magnitude == 0, ..none },
         (0x02, MEASURED) => Reading { speed: Some(f64::from(magnitude) * PI / 180.0), ..none },
         (0x02, STATUS) => Reading { faults: Some(low.into()), ..none },
+        (0x02, _) => Reading { register: Some(low), ..none },
         _ => none,
     })
 }

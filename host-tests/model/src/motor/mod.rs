@@ -35,6 +35,23 @@ pub enum Purpose {
     Change,
 }
 
+/// What a request asks, as far as it matters before motion is allowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Question {
+    /// To stop.
+    Stop,
+    /// The measured speed.
+    Speed,
+    /// The fault word.
+    Faults,
+    /// The faults since the motor started.
+    Record,
+    /// D5: a register of one byte.
+    Register(u8),
+    /// D5: a speed that waits becomes 0.
+    Overwrite,
+}
+
 /// What a reply tells.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
@@ -44,6 +61,8 @@ pub struct Reading {
     pub speed: Option<f64>,
     /// The brake is locked.
     pub locked: Option<bool>,
+    /// D5: the low byte of the register that was read.
+    pub register: Option<u8>,
     /// It acknowledges a stop, or shows that the commanded speed is zero.
     pub stops: bool,
     /// The motor refuses.
@@ -95,6 +114,26 @@ impl Protocol {
             Self::Rmd => rmd::purpose(data),
             Self::Thruster => thruster::purpose(data),
             Self::D5 => d5::purpose(data),
+        }
+    }
+
+    /// What a request asks.
+    pub fn question(self, data: &[u8]) -> Option<Question> {
+        match self {
+            _ if self.purpose(data) == Purpose::Stop => Some(Question::Stop),
+            Self::Rmd => rmd::question(data),
+            Self::Thruster => thruster::question(data),
+            Self::D5 => d5::question(data),
+        }
+    }
+
+    /// Whether a request touches the motor's own timeout: what it is then, on or not; where nobody knows, not.
+    pub fn timeout_touched(self, data: &[u8]) -> Option<bool> {
+        match self {
+            Self::Rmd => rmd::timeout_touched(data),
+            Self::Thruster => thruster::timeout_touched(data),
+            // It is read back at each arming.
+            Self::D5 => None,
         }
     }
 

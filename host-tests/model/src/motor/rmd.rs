@@ -1,6 +1,6 @@
 //! RMD V3.6.
 
-use super::{Purpose, Reading};
+use super::{Purpose, Question, Reading};
 use std::f64::consts::PI;
 
 /// Put before the data of motion mode, whose CAN ids say what it is (§5): no command of §2 has this number.
@@ -23,6 +23,23 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
             | 0xB2 | 0xB5,
         ) => Purpose::Read,
         _ => Purpose::Change,
+    }
+}
+
+pub(super) fn question(data: &[u8]) -> Option<Question> {
+    match data.first()? {
+        0x9A => Some(Question::Faults),
+        0x9C => Some(Question::Speed),
+        _ => None,
+    }
+}
+
+/// §2.30 (0xB3) with its milliseconds; a reset, another baud rate.
+pub(super) fn timeout_touched(data: &[u8]) -> Option<bool> {
+    match data.first()? {
+        0xB3 => Some(data.get(4..8)? != [0; 4]),
+        0x76 | 0xB4 => Some(false),
+        _ => None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Thruster manual.
 
-use super::{Purpose, Reading};
+use super::{Purpose, Question, Reading};
 use std::f64::consts::PI;
 
 /// What the data of a refusal end in (T6).
@@ -19,6 +19,24 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
         Some(b"LS") => Purpose::Rest,
         Some(b"QV" | b"QC" | b"QP" | b"QT" | b"EQ" | b"EF" | b"FR" | b"QA" | b"QR" | b"RP") => Purpose::Read,
         _ => Purpose::Change,
+    }
+}
+
+pub(super) fn question(data: &[u8]) -> Option<Question> {
+    match data.get(..2)? {
+        b"EF" => Some(Question::Faults),
+        b"FR" => Some(Question::Record),
+        b"QV" => Some(Question::Speed),
+        _ => None,
+    }
+}
+
+/// ST with its milliseconds; another id or bitrate.
+pub(super) fn timeout_touched(data: &[u8]) -> Option<bool> {
+    match data.get(..2)? {
+        b"ST" => Some(data.get(4..8)? != [0; 4]),
+        b"CI" | b"CB" => Some(false),
+        _ => None,
     }
 }
 

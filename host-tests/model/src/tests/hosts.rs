@@ -5,6 +5,8 @@ use super::*;
 #[test]
 fn an_axis_that_is_armed_unasked() {
     let mut trace = Trace::new(HOLD);
+    trace.state(2);
+    trace.asks_to_arm();
     trace.state(3);
     trace.breaks(Check::ArmedUnasked);
 }

@@ -3,6 +3,7 @@
 //! The gateway has an RMD motor, node 1, on CAN bus 0 at 1 Mbit/s, as axis 0 with stop action hold. Host 0 commands, host 1
 //! is another, host 2 listens.
 
+mod arming;
 mod hosts;
 mod motion;
 mod starts;
@@ -20,6 +21,7 @@ const OFF: &[u8] = &[0x80, 0, 0, 0, 0, 0, 0, 0];
 const READ_SPEED: &[u8] = &[0x9C, 0, 0, 0, 0, 0, 0, 0];
 const STILL: &[u8] = &[0x9C, 30, 0, 0, 0, 0, 0, 0];
 const READ_FAULTS: &[u8] = &[0x9A, 0, 0, 0, 0, 0, 0, 0];
+const FAULTLESS: &[u8] = &[0x9A, 30, 0, 1, 0xE5, 1, 0, 0];
 const SET_ZERO: &[u8] = &[0x64, 0, 0, 0, 0, 0, 0, 0];
 const EPOCH: u8 = 7;
 /// Done has no fields.
@@ -30,17 +32,27 @@ struct Trace {
     oracle: Oracle,
     now: u64,
     sequence: u16,
+    action: u8,
+    /// Id of requests to the motor, and of its replies.
+    address: (u32, u32),
 }
 
 impl Trace {
     fn new(action: u8) -> Self {
-        let mut trace = Self { oracle: Oracle::new(&[BusKind::Can], 3, 2, 4), now: 1_000, sequence: 0 };
+        let mut trace = Self {
+            oracle: Oracle::new(&[BusKind::Can], 3, 2, 4),
+            now: 1_000,
+            sequence: 0,
+            action,
+            address: (0x141, 0x241),
+        };
         // 1 000 000 bit/s, RMD, not wholly ours, 3000 µs
         trace.done(0, 0x11, &[0, 0xC0, 0x84, 0x3D, 1, 0, 0xB8, 0x17]);
         // bus 0, protocol 1, node 1, the stop action
         for (parameter, value) in [(1, 0), (2, 1), (3, 1), (5, action)] {
             trace.done(0, 0x20, &[0, parameter, 1, value]);
         }
+        trace.allow_unknown_timeout(1);
         trace.state(1);
         trace
     }
@@ -57,8 +69,31 @@ impl Trace {
         trace
     }
 
+    fn allow_unknown_timeout(&mut self, allowed: u8) {
+        self.done(0, 0x20, &[0, 21, 0, allowed]);
+    }
+
     fn arm(&mut self, link: u8) {
+        let sequence = self.begin_to_arm(link);
+        self.asks_to_arm();
+        self.is_armed(link, sequence);
+    }
+
+    /// What an RMD motor is asked before motion is allowed.
+    fn asks_to_arm(&mut self) {
+        let stop = if self.action == COAST { OFF } else { STOP };
+        for (request, reply) in [(stop, stop), (stop, stop), (READ_SPEED, STILL), (READ_FAULTS, FAULTLESS)] {
+            self.exchange(request, reply);
+        }
+    }
+
+    fn begin_to_arm(&mut self, link: u8) -> u16 {
         let sequence = self.ask(link, 0x30, &[0]);
+        self.state(2);
+        sequence
+    }
+
+    fn is_armed(&mut self, link: u8, sequence: u16) {
         self.answer(link, sequence, 2, 0x30, &[EPOCH, 0]);
         self.state(3);
         self.settle();
@@ -124,7 +159,7 @@ impl Trace {
     }
 
     fn hand(&mut self, data: &[u8]) {
-        self.oracle.handed(self.now, 0, 0, Frame::Can(0x141, data));
+        self.oracle.handed(self.now, 0, 0, Frame::Can(self.address.0, data));
     }
 
     /// A frame to the motor, from the controller to the end of its time on the bus.
@@ -137,7 +172,7 @@ impl Trace {
 
     fn reply(&mut self, data: &[u8]) {
         self.now += 200;
-        self.oracle.received(self.now, 0, Frame::Can(0x241, data));
+        self.oracle.received(self.now, 0, Frame::Can(self.address.1, data));
         self.settle();
     }
 

@@ -1,0 +1,113 @@
+//! Arming: what the motor must have been asked, and how it must have answered (G1).
+
+use crate::axis::Axis;
+use crate::motor::{Protocol, Question};
+
+/// What an arming under way has asked and been told. Allowance: a reply answers every request that it can be the answer to, and one good
+/// answer is enough, whatever else comes: which of two identical requests a reply belongs to, nobody can tell.
+#[derive(Debug, Default)]
+pub(crate) struct Arming {
+    since_us: u64,
+    /// Requests that have left since it began.
+    asked: Vec<Vec<u8>>,
+    stops: u32,
+    /// Stops that were answered.
+    stopped: u32,
+    faults_read: bool,
+    /// After the latest stop, or before it where the manual's order is that.
+    faultless: bool,
+    /// Speed read behind the latest stop.
+    stands: bool,
+    record_read: bool,
+    /// D5: registers that were read, with their values.
+    registers: Vec<(u8, u8)>,
+    overwritten: bool,
+}
+
+/// D5 registers: acknowledge level, switch of the timeout, whether an asynchronous write waits.
+const ACK_LEVEL: u8 = 0x10;
+const TIMEOUT_SWITCH: u8 = 0x11;
+const WRITE_WAITS: u8 = 0x2C;
+
+impl Arming {
+    pub fn new(now: u64) -> Self {
+        Self { since_us: now, ..Self::default() }
+    }
+
+    /// A request has left that was handed over at a time.
+    pub fn left(&mut self, protocol: Protocol, handed_us: u64, data: &[u8]) {
+        if handed_us < self.since_us {
+            return;
+        }
+        match protocol.question(data) {
+            Some(Question::Stop) => {
+                self.stops += 1;
+                self.stands = false;
+                self.faultless &= protocol == Protocol::D5;
+            }
+            Some(Question::Overwrite) => self.overwritten = true,
+            _ => {}
+        }
+        if !self.asked.iter().any(|asked| asked == data) {
+            self.asked.push(data.to_vec());
+        }
+    }
+
+    /// The motor says something; `still` is the speed below which it stands.
+    pub fn answered(&mut self, protocol: Protocol, reply: &[u8], still: f64) {
+        for asked in &self.asked {
+            let Some(reading) = protocol.answer(asked, reply) else { continue };
+            match protocol.question(asked) {
+                Some(Question::Stop) => self.stopped += u32::from(reading.stops),
+                Some(Question::Speed) => self.stands |= reading.speed.is_some_and(|speed| speed <= still),
+                Some(Question::Faults) => {
+                    self.faults_read = true;
+                    self.faultless |= reading.faults == Some(0);
+                }
+                Some(Question::Record) => self.record_read = true,
+                Some(Question::Register(register)) => {
+                    self.registers.extend(reading.register.map(|value| (register, value)));
+                }
+                Some(Question::Overwrite) | None => {}
+            }
+        }
+    }
+
+    /// What is missing before the axis may be armed.
+    pub fn missing(&self, axis: &Axis) -> Option<&'static str> {
+        let read = |register, fits: &dyn Fn(u8) -> bool| {
+            self.registers.iter().any(|(read, value)| *read == register && fits(*value))
+        };
+        let level = axis.d5_ack_level();
+        let wanted: &[(bool, &'static str)] = match axis.protocol()? {
+            // The first may be ignored.
+            Protocol::Rmd => &[
+                (self.stopped >= 2, "two stops"),
+                (self.stands, "standstill"),
+                (self.faultless, "no fault"),
+                (axis.timeout_written, "the motor's timeout"),
+            ],
+            Protocol::Thruster => &[
+                (self.faults_read, "the faults"),
+                (self.record_read, "the record of faults"),
+                (self.stopped >= 1, "a stop"),
+                (self.faultless, "no fault"),
+                (self.stands, "standstill"),
+                (axis.timeout_written, "the motor's timeout"),
+            ],
+            Protocol::D5 => &[
+                (level > 0 && read(ACK_LEVEL, &|value| u32::from(value) == level), "the acknowledge level"),
+                (read(TIMEOUT_SWITCH, &|_| true), "the switch of the timeout"),
+                (self.faultless, "no fault"),
+                (read(WRITE_WAITS, &|value| value == 0 || self.overwritten), "what waits"),
+                (self.stops >= 1 && (self.stopped >= 1 || level < 2), "a stop"),
+                (self.stands, "standstill"),
+                (read(TIMEOUT_SWITCH, &|value| value != 0), "the motor's timeout"),
+            ],
+        };
+        // The timeout is the last of each.
+        let (timeout, others) = wanted.split_last()?;
+        let timeout = (timeout.0 || axis.allows_unknown_timeout(), timeout.1);
+        others.iter().chain([&timeout]).find(|(there, _)| !there).map(|(_, what)| *what)
+    }
+}
