@@ -26,6 +26,16 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
         if dice.percent(20) {
             set(AxisParameter::VelocityLimitRadS, Number::Float(3.0));
         }
+        if dice.percent(15) {
+            set(AxisParameter::CurrentLimitA, Number::Float(2.0));
+        }
+        if dice.percent(15) {
+            set(AxisParameter::TemperatureLimitC, Number::Float(60.0));
+        }
+        if dice.percent(8) {
+            set(AxisParameter::PositionMinRad, Number::Float(-20.0));
+            set(AxisParameter::PositionMaxRad, Number::Float(20.0));
+        }
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
         }

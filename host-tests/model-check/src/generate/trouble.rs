@@ -77,7 +77,7 @@ impl Generator {
     }
 
     fn misdeed(&mut self, motor: u8) -> Does {
-        let for_us = self.span();
+        let turns = Does::Turns { speed: self.dice.pick(&[90.0, 400.0]), for_us: self.span() };
         match self.dice.below(16) {
             0 => Does::Mute { for_us: self.span() },
             1 => Does::Deaf { for_us: self.span() },
@@ -95,7 +95,7 @@ impl Generator {
             9..11 => Does::Refuses,
             11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40]) },
             12 | 13 => Does::Faults { word: 0 },
-            14 => self.dice.pick(&[Does::Restarts, Does::Turns { speed: 90.0, for_us }]),
+            14 => self.dice.pick(&[Does::Restarts, turns]),
             _ => Does::Disobeys { for_us: self.span() },
         }
     }

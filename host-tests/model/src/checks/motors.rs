@@ -98,6 +98,8 @@ impl Oracle {
         }
         if reading.faults.is_some_and(|word| word != 0) {
             self.owe_stop(index, Cause::Fault, now);
+        } else if axis.is_exceeded_by(&reading) {
+            self.owe_stop(index, Cause::Limit, now);
         } else if reading.refused && moved {
             self.owe_stop(index, Cause::Refused, now);
         }

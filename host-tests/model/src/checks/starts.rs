@@ -40,7 +40,8 @@ impl Oracle {
     /// the state of the gateway and a list of the axes.
     pub fn reset(&mut self, now: u64, interrupted: bool) {
         self.advance(now);
-        let e_stop_unsure = interrupted && self.e_stop_may_change(now);
+        let e_stop_unsure = interrupted && self.e_stop_may_change(now)
+            || self.unlisted.as_ref().is_some_and(|unlisted| unlisted.e_stop_unsure);
         self.starts += 1;
         self.sessions_end();
         self.buses.iter_mut().for_each(|bus| bus.restarted(now));

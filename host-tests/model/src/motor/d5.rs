@@ -7,6 +7,10 @@ use std::f64::consts::PI;
 const SPEED: u8 = 0x20;
 /// Measured speed (table, 0x26).
 const MEASURED: u8 = 0x26;
+/// Travelled angle (table, 0x28), temperatures of board and motor (0x2E, 0x2F).
+const ANGLE: u8 = 0x28;
+const BOARD_TEMPERATURE: u8 = 0x2E;
+const MOTOR_TEMPERATURE: u8 = 0x2F;
 /// State bits (table, 0x12).
 const STATUS: u8 = 0x12;
 
@@ -54,6 +58,15 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         (0x03 | 0x02, SPEED) => Reading { stops: magnitude == 0, ..none },
         (0x02, MEASURED) => Reading { speed: Some(f64::from(magnitude) * PI / 180.0), ..none },
         (0x02, STATUS) => Reading { faults: Some(low.into()), ..none },
+        // A request for a byte has length 4, one for a word 5.
+        (0x02, ANGLE) if request.get(2) == Some(&5) => {
+            Reading { position: Some(f64::from(word.cast_signed()) * PI / 180.0), ..none }
+        }
+        (0x02, BOARD_TEMPERATURE | MOTOR_TEMPERATURE) => {
+            // Bit 7 is the sign.
+            let magnitude = f64::from(low & 0x7F);
+            Reading { temperature: Some(if low & 0x80 == 0 { magnitude } else { -magnitude }), ..none }
+        }
         (0x02, _) => Reading { register: Some(low), ..none },
         _ => none,
     })

@@ -59,6 +59,12 @@ pub struct Reading {
     pub faults: Option<u16>,
     /// Measured speed, rad/s, without sign.
     pub speed: Option<f64>,
+    /// Measured current, A, without sign.
+    pub current: Option<f64>,
+    /// Measured position, rad, in the motor's sense of rotation.
+    pub position: Option<f64>,
+    /// Temperature of motor or driver, °C.
+    pub temperature: Option<f64>,
     /// The brake is locked.
     pub locked: Option<bool>,
     /// D5: the low byte of the register that was read.

@@ -54,11 +54,28 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
     Some(match *reply.first()? {
         0x80 | 0x81 => Reading { stops: true, ..none },
         // §2.12: byte 3 is 1 while the brake is released
-        0x9A => Reading { faults: Some(word(6)?), locked: Some(*reply.get(3)? == 0), ..none },
-        // §2.13: 1 degree a second
-        0x9C => {
+        0x9A => Reading {
+            faults: Some(word(6)?),
+            locked: Some(*reply.get(3)? == 0),
+            temperature: Some(reply.get(1)?.cast_signed().into()),
+            ..none
+        },
+        // Thrown back: received, and not carried out. All zero may be that too (PROTOCOL-NOTES R30).
+        0xA1 | 0xA2 | 0xA4 if request == reply || reply[1..].iter().all(|byte| *byte == 0) => none,
+        // §2.13, §2.17, §2.18, §2.20: 1 °C, 0.01 A, 1 degree a second
+        0x9C | 0xA1 | 0xA2 | 0xA4 => {
             let speed = f64::from(word(4)?.cast_signed()) * PI / 180.0;
-            Reading { speed: Some(speed.abs()), ..none }
+            Reading {
+                speed: Some(speed.abs()),
+                current: Some((f64::from(word(2)?.cast_signed()) / 100.0).abs()),
+                temperature: Some(reply.get(1)?.cast_signed().into()),
+                ..none
+            }
+        }
+        // §2.9: 0.01 degrees
+        0x92 => {
+            let angle = i32::from_le_bytes(reply.get(4..8)?.try_into().ok()?);
+            Reading { position: Some(f64::from(angle) * PI / 18_000.0), ..none }
         }
         _ => none,
     })

@@ -46,6 +46,9 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         return None;
     }
     let word = || Some(u16::from_be_bytes([*reply.get(6)?, *reply.get(7)?]));
+    // Nothing but the sign is in the upper half.
+    let is_word = reply.get(4..6) == Some(&[0; 2]) || reply.get(4..6) == Some(&[0xFF; 2]);
+    let value = || word().filter(|_| is_word).map(|word| f64::from(word.cast_signed()));
     let refused = reply.get(4..8) == Some(&REFUSAL);
     Some(match reply.get(..2)? {
         b"TC" if refused => Reading { refused, ..none },
@@ -58,6 +61,9 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         }
         b"VC" | b"LA" | b"LR" => Reading { refused, ..none },
         b"EF" => Reading { faults: Some(word()?), ..none },
+        // 0.1 A, and 1 °C of the motor and of the driver
+        b"QC" => Reading { current: Some((value()? / 10.0).abs()), ..none },
+        b"QT" | b"EQ" => Reading { temperature: Some(value()?), ..none },
         // 1 rpm
         b"QV" => Reading { speed: Some((f64::from(word()?.cast_signed()) * PI / 30.0).abs()), ..none },
         _ => none,

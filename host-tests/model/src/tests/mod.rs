@@ -5,6 +5,7 @@
 
 mod arming;
 mod hosts;
+mod limits;
 mod motion;
 mod starts;
 mod stops;
