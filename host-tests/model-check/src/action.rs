@@ -100,6 +100,7 @@ pub enum Ask {
     Subscribe { axes: u32, period_us: u32 },
     Status,
     List,
+    Incidents { first: u8 },
     RawOpen { bus: u8 },
     RawSend { bus: u8, id: u16, data: Vec<u8> },
     RawReceive { bus: u8 },

@@ -176,6 +176,7 @@ impl Generator {
             10 => Ask::Status,
             11 if link != LISTENER && self.dice.one_in(4) => Ask::Hello,
             12 => Ask::RawOpen { bus: 0 },
+            13 => Ask::Incidents { first: self.dice.pick(&[0, 0, 8, 15, 255]) },
             _ => Ask::Ping,
         };
         if self.dice.percent(10) && world.reads(link) {

@@ -107,6 +107,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
             let fields = StateFields::from_bits(u8::MAX);
             Request::Subscribe(requests::Subscribe { axes, fields, period_us })
         }
+        Ask::Incidents { first } => Request::ReadIncidents(requests::ReadIncidents { first }),
         Ask::List => Request::ListAxes(requests::ListAxes { first: 0 }),
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
         Ask::RawOpen { bus } => Request::RawOpen(requests::RawOpen { bus }),

@@ -2,7 +2,7 @@
 
 use crate::axis::{Axis, Cause, Duty};
 use crate::bus::{Bus, BusKind, Held};
-use crate::checks::Unlisted;
+use crate::checks::{History, Unlisted};
 use crate::link::Link;
 use crate::violation::{Check, Violation};
 use crate::wire::{Request, Told};
@@ -48,6 +48,7 @@ pub struct Oracle {
     pub(crate) e_stop_asked_us: Option<u64>,
     /// Starts since power came on.
     pub(crate) starts: u32,
+    pub(crate) history: History,
     /// Since the start nobody has been told how the axes are.
     pub(crate) unlisted: Option<Unlisted>,
     pub(crate) violations: Vec<Violation>,
@@ -70,6 +71,7 @@ impl Oracle {
             e_stop_open: false,
             e_stop_asked_us: None,
             starts: 1,
+            history: History::new(),
             unlisted: None,
             violations: Vec::new(),
             motions: 0,
@@ -205,6 +207,7 @@ impl Oracle {
     /// Everything that has come about by this instant has been told: what is due now?
     pub fn settle(&mut self, now: u64) {
         self.advance(now);
+        self.history.settle();
         self.check_due(now);
     }
 

@@ -144,6 +144,7 @@ impl Words<'_> {
             "subscribe" => Ask::Subscribe { axes: self.number()?, period_us: self.number()? },
             "status" => Ask::Status,
             "list" => Ask::List,
+            "incidents" => Ask::Incidents { first: self.number()? },
             "raw-open" => Ask::RawOpen { bus: self.number()? },
             "raw-send" => Ask::RawSend { bus: self.number()?, id: self.number()?, data: self.hex()? },
             "raw-receive" => Ask::RawReceive { bus: self.number()? },

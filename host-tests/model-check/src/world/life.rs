@@ -111,7 +111,9 @@ impl World {
             return false;
         }
         self.life.links_open_by = None;
-        for ask in [Ask::Hello, Ask::Status, Ask::List] {
+        for ask in
+            [Ask::Hello, Ask::Status, Ask::List, Ask::Incidents { first: 0 }, Ask::Incidents { first: 8 }]
+        {
             self.act(&Action::Ask { link: LISTENER, ask });
         }
         true

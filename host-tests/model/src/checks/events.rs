@@ -31,6 +31,7 @@ impl Oracle {
                 }
             }
             News::Unreachable { axis } => {
+                self.history.unreachable(axis);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.unreachable = true;
                     if let Some(duty) = &mut axis.duty {
@@ -41,7 +42,10 @@ impl Oracle {
                     }
                 }
             }
-            News::Tripped { axis } => self.tripped(now, usize::from(axis)),
+            News::Tripped { axis, trip } => {
+                self.history.tripped(axis, trip);
+                self.tripped(now, usize::from(axis));
+            }
             News::State { axis, state } => self.state(now, usize::from(axis), state),
         }
     }

@@ -5,10 +5,12 @@ mod due;
 mod events;
 mod frames;
 mod grants;
+mod history;
 mod hosts;
 mod motors;
 mod results;
 mod starts;
 
 pub(crate) use arming::Arming;
+pub(crate) use history::History;
 pub(crate) use starts::Unlisted;

@@ -78,7 +78,7 @@ impl Oracle {
                     && at == now
                     && let Some(report) = report(message)
                 {
-                    self.reported(now, &report);
+                    self.reported(now, &request, report);
                 }
             } else {
                 if took

@@ -1,5 +1,6 @@
 //! Starts: what must outlive a reset, and that nothing outlives a loss of power (G6).
 
+use super::History;
 use crate::axis::{Axis, Cause};
 use crate::bus::Bus;
 use crate::link::{Link, Record};
@@ -45,7 +46,7 @@ impl Oracle {
         self.starts += 1;
         self.sessions_end();
         self.buses.iter_mut().for_each(|bus| bus.restarted(now));
-        let mut moved = Vec::new();
+        let (mut moved, mut tripping) = (Vec::new(), Vec::new());
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             // What was interrupted may have been the end of it, and nobody has been told; nor what a start has led to so far.
@@ -53,12 +54,16 @@ impl Oracle {
                 || axis.clearing > 0 && interrupted;
             let at_rest = matches!(axis.told, Told::Unconfigured | Told::Idle);
             moved.push(!at_rest && !may_be_over);
+            if moved[index] && !matches!(axis.told, Told::Tripped { .. }) {
+                tripping.extend(u8::try_from(index));
+            }
             *axis = axis.restarted();
             if axis.is_complete() {
                 axis.told = if moved[index] { Told::Tripped { confirmed: false } } else { Told::Stopping };
                 self.owe_stop(index, Cause::Reset, now);
             }
         }
+        self.history.started(self.starts, interrupted, tripping);
         self.unlisted = Some(Unlisted { moved, blank: false, e_stop_unsure });
     }
 
@@ -72,6 +77,7 @@ impl Oracle {
         self.buses.iter_mut().for_each(|bus| *bus = Bus::new(bus.kind));
         self.axes.iter_mut().for_each(|axis| *axis = Axis::default());
         let moved = vec![false; self.axes.len()];
+        self.history = History::blank();
         self.unlisted = Some(Unlisted { moved, blank: true, e_stop_unsure: false });
     }
 
@@ -88,21 +94,27 @@ impl Oracle {
     }
 
     /// The gateway says how it is.
-    pub(super) fn reported(&mut self, now: u64, report: &Report) {
+    pub(super) fn reported(&mut self, now: u64, request: &Request, report: Report) {
         match report {
             Report::Gateway { starts, e_stopped } => {
                 if let Some(unlisted) = &mut self.unlisted
                     && std::mem::take(&mut unlisted.e_stop_unsure)
                 {
-                    self.e_stopped = *e_stopped;
+                    self.e_stopped = e_stopped;
                 }
-                if *starts != self.starts || self.e_stopped && !e_stopped {
+                if starts != self.starts || self.e_stopped && !e_stopped {
                     let seen = format!("{report:?}, {} starts, e-stop {}", self.starts, self.e_stopped);
                     self.broken(Check::ResetForgot, now, seen);
                 }
             }
-            Report::Axes(axes, false) => self.listed(now, axes),
+            Report::Axes(axes, false) => self.listed(now, &axes),
             Report::Axes(..) => {}
+            Report::Incidents(incidents, next) => {
+                let Request::ReadIncidents(first) = *request else { return };
+                if let Err(seen) = self.history.compare(first, incidents, next) {
+                    self.broken(Check::HistoryWrong, now, seen);
+                }
+            }
         }
     }
 

@@ -4,6 +4,7 @@
 //! is another, host 2 listens.
 
 mod arming;
+mod history;
 mod hosts;
 mod limits;
 mod motion;

@@ -27,12 +27,14 @@ pub enum Told {
 }
 
 /// An event that the promises speak of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum News {
     /// 0x8001
     Tripped {
         /// Which axis.
         axis: u8,
+        /// The `Trip`, byte for byte.
+        trip: Vec<u8>,
     },
     /// 0x8003
     State {
@@ -58,7 +60,7 @@ pub fn event(message: &Message) -> Option<News> {
     body.u32()?;
     body.varint(64)?;
     Some(match message.number {
-        0x8001 => News::Tripped { axis: body.byte()? },
+        0x8001 => News::Tripped { axis: body.byte()?, trip: body.0.to_vec() },
         0x8003 => News::State { axis: body.byte()?, state: state(&mut body)? },
         0x8005 => News::EStopLatched,
         0x8006 => News::EStopCleared,

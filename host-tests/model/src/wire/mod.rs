@@ -2,12 +2,14 @@
 
 mod body;
 mod frame;
+mod incident;
 mod message;
 mod report;
 mod request;
 
 pub use body::Body;
 pub use frame::{Deframer, Kind, Message, frame};
+pub use incident::Incident;
 pub use message::{News, Told, event};
 pub use report::{Listed, Report, report};
 pub use request::{Clears, Request, Stops};

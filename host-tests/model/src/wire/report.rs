@@ -2,6 +2,7 @@
 
 use super::body::Body;
 use super::frame::Message;
+use super::incident::{Incident, page};
 use super::message::{Told, state};
 
 /// A reply that the promises speak of.
@@ -14,6 +15,8 @@ pub enum Report {
         /// The e-stop is latched.
         e_stopped: bool,
     },
+    /// Of 0x0060: a page of what is remembered, and where it goes on.
+    Incidents(Vec<Incident>, Option<u8>),
     /// Of 0x0022: the axes, and whether the list goes on.
     Axes(Vec<Listed>, bool),
 }
@@ -38,6 +41,10 @@ pub fn report(message: &Message) -> Option<Report> {
             let starts = body.u32()?;
             body.optional(Body::byte)?;
             Some(Report::Gateway { starts, e_stopped: body.bool()? })
+        }
+        0x0060 => {
+            let (incidents, next) = page(message)?;
+            Some(Report::Incidents(incidents, next))
         }
         0x0022 => {
             let mut axes = Vec::new();
