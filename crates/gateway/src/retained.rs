@@ -27,6 +27,9 @@ const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 /// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
 const BUS_WORDS: usize = 4;
 
+/// Epochs that each start has for itself: the first one counts from 0.
+const EPOCHS_OF_A_START: u32 = 1 << 20;
+
 /// What has been saved, and what has changed since.
 pub(crate) struct Retention {
     /// The generation last written of each slot; its parity says which copy.
@@ -141,6 +144,8 @@ impl Gateway {
         }
         self.e_stopped = states.flags & E_STOPPED != 0;
         self.starts = states.starts.saturating_add(1);
+        // An epoch from before the reset belongs to no arming after it.
+        self.epoch = self.starts.wrapping_sub(1).wrapping_mul(EPOCHS_OF_A_START);
         let (start, boot) = (self.starts, self.board.boot);
         self.history.push(Incident::Started { start, boot, last_words: !self.board.last_words.is_empty() });
         self.stop_after_reset(now, states);

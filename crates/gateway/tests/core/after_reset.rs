@@ -80,6 +80,19 @@ fn nothing_is_armed_and_an_epoch_from_before_moves_nothing() {
 }
 
 #[test]
+fn an_epoch_from_before_is_none_of_a_later_arming() {
+    let mut rig = bench::rmd_axes(1);
+    let epoch = arm_axis(&mut rig, 0);
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    clear(&mut rig, 0).unwrap();
+    let current = arm_axis(&mut rig, 0);
+    let setpoint = bench::setpoint(&rig, epoch, 50_000, VELOCITY);
+    assert_eq!(rig.ask(setpoint), Err(Error::StaleEpoch { current: Some(current) }));
+}
+
+#[test]
 fn hello_tells_the_boot_the_last_words_and_how_much_is_remembered() {
     let mut rig = moving();
     rig.reset();
