@@ -101,6 +101,7 @@ pub enum Ask {
     Status,
     List,
     Incidents { first: u8 },
+    BusStatus { bus: u8 },
     RawOpen { bus: u8 },
     RawSend { bus: u8, id: u16, data: Vec<u8> },
     RawReceive { bus: u8 },

@@ -8,7 +8,7 @@ pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
 use crate::dice::Dice;
-use crate::plant::LISTENER;
+use crate::plant::{BUSES, LISTENER};
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
@@ -176,6 +176,7 @@ impl Generator {
             10 => Ask::Status,
             11 if link != LISTENER && self.dice.one_in(4) => Ask::Hello,
             12 => Ask::RawOpen { bus: 0 },
+            14..16 => Ask::BusStatus { bus: self.dice.byte() % BUSES },
             13 => Ask::Incidents { first: self.dice.pick(&[0, 0, 8, 15, 255]) },
             _ => Ask::Ping,
         };

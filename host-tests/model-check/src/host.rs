@@ -108,6 +108,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
             Request::Subscribe(requests::Subscribe { axes, fields, period_us })
         }
         Ask::Incidents { first } => Request::ReadIncidents(requests::ReadIncidents { first }),
+        Ask::BusStatus { bus } => Request::BusStatus(requests::BusStatus { bus }),
         Ask::List => Request::ListAxes(requests::ListAxes { first: 0 }),
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
         Ask::RawOpen { bus } => Request::RawOpen(requests::RawOpen { bus }),

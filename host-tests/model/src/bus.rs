@@ -1,5 +1,9 @@
 //! One bus: what its controller holds, and the time that the gateway is not to blame for.
 
+mod tally;
+
+pub(crate) use tally::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, Tally};
+
 use crate::motor::Protocol;
 use std::collections::VecDeque;
 
@@ -27,6 +31,10 @@ pub(crate) struct Held {
     /// A later step of a stop: it goes where stops go.
     pub is_step: bool,
     pub asked_back: bool,
+    /// From then on it counts as not acknowledged.
+    pub acknowledged_by: u64,
+    /// When it was counted as such.
+    pub missed_us: Option<u64>,
 }
 
 /// One bus.
@@ -51,6 +59,11 @@ pub(crate) struct Bus {
     pub echo: VecDeque<u8>,
     /// What has been heard of a serial frame.
     pub heard: Vec<u8>,
+    pub tally: Tally,
+    /// It has gone off at this instant.
+    pub off_noticed_us: Option<u64>,
+    /// Until when the frame had to be acknowledged that was given back last.
+    pub carried_us: Option<u64>,
 }
 
 /// Longest stuffed standard frame with intermission, bits (G5).
@@ -83,6 +96,9 @@ impl Bus {
             first_since_us: 0,
             echo: VecDeque::new(),
             heard: Vec::new(),
+            tally: Tally::default(),
+            off_noticed_us: None,
+            carried_us: None,
         }
     }
 
@@ -92,6 +108,11 @@ impl Bus {
 
     fn bits_us(&self, bits: u64) -> u64 {
         (bits * 1_000_000).div_ceil(u64::from(self.bitrate.max(1)))
+    }
+
+    /// So many of the longest frames of CAN.
+    fn can_frames_us(&self, frames: u64) -> u64 {
+        self.bits_us(FRAME_BITS) * frames
     }
 
     /// F or C of G5.
@@ -174,6 +195,8 @@ impl Bus {
         self.raw.clear();
         self.echo.clear();
         self.heard.clear();
+        self.tally = Tally::default();
+        self.carried_us = None;
     }
 
     /// Bytes of others on a serial line: the gateway waits until they are over.

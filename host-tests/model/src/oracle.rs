@@ -139,8 +139,11 @@ impl Oracle {
         if state.held.iter().any(|held| held.slot == slot) {
             self.broken(Check::StopNotFirst, now, format!("slot {slot} of bus {bus} is handed over twice"));
         }
-        let held = self.judge(now, bus, slot, frame);
+        let mut held = self.judge(now, bus, slot, frame);
+        let moved = held.axis.filter(|_| held.is_motion).and_then(|axis| self.axes.get(usize::from(axis)));
+        let motion_within = moved.map(Axis::ttl_us);
         let state = &mut self.buses[usize::from(bus)];
+        held.acknowledged_by = state.acknowledged_by(now, motion_within);
         if let (BusKind::Rs485 { echo: true }, Frame::Serial(bytes)) = (state.kind, frame) {
             state.echo = bytes.iter().copied().collect();
         }
@@ -163,28 +166,60 @@ impl Oracle {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
         let Some(held) = state.take(now, slot) else { return };
+        state.tally.sent += 1;
+        state.carried_us = None;
         self.count_left(now, usize::from(bus), held);
     }
 
-    /// The frame in a slot has not left and will not: it was given back, or dropped.
+    /// The controller has given the frame in a slot back, as it was asked: it has not left and will not.
     pub fn withdrawn(&mut self, now: u64, bus: u8, slot: u8) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
-        let Some(Held { axis: Some(axis), data, is_motion: true, .. }) = state.lose(now, slot) else {
-            return;
-        };
-        // It may be sent after all.
+        let Some(held) = state.lose(now, slot) else { return };
+        state.tally.cancelled += 1;
+        if held.missed_us.is_none() {
+            let carried = state.carried_us.unwrap_or(held.acknowledged_by);
+            state.carried_us = Some(carried.min(held.acknowledged_by));
+        }
+        self.may_be_sent_after_all(held);
+    }
+
+    /// The controller has dropped the frame in a slot: it went off, or was started again.
+    pub fn dropped(&mut self, now: u64, bus: u8, slot: u8) {
+        self.advance(now);
+        let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
+        let Some(held) = state.lose(now, slot) else { return };
+        if held.missed_us == Some(now) {
+            state.tally.missed -= 1;
+            state.tally.missed_or_not += 1;
+        }
+        state.carried_us = None;
+        self.may_be_sent_after_all(held);
+    }
+
+    /// A port has lost so many frames that came in.
+    pub fn overflow(&mut self, bus: u8, lost: u32) {
+        if let Some(state) = self.buses.get_mut(usize::from(bus)) {
+            state.tally.overflows += lost;
+        }
+    }
+
+    fn may_be_sent_after_all(&mut self, held: Held) {
+        let Held { axis: Some(axis), data, is_motion: true, .. } = held else { return };
         let permits = &mut self.axes[usize::from(axis)].permits;
         permits.iter_mut().filter(|p| p.data.as_ref() == Some(&data)).for_each(|p| p.sent = false);
     }
 
-    /// A controller has gone off, or sends again. What it held is reported by [`withdrawn`](Self::withdrawn) before.
+    /// A controller has gone off, or sends again. What it held is reported by [`dropped`](Self::dropped) before.
     pub fn bus_state(&mut self, now: u64, bus: u8, off: bool) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
         let was_off = state.off_since.is_some();
         state.set_off(now, off);
         if off && !was_off {
+            state.tally.bus_offs += 1;
+            state.raw.clear();
+            state.off_noticed_us = Some(now);
             for axis in 0..self.axes.len() {
                 if self.axes[axis].bus() == Some(usize::from(bus)) && self.axes[axis].armed {
                     self.owe_stop(axis, Cause::BusOff, now);
@@ -207,7 +242,9 @@ impl Oracle {
     /// Everything that has come about by this instant has been told: what is due now?
     pub fn settle(&mut self, now: u64) {
         self.advance(now);
-        self.history.settle();
+        for seen in self.history.settle() {
+            self.broken(Check::HistoryWrong, now, seen);
+        }
         self.check_due(now);
     }
 

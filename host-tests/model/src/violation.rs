@@ -57,6 +57,10 @@ pub enum Check {
     /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the axis says so, and changes nothing
     /// else (G1).
     ChangedWhileArmed,
+    /// G7: a bus that goes off trips what may move there.
+    BusOffIgnored,
+    /// G7: frames sent, received, lost, not acknowledged and given back, and times that a bus went off, are counted as they were.
+    CountWrong,
     /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop stays latched, the
     /// configuration is the same, and the starts are counted.
     ResetForgot,

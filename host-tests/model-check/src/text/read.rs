@@ -144,6 +144,7 @@ impl Words<'_> {
             "subscribe" => Ask::Subscribe { axes: self.number()?, period_us: self.number()? },
             "status" => Ask::Status,
             "list" => Ask::List,
+            "bus-status" => Ask::BusStatus { bus: self.number()? },
             "incidents" => Ask::Incidents { first: self.number()? },
             "raw-open" => Ask::RawOpen { bus: self.number()? },
             "raw-send" => Ask::RawSend { bus: self.number()?, id: self.number()?, data: self.hex()? },

@@ -108,6 +108,7 @@ fn asks(ask: &Ask) -> String {
         Ask::Subscribe { axes, period_us } => format!("subscribe {axes} {period_us}"),
         Ask::Status => "status".into(),
         Ask::List => "list".into(),
+        Ask::BusStatus { bus } => format!("bus-status {bus}"),
         Ask::Incidents { first } => format!("incidents {first}"),
         Ask::RawOpen { bus } => format!("raw-open {bus}"),
         Ask::RawSend { bus, id, data } => format!("raw-send {bus} {id} {}", hex(data)),

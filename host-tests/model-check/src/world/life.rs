@@ -81,6 +81,8 @@ impl World {
     pub(super) fn lose_power(&mut self) {
         self.note(|| "the gateway loses its power".into());
         self.oracle.power_lost(self.now_us);
+        // Who sets it up again begins anew, too.
+        self.epochs.fill(0);
         self.start(&BOARD, false);
     }
 

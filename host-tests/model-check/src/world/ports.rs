@@ -48,6 +48,9 @@ impl World {
         if !matches!(input, Input::Tick) {
             self.note(|| format!("in  {input:X?}"));
         }
+        if let Input::State { bus, off: true } = input {
+            self.drop_held(*bus);
+        }
         let oracle = &mut self.oracle;
         let event = match input {
             Input::Host { link, bytes } => {
@@ -76,7 +79,10 @@ impl World {
                 let state = if *off { BusState::BusOff } else { BusState::Active };
                 Event::BusState { bus: *bus, state, transmit_errors: 0, receive_errors: 0 }
             }
-            Input::Overflow { bus } => Event::ReceiveOverflow { bus: *bus, lost: 1 },
+            Input::Overflow { bus } => {
+                oracle.overflow(*bus, 1);
+                Event::ReceiveOverflow { bus: *bus, lost: 1 }
+            }
             Input::Pin { open } => {
                 self.life.set_e_stop(*open);
                 oracle.e_stop_input(now, *open);

@@ -52,7 +52,6 @@ impl World {
             Action::Short { bus, for_us } => {
                 self.on_bus(*bus, |bus| bus.short_until = now + for_us);
                 if usize::from(*bus) < self.buses.len() {
-                    self.drop_held(*bus);
                     self.feed(Input::State { bus: *bus, off: true });
                 }
             }
@@ -75,7 +74,7 @@ impl World {
     pub(super) fn drop_held(&mut self, bus: u8) {
         let state = &mut self.buses[usize::from(bus)];
         for slot in state.slots() {
-            self.oracle.withdrawn(self.now_us, bus, slot);
+            self.oracle.dropped(self.now_us, bus, slot);
         }
         state.forget();
     }

@@ -1,14 +1,11 @@
 //! What time brings about: expiry, silence, and stops that are due (G2 to G5).
 
 use crate::axis::{Cause, Duty};
-use crate::bus::SOFTWARE_US;
+use crate::bus::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, SOFTWARE_US};
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::Told;
 
-/// A motion frame must be acknowledged within this and so many frames (G3).
-const ACKNOWLEDGE_US: u64 = 20_000;
-const ACKNOWLEDGE_FRAMES: u64 = 4;
 /// Missing replies that trip must span this (G3).
 const SILENT_SPAN_US: u64 = 50_000;
 /// Allowance: how far apart the requests are whose replies are missed. An armed axis is asked or refreshed every 20 ms where its
@@ -23,6 +20,7 @@ const RESULT_WITHIN_US: u64 = 4_000_000;
 impl Oracle {
     /// Time passes up to `now`: what runs out does so at its own time.
     pub(crate) fn advance(&mut self, now: u64) {
+        self.buses.iter_mut().for_each(|bus| bus.count_missed(now));
         if let Some((_, heard_us)) = self.holder
             && heard_us + self.silence_us <= now
         {
@@ -86,6 +84,7 @@ impl Oracle {
             self.check_stop(now, index);
         }
         self.check_kept(now);
+        self.check_bus_off(now);
         for index in 0..self.links.len() {
             let link = &mut self.links[index];
             if link.drained_us == Some(now) {
@@ -137,6 +136,21 @@ impl Oracle {
     fn forgive(&mut self, index: usize, now: u64, outside: u64) {
         if let Some(Duty { last, .. }) = &mut self.axes[index].duty {
             *last = Some((now, outside));
+        }
+    }
+
+    /// A bus that has gone off has tripped what may move there, and everything was told.
+    fn check_bus_off(&mut self, now: u64) {
+        for index in 0..self.buses.len() {
+            if self.buses[index].off_noticed_us.take() != Some(now) || self.unlisted.is_some() {
+                continue;
+            }
+            let may_move = |told| matches!(told, Told::Arming | Told::Armed | Told::Active | Told::Stopping);
+            let on = |axis: &crate::axis::Axis| axis.bus() == Some(index) && may_move(axis.told);
+            if let Some(axis) = self.axes.iter().position(on) {
+                let seen = format!("bus {index} is off, axis {axis} is {:?}", self.axes[axis].told);
+                self.broken(Check::BusOffIgnored, now, seen);
+            }
         }
     }
 

@@ -32,6 +32,8 @@ impl Oracle {
             is_stop: false,
             is_step: false,
             asked_back: false,
+            acknowledged_by: 0,
+            missed_us: None,
         };
         if raw {
             self.judge_raw(now, bus, frame, found.as_ref());

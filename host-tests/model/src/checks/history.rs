@@ -6,16 +6,31 @@ use std::collections::VecDeque;
 /// So many are remembered, and so many are on a page.
 const REMEMBERED: usize = 16;
 const PAGE: usize = 8;
+/// What is kept here: those that are remembered, and those of the same instant.
+const KEPT: usize = REMEMBERED + 32;
 
 /// What must be remembered, the latest first.
 #[derive(Debug)]
 pub(crate) struct History {
-    incidents: VecDeque<Incident>,
+    /// With the number of the instant.
+    incidents: VecDeque<(u64, Incident)>,
+    /// Instants at which something tripped.
+    instant: u64,
     start: u32,
-    /// Trips of this instant: they are remembered in the order of their axes.
+    /// Pages that were read at this instant.
+    read: Vec<Page>,
+    /// Trips of this instant.
     news: Vec<(u8, Vec<u8>)>,
     /// Since a start the whole list has not been read: what has tripped meanwhile nobody was told.
     unread: Option<Unread>,
+}
+
+/// A page that was read.
+#[derive(Debug)]
+struct Page {
+    first: usize,
+    incidents: Vec<Incident>,
+    next: Option<u8>,
 }
 
 #[derive(Debug)]
@@ -30,7 +45,8 @@ struct Unread {
 
 impl History {
     pub fn new() -> Self {
-        Self { incidents: [Incident::Started { start: 1 }].into(), start: 1, news: Vec::new(), unread: None }
+        let incidents = [(0, Incident::Started { start: 1 })].into();
+        Self { incidents, instant: 0, start: 1, read: Vec::new(), news: Vec::new(), unread: None }
     }
 
     /// The gateway has started without a memory.
@@ -44,6 +60,7 @@ impl History {
     pub fn started(&mut self, start: u32, interrupted: bool, tripping: Vec<u8>) {
         self.start = start;
         self.news.clear();
+        self.read.clear();
         // A start after which the list was not read has told nobody of its trips either.
         let before = self.unread.take();
         let interrupted = interrupted || before.is_some();
@@ -63,28 +80,50 @@ impl History {
         }
     }
 
-    /// The instant is over.
-    pub fn settle(&mut self) {
+    /// The instant is over: what was read of it that is wrong. Allowance: a page that is read at the instant of a trip may have it or not.
+    pub fn settle(&mut self) -> Vec<String> {
+        let read = std::mem::take(&mut self.read);
         if self.unread.is_some() {
             // The list will tell them.
             self.news.clear();
         }
-        self.news.sort();
+        let wrong = if self.news.is_empty() {
+            read.iter().filter_map(|page| self.wrong(page)).collect()
+        } else {
+            Vec::new()
+        };
+        self.instant += u64::from(!self.news.is_empty());
         for (axis, trip) in self.news.drain(..) {
-            self.incidents.push_front(Incident::Tripped { start: self.start, axis, trip });
+            self.incidents.push_front((self.instant, Incident::Tripped { start: self.start, axis, trip }));
         }
-        self.incidents.truncate(REMEMBERED);
+        // One instant has more of them than are remembered.
+        self.incidents.truncate(KEPT);
+        wrong
+    }
+
+    /// What is wrong with a page.
+    fn wrong(&self, Page { first, incidents, next }: &Page) -> Option<String> {
+        let wanted: Vec<&(u64, Incident)> =
+            self.incidents.iter().take(REMEMBERED).skip(*first).take(PAGE).collect();
+        let goes_on = self.incidents.len().min(REMEMBERED) > first + PAGE;
+        let is_next = next.map(usize::from) == goes_on.then_some(first + PAGE);
+        let each_once = incidents.iter().enumerate().all(|(at, told)| !incidents[..at].contains(told));
+        let fits = incidents.len() == wanted.len()
+            && incidents.iter().zip(&wanted).all(|(told, (instant, _))| self.is_of(*instant, told));
+        (!is_next || !fits || !each_once).then(|| format!("{incidents:?}, {next:?}, not {wanted:?}"))
+    }
+
+    /// Whether an incident is one of an instant: trips of one instant are remembered in any order.
+    fn is_of(&self, instant: u64, told: &Incident) -> bool {
+        self.incidents.iter().any(|(at, incident)| *at == instant && incident == told)
     }
 
     /// A page from `first` on.
-    pub fn compare(&mut self, first: u8, page: Vec<Incident>, next: Option<u8>) -> Result<(), String> {
+    pub fn read(&mut self, first: u8, page: Vec<Incident>, next: Option<u8>) -> Result<(), String> {
         let first = usize::from(first);
         let Some(unread) = &mut self.unread else {
-            let wanted: Vec<&Incident> = self.incidents.iter().skip(first).take(PAGE).collect();
-            let goes_on = self.incidents.len() > first + PAGE;
-            let is_next = next.map(usize::from) == goes_on.then_some(first + PAGE);
-            let is_the_same = is_next && wanted.iter().copied().eq(&page);
-            return if is_the_same { Ok(()) } else { Err(format!("{page:?}, {next:?}, not {wanted:?}")) };
+            self.read.push(Page { first, incidents: page, next });
+            return Ok(());
         };
         if unread.read.len() != first {
             return Ok(());
@@ -95,7 +134,9 @@ impl History {
         }
         let Some(Unread { read, interrupted, tripping }) = self.unread.take() else { return Ok(()) };
         let result = self.fits(&read, interrupted, &tripping);
-        self.incidents = read.into();
+        self.incidents = (0..).zip(read.into_iter().rev()).collect::<VecDeque<_>>();
+        self.incidents.make_contiguous().reverse();
+        self.instant = REMEMBERED as u64;
         result.map_err(|wrong| format!("{wrong}: {:?}", self.incidents))
     }
 
@@ -116,7 +157,9 @@ impl History {
             let known = before.get(skipped..).unwrap_or_default();
             let wanted =
                 self.incidents.len().min(REMEMBERED - place - 1 - skipped.min(REMEMBERED - place - 1));
-            known.len() == wanted && known.iter().eq(self.incidents.iter().take(wanted))
+            let is_of_its_instant =
+                |(told, (instant, _)): (&Incident, &(u64, Incident))| self.is_of(*instant, told);
+            known.len() == wanted && known.iter().zip(&self.incidents).all(is_of_its_instant)
         };
         if (0..=untold).any(is_the_end_of) {
             Ok(())

@@ -1,6 +1,7 @@
 //! What follows from what was seen: one file for each side of it.
 
 mod arming;
+mod counts;
 mod due;
 mod events;
 mod frames;

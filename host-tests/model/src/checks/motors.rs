@@ -14,6 +14,9 @@ impl Oracle {
         self.advance(now);
         match frame {
             Frame::Can(id, data) => {
+                if let Some(state) = self.buses.get_mut(usize::from(bus)) {
+                    state.tally.received += 1;
+                }
                 for index in 0..self.axes.len() {
                     let axis = &self.axes[index];
                     if axis.bus() != Some(usize::from(bus)) {

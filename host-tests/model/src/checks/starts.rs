@@ -50,8 +50,8 @@ impl Oracle {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             // What was interrupted may have been the end of it, and nobody has been told; nor what a start has led to so far.
-            let may_be_over = axis.told == Told::Stopping && (interrupted || self.unlisted.is_some())
-                || axis.clearing > 0 && interrupted;
+            let ends = axis.clearing > 0 || matches!(axis.told, Told::Stopping | Told::Arming);
+            let may_be_over = interrupted && ends || self.unlisted.is_some() && axis.told == Told::Stopping;
             let at_rest = matches!(axis.told, Told::Unconfigured | Told::Idle);
             moved.push(!at_rest && !may_be_over);
             if moved[index] && !matches!(axis.told, Told::Tripped { .. }) {
@@ -107,11 +107,16 @@ impl Oracle {
                     self.broken(Check::ResetForgot, now, seen);
                 }
             }
+            Report::Bus { off, counters } => {
+                if let Request::BusStatus(bus) = *request {
+                    self.counted(now, bus, off, counters);
+                }
+            }
             Report::Axes(axes, false) => self.listed(now, &axes),
             Report::Axes(..) => {}
             Report::Incidents(incidents, next) => {
                 let Request::ReadIncidents(first) = *request else { return };
-                if let Err(seen) = self.history.compare(first, incidents, next) {
+                if let Err(seen) = self.history.read(first, incidents, next) {
                     self.broken(Check::HistoryWrong, now, seen);
                 }
             }

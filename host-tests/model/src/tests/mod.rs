@@ -4,6 +4,7 @@
 //! is another, host 2 listens.
 
 mod arming;
+mod counts;
 mod history;
 mod hosts;
 mod limits;

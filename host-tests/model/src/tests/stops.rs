@@ -46,6 +46,7 @@ fn motion_that_nobody_acknowledges_and_no_stop() {
 fn a_bus_that_goes_off_and_no_stop_when_it_is_back() {
     let mut trace = Trace::active();
     trace.oracle.bus_state(trace.now, 0, true);
+    trace.event(0x8001, &[0, 6]);
     trace.wait(100_000);
     trace.breaks_nothing();
     trace.oracle.bus_state(trace.now, 0, false);

@@ -5,6 +5,9 @@ use super::frame::Message;
 use super::incident::{Incident, page};
 use super::message::{Told, state};
 
+/// Place of `BusOff` among the states of a bus.
+const BUS_OFF: u64 = 4;
+
 /// A reply that the promises speak of.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Report {
@@ -14,6 +17,13 @@ pub enum Report {
         starts: u32,
         /// The e-stop is latched.
         e_stopped: bool,
+    },
+    /// Of 0x0012
+    Bus {
+        /// It is off.
+        off: bool,
+        /// `BusCounters` in their order.
+        counters: [u32; 9],
     },
     /// Of 0x0060: a page of what is remembered, and where it goes on.
     Incidents(Vec<Incident>, Option<u8>),
@@ -41,6 +51,21 @@ pub fn report(message: &Message) -> Option<Report> {
             let starts = body.u32()?;
             body.optional(Body::byte)?;
             Some(Report::Gateway { starts, e_stopped: body.bool()? })
+        }
+        0x0012 => {
+            body.optional(|config| {
+                let _bitrate_and_protocols = (config.u32()?, config.byte()?);
+                let _ours_and_window = (config.bool()?, config.u32()?);
+                Some(())
+            })?;
+            let off = body.varint(32)? == BUS_OFF;
+            let _errors = (body.u16()?, body.u16()?);
+            let mut counters = [0; 9];
+            for counter in &mut counters {
+                *counter = body.u32()?;
+            }
+            let _raw_open = body.bool()?;
+            body.end(Report::Bus { off, counters })
         }
         0x0060 => {
             let (incidents, next) = page(message)?;

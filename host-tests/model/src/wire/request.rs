@@ -46,6 +46,8 @@ pub enum Request {
     RawSend { bus: u8, id: Option<u32>, data: Vec<u8> },
     /// 0x0053
     RawClose(u8),
+    /// 0x0012
+    BusStatus(u8),
     /// 0x0060
     ReadIncidents(u8),
     /// Anything else, and what cannot be read.
@@ -151,6 +153,7 @@ impl Request {
                 b.byte()?;
                 Self::Takes
             }
+            0x0012 => Self::BusStatus(b.byte()?),
             0x0060 => Self::ReadIncidents(b.byte()?),
             0x0053 => Self::RawClose(b.byte()?),
             _ => Self::Other,
@@ -181,6 +184,7 @@ impl Request {
             | Self::Stop(_)
             | Self::EStop
             | Self::Native { .. }
+            | Self::BusStatus(_)
             | Self::ReadIncidents(_)
             | Self::Other => false,
         }
