@@ -63,6 +63,25 @@ fn a_request_without_a_result() {
 }
 
 #[test]
+fn a_sequence_that_is_used_twice_leaves_both_their_results() {
+    let mut trace = Trace::new(HOLD);
+    trace.oracle.to_gateway(trace.now, 0, &frame(1, 500, 0x41, &[0]));
+    trace.settle();
+    trace.now += 10;
+    let unreadable = frame(1, 500, 0x53, &[1, 2, 3]);
+    for _ in 0..2 {
+        trace.oracle.to_gateway(trace.now, 0, &unreadable);
+        trace.answer(0, 500, 3, 2, &[0x53]);
+        trace.now += 10;
+    }
+    for _ in 0..40 {
+        trace.done(0, 0x03, &[]);
+    }
+    trace.answer(0, 500, 2, 0x41, &[0]);
+    trace.breaks_nothing();
+}
+
+#[test]
 fn a_repeated_request_that_gets_other_bytes() {
     let mut trace = Trace::new(HOLD);
     let sequence = trace.ask(0, 0x02, &[]);
