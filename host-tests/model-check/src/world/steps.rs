@@ -55,6 +55,8 @@ impl World {
                     self.feed(Input::State { bus: *bus, off: true });
                 }
             }
+            // Whether a configuration is kept that nobody has been told of, the model cannot know: a little later, then.
+            Action::Reset if self.oracle.is_configuring() => self.life.reset_while_saving(1, false),
             Action::Reset => self.reset(false),
             Action::ResetWhileSaving { words, garbles } => self.life.reset_while_saving(*words, *garbles),
             Action::PowerLoss => self.lose_power(),
