@@ -49,7 +49,7 @@ fn each_counter_that_is_wrong() {
     }
     for more in [MISSED, BUS_OFFS] {
         let mut trace = busy();
-        trace.counts(&[&RIGHT[..], &[(more, 1)]].concat());
+        trace.counts(&[&RIGHT[..], &[(more, 2)]].concat());
         trace.breaks(Check::CountWrong);
     }
 }
