@@ -26,17 +26,16 @@ impl History {
         Self { incidents: [None; INCIDENTS], next: 0, unsaved: 0 }
     }
 
-    /// What was saved, from the words of each place.
+    /// What was saved, from the words of each place. One that a newer one should have replaced, and did not because the reset came
+    /// between, is none of the last.
     pub fn restored<'a>(mut saved: impl FnMut(usize) -> Option<&'a [u32]>) -> Self {
-        let mut history = Self::new();
-        for (index, slot) in history.incidents.iter_mut().enumerate() {
-            let Some((ordinal, incident)) = saved(index).and_then(from_words) else { continue };
-            if place(ordinal) == index {
-                *slot = Some(incident);
-                history.next = history.next.max(ordinal.saturating_add(1));
-            }
-        }
-        history
+        let known: [_; INCIDENTS] = core::array::from_fn(|index| {
+            saved(index).and_then(from_words).filter(|(ordinal, _)| place(*ordinal) == index)
+        });
+        let next = known.iter().flatten().map(|(ordinal, _)| ordinal.saturating_add(1)).max().unwrap_or(0);
+        let is_of_the_last = |(ordinal, _): &(u32, Incident)| next.abs_diff(*ordinal) as usize <= INCIDENTS;
+        let incidents = known.map(|known| known.filter(is_of_the_last).map(|(_, incident)| incident));
+        Self { incidents, next, unsaved: 0 }
     }
 
     pub fn push(&mut self, incident: Incident) {
@@ -53,9 +52,11 @@ impl History {
         self.latest_first().map(|_| 1).sum()
     }
 
-    /// The next place to save, and its words.
+    /// The next place to save, and its words: the oldest, so that a reset loses the latest only.
     pub fn take_unsaved(&mut self) -> Option<(usize, [u32; INCIDENT_WORDS])> {
-        let index = (0..INCIDENTS).find(|index| self.unsaved & (1 << index) != 0)?;
+        let oldest = place(self.next);
+        let mut by_age = (0..INCIDENTS).map(|age| (oldest + age) % INCIDENTS);
+        let index = by_age.find(|index| self.unsaved & (1 << index) != 0)?;
         self.unsaved &= !(1 << index);
         let incident = self.incidents.get(index)?.as_ref()?;
         Some((index, to_words(self.ordinal_of(index), incident)))
@@ -205,5 +206,32 @@ mod tests {
         let restored =
             History::restored(|index| saved.get(index).filter(|_| index < 4).map(|words| &words[..]));
         assert_eq!(restored.page(0).incidents.as_slice(), [started(3), started(0)]);
+    }
+
+    #[test]
+    fn a_reset_while_saving_loses_the_latest_and_brings_nothing_back_that_was_replaced() {
+        let mut history = History::new();
+        let mut saved = [[0; INCIDENT_WORDS]; INCIDENTS];
+        for start in 0..31 {
+            history.push(started(start));
+        }
+        while let Some((index, words)) = history.take_unsaved() {
+            saved[index] = words;
+        }
+        // Numbers 31 and 32 lie in the last place and the first.
+        history.push(started(31));
+        history.push(started(32));
+        let older = history.take_unsaved().unwrap();
+        let newer = history.take_unsaved().unwrap();
+        assert_eq!((older.0, newer.0), (15, 0), "the oldest first");
+        let after = |(index, words): (usize, [u32; INCIDENT_WORDS])| {
+            let mut memory = saved;
+            memory[index] = words;
+            History::restored(|index| Some(&memory[index]))
+        };
+        assert_eq!(after(older).page(0).incidents[..2], [started(31), started(30)]);
+        // The one before the latest could not be read: what it had replaced long ago is not in its place.
+        assert_eq!(after(newer).page(0).incidents[..2], [started(32), started(30)]);
+        assert_eq!(after(newer).len(), 15);
     }
 }
