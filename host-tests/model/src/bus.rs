@@ -68,8 +68,6 @@ pub(crate) struct Bus {
 
 /// Longest stuffed standard frame with intermission, bits (G5).
 const FRAME_BITS: u64 = 135;
-/// Axes of a gateway, all of which may be on one bus.
-const MOST_AXES: u64 = 32;
 /// A frame of 13 bytes on RS485, bits (G5).
 const SERIAL_BITS: u64 = 130;
 /// Idle time before a serial frame, bits (G5).
@@ -123,15 +121,20 @@ impl Bus {
     /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which says when it starts, and the
     /// frame itself. Foreign frames (I of G5) are time of others. m, the replies that go before a thruster's stop, is in it;
     /// allowance: the replies themselves are time of others too, what goes in their place is another axis's second stop.
-    pub fn stop_bound_us(&self, k: u64, protocol: Option<Protocol>) -> u64 {
+    pub fn stop_bound_us(&self, k: u64, protocol: Option<Protocol>, axes: u64) -> u64 {
         let frame = self.frame_us();
         if self.is_can() {
             let further = match protocol {
                 // Its id is one that replies and other stops go before.
                 Some(Protocol::Thruster) => MAX_OUTSTANDING * frame,
                 // Requests and replies have one id: two that are sent together destroy each other. Allowance: its stop waits
-                // for a reply that is due, as on RS485, and the reply for as many exchanges as a bus has axes.
-                Some(Protocol::D5) => self.window_us.min(WINDOW_DELAY_US) + frame * (1 + 2 * MOST_AXES),
+                // for a reply that is due, as on RS485, and that for what each of the `axes` on the bus has on its way: a stop, the
+                // reply to it, and one that was due before. A stop that has met a reply is taken back after three frames and
+                // waits once more.
+                Some(Protocol::D5) => {
+                    let wait = self.window_us.min(WINDOW_DELAY_US) + 3 * frame * axes;
+                    frame + 2 * wait + 3 * frame
+                }
                 Some(Protocol::Rmd) | None => 0,
             };
             return SOFTWARE_US + frame * (2 * k - 1) + further + frame;

@@ -128,6 +128,11 @@ impl Oracle {
         records.map_or(0, |records| records.iter().filter(|record| record.result.is_none()).count())
     }
 
+    /// How many axes are on a bus.
+    pub(crate) fn axes_on(&self, bus: usize) -> u64 {
+        self.axes.iter().filter(|axis| axis.bus() == Some(bus)).map(|_| 1).sum()
+    }
+
     pub(crate) fn broken(&mut self, check: Check, at_us: u64, seen: String) {
         self.violations.push(Violation { check, at_us, seen });
     }

@@ -104,6 +104,7 @@ impl Oracle {
     fn check_stop(&mut self, now: u64, index: usize) {
         let axis = &self.axes[index];
         let (Some(duty), Some(bus)) = (&axis.duty, axis.bus()) else { return };
+        let axes = self.axes_on(bus);
         let bus = &self.buses[bus];
         let outside = bus.outside_us(now);
         let used = |from: u64, before: u64| (now - from).saturating_sub(outside.saturating_sub(before));
@@ -112,7 +113,7 @@ impl Oracle {
             // What has been handed over leaves by itself.
             let number = u8::try_from(index).ok();
             let handed = bus.held.iter().any(|held| held.is_stop && held.axis == number);
-            if used > bus.stop_bound_us(duty.k, axis.protocol()) && !handed && !duty.rests {
+            if used > bus.stop_bound_us(duty.k, axis.protocol(), axes) && !handed && !duty.rests {
                 let seen =
                     format!("axis {index}: no stop after {used} µs, {:?} at {}", duty.cause, duty.since_us);
                 self.broken(Check::StopLate, now, seen);

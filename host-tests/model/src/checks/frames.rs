@@ -219,6 +219,7 @@ impl Oracle {
     /// A frame has left: what its motor may answer from now on, and what it was to a stop.
     pub(crate) fn count_left(&mut self, now: u64, bus: usize, held: Held) {
         let outside = self.buses[bus].outside_us(now);
+        let axes = self.axes_on(bus);
         let Some(index) = held.axis.map(usize::from) else { return };
         let window = self.buses[bus].window_us;
         let axis = &mut self.axes[index];
@@ -252,7 +253,7 @@ impl Oracle {
             duty.left += 1;
             if duty.left == 1 && !duty.rests {
                 let used = (now - duty.since_us).saturating_sub(outside - duty.outside_us);
-                let bound = self.buses[bus].stop_bound_us(duty.k, protocol);
+                let bound = self.buses[bus].stop_bound_us(duty.k, protocol, axes);
                 if used > bound {
                     let seen =
                         format!("axis {index}: first stop after {used} µs of {bound}, {:?}", duty.cause);
