@@ -116,6 +116,8 @@ impl Gateway {
                 }
             },
             Request::ClearUnreachable(request) => {
+                // It may have become unreachable just now.
+                self.remember_trips();
                 self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(out))??;
                 Reply::ClearUnreachable(done)
             }

@@ -128,8 +128,8 @@ pub(crate) struct Axis {
     /// Requests to clear it that are under way, and when one had its result.
     pub clearing: u32,
     pub cleared_us: Option<u64>,
-    /// A native stop that was asked for while it was idle.
-    pub native_stop: Option<Vec<u8>>,
+    /// Native stops that were asked for while it was idle; one that was refused stands here too, and so does the one under way.
+    pub native_stops: Vec<Vec<u8>>,
 }
 
 impl Axis {

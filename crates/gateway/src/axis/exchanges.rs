@@ -146,8 +146,9 @@ impl Axis {
         pending.window = motor::slow_reply(&pending.command).unwrap_or(window);
         pending.until = Some(now + pending.window);
         let pending = *pending;
+        let silence = self.unreachable_silence();
         if let Some(stop) = &mut self.stop {
-            stop.left(now, pending.exchange);
+            stop.left(now, pending.exchange, silence);
         }
         let is_answered = motor::is_answered(&pending.command, &self.config);
         self.unanswered_since = is_answered.then_some(now);

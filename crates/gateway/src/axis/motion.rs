@@ -240,9 +240,8 @@ impl Axis {
             Exchange::Faults => self.fault_poll_at = now + self.config.fault_poll(),
             _ => {}
         }
-        let silence = self.unreachable_silence();
         if let Some(stop) = &mut self.stop {
-            stop.handed(now, exchange, &self.config, silence);
+            stop.handed(now, exchange, &self.config);
             return;
         }
         // While armed the fault word has a rhythm of its own.

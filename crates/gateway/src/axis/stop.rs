@@ -224,7 +224,7 @@ impl Stop {
     }
 
     /// The bus has taken an exchange of the stop.
-    pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig, silence: Duration) {
+    pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         let repeat = if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
         self.moved_at = now;
         match exchange {
@@ -237,10 +237,6 @@ impl Stop {
                 self.next_at = now;
                 if self.resting {
                     self.asked_while_resting &= self.second_follows || now < self.rests_until;
-                    // Two stops, then silence: whatever we send may be feeding the motor's own timeout (GUARANTEES G4).
-                    self.second_follows = !self.second_follows;
-                    self.rests_until = if self.second_follows { now } else { now + silence };
-                    self.next_at = self.rests_until;
                 }
                 self.read_after_repeat = self.phase == Phase::Confirmed;
             }
@@ -252,12 +248,19 @@ impl Stop {
         }
     }
 
-    /// A frame of the stop has left.
-    pub fn left(&mut self, now: Instant, exchange: Exchange) {
-        if exchange == Exchange::Stop {
-            self.sent = self.sent.saturating_add(1);
-            self.first_left.get_or_insert(now);
-            self.last_left = Some(now);
+    /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two stops: whatever we send may be
+    /// feeding its own timeout (GUARANTEES G4).
+    pub fn left(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
+        if exchange != Exchange::Stop {
+            return;
+        }
+        self.sent = self.sent.saturating_add(1);
+        self.first_left.get_or_insert(now);
+        self.last_left = Some(now);
+        if self.resting {
+            self.second_follows = !self.second_follows;
+            self.rests_until = if self.second_follows { now } else { now + silence };
+            self.next_at = self.rests_until;
         }
     }
 

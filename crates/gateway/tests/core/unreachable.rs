@@ -7,8 +7,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Request, Setpoint, StopTarget, TripReason, Value,
-    requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Incident, Reply, Request, Setpoint, StopTarget,
+    TripReason, Value, requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -111,4 +111,45 @@ fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_a
     run_with_host(&mut rig, 4_100_000);
     assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0 }]);
     assert_eq!(bench::clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
+}
+
+/// What was handed over and did not leave has fed no timeout: it begins no silence.
+#[test]
+fn stops_that_two_failures_of_the_bus_took_back_wait_for_it_again() {
+    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().mute = true;
+    bench::assert_becomes_unreachable(&mut rig);
+    rig.cut();
+    run_with_host(&mut rig, SILENCE_US + 100_000);
+    for _ in 0..2 {
+        assert_eq!(rig.held_texts(), [HOLD]);
+        rig.bus_off(0);
+        run_with_host(&mut rig, 210_000);
+    }
+    assert_eq!(rig.held_texts(), [HOLD]);
+}
+
+/// Where a host gives the motor up in the same moment.
+#[test]
+fn a_motor_that_has_just_become_unreachable_is_in_the_history_although_it_is_cleared() {
+    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    // Nothing but the request itself wakes the core when the motor's 5 s are over.
+    run_with_host(&mut rig, 4_990_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
+    rig.now_us += 100_000;
+    rig.ask(Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 })).unwrap();
+    let Ok(Reply::ReadIncidents(page)) =
+        rig.ask(Request::ReadIncidents(requests::ReadIncidents { first: 0 }))
+    else {
+        panic!()
+    };
+    assert!(
+        matches!(page.incidents[0], Incident::Tripped { axis: 0, trip, .. }
+            if trip.reason == TripReason::StopUnconfirmed && trip.unreachable),
+        "{page:?}"
+    );
 }

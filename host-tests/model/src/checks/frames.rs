@@ -208,7 +208,7 @@ impl Oracle {
             Some(StopAction::Brake) => *first != OUTPUT_OFF || locking,
             None => true,
         };
-        let native = axis.native_stop.as_ref().is_some_and(|asked| Protocol::Rmd.same_command(asked, data));
+        let native = axis.native_stops.iter().any(|asked| Protocol::Rmd.same_command(asked, data));
         let asked = axis.told == Told::Idle && native;
         // Arming begins with the stop command too.
         if !fits && !asked {

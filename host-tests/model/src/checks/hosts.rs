@@ -75,8 +75,9 @@ impl Oracle {
                 if let Some(axis) =
                     self.axes.get_mut(usize::from(axis)).filter(|axis| axis.told == Told::Idle)
                     && protocol.map(|protocol| protocol.purpose(&data)) == Some(Purpose::Stop)
+                    && !axis.native_stops.contains(&data)
                 {
-                    axis.native_stop = Some(data.clone());
+                    axis.native_stops.push(data.clone());
                 }
                 let once = match protocol.map(|protocol| protocol.asked_by_host(&data)) {
                     Some(Purpose::Motion { once }) => once,
