@@ -144,6 +144,11 @@ impl Axis {
         matches!(self.state, AxisState::Unconfigured | AxisState::Idle) && self.job.is_none()
     }
 
+    /// Whether there is a stop, under way or confirmed.
+    pub fn has_stop(&self) -> bool {
+        self.stop.is_some()
+    }
+
     /// Whether there is a stop of which no command has left yet.
     pub fn stop_has_not_left(&self) -> bool {
         self.stop.as_ref().is_some_and(|stop| !stop.has_left())
