@@ -43,17 +43,12 @@ impl CanBus<'_> {
     /// Until the setup changes.
     async fn run(mut self, setup: BusSetup, life: &Watch, turn: &Turn) {
         self.follow_error_state().await;
-        let mut happened = false;
         while self.gateway.bus_setup_to_poll(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            if happened {
-                // A full queue must not keep the other tasks waiting.
-                turn.end().await;
-            }
-            let next = turn.wait(self.next(life)).await;
-            happened = matches!(next, Either::First(_));
-            if let Either::First(happening) = next {
+            // A full queue must not keep the other tasks waiting.
+            turn.end().await;
+            if let Either::First(happening) = turn.wait(self.next(life)).await {
                 self.follow(happening).await;
                 self.report_losses();
             }

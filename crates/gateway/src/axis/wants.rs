@@ -41,7 +41,7 @@ enum Next {
 impl Axis {
     /// What the axis wants sent at `now`.
     pub fn wants(&self, now: Instant) -> Option<Want> {
-        if self.pending.is_some() || self.state == AxisState::Unconfigured {
+        if self.pending.is_some() || self.state == AxisState::Unconfigured || now < self.nothing_before() {
             return None;
         }
         let (next, at) = self.next(now)?;
@@ -67,15 +67,25 @@ impl Axis {
         Some(Want { priority, due: at, exchange, command })
     }
 
+    /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may send.
+    fn nothing_before(&self) -> Instant {
+        if self.stop.is_some() || self.job.is_some() {
+            return Instant::default();
+        }
+        let polls = self.fault_poll_at.min(self.state_poll_at);
+        self.motion.as_ref().and_then(|motion| motion.due).map_or(polls, |due| polls.min(due))
+    }
+
     /// When a stop command of the axis is due that the bus has not taken yet.
     pub fn stop_due_at(&self) -> Option<Instant> {
         let next = self.stop.as_ref().filter(|_| self.pending.is_none())?.next();
         next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
     }
 
-    /// When the axis will want something, if nothing happens before.
+    /// When the axis will want something, or is to be asked again, if nothing happens before.
     pub fn next_want_at(&self, now: Instant) -> Option<Instant> {
-        self.next(now).map(|(_, at)| at)
+        let ask_again = self.nothing_before();
+        if now < ask_again { Some(ask_again) } else { self.next(now).map(|(_, at)| at) }
     }
 
     /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes first.
@@ -85,10 +95,10 @@ impl Axis {
             let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
             return match (next, job) {
                 // A confirmed stop is only repeated: whoever clears it comes between.
-                (Some((_, at)), Some(_)) if at > now => self.earliest([job, next, None]),
-                (None, Some(_)) => self.earliest([job, None, None]),
+                (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
+                (None, Some(_)) => self.earliest(&[job]),
                 (Some((Next::This(Exchange::Stop), _)), _) => next,
-                (next, _) => self.earliest([next, None, None]),
+                (next, _) => self.earliest(&[next]),
             };
         }
         match self.state {
@@ -97,14 +107,14 @@ impl Axis {
                 let motion = motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
                 let faults = Some((Next::This(Exchange::Faults), self.fault_poll_at));
                 let poll = Some((Next::Poll, self.state_poll_at));
-                self.choose(now, self.earliest([motion, None, None]), self.earliest([faults, poll, job]))
+                self.choose(now, self.earliest(&[motion]), self.earliest(&[faults, poll, job]))
             }
             AxisState::Idle => {
                 let polled = self.holding || self.watched;
                 let poll = polled.then_some((Next::Poll, self.state_poll_at));
-                self.earliest([job, poll, None])
+                self.earliest(&[job, poll])
             }
-            _ => self.earliest([job, None, None]),
+            _ => self.earliest(&[job]),
         }
     }
 
@@ -124,13 +134,12 @@ impl Axis {
         Some(if other_first { other } else { motion })
     }
 
-    fn earliest(&self, candidates: [Option<(Next, Instant)>; 3]) -> Option<(Next, Instant)> {
-        let is_motion = |next| next == Next::This(Exchange::Motion);
+    fn earliest(&self, candidates: &[Option<(Next, Instant)>]) -> Option<(Next, Instant)> {
         let mut earliest: Option<(Next, Instant)> = None;
-        for (next, at) in candidates.into_iter().flatten() {
-            let at = self.quiet.delays(is_motion(next), at);
+        for (next, at) in candidates.iter().flatten() {
+            let at = self.quiet.delays(*next == Next::This(Exchange::Motion), *at);
             if earliest.is_none_or(|(_, before)| at < before) {
-                earliest = Some((next, at));
+                earliest = Some((*next, at));
             }
         }
         earliest

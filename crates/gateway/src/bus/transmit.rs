@@ -177,11 +177,15 @@ impl Bus {
     /// The axis to serve now: stops first, then in turn.
     fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
         let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
-        let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
+        let stops = self.axes_here(axes).any(Axis::has_stop);
+        let stops_wait = stops && self.axes_here(axes).any(Axis::stop_has_not_left);
         let may_ordinary = !stops_wait
             && self.may_send_ordinary(now)
             && self.may_be_answered(axes)
             && !self.lets_replies_pass(now, axes);
+        if !stops && !may_ordinary {
+            return None;
+        }
         let turn = usize::from(self.turn);
         let mut best: Option<(usize, Want)> = None;
         for offset in 1..=axes.len() {
