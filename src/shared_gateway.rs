@@ -165,6 +165,14 @@ impl SharedGateway {
         self.with(|core, _| core.bus_setup(bus))
     }
 
+    /// The same, for the task of that bus, which now polls it for everything that has changed.
+    pub fn bus_setup_to_poll(&self, bus: u8) -> Option<BusSetup> {
+        if let Some(changed) = self.buses.get(usize::from(bus)) {
+            changed.reset();
+        }
+        self.bus_setup(bus)
+    }
+
     /// Waits until a bus must run otherwise than `current`, for the watched task of that bus.
     pub async fn other_bus_setup(
         &self,

@@ -27,6 +27,6 @@ impl HostLinks {
             spawner.spawn(defmt::unwrap!(tasks::host::receive(gateway, link, receiver)));
             spawner.spawn(defmt::unwrap!(tasks::host::send(gateway, link, sender)));
         }
-        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb)));
+        spawner.spawn(defmt::unwrap!(tasks::usb::usb(gateway, USB_LINK, self.usb, spawner)));
     }
 }

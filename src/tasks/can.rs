@@ -43,16 +43,14 @@ impl CanBus<'_> {
     /// Until the setup changes.
     async fn run(mut self, setup: BusSetup, life: &Watch, turn: &Turn) {
         self.follow_error_state().await;
-        while self.gateway.bus_setup(self.bus) == Some(setup) {
+        while self.gateway.bus_setup_to_poll(self.bus) == Some(setup) {
             self.cancel();
             self.send();
+            // A full queue must not keep the other tasks waiting.
+            turn.end().await;
             if let Either::First(happening) = turn.wait(self.next(life)).await {
                 self.follow(happening).await;
                 self.report_losses();
-                self.cancel();
-                self.send();
-                // A full queue must not keep the other tasks waiting.
-                turn.end().await;
             }
         }
     }

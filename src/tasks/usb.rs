@@ -1,8 +1,11 @@
 //! The host link on USB: the device itself, bytes in, frames out, and the way into the bootloader.
+//!
+//! Frames go out in a task of their own: what comes in may demand a stop, what goes out must not take its time.
 
 use core::future::pending;
 
-use embassy_futures::join::join5;
+use embassy_executor::Spawner;
+use embassy_futures::join::{join, join4};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
 
@@ -15,26 +18,32 @@ use crate::watchdog::{Life, Watch};
 
 /// For ever. Where the chip's USB does not start, the other links go on without it.
 #[embassy_executor::task]
-pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort) {
+pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort, spawner: Spawner) {
     let Some((driver, serial)) = port.start().await else {
         defmt::error!("host link {=u8}: the USB of this chip does not start", link);
         return;
     };
     let (mut device, receiver, sender) = usb::device(driver, serial, gateway);
     defmt::info!("host link {=u8}: USB, serial number {=str}", link, serial);
-    join5(
+    spawner.spawn(defmt::unwrap!(usb_sender(gateway, link, sender)));
+    join4(
         device.run(),
         receive(gateway, link, receiver),
-        send(gateway, link, sender),
         usb::bootloader::follow_requests(gateway),
-        show_life(),
+        show_life(Life::USB),
     )
     .await;
 }
 
+/// For ever: frames from the core to the host.
+#[embassy_executor::task]
+async fn usb_sender(gateway: &'static SharedGateway, link: u8, sender: Sender) {
+    join(send(gateway, link, sender), show_life(Life::link_sender(link))).await;
+}
+
 /// For ever: shows that the task comes round. What it carries may wait for ever for a host.
-async fn show_life() -> ! {
-    let life = Watch::new(Life::USB);
+async fn show_life(life: Life) -> ! {
+    let life = Watch::new(life);
     loop {
         life.alive(pending::<()>()).await;
     }

@@ -26,7 +26,7 @@ pub struct Gateway {
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
     pub(crate) e_stop_input_open: bool,
-    /// The enable output as the hosts know it.
+    /// The level of the enable output, as the hosts know it.
     pub(crate) enabled: bool,
     /// The host in command fell silent, and none has been heard since.
     pub(crate) link_lost: bool,
@@ -134,10 +134,8 @@ impl Gateway {
 
     /// One axis of a trip group has tripped: the others do.
     fn spread_trips(&mut self, now: Instant) {
-        for index in 0..MAX_AXES {
-            let Some(axis) = self.axes.get_mut(index) else { return };
-            let (origin, group) = (axis.index, axis.take_spreading_trip());
-            let Some(group) = group else { continue };
+        let spreading = |axis: &mut Axis| Some((axis.index, axis.take_spreading_trip()?));
+        while let Some((origin, group)) = self.axes.iter_mut().find_map(spreading) {
             self.each_axis(now, |axis, out| {
                 if axis.trip_group() == Some(group) {
                     axis.trip(now, TripReason::Group { axis: origin }, out);
@@ -192,7 +190,8 @@ impl Gateway {
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
-        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now, &self.axes));
+        let buses = self.buses.iter().filter(|bus| bus.config().is_some());
+        let buses = buses.filter_map(|bus| bus.next_deadline(self.now, &self.axes));
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
         axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
     }
@@ -212,7 +211,7 @@ impl Gateway {
             axis.expire_motion(now, &mut out);
             axis.expire_pending(now, &mut out);
         }
-        for bus in buses {
+        for bus in buses.iter_mut().filter(|bus| bus.config().is_some()) {
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
             bus.report_delayed_stops(now, axes, &mut out);
@@ -254,7 +253,7 @@ impl Gateway {
     }
 
     pub(crate) fn bus(&self, bus: u8) -> Result<&Bus, Error> {
-        self.buses.get(usize::from(bus)).ok_or(self.unknown_bus(bus))
+        self.buses.get(usize::from(bus)).ok_or_else(|| self.unknown_bus(bus))
     }
 
     pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
@@ -263,7 +262,7 @@ impl Gateway {
     }
 
     pub(crate) fn unknown_bus(&self, bus: u8) -> Error {
-        Error::UnknownBus { bus, buses: u8::try_from(self.buses.len()).unwrap_or(u8::MAX) }
+        unknown_bus(&self.buses, bus)
     }
 
     /// Calls `act` with an axis and the way to the hosts.
@@ -299,4 +298,9 @@ impl Gateway {
             act(bus, axes, &mut Outbox::new(now, links));
         }
     }
+}
+
+/// The bus with this number is none of these.
+pub(crate) fn unknown_bus(buses: &[Bus], bus: u8) -> Error {
+    Error::UnknownBus { bus, buses: u8::try_from(buses.len()).unwrap_or(u8::MAX) }
 }

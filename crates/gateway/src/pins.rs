@@ -18,15 +18,16 @@ impl Gateway {
         }
     }
 
-    /// The level of the enable output: inactive while a motor counts as unreachable, so that its power can be cut.
+    /// The level of the enable output since the latest event: inactive while a motor counts as unreachable, so that its power
+    /// can be cut.
     #[must_use]
     pub fn enable_output(&self) -> bool {
-        !self.axes.iter().any(|axis| axis.is_unreachable())
+        self.enabled
     }
 
     /// Tells the hosts of an enable output that has changed.
     pub(crate) fn watch_enable_output(&mut self, now: Instant) {
-        let active = self.enable_output();
+        let active = !self.axes.iter().any(|axis| axis.is_unreachable());
         if core::mem::replace(&mut self.enabled, active) != active && self.board.enable_output {
             self.outbox(now).event(&Event::EnableOutputChanged { active });
         }

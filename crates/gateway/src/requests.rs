@@ -1,14 +1,14 @@
 //! What each request of a host does.
 
+use crate::MAX_AXES_WIRE;
 use crate::axis::{Axis, JobKind};
 use crate::bus::Bus;
-use crate::gateway::Gateway;
+use crate::gateway::{Gateway, unknown_bus};
 use crate::link::Incoming;
 use crate::log::LogEntry;
-use crate::outbox::Ticket;
+use crate::outbox::{Outbox, Ticket};
 use crate::rules;
 use crate::time::Instant;
-use crate::{MAX_AXES, MAX_AXES_WIRE};
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
     MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, StopTarget, Text,
@@ -310,16 +310,14 @@ impl Gateway {
 
     /// Stops every axis, also those at rest: something else may have set their motors in motion.
     fn stop_all(&mut self, now: Instant) {
-        // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
-        let ready: [bool; MAX_AXES] = core::array::from_fn(|index| {
-            self.axes.get(index).is_some_and(|axis| self.ready_bus(axis).is_ok())
-        });
-        self.each_axis(now, |axis, out| {
-            let can_stop = ready.get(usize::from(axis.index)) == Some(&true);
-            if can_stop || axis.state != AxisState::Idle {
-                axis.stop(now, out);
+        let Self { axes, buses, links, .. } = self;
+        let mut out = Outbox::new(now, links);
+        for axis in axes {
+            // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
+            if axis.state != AxisState::Idle || ready_bus(buses, axis).is_ok() {
+                axis.stop(now, &mut out);
             }
-        });
+        }
     }
 
     pub(crate) fn e_stop(&mut self, now: Instant) {
@@ -361,15 +359,7 @@ impl Gateway {
     }
 
     pub(crate) fn ready_bus(&self, axis: &Axis) -> Result<()> {
-        let Some(bus_index) = axis.config.bus() else { return Ok(()) };
-        let bus = self.bus(bus_index)?;
-        if bus.config().is_none() {
-            return Err(Error::BusNotConfigured { bus: bus_index });
-        }
-        if bus.is_off() {
-            return Err(Error::BusOff { bus: bus_index });
-        }
-        Ok(())
+        ready_bus(&self.buses, axis)
     }
 
     pub(crate) fn start(&mut self, now: Instant, axis: u8, kind: JobKind, ticket: Ticket) -> Result<Outcome> {
@@ -399,6 +389,19 @@ impl Gateway {
         self.link_lost = true;
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
     }
+}
+
+/// Whether the bus of an axis runs.
+fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
+    let Some(index) = axis.config.bus() else { return Ok(()) };
+    let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
+    if bus.config().is_none() {
+        return Err(Error::BusNotConfigured { bus: index });
+    }
+    if bus.is_off() {
+        return Err(Error::BusOff { bus: index });
+    }
+    Ok(())
 }
 
 /// Requests that only the holder of authority may make.

@@ -76,6 +76,33 @@ impl Duration {
     }
 }
 
+/// The earliest of several times that come after one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Earliest {
+    after: Instant,
+    at: Option<Instant>,
+}
+
+impl Earliest {
+    /// Of none yet.
+    pub const fn after(after: Instant) -> Self {
+        Self { after, at: None }
+    }
+
+    /// Another one, if it is one.
+    pub fn consider(&mut self, at: Option<Instant>) {
+        self.at = match (at.filter(|at| *at > self.after), self.at) {
+            (Some(at), Some(earliest)) => Some(at.min(earliest)),
+            (at, earliest) => at.or(earliest),
+        };
+    }
+
+    /// The earliest.
+    pub const fn at(self) -> Option<Instant> {
+        self.at
+    }
+}
+
 impl Add<Duration> for Instant {
     type Output = Self;
     fn add(self, span: Duration) -> Self {

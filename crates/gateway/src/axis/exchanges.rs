@@ -80,9 +80,9 @@ pub(super) struct Quiet {
 impl Quiet {
     pub const NONE: Self = Self { exchange: Exchange::Velocity, until: Instant::from_micros(0) };
 
-    /// From when on a request that is due at `at` may go out.
-    pub fn delays(&self, exchange: Exchange, at: Instant) -> Instant {
-        let waits = exchange != Exchange::Motion || self.exchange == Exchange::Motion;
+    /// From when on a request that is due at `at`, a setpoint or not, may go out.
+    pub fn delays(&self, is_motion: bool, at: Instant) -> Instant {
+        let waits = !is_motion || self.exchange == Exchange::Motion;
         if waits { at.max(self.until) } else { at }
     }
 }

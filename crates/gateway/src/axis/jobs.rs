@@ -241,7 +241,8 @@ impl Axis {
     /// When the job is given up if the bus has not taken its next request.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
         let waiting = self.job.as_ref().filter(|_| self.pending.is_none())?;
-        Some(self.quiet.delays(self.job_exchange()?, waiting.since) + TAKEN_WITHIN)
+        let is_motion = self.job_exchange()? == Exchange::Motion;
+        Some(self.quiet.delays(is_motion, waiting.since) + TAKEN_WITHIN)
     }
 
     /// Gives up a job whose next request the bus does not take: every request has a result.

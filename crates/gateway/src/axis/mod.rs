@@ -25,7 +25,7 @@ pub(crate) use wants::{Priority, Want};
 
 use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
-use crate::time::{Duration, Instant};
+use crate::time::{Duration, Earliest, Instant};
 use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Quiet, Silence};
 use host_protocol::replies::AxisReport;
@@ -142,6 +142,11 @@ impl Axis {
     /// Whether the axis may be configured: nothing is allowed and nothing is under way.
     pub fn is_at_rest(&self) -> bool {
         matches!(self.state, AxisState::Unconfigured | AxisState::Idle) && self.job.is_none()
+    }
+
+    /// Whether there is a stop, under way or confirmed.
+    pub fn has_stop(&self) -> bool {
+        self.stop.is_some()
     }
 
     /// Whether there is a stop of which no command has left yet.
@@ -277,13 +282,16 @@ impl Axis {
         if self.state == AxisState::Unconfigured {
             return None;
         }
-        let displaced = self.displaced.as_ref().and_then(Displaced::deadline);
-        let pending = self.pending.as_ref().and_then(Pending::deadline);
-        let expiry = self.motion.as_ref().and_then(Motion::deadline);
-        let want = if self.pending.is_none() { self.next_want_at(after) } else { None };
-        let stalled = [self.job_stalls_at(), self.stop.as_ref().and_then(Stop::stalls_at)];
-        let all = [displaced, pending, expiry, want].into_iter().chain(stalled);
-        all.flatten().filter(|at| *at > after).min()
+        let mut next = Earliest::after(after);
+        next.consider(self.displaced.as_ref().and_then(Displaced::deadline));
+        next.consider(self.pending.as_ref().and_then(Pending::deadline));
+        next.consider(self.motion.as_ref().and_then(Motion::deadline));
+        if self.pending.is_none() {
+            next.consider(self.next_want_at(after));
+        }
+        next.consider(self.job_stalls_at());
+        next.consider(self.stop.as_ref().and_then(Stop::stalls_at));
+        next.at()
     }
 
     /// Whether a reply to this command may be the late one to the same command sent before.

@@ -57,7 +57,7 @@ impl Axis {
 
     /// The trip that has still to go into the history.
     pub fn take_unrecorded_trip(&mut self) -> Option<Trip> {
-        core::mem::take(&mut self.trip_unrecorded).then_some(self.trip).flatten()
+        if core::mem::take(&mut self.trip_unrecorded) { self.trip } else { None }
     }
 
     /// Axes that trip together have the same.

@@ -30,16 +30,28 @@ pub(crate) struct Want {
     pub command: Command,
 }
 
+/// What an axis turns to next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Next {
+    This(Exchange),
+    /// The poll whose turn it is. Which one that is takes a while to find, and matters only when it is due.
+    Poll,
+}
+
 impl Axis {
     /// What the axis wants sent at `now`.
     pub fn wants(&self, now: Instant) -> Option<Want> {
-        if self.pending.is_some() || self.state == AxisState::Unconfigured {
+        if self.pending.is_some() || self.state == AxisState::Unconfigured || now < self.nothing_before() {
             return None;
         }
-        let (exchange, at) = self.next_exchange(now)?;
+        let (next, at) = self.next(now)?;
         if at > now {
             return None;
         }
+        let exchange = match next {
+            Next::This(exchange) => exchange,
+            Next::Poll => self.poll_exchange()?,
+        };
         let priority = match (&self.stop, exchange) {
             (Some(stop), _) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
             (Some(stop), _) if !stop.has_left() => Priority::FirstStop,
@@ -55,46 +67,54 @@ impl Axis {
         Some(Want { priority, due: at, exchange, command })
     }
 
+    /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may send.
+    fn nothing_before(&self) -> Instant {
+        if self.stop.is_some() || self.job.is_some() {
+            return Instant::default();
+        }
+        let polls = self.fault_poll_at.min(self.state_poll_at);
+        self.motion.as_ref().and_then(|motion| motion.due).map_or(polls, |due| polls.min(due))
+    }
+
     /// When a stop command of the axis is due that the bus has not taken yet.
     pub fn stop_due_at(&self) -> Option<Instant> {
         let next = self.stop.as_ref().filter(|_| self.pending.is_none())?.next();
         next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
     }
 
-    /// When the axis will want something, if nothing happens before.
+    /// When the axis will want something, or is to be asked again, if nothing happens before.
     pub fn next_want_at(&self, now: Instant) -> Option<Instant> {
-        self.next_exchange(now).map(|(_, at)| at)
+        let ask_again = self.nothing_before();
+        if now < ask_again { Some(ask_again) } else { self.next(now).map(|(_, at)| at) }
     }
 
-    /// The next exchange and the time from which on it is wanted. Whatever is overdue longest goes first.
-    fn next_exchange(&self, now: Instant) -> Option<(Exchange, Instant)> {
-        let job = self.job_exchange().map(|exchange| (exchange, self.job_since()));
+    /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes first.
+    fn next(&self, now: Instant) -> Option<(Next, Instant)> {
+        let job = self.job_exchange().map(|exchange| (Next::This(exchange), self.job_since()));
         if let Some(stop) = &self.stop {
-            let next = stop.next();
+            let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
             return match (next, job) {
                 // A confirmed stop is only repeated: whoever clears it comes between.
-                (Some((_, at)), Some(_)) if at > now => self.earliest([job, next, None]),
-                (None, Some(_)) => self.earliest([job, None, None]),
-                (Some((Exchange::Stop, at)), _) => Some((Exchange::Stop, at)),
-                (next, _) => self.earliest([next, None, None]),
+                (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
+                (None, Some(_)) => self.earliest(&[job]),
+                (Some((Next::This(Exchange::Stop), _)), _) => next,
+                (next, _) => self.earliest(&[next]),
             };
         }
         match self.state {
             AxisState::Armed | AxisState::Active => {
                 let motion = self.motion.as_ref().filter(|motion| motion.is_permitted(now));
-                let motion = motion.and_then(|motion| Some((Exchange::Motion, motion.due?)));
-                let polls = [
-                    Some((Exchange::Faults, self.fault_poll_at)),
-                    self.poll_exchange().map(|exchange| (exchange, self.state_poll_at)),
-                    job,
-                ];
-                self.choose(now, self.earliest([motion, None, None]), self.earliest(polls))
+                let motion = motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
+                let faults = Some((Next::This(Exchange::Faults), self.fault_poll_at));
+                let poll = Some((Next::Poll, self.state_poll_at));
+                self.choose(now, self.earliest(&[motion]), self.earliest(&[faults, poll, job]))
             }
             AxisState::Idle => {
-                let poll = self.idle_poll().map(|exchange| (exchange, self.state_poll_at));
-                self.earliest([job, poll, None])
+                let polled = self.holding || self.watched;
+                let poll = polled.then_some((Next::Poll, self.state_poll_at));
+                self.earliest(&[job, poll])
             }
-            _ => self.earliest([job, None, None]),
+            _ => self.earliest(&[job]),
         }
     }
 
@@ -102,9 +122,9 @@ impl Axis {
     fn choose(
         &self,
         now: Instant,
-        motion: Option<(Exchange, Instant)>,
-        other: Option<(Exchange, Instant)>,
-    ) -> Option<(Exchange, Instant)> {
+        motion: Option<(Next, Instant)>,
+        other: Option<(Next, Instant)>,
+    ) -> Option<(Next, Instant)> {
         let (Some(motion), Some(other)) = (motion, other) else { return motion.or(other) };
         let other_first = match (motion.1 <= now, other.1 <= now) {
             (true, true) => self.motion_had_its_turn,
@@ -114,16 +134,24 @@ impl Axis {
         Some(if other_first { other } else { motion })
     }
 
-    fn earliest(&self, candidates: [Option<(Exchange, Instant)>; 3]) -> Option<(Exchange, Instant)> {
-        candidates
-            .into_iter()
-            .flatten()
-            .map(|(exchange, at)| (exchange, self.quiet.delays(exchange, at)))
-            .min_by_key(|(_, at)| *at)
+    fn earliest(&self, candidates: &[Option<(Next, Instant)>]) -> Option<(Next, Instant)> {
+        let mut earliest: Option<(Next, Instant)> = None;
+        for (next, at) in candidates.iter().flatten() {
+            let at = self.quiet.delays(*next == Next::This(Exchange::Motion), *at);
+            if earliest.is_none_or(|(_, before)| at < before) {
+                earliest = Some((*next, at));
+            }
+        }
+        earliest
+    }
+
+    /// The poll whose turn it is.
+    fn poll_exchange(&self) -> Option<Exchange> {
+        if self.state == AxisState::Idle { self.idle_poll() } else { self.armed_poll() }
     }
 
     /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
-    fn poll_exchange(&self) -> Option<Exchange> {
+    fn armed_poll(&self) -> Option<Exchange> {
         if self.in_doubt {
             return Some(Exchange::Velocity);
         }

@@ -29,11 +29,16 @@ impl Bus {
 
     /// The stops here of which no command has left and that have not been reported: whose, since when, and when they are due for it.
     fn delayed_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant, Instant)> + 'a {
-        let here = move |axis: &&Axis| axis.config.bus() == Some(self.index);
-        axes.iter().filter(here).filter_map(move |axis| {
+        // Most begin together, and are due together.
+        let mut before = None;
+        self.axes_here(axes).filter_map(move |axis| {
             let since = axis.unreported_stop()?;
-            let together = axes.iter().filter(here).filter(|other| other.stops_beside(since)).count();
-            Some((axis.index, since, since + self.bound(together as u64) + ALLOWANCE))
+            let due = before.filter(|(began, _)| *began == since).map(|(_, due)| due).unwrap_or_else(|| {
+                let together = self.axes_here(axes).filter(|other| other.stops_beside(since)).count();
+                since + self.bound(together as u64) + ALLOWANCE
+            });
+            before = Some((since, due));
+            Some((axis.index, since, due))
         })
     }
 

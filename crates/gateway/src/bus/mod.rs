@@ -238,7 +238,13 @@ impl Bus {
 
 /// Time of `bits` bits at a bitrate, rounded up to the microsecond.
 fn bits_at(bits: u64, bitrate: u32) -> Duration {
-    Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(bitrate.max(1))))
+    let (bit_us, bitrate) = (bits * 1_000_000, bitrate.max(1));
+    // What is asked for at every frame fits into the 32 bits that the processor divides by itself.
+    let us = match u32::try_from(bit_us) {
+        Ok(bit_us) => u64::from(bit_us.div_ceil(bitrate)),
+        Err(_) => bit_us.div_ceil(u64::from(bitrate)),
+    };
+    Duration::from_micros(us)
 }
 
 const NO_COUNTS: BusCounters = BusCounters {

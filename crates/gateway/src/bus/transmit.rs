@@ -39,7 +39,7 @@ impl Bus {
         axes: &mut [Axis],
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
-        if self.config.is_none() || self.is_off() {
+        if self.config.is_none() || self.is_off() || !self.has_room() {
             return None;
         }
         if let Some((index, want)) = self.choose(now, axes)
@@ -47,8 +47,8 @@ impl Bus {
         {
             return self.hand_over(now, axis, want, out);
         }
-        let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
-        if stops_wait { None } else { self.raw_frame(now) }
+        let stops_wait = || self.axes_here(axes).any(Axis::stop_has_not_left);
+        if self.raw.is_none() || stops_wait() { None } else { self.raw_frame(now) }
     }
 
     /// The port has sent the frame in `slot`.
@@ -73,7 +73,7 @@ impl Bus {
         if self.kind() != BusKind::Can {
             return None;
         }
-        let by = now + CANCELLED_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let within = CANCELLED_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
@@ -87,7 +87,7 @@ impl Bus {
                 None => self.raw.is_none(),
             };
             if unwanted {
-                in_flight.cancel_by = Some(by);
+                in_flight.cancel_by = Some(now + within);
                 return Some(slot);
             }
         }
@@ -177,15 +177,23 @@ impl Bus {
     /// The axis to serve now: stops first, then in turn.
     fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
         let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
-        let stops_wait = self.axes_here(axes).any(Axis::stop_has_not_left);
-        let outstanding = self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
-        let may_ordinary =
-            !stops_wait && self.may_send_ordinary(now, outstanding) && !self.lets_replies_pass(now, axes);
+        let stops = self.axes_here(axes).any(Axis::has_stop);
+        let stops_wait = stops && self.axes_here(axes).any(Axis::stop_has_not_left);
+        let may_ordinary = !stops_wait
+            && self.may_send_ordinary(now)
+            && self.may_be_answered(axes)
+            && !self.lets_replies_pass(now, axes);
+        if !stops && !may_ordinary {
+            return None;
+        }
         let turn = usize::from(self.turn);
         let mut best: Option<(usize, Want)> = None;
         for offset in 1..=axes.len() {
             let index = (turn + offset) % axes.len();
             let Some(axis) = axes.get(index).filter(here) else { continue };
+            if !may_ordinary && !axis.has_stop() {
+                continue;
+            }
             let Some(want) = axis.wants(now) else { continue };
             if best.as_ref().is_some_and(|(_, chosen)| want.priority >= chosen.priority) {
                 continue;
@@ -204,22 +212,41 @@ impl Bus {
             };
             if allowed {
                 best = Some((index, want));
+                if want.priority == Priority::FirstStop {
+                    // Nothing goes before it.
+                    break;
+                }
             }
         }
         best
     }
 
-    fn axes_here<'a>(&self, axes: &'a [Axis]) -> impl Iterator<Item = &'a Axis> {
+    pub(super) fn axes_here<'a>(&self, axes: &'a [Axis]) -> impl Iterator<Item = &'a Axis> {
         let index = self.index;
         axes.iter().filter(move |axis| axis.config.bus() == Some(index))
     }
 
-    fn may_send_ordinary(&self, now: Instant, outstanding: usize) -> bool {
-        let free = self.in_flight.iter().all(Option::is_none);
+    /// Whether the port takes another frame, be it a stop: a line one at a time.
+    fn has_room(&self) -> bool {
         match self.kind() {
-            BusKind::Can => free && (outstanding < MAX_OUTSTANDING || !self.carries(Protocol::Thruster)),
-            BusKind::Rs485 => free && self.line.ready_at(self.line_times()) <= now,
+            BusKind::Can => self.free_slot().is_some(),
+            BusKind::Rs485 => self.nothing_in_flight(),
         }
+    }
+
+    fn nothing_in_flight(&self) -> bool {
+        self.in_flight.iter().all(Option::is_none)
+    }
+
+    fn may_send_ordinary(&self, now: Instant) -> bool {
+        self.nothing_in_flight()
+            && (self.kind() == BusKind::Can || self.line.ready_at(self.line_times()) <= now)
+    }
+
+    /// Whether one more request leaves the stops of thrusters their bound.
+    fn may_be_answered(&self, axes: &[Axis]) -> bool {
+        let outstanding = || self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
+        self.kind() != BusKind::Can || !self.carries(Protocol::Thruster) || outstanding() < MAX_OUTSTANDING
     }
 
     /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
@@ -235,14 +262,10 @@ impl Bus {
                 let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
                 // A reply that is still due could win the bus together with it behind another frame.
-                let alone = self.in_flight.iter().all(Option::is_none);
-                let apart = alone || axis.reply_with_our_id_since().is_none();
-                self.free_slot().is_some() && !taken && apart && self.id_is_free_at(axis, axes) <= now
+                let apart = self.nothing_in_flight() || axis.reply_with_our_id_since().is_none();
+                !taken && apart && self.id_is_free_at(axis, axes) <= now
             }
-            BusKind::Rs485 => {
-                self.in_flight.iter().all(Option::is_none)
-                    && self.line.stop_ready_at(want.due, self.line_times()) <= now
-            }
+            BusKind::Rs485 => self.line.stop_ready_at(want.due, self.line_times()) <= now,
         }
     }
 
@@ -318,7 +341,7 @@ impl Bus {
     }
 
     fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
-        if !self.may_send_ordinary(now, 0) {
+        if !self.may_send_ordinary(now) {
             return None;
         }
         let frame = match self.raw.as_mut()?.next_to_send()? {
