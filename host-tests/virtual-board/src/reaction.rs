@@ -110,8 +110,9 @@ pub fn traces(image: &Path, phases: u32, filter: &str) -> Result<String, NotRunn
         let rig = Rig::new(&board, situation);
         let bound = situation.bound(situation.bus.axes());
         let last = |phase: &u32| {
-            let stops = rig.react(situation.offset(*phase, phases), &EStop {}, bound);
-            last_stop(&stops[..usize::from(situation.bus.axes())]).unwrap_or(Duration::MAX)
+            let axes = 0..situation.bus.axes();
+            let stops = rig.react(situation.offset(*phase, phases), &EStop {}, bound, axes);
+            last_stop(&stops).unwrap_or(Duration::MAX)
         };
         let worst = (0..phases).max_by_key(last).unwrap_or_default();
         let trace = rig.trace(situation.offset(worst, phases), &EStop {}, bound);
@@ -133,12 +134,11 @@ fn rows(board: &dyn Fn() -> Builder, situation: Situation, phases: u32) -> (Stri
     for phase in 0..phases {
         let after = situation.offset(phase, phases);
         let axis = u8::try_from(phase % u32::from(axes)).expect("small");
-        let stops = rig.react(after, &Stop { target: StopTarget::Axis(axis) }, situation.bound(1));
-        one.push(stops[usize::from(axis)]);
-        let stops = rig.react(after, &EStop {}, situation.bound(axes));
-        let stops = &stops[..usize::from(axes)];
+        let stop = Stop { target: StopTarget::Axis(axis) };
+        one.extend(rig.react(after, &stop, situation.bound(1), axis..axis + 1));
+        let stops = rig.react(after, &EStop {}, situation.bound(axes), 0..axes);
         first.push(stops.iter().copied().flatten().min());
-        last.push(last_stop(stops));
+        last.push(last_stop(&stops));
     }
     let row =
         |stop: &str, took: &[Option<Duration>], bound| Row::new(&format!("{situation}, {stop}"), took, bound);

@@ -102,6 +102,9 @@ impl Oracle {
         let Request::Native { axis, epoch, data, .. } = request else { return false };
         let Some(axis) = self.axes.get(usize::from(*axis)) else { return false };
         let Some(protocol) = axis.protocol().filter(|_| axis.is_complete()) else { return false };
+        if !protocol.has_data_fields_of(data.len()) {
+            return false;
+        }
         match protocol.asked_by_host(data) {
             Purpose::Read => false,
             Purpose::Motion { .. } | Purpose::Change => true,

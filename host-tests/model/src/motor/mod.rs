@@ -154,6 +154,14 @@ impl Protocol {
         }
     }
 
+    /// Whether a data field of the manual can be so long.
+    pub fn has_data_fields_of(self, bytes: usize) -> bool {
+        match self {
+            Self::Rmd | Self::D5 => bytes == 8,
+            Self::Thruster => matches!(bytes, 4 | 8),
+        }
+    }
+
     /// Whether two requests are the same command of the manual, whatever their values. Bytes that the command does not use
     /// are not sent as the host gave them.
     pub fn same_command(self, one: &[u8], other: &[u8]) -> bool {

@@ -1,7 +1,7 @@
 //! A situation, set up once; every reaction is a branch of the run that has led there.
 
 use std::cell::RefCell;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -38,6 +38,8 @@ const SETTLED: Duration = Duration::from_millis(300);
 const STOPPED: Duration = Duration::from_secs(2);
 /// A situation lasts for so long at least behind where it begins.
 const LASTS: Duration = Duration::from_millis(400);
+/// How long after a bound a branch ends if its stops have come: the last has to be at its end to count.
+const SOON: Duration = Duration::from_millis(2);
 /// How long after a bound a stop that is late is still waited for.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// A sequence number that the client has not used lately.
@@ -112,10 +114,26 @@ impl Rig {
     }
 
     /// Sends a command on the second host link, so long after the begin of the situation, in a branch of the run. From its
-    /// last bit to the first stop of each axis.
-    pub(super) fn react<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> FirstStops {
+    /// last bit to the first stop of each of these axes. Most branches end soon after the bound; one whose stops have not all
+    /// come by then is run once more, for longer.
+    pub(super) fn react<C: Call>(
+        &self,
+        after: Duration,
+        command: &C,
+        bound: Duration,
+        axes: Range<u8>,
+    ) -> Vec<Option<Duration>> {
+        let among = |stops: FirstStops| stops[usize::from(axes.start)..usize::from(axes.end)].to_vec();
+        let soon = among(self.first_stops_within(after, command, bound + SOON));
+        if soon.iter().all(Option::is_some) {
+            return soon;
+        }
+        among(self.first_stops_within(after, command, bound + PATIENCE))
+    }
+
+    fn first_stops_within<C: Call>(&self, after: Duration, command: &C, within: Duration) -> FirstStops {
         let bus = self.situation.bus;
-        let found = self.branch(after, command, bound, move |part, since| {
+        let found = self.branch(after, command, within, move |part, since| {
             let stops = first_stops(part, bus, since);
             let nanos = |stop: &Option<Duration>| {
                 stop.map_or(u64::MAX, |stop| u64::try_from(stop.as_nanos()).expect("short"))
@@ -132,7 +150,7 @@ impl Rig {
     /// The same; what the bus carried meanwhile, as text.
     pub(super) fn trace<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> String {
         let bus = self.situation.bus;
-        let found = self.branch(after, command, bound, move |part, since| match bus.index() {
+        let found = self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
             2 => trace::of_bytes(line(part).sent(), since).into_bytes(),
             bus => trace::of_frames(part.fdcan[usize::from(bus)].log(), since).into_bytes(),
         });
@@ -144,7 +162,7 @@ impl Rig {
         &self,
         after: Duration,
         command: &C,
-        bound: Duration,
+        within: Duration,
         report: impl FnOnce(&mut Part, Duration) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
         let mut frame = [0; MAX_FRAME];
@@ -163,7 +181,7 @@ impl Rig {
             );
             host.send(&frame);
         };
-        machine.branch(begin, send, bound + PATIENCE, move |part| report(part, since))
+        machine.branch(begin, send, within, move |part| report(part, since))
     }
 
     /// When the longest pause of the bus begins, with a margin: from where the board stands.
@@ -300,10 +318,10 @@ mod tests {
         for load in [Load::Own, Load::Foreign] {
             let situation = Situation { bus: Bus::Can, load };
             let rig = Rig::new(&Machine::builder, situation);
-            let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16));
+            let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16);
             assert!(stops.iter().all(Option::is_some), "{stops:?}");
             assert_eq!(
-                rig.react(Duration::ZERO, &EStop {}, situation.bound(16)),
+                rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16),
                 stops,
                 "the board never knew"
             );
