@@ -17,9 +17,11 @@ impl Oracle {
             (cancelled, tally.cancelled),
             (bus_offs, tally.bus_offs),
         ];
-        // Allowance: what takes the place of a frame that was given back may be counted before its own time is up.
+        // Allowance: what takes the place of a frame that was given back may be counted before its own time is up, and whose time it
+        // had is not followed over a restart of the controller.
+        let least = tally.missed.saturating_sub(tally.cancelled);
         let most = tally.missed + tally.missed_or_not + tally.cancelled;
-        let missed_fits = (tally.missed..=most).contains(&missed);
+        let missed_fits = (least..=most).contains(&missed);
         if is_right.iter().any(|(told, counted)| told != counted)
             || !missed_fits
             || off != state.off_since.is_some()
