@@ -228,7 +228,7 @@ parameters! {
     5 StopAction "stop_action": Unsigned("") [1, 3] required;
     /// How far ahead a setpoint may expire.
     6 TtlUs "ttl_us": Unsigned("µs") [5_000, 60_000_000] 100_000;
-    /// How often a setpoint in force is sent to the motor again; at least every third of the motor's own timeout, every 20 ms where that is unknown.
+    /// How often a setpoint in force is sent to the motor again; at least every third of the motor's own timeout, every 20 ms where that is unknown, as a D5's is: it can be switched on and off, and nothing tells how long it is.
     7 RefreshUs "refresh_us": Unsigned("µs") [1_000, 1_000_000] 20_000;
     /// How often the fault word of an armed axis is read.
     8 FaultPollUs "fault_poll_us": Unsigned("µs") [20_000, 1_000_000] 100_000;

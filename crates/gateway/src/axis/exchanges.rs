@@ -219,7 +219,8 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Reception {
-        if let Some(displaced) = &self.displaced
+        // What has not left cannot be answered: an answer of that kind is one that came twice.
+        if let Some(displaced) = self.displaced.as_ref().filter(|displaced| displaced.until.is_some())
             && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
         {
             self.displaced = None;

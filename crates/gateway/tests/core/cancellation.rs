@@ -81,6 +81,21 @@ fn a_controller_that_does_not_report_is_started_again() {
     assert_eq!(rig.held_texts(), [HOLD]);
 }
 
+/// The setpoint expires in the moment in which the reply to one before comes again.
+#[test]
+fn a_reply_that_comes_twice_does_not_keep_motion_in_the_controller() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    rig.run(10_000);
+    rig.cut();
+    let request = setpoint(&rig, epoch, 5_000, VELOCITY);
+    rig.ask(request).unwrap();
+    assert_eq!(rig.held_texts(), [FAST]);
+    rig.now_us += 6_000;
+    rig.receive(0, "241#A21E0A0000000000");
+    assert_eq!(rig.held_texts(), [HOLD]);
+}
+
 #[test]
 fn what_was_given_up_does_not_leave_when_nobody_expects_it_any_more() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
