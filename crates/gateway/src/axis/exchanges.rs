@@ -220,9 +220,12 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Reception {
         // What has not left cannot be answered: an answer of that kind is one that came twice.
-        if let Some(displaced) = self.displaced.as_ref().filter(|displaced| displaced.until.is_some())
-            && motor::judge(&displaced.command, received, &self.config) != Verdict::Unrelated
-        {
+        let displaced = self.displaced.as_ref().filter(|displaced| displaced.until.is_some());
+        let late = displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));
+        if let Some(verdict) = late.filter(|verdict| *verdict != Verdict::Unrelated) {
+            if let Verdict::Answer(seen) = &verdict {
+                self.late_speed(seen);
+            }
             self.displaced = None;
             // The reply to what was sent in its place is still due.
             self.unanswered_since =

@@ -10,6 +10,9 @@ use host_protocol::{
     Quantity, Request, Setpoint, StopAction, StopTarget, TripReason, Value, requests,
 };
 
+/// Reads the speed (RMD V3.6 §2.13).
+const SPEED: &str = "141#9C00000000000000";
+
 #[test]
 fn an_expired_setpoint_trips_and_the_stop_goes_out_at_once() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
@@ -250,4 +253,38 @@ fn stopping_all_leaves_an_axis_alone_whose_bus_does_not_run() {
     run_with_host(&mut rig, 1_000_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Idle);
     bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd]);
+}
+
+/// How often the speed is still read until the stop is confirmed, when the answer to the second reading is `late`.
+fn readings_after(late: &str) -> usize {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.run(1_000);
+    let mut polls = 0;
+    rig.instead(move |text| {
+        polls += u32::from(text == SPEED);
+        if text == SPEED && polls == 2 { Instead::Nothing } else { Instead::AsUsual }
+    });
+    let stopped_at = rig.now_us;
+    stop(&mut rig);
+    while rig.sent_since(0, stopped_at).iter().filter(|text| **text == SPEED).count() < 2 {
+        rig.run(100);
+    }
+    // Its window of 5 ms closes.
+    rig.run(5_500);
+    rig.receive(0, late);
+    let since = rig.now_us;
+    while bench::outcomes(&rig).is_empty() {
+        rig.run(100);
+        assert!(rig.now_us < since + 30_000);
+    }
+    rig.sent_since(0, since).iter().filter(|text| **text == SPEED).count()
+}
+
+/// What was read before does not count if a late answer says that the motor turned.
+#[test]
+fn a_late_reading_shows_no_standstill_and_can_show_that_there_is_none() {
+    let stands = readings_after("241#9C1E0A0000000000");
+    let turns = readings_after("241#9C1E0A0064000000");
+    assert_eq!(turns, stands + 1);
 }

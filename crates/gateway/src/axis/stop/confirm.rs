@@ -151,6 +151,14 @@ impl Axis {
         }
     }
 
+    /// A speed that came late. Whatever it answered, it does not show standstill, but it can show that there is none.
+    pub(in crate::axis) fn late_speed(&mut self, seen: &Observation) {
+        let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
+        if let Some(stop) = self.stop.as_mut().filter(|_| turns) {
+            stop.standstill_readings = 0;
+        }
+    }
+
     fn lock_when_overdue(&mut self, now: Instant) {
         let brakes = self.config.stop_action() == Some(StopAction::Brake);
         if let Some(stop) = &mut self.stop
