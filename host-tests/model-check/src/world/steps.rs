@@ -16,6 +16,10 @@ impl World {
                 let epoch =
                     axis_of(ask).and_then(|axis| self.epochs.get(usize::from(axis))).copied().unwrap_or(0);
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
+                // Whether bytes are a command, and take authority, the model learns from their result: that is read.
+                if matches!(ask, Ask::Native { .. }) {
+                    host.unread_until = now;
+                }
                 let bytes = host.ask(now, ask, epoch);
                 self.feed(Input::Host { link: *link, bytes });
             }
