@@ -138,10 +138,10 @@ impl Axis {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)
     }
 
-    /// What a reset leaves of it: the parameters, and what is known of its motor's own timeout.
+    /// What a reset leaves of it: the parameters, whether it is unreachable, and what is known of its motor's own timeout.
     pub fn restarted(&mut self) -> Self {
         let parameters = std::mem::take(&mut self.parameters);
-        let (motor_timeout_ms, timeout_written) = (self.motor_timeout_ms, self.timeout_written);
-        Self { parameters, motor_timeout_ms, timeout_written, ..Self::default() }
+        let Self { unreachable, motor_timeout_ms, timeout_written, .. } = *self;
+        Self { parameters, unreachable, motor_timeout_ms, timeout_written, ..Self::default() }
     }
 }
