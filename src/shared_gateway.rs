@@ -3,6 +3,7 @@
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
 
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
@@ -87,11 +88,12 @@ impl SharedGateway {
     /// Tells the core what happened, and every port to poll it again.
     ///
     /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. What must outlive a reset is stored when the buses
-    /// have had their frames, before anything is said to a host and before the next event. That is in time: an axis is
-    /// recorded as one that may move from the start of its arming, and a later event lets it move.
+    /// have had their frames, before anything is said to a host; after many trips in parts, so that the next event does not wait
+    /// long. That is in time: an axis is recorded before the next event as one that may move, from the start of its arming, and a
+    /// later event lets it move.
     pub fn handle(&self, event: Event<'_>) {
         let enabled = self.with(|core, now| {
-            self.save(core);
+            self.save_some(core);
             core.handle(now, event);
             core.enable_output()
         });
@@ -105,20 +107,31 @@ impl SharedGateway {
             .for_each(|changed| changed.signal(()));
     }
 
-    fn save(&self, core: &mut Gateway) {
-        if !self.unsaved.swap(false, Ordering::Relaxed) {
-            return;
+    /// Stores a part of what must outlive a reset. Returns whether that was all.
+    #[inline(never)]
+    fn save_some(&self, core: &mut Gateway) -> bool {
+        if !self.unsaved.load(Ordering::Relaxed) {
+            return true;
         }
         let mut wrote = false;
-        self.kept.lock(|kept| {
+        let all = self.kept.lock(|kept| {
             let mut kept = kept.borrow_mut();
-            core.save(|index, word| {
+            core.save_some(|index, word| {
                 wrote = true;
                 kept.write(index, word);
-            });
+            })
         });
         if wrote {
             retained::close();
+        }
+        self.unsaved.store(!all, Ordering::Relaxed);
+        all
+    }
+
+    /// Stores all of it, and lets others go first between its parts. Before [`poll_host`](Self::poll_host).
+    pub async fn save(&self) {
+        while !self.with(|core, _| self.save_some(core)) {
+            yield_now().await;
         }
     }
 
@@ -148,7 +161,8 @@ impl SharedGateway {
     #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.with(|core, _| {
-            self.save(core);
+            // Whoever has had it stored before leaves nothing of it.
+            while !self.save_some(core) {}
             core.poll_host(link, out)
         })
     }
@@ -193,7 +207,7 @@ impl SharedGateway {
     #[inline(never)]
     pub fn next_deadline(&self) -> Option<Instant> {
         self.with(|core, _| {
-            self.save(core);
+            self.save_some(core);
             core.next_deadline()
         })
     }

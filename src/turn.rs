@@ -16,7 +16,9 @@ use embassy_futures::yield_now;
 pub enum Urgency {
     /// Hosts are told, lines are logged.
     None,
-    /// Buses and deadlines.
+    /// Deadlines: when one falls due together with a demand, the frames that this demands go first.
+    Deadline,
+    /// Buses.
     Bus,
     /// What can demand a stop: hosts and the e-stop input.
     Demand,

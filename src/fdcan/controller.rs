@@ -38,6 +38,29 @@ struct Held {
     place: usize,
     /// Asked back, and not yet known to be sent or given back.
     asked_back: bool,
+    /// What has become of it, where another frame has taken its place since: the registers speak of that one now.
+    fate: Option<Fate>,
+}
+
+/// What becomes of a frame in the controller.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    Sent,
+    GivenBack,
+}
+
+impl Held {
+    fn fate(&self, registers: Fdcan) -> Option<Fate> {
+        let told = || {
+            let (sent, cancelled) = (registers.txbto().read(), registers.txbcf().read());
+            if sent.to(self.place) {
+                Some(Fate::Sent)
+            } else {
+                (self.asked_back && cancelled.cf(self.place)).then_some(Fate::GivenBack)
+            }
+        };
+        self.fate.or_else(told)
+    }
 }
 
 /// A controller on its bus. Off the bus again when dropped.
@@ -84,7 +107,7 @@ impl<'d> Controller<'d> {
     pub fn cancel(&mut self, slot: u8) {
         if self.waiting.take_if(|(waiting, _)| *waiting == slot).is_some() {
             self.happenings.report(Happening::Cancelled(slot));
-        } else if let Some(Some(held)) = self.held.get_mut(usize::from(slot)) {
+        } else if let Some(Some(held @ Held { fate: None, .. })) = self.held.get_mut(usize::from(slot)) {
             held.asked_back = true;
             let place = held.place;
             self.registers.txbcr().write(|w| w.set_cr(place, true));
@@ -94,8 +117,8 @@ impl<'d> Controller<'d> {
     /// Frees the slot of a frame that was asked back and has left its place without having been sent; one that was sent all the
     /// same is reported as such.
     fn given_back(&mut self) -> Option<u8> {
-        let (finished, sent) = (self.registers.txbcf().read(), self.registers.txbto().read());
-        let is_back = |held: &Held| held.asked_back && finished.cf(held.place) && !sent.to(held.place);
+        let registers = self.registers;
+        let is_back = |held: &Held| held.fate(registers) == Some(Fate::GivenBack);
         let (slot, held) =
             (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
         *held = None;
@@ -128,17 +151,26 @@ impl<'d> Controller<'d> {
         let status = self.registers.txfqs().read();
         let overtakes = self.held.iter().flatten().any(|held| held.id == frame.id());
         let place = usize::from(status.tfqpi());
-        // A request in a place clears what TXBCF and TXBTO say of the frame before, which nobody has looked at yet.
-        let unseen = self.held.iter().flatten().any(|held| held.place == place);
-        match self.held.get_mut(usize::from(slot)) {
-            Some(held @ None) if !overtakes && !unseen && !status.tfqf() => {
-                *held = Some(Held { id: frame.id(), place, asked_back: false });
-            }
-            _ => return,
+        let taken = self.held.get(usize::from(slot)).is_none_or(Option::is_some);
+        if overtakes || taken || status.tfqf() || !self.note_fate(place) {
+            return;
+        }
+        if let Some(held) = self.held.get_mut(usize::from(slot)) {
+            *held = Some(Held { id: frame.id(), place, asked_back: false, fate: None });
         }
         self.waiting = None;
         self.message_ram.put(place, element::to_send(&frame, slot));
         self.registers.txbar().write(|w| w.set_ar(place, true));
+    }
+
+    /// Notes what has become of the frame that was in a place: the request of the next one there clears what TXBCF and TXBTO say of
+    /// it. A stop need not wait until the task has come to it. False if neither says anything yet.
+    fn note_fate(&mut self, place: usize) -> bool {
+        let registers = self.registers;
+        self.held.iter_mut().flatten().filter(|held| held.place == place).all(|held| {
+            held.fate = held.fate(registers);
+            held.fate.is_some()
+        })
     }
 
     /// Frees the slot of a sent frame; false if it held none, as after a withdrawal.

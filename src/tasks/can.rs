@@ -48,19 +48,19 @@ impl CanBus<'_> {
             self.send();
             // A full queue must not keep the other tasks waiting.
             turn.end().await;
-            if let Either::First(happening) = turn.wait(self.next(life)).await {
+            if let Either::Second(happening) = turn.wait(self.next(life)).await {
                 self.follow(happening).await;
                 self.report_losses();
             }
         }
     }
 
-    /// Waits until the controller does something or the core wants something. Meanwhile nothing may say that the error state
-    /// changes: each pulse looks.
-    async fn next(&mut self, life: &Watch) -> Either<Happening, ()> {
+    /// Waits until the core wants something or the controller does something. The core goes first: what it wants may be a stop, and a
+    /// frame that has come can wait. Meanwhile nothing may say that the error state changes: each pulse looks.
+    async fn next(&mut self, life: &Watch) -> Either<(), Happening> {
         loop {
             let changed = self.gateway.bus_changed(self.bus);
-            if let Some(next) = life.alive(select(self.controller.next(), changed)).await {
+            if let Some(next) = life.alive(select(changed, self.controller.next())).await {
                 return next;
             }
             self.follow_error_state().await;

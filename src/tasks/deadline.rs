@@ -26,7 +26,7 @@ pub async fn deadline(gateway: &'static SharedGateway) -> ! {
 #[embassy_executor::task]
 pub async fn tick(gateway: &'static SharedGateway) -> ! {
     let life = Watch::new(Life::TICKS);
-    let turn = Turn::of(Urgency::Bus).await;
+    let turn = Turn::of(Urgency::Deadline).await;
     let mut due = None;
     loop {
         match turn.wait(life.alive(due_or_changed(gateway, due))).await {

@@ -55,6 +55,7 @@ pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -
     let mut frame = [0; MAX_FRAME];
     loop {
         life.show();
+        gateway.save().await;
         let Some(length) = gateway.poll_host(link, &mut frame) else {
             while life.alive(gateway.link_changed(link)).await.is_none() {}
             continue;

@@ -31,7 +31,8 @@ pub async fn rs485(
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
         report(gateway, bus, BusState::Active);
-        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life)).await;
+        // What goes out is looked at first: it may be a stop, and bytes that have come can wait.
+        select(send(gateway, bus, &mut sender, setup, &life), receive(gateway, bus, &mut receiver)).await;
     }
 }
 

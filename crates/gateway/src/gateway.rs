@@ -12,7 +12,7 @@ use crate::retained::Retention;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
 use heapless::Vec;
-use host_protocol::{AxisState, Error, Incident, MAX_FRAME, TripReason};
+use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 pub struct Gateway {
@@ -163,6 +163,7 @@ impl Gateway {
     /// Writes the next delimited frame for a host link to `out` and returns its length.
     pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         let Self { links, axes, now, .. } = self;
+        links.hand_out();
         let link = links.get_mut(usize::from(link))?;
         if let Some(length) = link.poll_transmit(out) {
             return Some(length);
@@ -228,6 +229,10 @@ impl Gateway {
 
     fn host_bytes(&mut self, now: Instant, link: u8, bytes: &[u8]) {
         for byte in bytes {
+            if *byte == DELIMITER {
+                // A session may begin.
+                self.links.hand_out();
+            }
             let Some(port) = self.links.get_mut(usize::from(link)) else { return };
             let incoming = port.receive(now.as_micros(), *byte);
             if port.last_valid() == Some(now.as_micros()) {

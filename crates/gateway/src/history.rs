@@ -62,6 +62,11 @@ impl History {
         Some((index, to_words(self.ordinal_of(index), incident)))
     }
 
+    /// Whether there is more to save.
+    pub fn has_unsaved(&self) -> bool {
+        self.unsaved != 0
+    }
+
     /// Why an axis tripped last.
     pub fn last_trip_of(&self, wanted: u8) -> Option<TripReason> {
         self.latest_first().find_map(|incident| match incident {

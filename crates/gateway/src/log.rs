@@ -6,12 +6,14 @@ use core::ops::{Deref, DerefMut};
 use heapless::{Deque, Vec};
 use host_protocol::Event;
 
-use crate::MAX_LINKS;
 use crate::gateway::Gateway;
 use crate::link::Link;
+use crate::{MAX_AXES, MAX_LINKS};
 
 /// Entries that can wait.
 const QUEUE: usize = 16;
+/// Events that wait to be handed out: those of an e-stop of all axes, and some more.
+const NEWS: usize = MAX_AXES + 8;
 
 /// Something worth a line in a log.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +41,8 @@ pub enum LogEntry {
 /// The host links, and the log, which hears what they all hear.
 pub(crate) struct Links {
     links: Vec<Link, MAX_LINKS>,
+    /// What happened, µs and what, and is not in the queue of every link yet: the frames that follow from it go first.
+    news: Deque<(u64, Event), NEWS>,
     log: Deque<LogEntry, QUEUE>,
     dropped: u32,
     /// The link that is in command, as the log knows it.
@@ -47,11 +51,36 @@ pub(crate) struct Links {
 
 impl Links {
     pub const fn new() -> Self {
-        Self { links: Vec::new(), log: Deque::new(), dropped: 0, holder: None }
+        Self { links: Vec::new(), news: Deque::new(), log: Deque::new(), dropped: 0, holder: None }
+    }
+
+    /// Takes an event that every host is told, and the log: soon, by [`hand_out`](Self::hand_out).
+    pub fn event(&mut self, now_us: u64, event: &Event) {
+        if self.news.is_full() {
+            self.hand_out();
+        }
+        // It fits: there is room now.
+        let _ = self.news.push_back((now_us, *event));
+    }
+
+    /// Puts what has happened into the queues of the links and into the log, in its order. Due before anything else goes there or
+    /// is taken from there, and before a host begins a session: what was before it is not for that host.
+    pub fn hand_out(&mut self) {
+        while let Some((time_us, event)) = self.news.pop_front() {
+            self.append(LogEntry::Event(event));
+            for link in &mut self.links {
+                link.event(time_us, &event);
+            }
+        }
     }
 
     /// Adds to the log.
     pub fn log(&mut self, entry: LogEntry) {
+        self.hand_out();
+        self.append(entry);
+    }
+
+    fn append(&mut self, entry: LogEntry) {
         // What comes after a loss waits until the loss has been told.
         if self.dropped > 0 || self.log.push_back(entry).is_err() {
             self.dropped = self.dropped.saturating_add(1);
@@ -86,6 +115,7 @@ impl DerefMut for Links {
 impl Gateway {
     /// The next entry of the log, in order. Who takes none loses nothing else.
     pub fn take_log(&mut self) -> Option<LogEntry> {
+        self.links.hand_out();
         let Links { log, dropped, .. } = &mut self.links;
         match log.pop_front() {
             None if *dropped > 0 => Some(LogEntry::Dropped { count: take(dropped) }),

@@ -1,7 +1,7 @@
 //! Where results and events go: the host links.
 
 use crate::link::Slot;
-use crate::log::{Links, LogEntry};
+use crate::log::Links;
 use crate::time::Instant;
 use host_protocol::{Error, Event, Reply};
 
@@ -34,9 +34,6 @@ impl<'a> Outbox<'a> {
 
     /// Tells every host, and the log.
     pub fn event(&mut self, event: &Event) {
-        self.links.log(LogEntry::Event(*event));
-        for link in self.links.iter_mut() {
-            link.event(self.now.as_micros(), event);
-        }
+        self.links.event(self.now.as_micros(), event);
     }
 }

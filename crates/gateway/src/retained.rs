@@ -13,7 +13,7 @@ use core::mem::take;
 
 use crate::axis::{Axis, AxisConfig};
 use crate::gateway::Gateway;
-use crate::history::History;
+use crate::history::{History, INCIDENTS};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
@@ -26,6 +26,9 @@ const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 
 /// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
 const BUS_WORDS: usize = 4;
+
+/// Incidents that are handed over at once where others wait: each takes some µs for its checksum.
+const INCIDENTS_AT_ONCE: usize = 2;
 
 /// Epochs that each start has for itself: the first one counts from 0.
 const EPOCHS_OF_A_START: u32 = 1 << 20;
@@ -76,10 +79,17 @@ impl Gateway {
     /// word. To be called after each [`handle`](Self::handle), before the frames that follow from it are sent. Each word belongs to
     /// one of two copies with a checksum, so a reset between two words loses nothing but the change.
     pub fn save(&mut self, mut write: impl FnMut(usize, u32)) {
-        self.save_changes(&mut write);
+        self.save_changes(INCIDENTS, &mut write);
     }
 
-    fn save_changes(&mut self, write: &mut dyn FnMut(usize, u32)) {
+    /// Hands over a part of it, so that the next event does not wait long after many trips. Returns whether that was all, which it
+    /// must be before a host is told anything. Until it is, what has tripped counts as in motion; what may move from now on is recorded
+    /// at once.
+    pub fn save_some(&mut self, mut write: impl FnMut(usize, u32)) -> bool {
+        self.save_changes(INCIDENTS_AT_ONCE, &mut write)
+    }
+
+    fn save_changes(&mut self, incidents: usize, write: &mut dyn FnMut(usize, u32)) -> bool {
         self.remember_trips();
         let states = self.states();
         let Self { retention, axes, buses, history, .. } = self;
@@ -92,13 +102,19 @@ impl Gateway {
                 retention.write(Place::Bus(index), &bus_words(bus.config()), write);
             }
         }
-        while let Some((index, words)) = history.take_unsaved() {
+        let will_move = states.moving & !retention.states.moving != 0;
+        let at_once = if will_move { INCIDENTS } else { incidents };
+        for (index, words) in core::iter::from_fn(|| history.take_unsaved()).take(at_once) {
             retention.write(Place::Incident(index), &words, write);
+        }
+        if history.has_unsaved() {
+            return false;
         }
         if states != retention.states {
             retention.states = states;
             retention.write(Place::States, &states.words(), write);
         }
+        true
     }
 
     /// The states as they are; an axis whose motor was told a timeout has changed.

@@ -2,9 +2,10 @@
 
 use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
 use crate::rig::{Instead, Rig};
+use gateway::Event;
 use host_protocol::{
-    AxisParameter, AxisState, BootReason, ClearTarget, Error, Incident, Protocol, Reply, Request, StopAction,
-    Trip, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply, Request,
+    StopAction, Trip, TripReason, Value, replies, requests,
 };
 
 const NODE_2_HOLD: &str = "142#8100000000000000";
@@ -66,6 +67,52 @@ fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_host
     assert_eq!(page.next, None);
     clear(&mut rig, 0).unwrap();
     arm_axis(&mut rig, 0);
+}
+
+#[test]
+fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in_motion() {
+    for parts in 0..=2 {
+        let mut rig = bench::rmd_axes(3);
+        (0..3).for_each(|axis| {
+            arm_axis(&mut rig, axis);
+        });
+        let off = Event::BusState { bus: 0, state: BusState::BusOff, transmit_errors: 0, receive_errors: 0 };
+        rig.gateway.handle(rig.now(), off);
+        let mut save = || rig.gateway.save_some(|index, word| rig.memory[index] = word);
+        let all = (0..parts).map(|_| save()).fold(false, |_, all| all);
+        assert_eq!(all, parts == 2);
+        rig.reset();
+        bench::hello(&mut rig);
+        run_with_host(&mut rig, 50_000);
+        let page = incidents(&mut rig, 0);
+        let trips = |wanted: TripReason| {
+            let reason = |incident: &Incident| match incident {
+                Incident::Tripped { trip, .. } => Some(trip.reason),
+                Incident::Started { .. } => None,
+            };
+            page.incidents.iter().filter(|incident| reason(incident) == Some(wanted)).count()
+        };
+        // What has been stored as tripped needs no other incident.
+        let expected = [(0, 3), (2, 3), (3, 0)][parts];
+        assert_eq!((trips(TripReason::BusOff), trips(TripReason::Reset)), expected, "{parts} parts");
+        for axis in 0..3 {
+            assert_eq!(listed(&mut rig, axis), AxisState::Tripped { confirmed: true }, "{parts} parts");
+        }
+    }
+}
+
+#[test]
+fn what_may_move_from_now_on_is_stored_at_once_whatever_else_waits() {
+    for idle in [0, 1] {
+        let mut rig = bench::rmd_axes(3 + idle);
+        (0..3).for_each(|axis| {
+            arm_axis(&mut rig, axis);
+        });
+        // What is idle is stopped too: its motor may move.
+        rig.gateway.handle(rig.now(), Event::EStopInput { open: true });
+        let all = rig.gateway.save_some(|index, word| rig.memory[index] = word);
+        assert_eq!(all, idle == 1);
+    }
 }
 
 #[test]
