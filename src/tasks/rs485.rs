@@ -31,8 +31,8 @@ pub async fn rs485(
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
         report(gateway, bus, BusState::Active);
-        // What goes out is looked at first: it may be a stop, and bytes that have come can wait.
-        select(send(gateway, bus, &mut sender, setup, &life), receive(gateway, bus, &mut receiver)).await;
+        // What has come is looked at first: when the line is free for the next frame, a stop too, follows from it.
+        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life)).await;
     }
 }
 
