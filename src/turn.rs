@@ -57,6 +57,11 @@ impl Turn {
         .await
     }
 
+    /// In the midst of a long turn: those as urgent that are ready go first.
+    pub async fn pause(&self) {
+        yield_now().await;
+    }
+
     /// Ends a turn: those as urgent that are ready go first, and after [`IN_A_ROW`] turns everybody.
     pub async fn end(&self) {
         let in_a_row = self.in_a_row.get() + 1;

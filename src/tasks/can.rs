@@ -51,6 +51,8 @@ impl CanBus<'_> {
             if let Either::Second(happening) = turn.wait(self.next(life)).await {
                 self.follow(happening).await;
                 self.report_losses();
+                // What follows from it takes as long again, and a demand may have come.
+                turn.pause().await;
             }
         }
     }
