@@ -81,6 +81,8 @@ pub(crate) struct Duty {
     pub acknowledged_us: Option<u64>,
     /// Readings of standstill in a row, requested after the acknowledgement.
     pub still: u32,
+    /// There have been two such readings in a row.
+    pub stood: bool,
     /// The brake: locked, seen to be locked, output off.
     pub locking: bool,
     pub locked: bool,

@@ -284,6 +284,7 @@ impl Oracle {
             last: None,
             acknowledged_us: None,
             still: 0,
+            stood: false,
             locking: false,
             locked: false,
             output_off: false,

@@ -147,10 +147,12 @@ impl Oracle {
         let action = axis.stop_action();
         let Some(duty) = &mut axis.duty else { return };
         let twice = duty.left >= 2;
+        // Allowance: after a reset nobody is told until the hosts are let in; the motor may have stood and turned again before.
+        let stood = duty.still >= 2 || duty.cause == Cause::Reset && duty.stood;
         let stands = match action {
             Some(StopAction::Coast) => true,
-            Some(StopAction::Hold) => duty.still >= 2,
-            Some(StopAction::Brake) => duty.still >= 2 && duty.locked && duty.output_off,
+            Some(StopAction::Hold) => stood,
+            Some(StopAction::Brake) => stood && duty.locked && duty.output_off,
             None => false,
         };
         let proved = duty.acknowledged_us.is_some() && stands;

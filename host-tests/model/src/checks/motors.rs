@@ -119,6 +119,7 @@ impl Oracle {
             && duty.acknowledged_us.is_some_and(|at| asked.handed_us >= at)
         {
             duty.still = if speed <= still { duty.still + 1 } else { 0 };
+            duty.stood |= duty.still >= 2;
         }
         if let Some(locked) = reading.locked {
             duty.locked = locked && duty.locking;
