@@ -150,6 +150,12 @@ mod tests {
         Incident::Tripped { start: 1, axis, trip }
     }
 
+    fn save(history: &mut History, saved: &mut [[u32; INCIDENT_WORDS]; INCIDENTS]) {
+        while let Some((index, words)) = history.take_unsaved() {
+            saved[index] = words;
+        }
+    }
+
     #[test]
     fn the_last_sixteen_are_told_from_the_latest_in_pages() {
         let mut history = History::new();
@@ -181,9 +187,7 @@ mod tests {
         for start in 0..18 {
             history.push(started(start));
             history.push(tripped(3, TripReason::MotorFault { faults: 2 }));
-            while let Some((index, words)) = history.take_unsaved() {
-                saved[index] = words;
-            }
+            save(&mut history, &mut saved);
         }
         let mut restored = History::restored(|index| Some(&saved[index]));
         assert_eq!(restored.page(0), history.page(0));
@@ -203,9 +207,7 @@ mod tests {
         for start in 0..4 {
             history.push(started(start));
         }
-        while let Some((index, words)) = history.take_unsaved() {
-            saved[index] = words;
-        }
+        save(&mut history, &mut saved);
         saved[1] = [1, u32::MAX, u32::MAX, u32::MAX, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         saved[2][0] = 7; // An ordinal number that belongs elsewhere.
         let restored =
@@ -220,9 +222,7 @@ mod tests {
         for start in 0..31 {
             history.push(started(start));
         }
-        while let Some((index, words)) = history.take_unsaved() {
-            saved[index] = words;
-        }
+        save(&mut history, &mut saved);
         // Numbers 31 and 32 lie in the last place and the first.
         history.push(started(31));
         history.push(started(32));
