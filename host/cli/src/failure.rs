@@ -52,7 +52,7 @@ pub enum Failure {
 
 impl Failure {
     /// A name that programs can rely on: the gateway's own for its errors.
-    fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         match self {
             Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => error.name(),
             Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",

@@ -11,18 +11,31 @@ use crate::table::Table;
 /// Where a command prints.
 #[derive(Debug, Clone, Copy)]
 pub struct Output {
-    json: bool,
+    form: Form,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Text,
+    Json,
+    /// Nothing is printed: a test looks at what the command does.
+    Nothing,
 }
 
 impl Output {
     /// Prints JSON if `json`, else text.
     pub fn new(json: bool) -> Self {
-        Self { json }
+        Self { form: if json { Form::Json } else { Form::Text } }
+    }
+
+    /// Prints nothing.
+    pub fn none() -> Self {
+        Self { form: Form::Nothing }
     }
 
     /// Prints a line for people; nothing in JSON.
     pub fn text(self, line: impl AsRef<str>) -> Result<(), Failure> {
-        if self.json { Ok(()) } else { print_line(line.as_ref()) }
+        if self.form == Form::Text { print_line(line.as_ref()) } else { Ok(()) }
     }
 
     /// Prints a table for people; nothing in JSON.
@@ -32,17 +45,17 @@ impl Output {
 
     /// Prints a line of JSON for programs; nothing in text.
     pub fn object(self, value: &Value) -> Result<(), Failure> {
-        if self.json { print_line(&value.to_string()) } else { Ok(()) }
+        if self.form == Form::Json { print_line(&value.to_string()) } else { Ok(()) }
     }
 
     /// Whether it is JSON.
     pub fn is_json(self) -> bool {
-        self.json
+        self.form == Form::Json
     }
 
     /// Prints a line that is already in the form asked for.
     pub fn line(self, line: &str) -> Result<(), Failure> {
-        print_line(line)
+        if self.form == Form::Nothing { Ok(()) } else { print_line(line) }
     }
 
     /// Prints either what `line` says, or `value`.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage};
-use mgw_client::{Client, ClientError, Transport, open};
+use mgw_client::{Client, ClientError, Interrupt, Transport, open};
 use serde_json::json;
 
 use crate::failure::Failure;
@@ -24,6 +24,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub struct Session {
     pub client: Client<Box<dyn Transport>>,
     pub out: Output,
+    /// Whether signals raise the interrupt of the client.
+    hears_signals: bool,
 }
 
 impl Session {
@@ -35,7 +37,22 @@ impl Session {
                     .to_owned(),
             )
         })?;
-        Ok(Self { client: Client::connect(open(port)?)?, out })
+        let session = Self::on(Box::new(open(port)?), Interrupt::default(), out)?;
+        Ok(Self { hears_signals: true, ..session })
+    }
+
+    /// Connects over `transport`; `interrupt` is what ends commands early.
+    pub fn on(transport: Box<dyn Transport>, interrupt: Interrupt, out: Output) -> Result<Self, Failure> {
+        let mut client = Client::connect(transport)?;
+        client.heed(interrupt);
+        Ok(Self { client, out, hears_signals: false })
+    }
+
+    /// From here on Ctrl-C is noted instead of ending the process.
+    pub fn note_interrupts(&self) {
+        if self.hears_signals {
+            interrupt::note(self.client.interrupt());
+        }
     }
 
     /// The axes that were named, or all configured ones.
@@ -124,8 +141,11 @@ fn is_stopping(state: AxisState) -> bool {
 }
 
 /// How the rounds of a hold go on: until the user or an earlier failure ends it.
-pub fn go_on(failure: Option<&Failure>) -> Result<ControlFlow<()>, ClientError> {
-    Ok(if failure.is_some() || interrupt::came() {
+pub fn go_on<T: Transport>(
+    client: &Client<T>,
+    failure: Option<&Failure>,
+) -> Result<ControlFlow<()>, ClientError> {
+    Ok(if failure.is_some() || client.interrupt().is_raised() {
         ControlFlow::Break(())
     } else {
         ControlFlow::Continue(())

@@ -11,6 +11,7 @@ use host_protocol::{Call, Error, EventMessage, Kind, MAX_FRAME, PROTOCOL_MAJOR, 
 use crate::clock::Clock;
 use crate::error::ClientError;
 use crate::inbox::{Answer, Awaited, Inbox, Losses};
+use crate::interrupt::Interrupt;
 use crate::transport::Transport;
 
 /// How long an answer is awaited, repetitions included, unless the caller says otherwise.
@@ -49,6 +50,7 @@ pub struct Client<T: Transport> {
     last_sent: Duration,
     /// What was subscribed to last in this session.
     subscription: Option<Subscribe>,
+    interrupt: Interrupt,
 }
 
 impl<T: Transport> Client<T> {
@@ -75,7 +77,16 @@ impl<T: Transport> Client<T> {
         let sequence = first_sequence.wrapping_add(1);
         let last_sent = transport.now();
         let clock = Clock::default();
-        let mut client = Self { transport, inbox, clock, hello, sequence, last_sent, subscription: None };
+        let mut client = Self {
+            transport,
+            inbox,
+            clock,
+            hello,
+            sequence,
+            last_sent,
+            subscription: None,
+            interrupt: Interrupt::default(),
+        };
         client.measure_clock()?;
         Ok(client)
     }
@@ -105,6 +116,16 @@ impl<T: Transport> Client<T> {
             self.ping()?;
         }
         Ok(())
+    }
+
+    /// Has `interrupt` end what this client does.
+    pub fn heed(&mut self, interrupt: Interrupt) {
+        self.interrupt = interrupt;
+    }
+
+    /// What ends what this client does.
+    pub fn interrupt(&self) -> Interrupt {
+        self.interrupt.clone()
     }
 
     /// What the gateway said of itself when the session was opened.

@@ -17,7 +17,7 @@ const BAUD_SEPARATOR: char = '@';
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.
-pub fn open(port: &str) -> Result<Box<dyn Transport>, ConnectError> {
+pub fn open(port: &str) -> Result<Box<dyn Transport + Send>, ConnectError> {
     if let Some(address) = port.strip_prefix(TCP_PREFIX) {
         let complete = address
             .rsplit_once(':')

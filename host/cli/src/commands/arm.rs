@@ -8,14 +8,13 @@ use serde_json::json;
 
 use super::drive::no_longer_armed;
 use crate::failure::Failure;
-use crate::interrupt;
 use crate::output::{Output, to_json};
 use crate::session::{Session, go_on, print_events};
 use crate::words;
 
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
-    interrupt::note();
+    session.note_interrupts();
     let mut armed = Vec::new();
     let result = arm_and_hold(session, axes, duration, &mut armed);
     // Whatever happened above: nothing that was armed here stays armed.
@@ -58,7 +57,7 @@ fn hold_link(session: &mut Session, held: &[(u8, u32)], duration: Duration) -> R
     let mut failure = None;
     session.client.hold(duration, |client| {
         failure = look(client, &axes, held, out).unwrap_or_else(Some);
-        go_on(failure.as_ref())
+        go_on(client, failure.as_ref())
     })?;
     match failure.or(look(&mut session.client, &axes, held, out)?) {
         Some(failure) => Err(failure),

@@ -9,7 +9,6 @@ use mgw_client::{Client, ClientError, Round, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::interrupt;
 use crate::output::{Output, to_json};
 use crate::session::{Session, go_on, print_event, print_events};
 use crate::states;
@@ -36,7 +35,7 @@ pub fn drive(
     axis: u8,
     act: impl FnOnce(&mut Session, ArmedAxis) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    interrupt::note();
+    session.note_interrupts();
     let ttl = session.client.axis_ttl(axis)?;
     let armed = session.client.arm(axis)?;
     let timeout = words::motor_timeout(armed.motor_timeout);
@@ -74,7 +73,7 @@ impl Rounds {
         let printed = print_events(client, &[self.axis], self.out)
             .and_then(|tripped| self.print_if_due(client).map(|no_longer| tripped.or(no_longer)));
         self.failure = printed.unwrap_or_else(Some);
-        go_on(self.failure.as_ref())
+        go_on(client, self.failure.as_ref())
     }
 
     /// As [`turn`](Self::turn), ending when a state that was just printed is the one wanted.

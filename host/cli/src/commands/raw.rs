@@ -7,7 +7,6 @@ use serde_json::json;
 
 use crate::args::RawAction;
 use crate::failure::Failure;
-use crate::interrupt;
 use crate::json;
 use crate::session::Session;
 use crate::words;
@@ -26,7 +25,7 @@ pub fn run(session: &mut Session, bus: u8, action: &RawAction) -> Result<(), Fai
         RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
         RawAction::Listen { duration } => (None, duration.unwrap_or(Duration::MAX)),
     };
-    interrupt::note();
+    session.note_interrupts();
     session.client.raw_open(bus)?;
     let result = send_and_listen(session, bus, frame, duration);
     // An open bus refuses arming, so it is closed whatever happened.
@@ -55,7 +54,7 @@ fn send_and_listen(
                 &json!({ "dropped": received.dropped }),
             )?;
         }
-        if session.client.now() >= end || interrupt::came() {
+        if session.client.now() >= end || session.client.interrupt().is_raised() {
             return Ok(());
         }
         if received.frames.is_empty() {

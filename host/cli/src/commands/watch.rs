@@ -9,7 +9,6 @@ use serde_json::json as object;
 
 use crate::args::WatchArgs;
 use crate::failure::Failure;
-use crate::interrupt;
 use crate::json;
 use crate::session::{Session, print_event};
 use crate::states;
@@ -23,7 +22,7 @@ const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints samples at the rhythm of the subscription and events as they come.
 pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
-    interrupt::note();
+    session.note_interrupts();
     let mut axes = session.axes_or_all(&arguments.axes)?;
     let mut seen = BTreeSet::new();
     axes.retain(|axis| seen.insert(*axis));
@@ -74,7 +73,7 @@ struct Watch {
 impl Watch {
     fn follow(&mut self, session: &mut Session) -> Result<(), Failure> {
         let mut tell_lost_at = session.client.now() + TELL_LOST_EVERY;
-        while !self.is_complete() && !interrupt::came() {
+        while !self.is_complete() && !session.client.interrupt().is_raised() {
             session.client.keep_subscription()?;
             if let Some(message) = session.client.poll_event(LONGEST_WAIT)? {
                 self.count_lost(session, message.dropped);

@@ -1,0 +1,111 @@
+//! The commands of `mgw`, the command line of the motor gateway.
+//!
+//! The program calls [`main`]. Tests run a command in virtual time, on a line of their own, with [`run_on`].
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+mod decode;
+mod demo;
+mod encode;
+mod failure;
+mod four_motors;
+mod frames;
+mod interrupt;
+mod json;
+mod native_request;
+mod output;
+mod parameters;
+mod plan;
+mod serve;
+mod session;
+mod states;
+mod table;
+mod words;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use mgw_client::{Interrupt, Transport};
+
+use args::{Cli, Command};
+use failure::Failure;
+use output::Output;
+use session::Session;
+
+/// Runs the command of this process's arguments, and prints.
+pub fn main() -> ExitCode {
+    let mut cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return wrong_usage(&error),
+    };
+    // Words after an encoded command are its own, and `--json` may be one of them.
+    cli.json |= matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            if !failure.is_silent() {
+                tell(&failure, cli.json);
+            }
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// How a command ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Outcome {
+    /// The exit code of the program.
+    pub exit_code: u8,
+    /// The name of the failure and its text, where there is one.
+    pub failure: Option<(String, String)>,
+}
+
+/// Runs one command on `transport`, in the transport's time, and prints nothing. `interrupt` is its Ctrl-C.
+pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[&str]) -> Outcome {
+    let result = match Cli::try_parse_from(["mgw"].iter().chain(arguments)) {
+        Ok(Cli { command: Some(command), .. }) => Session::on(transport, interrupt, Output::none())
+            .and_then(|mut session| commands::run(&mut session, &command)),
+        Ok(_) => Err(Failure::Usage("which command?".to_owned())),
+        Err(error) => Err(Failure::Usage(error.to_string())),
+    };
+    match result {
+        Ok(()) => Outcome { exit_code: 0, failure: None },
+        Err(failure) => Outcome {
+            exit_code: failure.exit_code(),
+            failure: Some((failure.name().to_owned(), failure.to_string())),
+        },
+    }
+}
+
+/// Help and version as they are; what was typed wrong as JSON where JSON was asked for.
+fn wrong_usage(error: &clap::Error) -> ExitCode {
+    let wants_json = std::env::args().any(|argument| argument == "--json");
+    if !error.use_stderr() || !wants_json {
+        error.exit();
+    }
+    let text = error.to_string();
+    let (cause, _usage) = text.split_once("Usage:").unwrap_or((&text, ""));
+    let words: Vec<&str> = cause.trim_start_matches("error:").split_whitespace().collect();
+    let failure = Failure::Usage(words.join(" "));
+    tell(&failure, true);
+    ExitCode::from(failure.exit_code())
+}
+
+fn run(cli: &Cli) -> Result<(), Failure> {
+    let out = Output::new(cli.json);
+    match &cli.command {
+        None | Some(Command::Demo) => demo::run(out),
+        Some(Command::Sim { listen, unconfigured }) => serve::run(*listen, *unconfigured, out),
+        Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
+        Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
+        Some(command) => commands::run(&mut Session::open(cli.port.as_deref(), out)?, command),
+    }
+}
+
+fn tell(failure: &Failure, json: bool) {
+    use std::io::Write;
+    let text = if json { failure.to_json().to_string() } else { format!("mgw: {failure}.") };
+    // With nobody to hear it there is nothing more to do.
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
