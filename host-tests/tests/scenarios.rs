@@ -94,6 +94,7 @@ scenarios! {
     after_a_hang_and_a_reset_the_stops_go_first
     after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
+    an_axis_on_an_id_of_another_axis_is_refused
     an_impedance_setpoint_holds_like_a_spring
     an_open_e_stop_input_bars_clearing_over_a_reset
     an_unreachable_motor_is_left_alone_between_two_stops

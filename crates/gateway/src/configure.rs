@@ -85,9 +85,7 @@ impl Gateway {
         let mut config = axis.config.clone();
         config.set(parameter, request.value)?;
         let complete = config.missing().is_none();
-        if complete {
-            self.check_axis(request.axis, &config)?;
-        }
+        self.check_axis(request.axis, &config)?;
         let previous = core::mem::replace(&mut self.axis_mut(request.axis)?.config, config);
         if let Err(error) = self.check_axis_load(request.axis) {
             self.axis_mut(request.axis)?.config = previous;
@@ -105,7 +103,7 @@ impl Gateway {
     /// written to its motor.
     pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig, timeout_ms: u32) {
         let complete = config.missing().is_none();
-        if complete && self.check_axis(index, &config).is_err() {
+        if self.check_axis(index, &config).is_err() {
             return;
         }
         let Ok(axis) = self.axis_mut(index) else { return };
@@ -124,7 +122,7 @@ impl Gateway {
         Ok(())
     }
 
-    /// Whether a complete configuration fits its bus, its protocol and the other axes.
+    /// Whether a configuration that names a motor fits its bus, its protocol and the other axes.
     fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
         let Some(address) = config.address() else { return Ok(()) };
         let Address { bus: bus_index, protocol, node } = address;
@@ -150,11 +148,28 @@ impl Gateway {
         if let Some(other) = self.axes.iter().find(other) {
             return Err(Error::NodeInUse { axis: other.index });
         }
+        if bus.kind() == BusKind::Can {
+            self.check_ids(axis, config)?;
+        }
         let min = config.float(AxisParameter::PositionMinRad).unwrap_or(f32::NEG_INFINITY);
         let max = config.float(AxisParameter::PositionMaxRad).unwrap_or(f32::INFINITY);
         if min > max {
             let quantity = Quantity::Parameter(AxisParameter::PositionMinRad.number());
             return Err(Error::OutOfRange { quantity, value: min, min: f32::NEG_INFINITY, max });
+        }
+        Ok(())
+    }
+
+    /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way round (GUARANTEES G7).
+    fn check_ids(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
+        let there = |other: &&Axis| other.index != axis && other.config.bus() == config.bus();
+        for other in self.axes.iter().filter(there) {
+            if let Some(id) = motor::sent_on_an_id_of(config, &other.config) {
+                return Err(Error::IdInUse { axis, id, other: other.index });
+            }
+            if let Some(id) = motor::sent_on_an_id_of(&other.config, config) {
+                return Err(Error::IdInUse { axis: other.index, id, other: axis });
+            }
         }
         Ok(())
     }

@@ -234,6 +234,11 @@ impl fmt::Display for Error {
             Self::EStopInputOpen {} => f.write_str(
                 "the e-stop input is open; release its button or mend its cable, then clear the gateway",
             ),
+            Self::IdInUse { axis, id, other } => write!(
+                f,
+                "axis {axis} would be sent frames on CAN id 0x{id:03X}, on which the motor of axis {other} acts or \
+                 answers; choose another node or d5_request_id, or another bus"
+            ),
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }
     }

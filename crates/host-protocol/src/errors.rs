@@ -377,6 +377,15 @@ errors! {
     }
     /// The e-stop input is open: the e-stop cannot be cleared.
     47 EStopInputOpen {}
+    /// An axis would be sent frames on a CAN id on which the motor of another axis of the bus acts or answers.
+    48 IdInUse {
+        /// The axis that is sent frames.
+        axis: u8,
+        /// The id.
+        id: u16,
+        /// The axis whose motor uses it.
+        other: u8,
+    }
 }
 
 impl core::error::Error for Error {}

@@ -170,14 +170,17 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     }
 }
 
-/// The arbitration id of requests is the axis's, by default the motor's id (D14).
 pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option<CanFrame> {
     let node = Node::new(node).ok()?;
-    let id = match config.unsigned(AxisParameter::D5RequestId) {
-        Some(id) => StandardId::new(u16::try_from(id).ok()?)?,
-        None => d5::can::default_request_id(node),
-    };
-    d5::can::request(Id::Standard(id), d5::Address::Node(node), request).ok()
+    d5::can::request(Id::Standard(request_id(config)?), d5::Address::Node(node), request).ok()
+}
+
+/// The arbitration id of requests: the axis's, by default the motor's id (D14).
+pub(super) fn request_id(config: &AxisConfig) -> Option<StandardId> {
+    match config.unsigned(AxisParameter::D5RequestId) {
+        Some(id) => StandardId::new(u16::try_from(id).ok()?),
+        None => Node::new(config.node()?).ok().map(d5::can::default_request_id),
+    }
 }
 
 /// Replies may carry any id unless the axis names one (D14).

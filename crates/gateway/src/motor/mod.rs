@@ -4,6 +4,7 @@
 mod counts;
 mod d5;
 mod exchange;
+mod ids;
 mod impedance;
 mod native;
 mod raw;
@@ -12,6 +13,7 @@ mod thruster;
 
 use counts::{Unit, fit, position};
 pub(crate) use exchange::Exchange;
+pub(crate) use ids::sent_on_an_id_of;
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{Touch, touched_by_can, touched_by_serial};
 

@@ -1,5 +1,6 @@
 //! The core in virtual time: typed requests on one side, literal bytes on the other.
 
+mod addresses;
 mod after_reset;
 mod bad_input;
 mod bench;
