@@ -59,6 +59,7 @@ scenarios! {
     a_host_that_never_reads_blocks_nothing_and_may_stop
     a_late_reply_after_retry_is_ignored
     a_late_reply_to_a_setpoint_of_0_does_not_acknowledge_the_stop
+    a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
     a_measured_value_beyond_the_limit_trips
     a_motor_that_answers_all_but_its_fault_word_trips
@@ -80,6 +81,7 @@ scenarios! {
     a_reply_of_another_node_confirms_nothing
     a_request_that_is_repeated_is_executed_once
     a_reset_while_arming_runs_the_stop_action
+    a_stop_is_confirmed_under_a_load_that_first_stops_lose_to
     a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
     a_setpoint_of_another_epoch_feeds_nothing
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back

@@ -76,11 +76,14 @@ impl Bench {
         Ok(())
     }
 
-    /// `babble BUS FRAME`: somebody else sends this as fast as the bus takes it.
+    /// `babble BUS FRAME…`: somebody else sends these in turn, as fast as the bus takes them.
     pub fn babble(&mut self, words: &[&str]) -> Result<(), String> {
-        let text: String = parse(words, 1, "frame")?;
-        let frame = can_frame(&text)?.ok_or("only CAN frames can be babbled")?;
-        self.world.borrow_mut().babble(parse(words, 0, "bus")?, Some(frame));
+        let bus = parse(words, 0, "bus")?;
+        let mut frames = Vec::new();
+        for text in words.get(1..).unwrap_or_default() {
+            frames.push(can_frame(text)?.ok_or("only CAN frames can be babbled")?);
+        }
+        self.world.borrow_mut().babble(bus, frames);
         Ok(())
     }
 

@@ -198,9 +198,8 @@ impl Axis {
     pub fn withdrawn(&mut self, now: Instant, slot: u8) {
         if self.displaced.as_ref().is_some_and(|d| d.slot == slot && d.until.is_none()) {
             self.displaced = None;
-        } else if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {
-            self.pending = None;
-            self.resend_motion(now);
+        } else if let Some(pending) = self.pending.take_if(|p| p.slot == slot && p.until.is_none()) {
+            self.send_again(now, pending.exchange);
         }
     }
 

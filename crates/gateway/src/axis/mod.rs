@@ -154,6 +154,11 @@ impl Axis {
         self.stop.as_ref().is_some_and(|stop| !stop.has_left())
     }
 
+    /// Since when there is a stop.
+    pub fn stop_since(&self) -> Option<Instant> {
+        self.stop.as_ref().map(Stop::since)
+    }
+
     /// Since when there is a stop of which no command has left, if that has not been reported.
     pub fn unreported_stop(&self) -> Option<Instant> {
         self.stop.as_ref().filter(|stop| !stop.has_left() && !stop.delay_is_reported()).map(Stop::since)

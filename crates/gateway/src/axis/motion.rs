@@ -199,6 +199,17 @@ impl Axis {
         }
     }
 
+    /// What the bus has taken has not left: it is due again.
+    pub(super) fn send_again(&mut self, now: Instant, exchange: Exchange) {
+        let is_armed = self.is_armed();
+        match (&mut self.stop, exchange) {
+            (_, Exchange::Motion) => self.resend_motion(now),
+            (Some(stop), _) => stop.given_back(now, exchange),
+            (None, Exchange::Faults) if is_armed => self.fault_poll_at = now,
+            (None, _) => self.state_poll_at = now,
+        }
+    }
+
     pub(super) fn resend_motion(&mut self, now: Instant) {
         if let Some(motion) = &mut self.motion {
             motion.due = Some(now);

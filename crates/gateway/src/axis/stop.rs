@@ -248,6 +248,15 @@ impl Stop {
         }
     }
 
+    /// The bus has given an exchange of the stop back: it has not left.
+    pub fn given_back(&mut self, now: Instant, exchange: Exchange) {
+        if exchange == self.command() && self.phase != Phase::Command && self.repeats() {
+            self.repeat_at = now;
+        } else {
+            self.next_at = self.next_at.min(now);
+        }
+    }
+
     /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two stops: whatever we send may be
     /// feeding its own timeout (GUARANTEES G4).
     pub fn left(&mut self, now: Instant, exchange: Exchange, silence: Duration) {

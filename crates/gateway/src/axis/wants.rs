@@ -12,12 +12,21 @@ pub(crate) enum Priority {
     FirstStop,
     /// The same of a motor that was at rest.
     FirstStopAtRest,
-    /// The rest of a stop.
+    /// The rest of a stop: what stops.
     Stop,
+    /// And what shows that it has: on the bus as everything else, unless that is barred by a stop that cannot leave.
+    StopStep,
     /// Everything else.
     Ordinary,
     /// Polls of an idle axis, for who watches it.
     Watch,
+}
+
+impl Priority {
+    /// Whether nothing of the stop has been sent yet.
+    pub fn is_first_stop(self) -> bool {
+        matches!(self, Self::FirstStop | Self::FirstStopAtRest)
+    }
 }
 
 /// A request that an axis wants sent now.
@@ -56,6 +65,9 @@ impl Axis {
             (Some(stop), _) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
             (Some(stop), _) if !stop.has_left() => Priority::FirstStop,
             (Some(_), exchange) if exchange.is_stop() => Priority::Stop,
+            (Some(stop), exchange) if stop.next().is_some_and(|(next, _)| next == exchange) => {
+                Priority::StopStep
+            }
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };

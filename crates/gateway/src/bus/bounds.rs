@@ -1,7 +1,8 @@
 //! Within what time a stop must have left the bus, and the report of one that has not (GUARANTEES G5).
 
 use super::Bus;
-use super::transmit::{LONGEST_FRAME_BITS, MAX_OUTSTANDING};
+use super::schedule::MAX_OUTSTANDING;
+use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};

@@ -5,6 +5,7 @@ mod line;
 mod load;
 mod raw;
 mod receive;
+mod schedule;
 mod transmit;
 
 pub(crate) use load::check as check_load;
@@ -44,6 +45,10 @@ pub(crate) struct Bus {
     pub raw: Option<Raw>,
     /// When the frame that has waited longest for an acknowledgement counts as unacknowledged, although it was taken back.
     carried_deadline: Option<Instant>,
+    /// The last frame that came back had met the reply to the one before; none has left since.
+    let_reply_pass: bool,
+    /// When a first stop had left last, or the bus began to run.
+    first_stops_since: Instant,
     /// When a bus that is off is started again.
     restart_at: Option<Instant>,
     /// When it was started last.
@@ -66,8 +71,10 @@ struct InFlight {
     /// When it counts as not acknowledged.
     deadline: Instant,
     overdue: bool,
-    /// Part of a stop: it stays in the controller until it leaves.
+    /// Part of a stop: it stays in the controller until it leaves or another stop takes its place.
     is_stop: bool,
+    /// The first command of a stop.
+    is_first_stop: bool,
     /// Asked back from the controller, which must report by then.
     cancel_by: Option<Instant>,
     /// When it counts as destroyed by a reply with its own id, which was due and had not come when it was handed over.
@@ -95,6 +102,8 @@ impl Bus {
             quiet_at: Instant::from_micros(0),
             raw: None,
             carried_deadline: None,
+            let_reply_pass: false,
+            first_stops_since: Instant::from_micros(0),
             restart_at: None,
             started_at: Instant::from_micros(0),
             pause: Duration::ZERO,
@@ -195,6 +204,9 @@ impl Bus {
         if state == self.state {
             return;
         }
+        if self.is_off() {
+            self.first_stops_since = now;
+        }
         self.state = state;
         out.event(&Event::BusStateChanged { bus: self.index, state });
         if state != BusState::BusOff {
@@ -212,6 +224,8 @@ impl Bus {
     fn empty(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.in_flight = [None; TRANSMIT_SLOTS];
         self.carried_deadline = None;
+        self.let_reply_pass = false;
+        self.first_stops_since = now;
         if let Some(raw) = &mut self.raw {
             raw.purge();
         }

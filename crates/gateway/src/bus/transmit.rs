@@ -1,9 +1,10 @@
-//! What goes out next on a bus, and what becomes of it.
+//! What is handed to a bus, and what becomes of it.
 
 use super::line::{GAP_BITS, LineTimes};
 use super::load::SERIAL_FRAME_BITS;
+use super::schedule::Room;
 use super::{Bus, InFlight};
-use crate::axis::{Axis, Priority, Want};
+use crate::axis::{Axis, Want};
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
@@ -12,8 +13,6 @@ use embedded_can::Id;
 use heapless::Vec;
 use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
 
-/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
-pub(super) const MAX_OUTSTANDING: usize = 4;
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
@@ -23,8 +22,6 @@ const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 const COLLIDED_AFTER_FRAMES: u64 = 3;
 /// Longest stuffed standard data frame with intermission, bits.
 pub(super) const LONGEST_FRAME_BITS: u64 = 135;
-/// A request and its reply, on CAN or RS485, bits.
-const LONGEST_EXCHANGE_BITS: u64 = 2 * LONGEST_FRAME_BITS;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
 const INTERNAL_ENCODING: u16 = 1;
 
@@ -42,7 +39,7 @@ impl Bus {
         if self.config.is_none() || self.is_off() || !self.has_room() {
             return None;
         }
-        if let Some((index, want)) = self.choose(now, axes)
+        if let Some((index, want)) = self.choose(now, axes, Room::Left)
             && let Some(axis) = axes.get_mut(index)
         {
             return self.hand_over(now, axis, want, out);
@@ -59,6 +56,10 @@ impl Bus {
         self.counters.sent = self.counters.sent.saturating_add(1);
         self.active_at = now;
         self.carried_deadline = None;
+        self.let_reply_pass = false;
+        if in_flight.is_first_stop {
+            self.first_stops_since = now;
+        }
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, self.line_times());
@@ -68,7 +69,7 @@ impl Bus {
         }
     }
 
-    /// The next frame that the controller should give back: its axis has replaced it.
+    /// The next frame that the controller should give back: its axis has replaced it, or it keeps a stop out that goes before it.
     pub fn poll_cancel(&mut self, now: Instant, axes: &[Axis]) -> Option<u8> {
         if self.kind() != BusKind::Can {
             return None;
@@ -91,7 +92,9 @@ impl Bus {
                 return Some(slot);
             }
         }
-        None
+        let slot = self.keeps_a_stop_out(now, axes)?;
+        self.in_flight.get_mut(usize::from(slot))?.as_mut()?.cancel_by = Some(now + within);
+        Some(slot)
     }
 
     /// The controller has given back the frame in `slot`.
@@ -108,6 +111,7 @@ impl Bus {
             axis.withdrawn(now, slot);
             if in_flight.collided_at.is_some_and(|at| at <= now) {
                 axis.reply_comes_first(now);
+                self.let_reply_pass = true;
             }
         }
     }
@@ -150,6 +154,7 @@ impl Bus {
             .chain(self.line_ready_at(after, axes))
             .chain(self.restart_at)
             .chain(self.next_free_id_at(after, axes))
+            .chain(self.first_stops_bar_until(axes))
             .chain(self.stop_is_delayed_at(axes))
             .filter(|at| *at > after)
             .min()
@@ -174,135 +179,16 @@ impl Bus {
         }
     }
 
-    /// The axis to serve now: stops first, then in turn.
-    fn choose(&self, now: Instant, axes: &[Axis]) -> Option<(usize, Want)> {
-        let here = |axis: &&Axis| axis.config.bus() == Some(self.index);
-        let stops = self.axes_here(axes).any(Axis::has_stop);
-        let stops_wait = stops && self.axes_here(axes).any(Axis::stop_has_not_left);
-        let may_ordinary = !stops_wait
-            && self.may_send_ordinary(now)
-            && self.may_be_answered(axes)
-            && !self.lets_replies_pass(now, axes);
-        if !stops && !may_ordinary {
-            return None;
-        }
-        let turn = usize::from(self.turn);
-        let mut best: Option<(usize, Want)> = None;
-        for offset in 1..=axes.len() {
-            let index = (turn + offset) % axes.len();
-            let Some(axis) = axes.get(index).filter(here) else { continue };
-            if !may_ordinary && !axis.has_stop() {
-                continue;
-            }
-            let Some(want) = axis.wants(now) else { continue };
-            if best.as_ref().is_some_and(|(_, chosen)| want.priority >= chosen.priority) {
-                continue;
-            }
-            let allowed = match want.priority {
-                Priority::Ordinary => may_ordinary && self.id_is_free_at(axis, axes) <= now,
-                Priority::Watch => {
-                    may_ordinary && self.may_watch(now, axes) && self.id_is_free_at(axis, axes) <= now
-                }
-                Priority::FirstStop | Priority::FirstStopAtRest => self.may_send_stop(now, axis, &want, axes),
-                // On CAN a first stop may have to wait for a reply, which these would hold up.
-                Priority::Stop => {
-                    let waits = stops_wait && self.kind() == BusKind::Can;
-                    !waits && self.may_send_stop(now, axis, &want, axes)
-                }
-            };
-            if allowed {
-                best = Some((index, want));
-                if want.priority == Priority::FirstStop {
-                    // Nothing goes before it.
-                    break;
-                }
-            }
-        }
-        best
-    }
-
     pub(super) fn axes_here<'a>(&self, axes: &'a [Axis]) -> impl Iterator<Item = &'a Axis> {
         let index = self.index;
         axes.iter().filter(move |axis| axis.config.bus() == Some(index))
-    }
-
-    /// Whether the port takes another frame, be it a stop: a line one at a time.
-    fn has_room(&self) -> bool {
-        match self.kind() {
-            BusKind::Can => self.free_slot().is_some(),
-            BusKind::Rs485 => self.nothing_in_flight(),
-        }
-    }
-
-    fn nothing_in_flight(&self) -> bool {
-        self.in_flight.iter().all(Option::is_none)
-    }
-
-    fn may_send_ordinary(&self, now: Instant) -> bool {
-        self.nothing_in_flight()
-            && (self.kind() == BusKind::Can || self.line.ready_at(self.line_times()) <= now)
-    }
-
-    /// Whether one more request leaves the stops of thrusters their bound.
-    fn may_be_answered(&self, axes: &[Axis]) -> bool {
-        let outstanding = || self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
-        self.kind() != BusKind::Can || !self.carries(Protocol::Thruster) || outstanding() < MAX_OUTSTANDING
-    }
-
-    /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
-    fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
-        let until = now + self.reply_window() + self.bit_time(LONGEST_EXCHANGE_BITS);
-        let due = |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
-        self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
-    }
-
-    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis]) -> bool {
-        match self.kind() {
-            BusKind::Can => {
-                let id = motor::to_can(&want.command, &axis.config).map(|frame| frame.id());
-                let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
-                // A reply that is still due could win the bus together with it behind another frame.
-                let apart = self.nothing_in_flight() || axis.reply_with_our_id_since().is_none();
-                !taken && apart && self.id_is_free_at(axis, axes) <= now
-            }
-            BusKind::Rs485 => self.line.stop_ready_at(want.due, self.line_times()) <= now,
-        }
-    }
-
-    /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
-    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded, as replies
-    /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
-    fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
-        let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
-        let delay = self.line_times().stop_delay();
-        let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
-        (since.max(self.active_at) + delay).min(since + others + delay)
-    }
-
-    /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now could hold it up until the next frame
-    /// to its motor meets it. No longer than until the bus has been quiet once when the reply window was over.
-    fn lets_replies_pass(&self, now: Instant, axes: &[Axis]) -> bool {
-        let held_up = |axis: &Axis| {
-            axis.reply_with_our_id_since().is_some_and(|since| {
-                let late = since + self.line_times().stop_delay() <= now;
-                let missed = self.quiet_at >= since + self.reply_window();
-                late && !missed && self.id_is_free_at(axis, axes) > now
-            })
-        };
-        self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
-    }
-
-    /// When the next frame may go out that waits for a reply with its own id.
-    fn next_free_id_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
-        let waiting = self.axes_here(axes).filter(|axis| axis.reply_with_our_id_since().is_some());
-        waiting.map(|axis| self.id_is_free_at(axis, axes)).filter(|at| *at > after).min()
     }
 
     pub(super) fn carries(&self, protocol: Protocol) -> bool {
         self.config.as_ref().is_some_and(|config| config.protocols.contains(protocol))
     }
 
-    fn free_slot(&self) -> Option<u8> {
+    pub(super) fn free_slot(&self) -> Option<u8> {
         (0u8..).zip(&self.in_flight).find(|(_, f)| f.is_none()).map(|(slot, _)| slot)
     }
 
@@ -323,7 +209,7 @@ impl Bus {
         };
         self.turn = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
-        let may_collide = axis.reply_with_our_id_since().is_some() && self.carried_deadline.is_none();
+        let may_collide = axis.reply_with_our_id_since().is_some() && !self.let_reply_pass;
         let frames = self.bit_time(LONGEST_FRAME_BITS).times(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);
         axis.handed(now, want.exchange, want.command, slot);
@@ -332,9 +218,10 @@ impl Bus {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
         };
-        let is_stop = want.exchange.is_stop();
-        let transmit = self.launch(now, slot, Some(axis.index), frame, within, is_stop);
+        let transmit = self.launch(now, slot, Some(axis.index), frame, within);
         if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut) {
+            in_flight.is_stop = want.exchange.is_stop();
+            in_flight.is_first_stop = want.priority.is_first_stop();
             in_flight.collided_at = collided_at;
         }
         Some(transmit)
@@ -349,7 +236,7 @@ impl Bus {
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
         let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
-        Some(self.launch(now, ORDINARY_SLOT, None, frame, within, false))
+        Some(self.launch(now, ORDINARY_SLOT, None, frame, within))
     }
 
     fn launch(
@@ -359,7 +246,6 @@ impl Bus {
         axis: Option<u8>,
         frame: Outgoing,
         within: Duration,
-        is_stop: bool,
     ) -> Transmit {
         let id: Option<Id> = match &frame {
             Outgoing::Can(frame) => Some(frame.id()),
@@ -379,7 +265,8 @@ impl Bus {
                 id,
                 deadline,
                 overdue: false,
-                is_stop,
+                is_stop: false,
+                is_first_stop: false,
                 cancel_by: None,
                 collided_at: None,
             });

@@ -21,6 +21,7 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use crate::port::MAX_SERIAL;
 use crate::time::Duration;
+use embedded_can::Id;
 use heapless::Vec;
 use host_protocol::{AxisParameter, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
 
@@ -265,6 +266,18 @@ pub(crate) fn to_can(command: &Command, config: &AxisConfig) -> Option<CanFrame>
             ::thruster::can::request(::thruster::Node::new(node).ok()?, request).ok()
         }
         Command::D5(request) => d5::to_can(node, request, config),
+    }
+}
+
+/// The id on CAN of every frame that a stop sends to the axis's motor.
+pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
+    let node = config.node()?;
+    match config.protocol()? {
+        Protocol::Rmd => Some(Id::Standard(::rmd::can::request_id(::rmd::Node::new(node).ok()?))),
+        Protocol::Thruster => {
+            Some(Id::Standard(::thruster::can::request_id(::thruster::Node::new(node).ok()?)))
+        }
+        Protocol::D5 => d5::request_id(config).map(Id::Standard),
     }
 }
 

@@ -143,7 +143,7 @@ fn a_stop_that_has_not_heard_its_reply_goes_out_alone() {
     rig.run(5_000);
     let stops: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).map(|(at, ..)| *at).collect();
     assert_eq!(stops.get(..2), Some(&[left_at + 1_000, left_at + 1_000 + FRAME_US + 1_000][..]));
-    assert_eq!(rig.sent_since(1, since).get(..2), Some(&[STOP_B, STOP_1][..]));
+    assert_eq!(rig.sent_since(1, since).get(..2), Some(&[STOP_1, STOP_B][..]));
 }
 
 /// Once the reply is overdue whatever goes out may hold it up; a motor that is dead holds nobody up for longer than

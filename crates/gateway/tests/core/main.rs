@@ -15,6 +15,7 @@ mod dead_bus;
 mod delayed_stops;
 mod echo;
 mod fairness;
+mod foreign_load;
 mod holding;
 mod impedance;
 mod log;

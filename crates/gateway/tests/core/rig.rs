@@ -83,6 +83,10 @@ pub struct Rig {
     pub stubborn: bool,
     /// The CAN cables are cut: nothing is acknowledged.
     cut: bool,
+    /// Somebody sends this id on the CAN buses all the time: what has a higher one waits.
+    babble: Option<u16>,
+    /// Every frame that has left: when its last bit had, bus, text.
+    pub left: Vec<(u64, u8, String)>,
     /// Frames that wait in a controller for an acknowledgement: bus, slot, text.
     held: Vec<(u8, u8, String)>,
     /// The setup with which each bus was started last.
@@ -123,6 +127,8 @@ impl Rig {
             shorted: false,
             stubborn: false,
             cut: false,
+            babble: None,
+            left: Vec::new(),
             held: Vec::new(),
             generations: [None; BUSES],
             deframer: Deframer::new(),
@@ -247,8 +253,24 @@ impl Rig {
     /// Joins the cables again: what waits in the controllers leaves.
     pub fn mend(&mut self) {
         self.cut = false;
+        self.babble(None);
+    }
+
+    /// From now on somebody sends this id as fast as the CAN buses take it; `None` falls silent. What waits and wins leaves.
+    pub fn babble(&mut self, id: Option<u16>) {
+        self.babble = id;
+        let (waits, leaves) =
+            std::mem::take(&mut self.held).into_iter().partition(|(.., text)| self.is_held_up(text));
+        self.held = waits;
         let left_at = self.now_us + FRAME_US;
-        self.due.extend(self.held.drain(..).map(|(bus, slot, text)| (left_at, Due::Left(bus, slot, text))));
+        let leaves: Vec<_> = leaves;
+        self.due.extend(leaves.into_iter().map(|(bus, slot, text)| (left_at, Due::Left(bus, slot, text))));
+    }
+
+    /// Whether a frame stays in its controller.
+    fn is_held_up(&self, text: &str) -> bool {
+        let id = text.split_once('#').and_then(|(id, _)| u16::from_str_radix(id, 16).ok());
+        id.is_some_and(|id| self.cut || self.babble.is_some_and(|foreign| foreign < id))
     }
 
     /// A controller goes off its bus and drops what it holds.
@@ -314,6 +336,7 @@ impl Rig {
     }
 
     fn left(&mut self, bus: u8, slot: u8, text: &str) {
+        self.left.push((self.now_us, bus, text.to_owned()));
         let is_serial = !is_can(text);
         if is_serial && self.echo == Echo::Clean {
             self.receive(bus, text);
@@ -349,7 +372,7 @@ impl Rig {
                     Outgoing::Serial(bytes) => hex(&bytes),
                 };
                 self.wire.push((self.now_us, bus, text.clone()));
-                if self.cut && is_can(&text) {
+                if self.is_held_up(&text) {
                     self.held.push((bus, slot, text));
                 } else {
                     self.due.push((self.now_us + FRAME_US, Due::Left(bus, slot, text)));

@@ -1,5 +1,6 @@
 //! The gateway's end of one bus, as its contract in the core asks for it.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use gateway::port::TRANSMIT_SLOTS;
@@ -27,8 +28,8 @@ pub(super) struct Port {
     motors_bitrate: Option<u32>,
     /// Somebody who does not belong here is connected.
     has_stranger: bool,
-    /// What the stranger sends again and again.
-    babble: Option<CanFrame>,
+    /// What the stranger sends again and again, one after the other.
+    babble: VecDeque<CanFrame>,
     held: [bool; TRANSMIT_SLOTS],
 }
 
@@ -39,7 +40,7 @@ impl Port {
             BusPortKind::Rs485 { local_echo } => Medium::Serial { line: SerialLine::default(), local_echo },
         };
         let held = [false; TRANSMIT_SLOTS];
-        Self { medium, setup: None, motors_bitrate: None, has_stranger: false, babble: None, held }
+        Self { medium, setup: None, motors_bitrate: None, has_stranger: false, babble: VecDeque::new(), held }
     }
 
     pub(super) fn connect_motor(&mut self, motor: Station, bitrate: u32) {
@@ -146,10 +147,10 @@ impl Port {
         }
     }
 
-    /// The stranger sends this frame as fast as the bus takes it, or stops doing so.
-    pub(super) fn babble(&mut self, now: Duration, frame: Option<CanFrame>) {
-        let was_silent = self.babble.is_none();
-        self.babble = frame;
+    /// The stranger sends these frames in turn, as fast as the bus takes them; none to end it.
+    pub(super) fn babble(&mut self, now: Duration, frames: VecDeque<CanFrame>) {
+        let was_silent = self.babble.is_empty();
+        self.babble = frames;
         if was_silent {
             self.go_on_babbling(now);
         }
@@ -157,7 +158,8 @@ impl Port {
 
     /// The stranger's frame has left: the next one.
     pub(super) fn go_on_babbling(&mut self, now: Duration) {
-        if let Some(frame) = self.babble {
+        if let Some(frame) = self.babble.front().copied() {
+            self.babble.rotate_left(1);
             self.send_stranger(now, Wire::Can(frame));
         }
     }

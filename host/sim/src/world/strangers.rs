@@ -16,11 +16,11 @@ impl World {
         }
     }
 
-    /// Somebody sends a frame on a CAN bus as fast as the bus takes it, until it is `None`.
-    pub fn babble(&mut self, bus: u8, frame: Option<CanFrame>) {
+    /// Somebody sends these frames on a CAN bus, one after the other, as fast as the bus takes them, until there are none.
+    pub fn babble(&mut self, bus: u8, frames: impl IntoIterator<Item = CanFrame>) {
         let now = self.now;
         if let Some(port) = self.ports.get_mut(usize::from(bus)) {
-            port.babble(now, frame);
+            port.babble(now, frames.into_iter().collect());
         }
     }
 

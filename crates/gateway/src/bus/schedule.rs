@@ -1,0 +1,247 @@
+//! What goes out next on a bus: stops first, on CAN those with the lowest id, everything else in turn.
+
+use super::transmit::LONGEST_FRAME_BITS;
+use super::{Bus, InFlight};
+use crate::axis::{Axis, Priority, Want};
+use crate::motor;
+use crate::time::Instant;
+use embedded_can::Id;
+use host_protocol::{BusKind, Protocol};
+
+/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
+pub(super) const MAX_OUTSTANDING: usize = 4;
+/// A request and its reply, on CAN or RS485, bits.
+const LONGEST_EXCHANGE_BITS: u64 = 2 * LONGEST_FRAME_BITS;
+/// A first stop that may leave and has not within so many frame times keeps no other stop from being repeated and confirmed (GUARANTEES G4).
+const FIRST_STOPS_BAR_FRAMES: u64 = 4;
+
+/// Where a frame would go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Room {
+    /// The room that the port has now.
+    Left,
+    /// That of all frames which it can give back.
+    All,
+}
+
+/// What decides between requests: the least goes first.
+type Precedence = (u8, Option<Id>);
+
+/// How far the stops on a bus are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stops {
+    /// There is none.
+    None,
+    /// The first command of each has left.
+    Sent,
+    /// A first one has still to leave, and keeps everything else from the bus.
+    First,
+    /// A first one has waited for too long: it bars only what is no part of a stop.
+    Held,
+}
+
+impl Bus {
+    /// The axis to serve now.
+    pub(super) fn choose(&self, now: Instant, axes: &[Axis], room: Room) -> Option<(usize, Want)> {
+        let stops = self.stops(now, axes);
+        let may_ordinary = room == Room::Left
+            && matches!(stops, Stops::None | Stops::Sent)
+            && self.may_send_ordinary(now)
+            && self.may_be_answered(axes)
+            && !self.lets_replies_pass(now, axes);
+        if stops == Stops::None && !may_ordinary {
+            return None;
+        }
+        let last_served = usize::from(self.turn);
+        let mut best: Option<(usize, Want, Precedence)> = None;
+        for offset in 1..=axes.len() {
+            let index = (last_served + offset) % axes.len();
+            let Some(axis) = axes.get(index).filter(|axis| axis.config.bus() == Some(self.index)) else {
+                continue;
+            };
+            if !may_ordinary && !axis.has_stop() {
+                continue;
+            }
+            let Some(want) = axis.wants(now) else { continue };
+            let precedence = self.precedence(axis, &want, stops);
+            if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen) {
+                continue;
+            }
+            let allowed = match want.priority {
+                Priority::FirstStop | Priority::FirstStopAtRest => {
+                    self.may_send_stop(now, axis, &want, axes, room)
+                }
+                // On CAN a first stop may have to wait for a reply, which these would hold up.
+                Priority::Stop => {
+                    let waits = stops == Stops::First && self.kind() == BusKind::Can;
+                    !waits && self.may_send_stop(now, axis, &want, axes, room)
+                }
+                Priority::StopStep if stops == Stops::Held => {
+                    self.may_be_answered(axes)
+                        && !self.lets_replies_pass(now, axes)
+                        && self.may_send_stop(now, axis, &want, axes, room)
+                }
+                Priority::StopStep | Priority::Ordinary => {
+                    may_ordinary && self.id_is_free_at(axis, axes) <= now
+                }
+                Priority::Watch => {
+                    may_ordinary && self.may_watch(now, axes) && self.id_is_free_at(axis, axes) <= now
+                }
+            };
+            if allowed {
+                best = Some((index, want, precedence));
+            }
+        }
+        best.map(|(index, want, _)| (index, want))
+    }
+
+    /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any other order round. What has no
+    /// precedence over another goes in turn.
+    fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
+        let id = || motor::stop_id(&axis.config);
+        match (want.priority, stops) {
+            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => {
+                (Priority::Ordinary as u8, None)
+            }
+            (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, None),
+            // One of those that are held up stays in the controller; beside it goes what wins against them.
+            (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held) if self.holds_first_stop() => {
+                (Priority::Stop as u8, id())
+            }
+            (Priority::FirstStop | Priority::FirstStopAtRest, _) => (Priority::FirstStop as u8, id()),
+            (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id()),
+            (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, None),
+        }
+    }
+
+    fn holds_first_stop(&self) -> bool {
+        self.in_flight.iter().flatten().any(|f| f.is_first_stop)
+    }
+
+    fn stops(&self, now: Instant, axes: &[Axis]) -> Stops {
+        if !self.axes_here(axes).any(Axis::has_stop) {
+            return Stops::None;
+        }
+        if !self.axes_here(axes).any(Axis::stop_has_not_left) {
+            return Stops::Sent;
+        }
+        match self.first_stops_bar_until(axes) {
+            Some(until) if until <= now => Stops::Held,
+            _ => Stops::First,
+        }
+    }
+
+    /// Until when first stops bar what is part of other stops: four frame times after one of them left or may have, and the replies that
+    /// go before it. A line knows no arbitration: a first stop always leaves there.
+    pub(super) fn first_stops_bar_until(&self, axes: &[Axis]) -> Option<Instant> {
+        if self.kind() == BusKind::Rs485 {
+            return None;
+        }
+        let waiting = self.axes_here(axes).filter(|axis| axis.stop_has_not_left());
+        let may_leave =
+            waiting.filter_map(|axis| Some(axis.stop_since()?.max(self.id_is_free_at(axis, axes))));
+        let since = may_leave.max()?.max(self.first_stops_since);
+        let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
+        Some(since + self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies))
+    }
+
+    /// A frame in the controller that keeps a stop out which goes before it.
+    pub(super) fn keeps_a_stop_out(&self, now: Instant, axes: &[Axis]) -> Option<u8> {
+        if self.is_off() || self.nothing_in_flight() || !self.axes_here(axes).any(Axis::has_stop) {
+            return None;
+        }
+        let (index, _) = self.choose(now, axes, Room::All)?;
+        let axis = axes.get(index)?;
+        if self.free_slot().is_some() && self.may_go_beside_others(axis) {
+            return None;
+        }
+        let id = motor::stop_id(&axis.config);
+        let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
+        let held = self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
+        let loses = |f: &InFlight| match is_first {
+            true => f.id > id || !f.is_first_stop,
+            false => f.id > id && !(f.is_first_stop && f.id == held),
+        };
+        let loser = |f: &&InFlight| f.cancel_by.is_none() && loses(f);
+        (0u8..)
+            .zip(&self.in_flight)
+            .find(|(_, f)| f.as_ref().is_some_and(|f| loser(&f)))
+            .map(|(slot, _)| slot)
+    }
+
+    /// Whether the port takes another frame, be it a stop: a line one at a time.
+    pub(super) fn has_room(&self) -> bool {
+        match self.kind() {
+            BusKind::Can => self.free_slot().is_some(),
+            BusKind::Rs485 => self.nothing_in_flight(),
+        }
+    }
+
+    fn nothing_in_flight(&self) -> bool {
+        self.in_flight.iter().all(Option::is_none)
+    }
+
+    pub(super) fn may_send_ordinary(&self, now: Instant) -> bool {
+        self.nothing_in_flight()
+            && (self.kind() == BusKind::Can || self.line.ready_at(self.line_times()) <= now)
+    }
+
+    /// Whether one more request leaves the stops of thrusters their bound.
+    fn may_be_answered(&self, axes: &[Axis]) -> bool {
+        let outstanding = || self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
+        self.kind() != BusKind::Can || !self.carries(Protocol::Thruster) || outstanding() < MAX_OUTSTANDING
+    }
+
+    /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
+    fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
+        let until = now + self.reply_window() + self.bit_time(LONGEST_EXCHANGE_BITS);
+        let due = |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
+        self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
+    }
+
+    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis], room: Room) -> bool {
+        match self.kind() {
+            BusKind::Can => {
+                let id = motor::stop_id(&axis.config);
+                let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
+                let fits = room == Room::All || self.may_go_beside_others(axis);
+                !taken && fits && self.id_is_free_at(axis, axes) <= now
+            }
+            BusKind::Rs485 => self.line.stop_ready_at(want.due, self.line_times()) <= now,
+        }
+    }
+
+    /// A reply that is still due could win the bus together with it behind another frame.
+    fn may_go_beside_others(&self, axis: &Axis) -> bool {
+        self.nothing_in_flight() || axis.reply_with_our_id_since().is_none()
+    }
+
+    /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
+    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded, as replies
+    /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
+    fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
+        let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
+        let delay = self.line_times().stop_delay();
+        let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
+        (since.max(self.active_at) + delay).min(since + others + delay)
+    }
+
+    /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now could hold it up until the next frame
+    /// to its motor meets it. No longer than until the bus has been quiet once when the reply window was over.
+    fn lets_replies_pass(&self, now: Instant, axes: &[Axis]) -> bool {
+        let held_up = |axis: &Axis| {
+            axis.reply_with_our_id_since().is_some_and(|since| {
+                let late = since + self.line_times().stop_delay() <= now;
+                let missed = self.quiet_at >= since + self.reply_window();
+                late && !missed && self.id_is_free_at(axis, axes) > now
+            })
+        };
+        self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
+    }
+
+    /// When the next frame may go out that waits for a reply with its own id.
+    pub(super) fn next_free_id_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
+        let waiting = self.axes_here(axes).filter(|axis| axis.reply_with_our_id_since().is_some());
+        waiting.map(|axis| self.id_is_free_at(axis, axes)).filter(|at| *at > after).min()
+    }
+}
