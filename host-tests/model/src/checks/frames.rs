@@ -12,6 +12,8 @@ const RMD_BROADCAST: u32 = 0x280;
 const RMD_SERIAL_BROADCAST: u8 = 0xCD;
 /// D5: the id of all motors.
 const D5_BROADCAST: u8 = 0xFE;
+/// A first stop bars what belongs to other stops for so many frames (G4).
+const STOP_BARS_FRAMES: u64 = 4;
 /// A stop has nothing but these before it, where the motor asks for them.
 const LOCK_BRAKE: u8 = 0x78;
 /// Part of arming where the axis says so.
@@ -137,15 +139,20 @@ impl Oracle {
         }
     }
 
-    /// Nothing is started before a first stop that is due.
+    /// Nothing is started before a first stop that is due; once that has waited for four frames, what belongs to another stop is.
     fn judge_order(&mut self, now: u64, bus: u8, held: &Held, frame: Frame<'_>) {
         if held.is_stop || held.is_step {
             return;
         }
+        let stops = |axis: u8| self.axes[usize::from(axis)].duty.is_some();
+        let is_of_a_stop = !held.is_motion && held.axis.is_some_and(stops);
+        let held_up_us = STOP_BARS_FRAMES * self.buses[usize::from(bus)].frame_us();
         let due = |axis: &Axis| {
             let duty = axis.duty.as_ref();
             axis.bus() == Some(usize::from(bus))
-                && duty.is_some_and(|d| d.is_first_due() && d.since_us <= now)
+                && duty.is_some_and(|d| {
+                    d.is_first_due() && d.since_us <= now && !(is_of_a_stop && d.since_us + held_up_us <= now)
+                })
         };
         if let Some(index) = self.axes.iter().position(due) {
             let seen = format!("{} goes before the stop of axis {index}", frame.text());
