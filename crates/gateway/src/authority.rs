@@ -4,6 +4,7 @@ use crate::time::{Duration, Instant};
 use host_protocol::{Error, GatewayParameter, Value};
 
 /// Who may command, and how long it may be silent.
+#[derive(Debug, Clone)]
 pub(crate) struct Authority {
     holder: Option<u8>,
     /// When the holder took authority or was last heard.

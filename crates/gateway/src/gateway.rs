@@ -15,6 +15,7 @@ use heapless::Vec;
 use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
+#[derive(Clone)]
 pub struct Gateway {
     pub(crate) board: &'static Board,
     pub(crate) axes: Vec<Axis, MAX_AXES>,
@@ -34,7 +35,7 @@ pub struct Gateway {
     pub(crate) starts: u32,
     pub(crate) history: History,
     pub(crate) retention: Retention,
-    now: Instant,
+    pub(crate) now: Instant,
 }
 
 impl Gateway {

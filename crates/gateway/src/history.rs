@@ -11,6 +11,7 @@ const WORD: usize = size_of::<u32>();
 pub(crate) const INCIDENT_WORDS: usize = 1 + Incident::MAX_SIZE.div_ceil(WORD);
 
 /// A ring; the place of an incident follows from its ordinal number.
+#[derive(Debug, Clone)]
 pub(crate) struct History {
     incidents: [Option<Incident>; INCIDENTS],
     /// The ordinal number of the next.

@@ -23,6 +23,8 @@ mod raws;
 mod requests;
 mod retained;
 mod rules;
+#[cfg(feature = "state-text")]
+mod state_text;
 pub mod time;
 
 pub use gateway::Gateway;

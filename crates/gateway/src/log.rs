@@ -39,6 +39,7 @@ pub enum LogEntry {
 }
 
 /// The host links, and the log, which hears what they all hear.
+#[derive(Clone)]
 pub(crate) struct Links {
     links: Vec<Link, MAX_LINKS>,
     /// What happened, µs and what, and is not in the queue of every link yet: the frames that follow from it go first.

@@ -34,6 +34,7 @@ const INCIDENTS_AT_ONCE: usize = 2;
 const EPOCHS_OF_A_START: u32 = 1 << 20;
 
 /// What has been saved, and what has changed since.
+#[derive(Debug, Clone)]
 pub(crate) struct Retention {
     /// The generation last written of each slot; its parity says which copy.
     generations: [u32; SLOTS],

@@ -4,7 +4,7 @@
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
 use crate::dice::Dice;
 use crate::generate;
-use crate::plant::{BUSES, LINKS, LISTENER, MOTORS};
+use crate::plant::{BUSES, LINKS, LISTENER, MACHINE, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, REQUESTS, StopAction};
 use promise_model::{Told, frame};
@@ -89,7 +89,7 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
     let mut steps: Vec<Ask> = vec![Ask::Hello];
     steps.extend((0..BUSES).map(|bus| Ask::Bus { bus, window_us: 3_000 }));
     let mut axes = Vec::new();
-    for (axis, motor) in (0u8..).zip(&MOTORS) {
+    for (axis, motor) in (0u8..).zip(&MOTORS[..MACHINE]) {
         let mut set = |parameter: AxisParameter, value| {
             steps.push(Ask::Set { axis, parameter: parameter.number(), value });
         };

@@ -18,14 +18,14 @@ pub enum OnWire {
 }
 
 /// What will be sent by others, from when on.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Coming {
     at_us: u64,
     what: OnWire,
 }
 
 /// A load of foreign frames.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Foreign {
     id: u16,
     pause_us: u64,
@@ -34,7 +34,7 @@ struct Foreign {
 }
 
 /// One bus.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Bus {
     is_can: bool,
     bitrate: u64,

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 const REMEMBERED: usize = 16;
 
 /// One host.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Host {
     sequence: u16,
     sent: VecDeque<Vec<u8>>,

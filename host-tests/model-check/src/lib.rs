@@ -8,6 +8,7 @@ mod action;
 pub mod bad_host;
 mod bus;
 mod dice;
+pub mod exhaust;
 pub mod generate;
 mod host;
 mod motor;

@@ -2,11 +2,13 @@
 //! `model-check bad-host` sends a million random frames between a trip and its confirmation;
 //! `model-check replay FILE` runs a counterexample again and prints what was on the wires.
 
+use model_check::exhaust::{self, Limits};
 use model_check::{Counts, Step, World, bad_host, broken_by, generate::Generator, shrink, text};
 use promise_model::Violation;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
 
 /// Events of a run in CI.
 const EVENTS: u64 = 10_000_000;
@@ -24,6 +26,10 @@ const SHRINK_RUNS: u32 = 2_000;
 /// Lines of the trace that a replay prints.
 const TRACE_LINES: usize = 60;
 
+/// Letters of the longest sequences that are judged exhaustively, and how long that may take.
+const DEPTH: u8 = 3;
+const SECONDS: u64 = 240;
+
 /// A list of steps that breaks a promise.
 struct Counterexample {
     seed: u64,
@@ -39,16 +45,21 @@ fn main() -> ExitCode {
     match words.as_slice() {
         ["replay", file] => replay(file),
         ["bad-host"] => bad_host(),
+        ["exhaust", limits @ ..] => exhaust(limits),
         ["run"] => run(EVENTS, 1),
         ["run", events] if number(events).is_some() => run(number(events).unwrap_or(EVENTS), 1),
         ["run", events, seed] if number(events).and(number(seed)).is_some() => {
             run(number(events).unwrap_or(EVENTS), number(seed).unwrap_or(1))
         }
-        _ => {
-            eprintln!("usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | replay FILE");
-            ExitCode::FAILURE
-        }
+        _ => usage(),
     }
+}
+
+fn usage() -> ExitCode {
+    eprintln!(
+        "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | exhaust [--depth N] [--seconds N] | replay FILE"
+    );
+    ExitCode::FAILURE
 }
 
 /// Every other run begins shortly before the clock's low 32 bits wrap around.
@@ -159,6 +170,27 @@ fn bad_host() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Every sequence up to a depth, as far as the time suffices.
+fn exhaust(words: &[&str]) -> ExitCode {
+    let mut limits = Limits { depth: DEPTH, time: Duration::from_secs(SECONDS) };
+    if words.contains(&"--seconds") && !words.contains(&"--depth") {
+        // As deep as the time suffices.
+        limits.depth = u8::MAX;
+    }
+    for pair in words.chunks(2) {
+        match pair {
+            ["--depth", depth] if depth.parse::<u8>().is_ok() => {
+                limits.depth = depth.parse().unwrap_or(DEPTH)
+            }
+            ["--seconds", seconds] if seconds.parse::<u64>().is_ok() => {
+                limits.time = Duration::from_secs(seconds.parse().unwrap_or(SECONDS));
+            }
+            _ => return usage(),
+        }
+    }
+    if exhaust::run(limits) { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 fn replay(file: &str) -> ExitCode {

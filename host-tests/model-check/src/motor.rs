@@ -8,7 +8,7 @@ use host_protocol::Protocol;
 const FOLLOWS: f64 = 200.0;
 
 /// One motor.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Motor {
     wired: Wired,
     /// Degrees a second.

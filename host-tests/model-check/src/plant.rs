@@ -40,7 +40,7 @@ pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKin
 /// Bitrate and protocols of each bus.
 pub const BUS_SETUP: [(u32, &[Protocol]); BUSES as usize] = [
     (1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
-    (210_526, &[Protocol::D5]),
+    (210_526, &[Protocol::Rmd, Protocol::Thruster, Protocol::D5]),
     (2_000_000, &[Protocol::Rmd]),
 ];
 
@@ -61,8 +61,11 @@ const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired
     Wired { bus, protocol, node, stop }
 }
 
+/// Of them so many are those of a machine; the others stand beside D5 motors, where there is time for one of each.
+pub const MACHINE: usize = 10;
+
 /// Motor n is that of axis n.
-pub const MOTORS: [Wired; 10] = [
+pub const MOTORS: [Wired; MACHINE + 2] = [
     wired(0, Protocol::Rmd, 1, StopAction::Coast),
     wired(0, Protocol::Rmd, 2, StopAction::Hold),
     wired(0, Protocol::Rmd, 3, StopAction::Brake),
@@ -73,6 +76,8 @@ pub const MOTORS: [Wired; 10] = [
     wired(1, Protocol::D5, 0x27, StopAction::Hold),
     wired(2, Protocol::Rmd, 1, StopAction::Hold),
     wired(2, Protocol::Rmd, 2, StopAction::Coast),
+    wired(1, Protocol::Rmd, 4, StopAction::Hold),
+    wired(1, Protocol::Thruster, 0x11, StopAction::Coast),
 ];
 
 /// The thruster with an encoder.

@@ -3,6 +3,7 @@
 mod counts;
 mod life;
 mod ports;
+mod state_key;
 mod steps;
 
 pub use counts::Counts;
@@ -26,6 +27,7 @@ const LATE_US: u64 = 90;
 const MAX_AT_ONCE: u32 = 1_000;
 
 /// A run.
+#[derive(Clone)]
 pub struct World {
     start_us: u64,
     now_us: u64,
@@ -41,6 +43,9 @@ pub struct World {
     life: Life,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
+    /// Frames that do not reach their bus although the core believes so: a fault that must be found.
+    #[cfg(test)]
+    pub(crate) swallows: Option<fn(&Outgoing) -> bool>,
 }
 
 impl World {
@@ -61,6 +66,8 @@ impl World {
             counts: Counts::default(),
             life: Life::new(),
             trace: None,
+            #[cfg(test)]
+            swallows: None,
         };
         world.gateway.restore(Instant::from_micros(start_us), &[]);
         world.feed(Input::Pin { open: false });
@@ -125,16 +132,7 @@ impl World {
     pub fn run_to(&mut self, since_start_us: u64) {
         let end = self.start_us + since_start_us;
         let mut stuck = 0;
-        loop {
-            let buses = self.buses.iter().filter_map(|bus| bus.next_us(self.now_us));
-            let Some(next) = buses
-                .chain(self.tick_us())
-                .chain(self.life.links_open_by())
-                .min()
-                .map(|at| at.max(self.now_us))
-            else {
-                break;
-            };
+        while let Some(next) = self.next_us() {
             if next > end {
                 break;
             }
@@ -144,6 +142,20 @@ impl World {
             self.happen();
         }
         self.now_us = end.max(self.now_us);
+    }
+
+    /// When something happens next by itself.
+    fn next_us(&self) -> Option<u64> {
+        let buses = self.buses.iter().filter_map(|bus| bus.next_us(self.now_us));
+        let next = buses.chain(self.tick_us()).chain(self.life.links_open_by()).min();
+        next.map(|at| at.max(self.now_us))
+    }
+
+    /// Lets the next thing happen, and all that happens at that moment.
+    pub fn run_to_next(&mut self) {
+        if let Some(next) = self.next_us() {
+            self.run_to(next - self.start_us);
+        }
     }
 
     /// When the firmware looks at the next deadline.

@@ -62,7 +62,7 @@ pub(crate) enum Cause {
 }
 
 /// A stop that the gateway owes.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Duty {
     pub cause: Cause,
     pub since_us: u64,
@@ -98,7 +98,7 @@ impl Duty {
 }
 
 /// A request that has left and that the motor may answer.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Asked {
     pub data: Vec<u8>,
     pub handed_us: u64,
@@ -106,7 +106,7 @@ pub(crate) struct Asked {
 }
 
 /// One axis.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Axis {
     /// Parameters that were set: number and bits.
     parameters: BTreeMap<u16, u32>,

@@ -38,7 +38,7 @@ pub(crate) struct Held {
 }
 
 /// One bus.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Bus {
     pub kind: BusKind,
     /// 0 while it is not configured.

@@ -20,6 +20,7 @@ mod checks;
 mod link;
 mod motor;
 mod oracle;
+mod state_text;
 mod violation;
 mod wire;
 

@@ -29,7 +29,7 @@ pub(crate) struct Record {
 }
 
 /// One link.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Link {
     pub incoming: Deframer,
     pub outgoing: Deframer,

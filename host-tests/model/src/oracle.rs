@@ -31,7 +31,7 @@ impl Frame<'_> {
 pub(crate) const LINK_SILENCE_US: u64 = 250_000;
 
 /// The model.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Oracle {
     pub(crate) axes: Vec<Axis>,
     pub(crate) buses: Vec<Bus>,

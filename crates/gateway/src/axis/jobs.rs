@@ -14,7 +14,7 @@ use host_protocol::{
 };
 
 /// A sequence of exchanges under way for a host.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Job {
     kind: JobKind,
     ticket: Ticket,

@@ -41,6 +41,7 @@ const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
 const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 
 /// One axis of the gateway.
+#[derive(Debug, Clone)]
 pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,

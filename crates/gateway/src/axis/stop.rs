@@ -57,7 +57,7 @@ enum Phase {
 }
 
 /// A stop under way, or confirmed and being repeated.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Stop {
     phase: Phase,
     /// The trip or the request.

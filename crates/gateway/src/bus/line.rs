@@ -22,6 +22,7 @@ pub(super) enum Heard {
 }
 
 /// The state of one serial line.
+#[derive(Debug, Clone)]
 pub(super) struct Line {
     local_echo: bool,
     /// What we have sent and not yet heard back.

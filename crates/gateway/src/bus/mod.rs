@@ -27,6 +27,7 @@ const LONGEST_PAUSE: Duration = Duration::from_millis(1_600);
 const RECOVERED_AFTER: Duration = Duration::from_millis(2_000);
 
 /// One bus of the gateway.
+#[derive(Debug, Clone)]
 pub(crate) struct Bus {
     index: u8,
     port: BusPort,

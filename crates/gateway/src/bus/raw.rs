@@ -15,6 +15,7 @@ const RECEIVE_QUEUE: usize = 8;
 const MAX_COMPLETED: usize = host_protocol::MAX_SERIAL_FRAME / FRAME_LEN + 1;
 
 /// An open raw access.
+#[derive(Debug, Clone)]
 pub(crate) struct Raw {
     /// Finds the frames in what is sent on a serial line, which may come in pieces.
     deframer: Deframer,

@@ -11,6 +11,7 @@ const QUEUE: usize = 16;
 /// Reasons of [`FrameError`], numbered from 1 without gaps.
 const REASONS: usize = FrameError::ALL.len();
 
+#[derive(Clone)]
 struct Waiting {
     time_us: u64,
     /// Events lost between the one before and this one.
@@ -19,7 +20,7 @@ struct Waiting {
 }
 
 /// How often something happened that is reported as one event.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     count: u32,
     /// The last time.
@@ -37,6 +38,7 @@ impl Tally {
 
 /// The queue, and the faults of the link itself, which are counted instead of queued so that noise on the
 /// line cannot push out what happened to an axis.
+#[derive(Clone)]
 pub struct Events {
     queue: Deque<Waiting, QUEUE>,
     dropped: u32,

@@ -36,6 +36,7 @@ pub struct Incoming {
 }
 
 /// The session of one host link.
+#[derive(Clone)]
 pub struct Link {
     deframer: Deframer,
     replies: Replies,
@@ -170,6 +171,15 @@ impl Link {
     /// Writes the next frame for the host to `out` and returns its length: replies first, then events.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(out))
+    }
+
+    /// Writes what can influence the link from now on (see `Gateway::write_state`).
+    #[cfg(feature = "state-text")]
+    pub(crate) fn write_state(&self, to: &mut impl core::fmt::Write) -> core::fmt::Result {
+        let Self { replies, events, last_valid_us, subscription, .. } = self;
+        let owed = replies.owed().count();
+        write!(to, "{owed} {} {last_valid_us:?} {subscription:?}", events.is_open())?;
+        replies.owed().try_for_each(|slot| write!(to, "{slot:?}"))
     }
 
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.

@@ -27,7 +27,7 @@ pub enum Reserved {
     Full,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Empty,
     Executing,
@@ -38,7 +38,7 @@ enum State {
 }
 
 /// What tells a request from another. The checksum covers header and body.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Identity {
     sequence: u16,
     /// Bytes of the body; there are never more than a message holds.
@@ -55,6 +55,7 @@ impl Identity {
     }
 }
 
+#[derive(Clone)]
 struct Entry {
     state: State,
     request: Identity,
@@ -81,6 +82,7 @@ impl Entry {
 }
 
 /// The window of remembered requests.
+#[derive(Clone)]
 pub struct Replies {
     entries: [Entry; WINDOW],
     /// The last requests, the latest first. While replies are owed their places are fewer than these.
@@ -173,6 +175,14 @@ impl Replies {
         *out = entry.reply;
         entry.state = State::Sent;
         Some(usize::from(entry.length))
+    }
+
+    /// The places of requests that have no result yet.
+    #[cfg(feature = "state-text")]
+    pub fn owed(&self) -> impl Iterator<Item = Slot> {
+        let executing = |(_, entry): &(usize, &Entry)| entry.state == State::Executing;
+        let slot = |(index, entry): (usize, &Entry)| Slot { index, order: entry.order };
+        self.entries.iter().enumerate().filter(executing).map(slot)
     }
 
     pub fn has_output(&self) -> bool {

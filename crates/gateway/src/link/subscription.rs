@@ -8,6 +8,7 @@ const PERIOD_US: (u32, u32) = (1_000, 10_000_000);
 const SILENCE_US: u64 = 5_000_000;
 
 /// A subscription in force.
+#[derive(Debug, Clone)]
 pub struct Subscription {
     /// Bit 0 is axis 0.
     axes: u32,

@@ -2,7 +2,7 @@
 
 use crate::action::{Action, Ask, Number};
 use crate::dice::Dice;
-use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{BUSES, MACHINE, MOTORS, POSITION_DEVICE};
 use host_protocol::AxisParameter;
 
 /// The steps of a host that finds nothing configured.
@@ -13,7 +13,7 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
     let provisioned = dice.percent(40);
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
     let known_only = dice.percent(if provisioned { 50 } else { 5 });
-    for (axis, motor) in (0u8..).zip(&MOTORS) {
+    for (axis, motor) in (0u8..).zip(&MOTORS[..MACHINE]) {
         let mut set = |parameter: AxisParameter, value: Number| {
             asks.push(Ask::Set { axis, parameter: parameter.number(), value });
         };

@@ -5,6 +5,7 @@ use super::ports::Input;
 use crate::action::{Action, Ask};
 use crate::plant::{BOARD, BOARD_AGAIN, LISTENER};
 use gateway::{Board, Gateway, Instant, RETAINED_WORDS};
+use std::fmt::{Result, Write};
 
 /// The firmware opens its host links at the latest so long after a start, µs.
 const LINKS_OPEN_AFTER_US: u64 = 100_000;
@@ -12,6 +13,7 @@ const LINKS_OPEN_AFTER_US: u64 = 100_000;
 const NEVER_WRITTEN: u32 = 0xA5A5_A5A5;
 
 /// The life of the board.
+#[derive(Clone)]
 pub struct Life {
     /// Words that outlive a reset.
     memory: Vec<u32>,
@@ -30,6 +32,17 @@ impl Life {
             reset_after: None,
             e_stop_open: false,
         }
+    }
+
+    /// The words that outlive a reset.
+    pub fn memory(&self) -> &[u32] {
+        &self.memory
+    }
+
+    /// Writes all but the [memory](Self::memory).
+    pub fn write_state(&self, to: &mut impl Write) -> Result {
+        let Self { links_open_by, reset_after, e_stop_open, .. } = self;
+        write!(to, "{links_open_by:?} {reset_after:?} {e_stop_open}")
     }
 
     pub fn links_open_by(&self) -> Option<u64> {

@@ -5,7 +5,7 @@ use crate::motor::{Protocol, Question};
 
 /// What an arming under way has asked and been told. Allowance: a reply answers every request that it can be the answer to, and one good
 /// answer is enough, whatever else comes: which of two identical requests a reply belongs to, nobody can tell.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Arming {
     since_us: u64,
     /// Requests that have left since it began.

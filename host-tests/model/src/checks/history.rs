@@ -10,7 +10,7 @@ const PAGE: usize = 8;
 const KEPT: usize = REMEMBERED + 32;
 
 /// What must be remembered, the latest first.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct History {
     /// With the number of the instant.
     incidents: VecDeque<(u64, Incident)>,
@@ -26,14 +26,14 @@ pub(crate) struct History {
 }
 
 /// A page that was read.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Page {
     first: usize,
     incidents: Vec<Incident>,
     next: Option<u8>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Unread {
     /// What has been read of it so far.
     read: Vec<Incident>,

@@ -9,7 +9,7 @@ use crate::violation::Check;
 use crate::wire::{Clears, Listed, Report, Request, Told};
 
 /// What the first list of the axes after a start must show.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Unlisted {
     /// The axes that were in motion or tripped.
     moved: Vec<bool>,

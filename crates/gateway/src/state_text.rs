@@ -1,0 +1,32 @@
+//! The whole state as text, so that a search can tell whether it has been in a state before.
+
+use crate::Gateway;
+use core::fmt::{Result, Write};
+
+impl Gateway {
+    /// Writes all that can influence what the gateway does from now on: two gateways on one board that write the same text do the
+    /// same at the same events.
+    ///
+    /// Left out is what only requests that are sent again, readers of the log and the numbers of events depend on: the results of
+    /// requests that have theirs, the log, and how many requests and events there were. Left out as well are the axes from `axes`
+    /// on, bytes of a host message that is not complete, and what waits for a host: whoever compares states uses no more axes, sends
+    /// whole messages, and reads what there is to read.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_state(&self, axes: usize, to: &mut impl Write) -> Result {
+        let Self { axes: all, buses, links, authority, history, retention, .. } = self;
+        for axis in all.iter().take(axes) {
+            write!(to, "{axis:?}")?;
+        }
+        for bus in buses {
+            write!(to, "{bus:?}")?;
+        }
+        for link in links.iter() {
+            link.write_state(to)?;
+        }
+        write!(to, "{authority:?}{history:?}{retention:?}")?;
+        let Self { epoch, e_stopped, e_stop_input_open, enabled, link_lost, starts, now, .. } = self;
+        write!(to, "{epoch} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
+    }
+}

@@ -1,0 +1,290 @@
+//! What can happen next.
+
+use super::pairs::Pair;
+use super::prepared::WINDOW_US;
+use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
+use crate::plant::{MOTORS, Wired};
+use crate::world::World;
+use host_protocol::{AxisParameter, Protocol};
+
+/// What can happen next. Until it does, nothing does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Letter {
+    /// Somebody does something now.
+    Now(Action),
+    /// What is on its way happens: a frame ends, a reply begins, a deadline passes.
+    Next,
+    /// So much time passes, µs.
+    Pause(u64),
+}
+
+impl Letter {
+    /// Lets it happen. The step of it, where it is one by itself.
+    pub fn happen(&self, world: &mut World) {
+        match self {
+            Self::Now(action) => world.act(action),
+            Self::Next => world.run_to_next(),
+            Self::Pause(us) => world.run_to(world.since_start_us() + us),
+        }
+    }
+
+    /// As a step at this time; what only lets time pass is none.
+    #[must_use]
+    pub fn step(&self, at_us: u64) -> Option<Step> {
+        match self {
+            Self::Now(action) => Some(Step { at_us, action: action.clone() }),
+            Self::Next | Self::Pause(_) => None,
+        }
+    }
+}
+
+/// The host that drives, and another.
+const DRIVER: u8 = 0;
+const OTHER: u8 = 1;
+/// How long a setpoint lives, µs.
+const LEAD_US: i32 = 48_000;
+/// A node that no axis has.
+const FREE_NODE: u32 = 9;
+/// Pause between the frames of a saturating load, µs.
+const SATURATED_US: u64 = 130;
+
+fn permit(axis: u8, epoch: i32, lead_us: i32) -> Permit {
+    Permit { axis, epoch, lead_us }
+}
+
+fn goal(axis: u8, value: f32) -> Goal {
+    match MOTORS[usize::from(axis)].protocol {
+        Protocol::Thruster => Goal::Signal(value / 5.0),
+        Protocol::Rmd | Protocol::D5 => Goal::Velocity(value),
+    }
+}
+
+/// A setpoint as a host sends it that drives an axis.
+pub(super) fn fresh(axis: u8) -> Ask {
+    Ask::Setpoint { permit: permit(axis, 0, LEAD_US), goal: goal(axis, 0.5) }
+}
+
+fn set(axis: u8, parameter: AxisParameter, value: u32) -> Ask {
+    Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) }
+}
+
+/// Everything that can happen to a pair.
+#[must_use]
+pub fn alphabet(pair: &Pair) -> Vec<Letter> {
+    let [first, second] = pair.axes;
+    let mut letters = vec![Letter::Next];
+    letters.extend([1_000, 20_000, 100_000, 300_000].map(Letter::Pause));
+    let asks = of_driver(first, second).into_iter().map(|ask| Action::Ask { link: DRIVER, ask });
+    let others = of_other(first).into_iter().map(|ask| Action::Ask { link: OTHER, ask });
+    let motors = of_motors(first, second);
+    letters.extend(asks.chain(others).chain(motors).chain(of_board()).map(Letter::Now));
+    letters.extend(of_bus(first, second).into_iter().map(Letter::Now));
+    letters
+}
+
+fn of_driver(first: u8, second: u8) -> Vec<Ask> {
+    let [motor, beside] = [first, second].map(|axis| &MOTORS[usize::from(axis)]);
+    let bus = motor.bus;
+    let mut asks = vec![
+        // Setpoints: fresh, another one, stale, of another epoch; a move by a distance.
+        fresh(first),
+        fresh(second),
+        Ask::Setpoint { permit: permit(first, 0, LEAD_US), goal: goal(first, -1.0) },
+        Ask::Setpoint { permit: permit(first, 0, -1), goal: goal(first, 0.5) },
+        Ask::Setpoint { permit: permit(first, -1, LEAD_US), goal: goal(first, 0.5) },
+        Ask::Move { permit: permit(first, 0, LEAD_US), distance: 1.0, speed: 1.0 },
+        // What ends motion.
+        Ask::Stop { axis: first },
+        Ask::Stop { axis: second },
+        Ask::Disarm { axis: first },
+        Ask::EStop,
+        Ask::Release,
+        // What allows it.
+        Ask::Arm { axis: first },
+        Ask::Arm { axis: second },
+        Ask::Clear { axis: first },
+        Ask::Clear { axis: second },
+        Ask::ClearGateway,
+        Ask::ClearUnreachable { axis: first },
+        Ask::Ping,
+        // Configuration: to another bus, to another node, to that of the other axis, away; the bus itself.
+        set(first, AxisParameter::Bus, if bus == 2 { 0 } else { 2 }),
+        set(first, AxisParameter::Node, FREE_NODE),
+        set(first, AxisParameter::Node, beside.node.into()),
+        set(first, AxisParameter::Protocol, (motor.protocol.number() % 3 + 1).into()),
+        Ask::Remove { axis: first },
+        Ask::Provision { axis: first, timeout_ms: 100 },
+        Ask::Bus { bus, window_us: WINDOW_US + 1_000 },
+        // Raw access: a question, a motion.
+        Ask::RawOpen { bus },
+        raw(motor, read(motor)),
+        raw(motor, moves(motor)),
+        raw(motor, moves_leniently(motor)),
+        Ask::RawClose { bus },
+    ];
+    if motor.protocol == Protocol::D5 {
+        // To where the other motor hears motion.
+        let id = if beside.protocol == Protocol::Rmd { 0x400 } else { 0x300 } + u32::from(beside.node);
+        asks.push(set(first, AxisParameter::D5RequestId, id));
+    } else {
+        asks.push(Ask::Native { permit: permit(first, 0, LEAD_US), data: native(motor) });
+    }
+    asks
+}
+
+fn of_other(first: u8) -> [Ask; 5] {
+    [Ask::Stop { axis: first }, Ask::StopAll, Ask::EStop, Ask::Take, fresh(first)]
+}
+
+/// A relative move by the manual of an RMD motor, which must go out once; the setpoint of a thruster.
+fn native(motor: &Wired) -> Vec<u8> {
+    match motor.protocol {
+        Protocol::Rmd => vec![0xA8, 0, 60, 0, 100, 0, 0, 0],
+        Protocol::Thruster | Protocol::D5 => moves(motor),
+    }
+}
+
+fn d5(node: u8, command: u8, address: u8, value: u8) -> Vec<u8> {
+    let body = [node, 5, command, address, value, 0];
+    let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+    std::iter::once(0xD5).chain(body).chain([sum]).collect()
+}
+
+/// A question.
+fn read(motor: &Wired) -> Vec<u8> {
+    match motor.protocol {
+        Protocol::Rmd => vec![0x9C, 0, 0, 0, 0, 0, 0, 0],
+        Protocol::Thruster => b"QV\0\0".to_vec(),
+        Protocol::D5 => d5(motor.node, 2, 0x26, 0),
+    }
+}
+
+/// A motion as the manual has it.
+fn moves(motor: &Wired) -> Vec<u8> {
+    match motor.protocol {
+        Protocol::Rmd => vec![0xA2, 0, 0, 0, 0x88, 0x13, 0, 0],
+        Protocol::Thruster => b"TC\0\0\0\0\0\x05".to_vec(),
+        Protocol::D5 => d5(motor.node, 3, 0x20, 30),
+    }
+}
+
+/// A motion that a lenient motor obeys: with something in bytes that the manual does not use, or to all.
+fn moves_leniently(motor: &Wired) -> Vec<u8> {
+    match motor.protocol {
+        Protocol::Rmd => vec![0xA2, 7, 0, 0, 0x88, 0x13, 0, 0],
+        Protocol::Thruster => b"TC\0\x09\x01\0\0\x05".to_vec(),
+        Protocol::D5 => d5(0xFE, 3, 0x20, 30),
+    }
+}
+
+/// A raw frame to a motor.
+fn raw(motor: &Wired, data: Vec<u8>) -> Ask {
+    if motor.bus < 2 {
+        return Ask::RawSend { bus: motor.bus, id: request_id(motor), data };
+    }
+    Ask::RawSend { bus: motor.bus, id: 0, data: serial(motor, data) }
+}
+
+/// A frame on RS485.
+fn serial(motor: &Wired, data: Vec<u8>) -> Vec<u8> {
+    let mut bytes = vec![0x3E, motor.node, 8];
+    bytes.extend(data);
+    bytes.extend(crate::bus::crc16(&bytes).to_le_bytes());
+    bytes
+}
+
+fn of_motors(first: u8, second: u8) -> Vec<Action> {
+    let of = |motor| move |does| Action::Motor { motor, does };
+    let doings = [
+        // Its next reply is lost, late, doubled; its next command refused.
+        Does::Mute { for_us: 2_000 },
+        Does::Late { by_us: 6_000 },
+        Does::Twice,
+        Does::Refuses,
+        // It is cut off, has a fault, loses its power, turns on.
+        Does::Deaf { for_us: 150_000 },
+        Does::Faults { word: faults_of(first) },
+        Does::Faults { word: 0 },
+        Does::Restarts,
+        Does::Disobeys { for_us: 150_000 },
+        Does::Turns { speed: 90.0, for_us: 50_000 },
+    ];
+    let beside = [
+        Does::Late { by_us: 6_000 },
+        Does::Deaf { for_us: 150_000 },
+        Does::Faults { word: faults_of(second) },
+        Does::Turns { speed: 90.0, for_us: 50_000 },
+    ];
+    doings.map(of(first)).into_iter().chain(beside.map(of(second))).collect()
+}
+
+/// A fault that a motor of this protocol can have.
+fn faults_of(axis: u8) -> u16 {
+    if MOTORS[usize::from(axis)].protocol == Protocol::Rmd { 4 } else { 2 }
+}
+
+fn of_bus(first: u8, second: u8) -> Vec<Action> {
+    let [motor, beside] = [first, second].map(|axis| &MOTORS[usize::from(axis)]);
+    let bus = motor.bus;
+    let mut actions = vec![Action::Overflow { bus }];
+    if beside.bus != bus && beside.bus != 2 {
+        actions.extend([
+            Action::Cut { bus: beside.bus, for_us: 30_000 },
+            Action::Short { bus: beside.bus, for_us: 5_000 },
+        ]);
+    }
+    if bus == 2 {
+        // Half a frame, and a motor's frame that nobody asked for.
+        actions.push(Action::Noise { bus, bytes: vec![0x3E, motor.node, 8] });
+        actions.push(Action::Noise { bus, bytes: serial(motor, read(motor)) });
+        return actions;
+    }
+    let load = |id, for_us| Action::Foreign { bus, id, pause_us: SATURATED_US, for_us };
+    actions.extend([
+        Action::Cut { bus, for_us: 30_000 },
+        Action::Short { bus, for_us: 5_000 },
+        Action::Stubborn { bus, for_us: 30_000 },
+        // Others: below all ids of ours, between two of them, above all; one that ends at once.
+        load(0x001, 5_000),
+        load(between(motor, beside), 30_000),
+        load(0x7F0, 30_000),
+        // Frames of other nodes that look like ours.
+        Action::Stray { bus, id: reply_id(beside), data: vec![0x9C, 30, 10, 0, 0x64, 0, 1, 0] },
+        Action::Stray { bus, id: reply_id(motor), data: vec![0x80, 0, 0, 0, 0, 0, 0, 0] },
+    ]);
+    actions
+}
+
+fn of_board() -> [Action; 5] {
+    [
+        Action::EStopInput { open: true },
+        Action::EStopInput { open: false },
+        Action::Reset,
+        Action::ResetWhileSaving { words: 1, garbles: true },
+        Action::PowerLoss,
+    ]
+}
+
+fn request_id(motor: &Wired) -> u16 {
+    let base = match motor.protocol {
+        Protocol::Rmd => 0x140,
+        Protocol::Thruster => 0x300,
+        Protocol::D5 => 0,
+    };
+    base + u16::from(motor.node)
+}
+
+fn reply_id(motor: &Wired) -> u16 {
+    let base = match motor.protocol {
+        Protocol::Rmd => 0x240,
+        Protocol::Thruster => 0x280,
+        Protocol::D5 => 0,
+    };
+    base + u16::from(motor.node)
+}
+
+/// An id that loses to the one motor's stop and beats the other's, where there is one.
+fn between(one: &Wired, other: &Wired) -> u16 {
+    let (low, high) = (request_id(one).min(request_id(other)), request_id(one).max(request_id(other)));
+    if one.bus == other.bus && high - low > 1 { low + 1 } else { request_id(one) - 1 }
+}

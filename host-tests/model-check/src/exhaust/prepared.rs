@@ -1,0 +1,139 @@
+//! The states from which sequences begin.
+
+use super::alphabet::fresh;
+use super::pairs::Pair;
+use crate::action::{Action, Ask, Number, Step};
+use crate::plant::{BUSES, MOTORS};
+use crate::world::World;
+use host_protocol::{AxisParameter, Protocol};
+use promise_model::Told;
+
+/// A state that the first axis of a pair is in; what the second is in with it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Prepared {
+    /// Both are idle.
+    Idle,
+    /// Both are armed.
+    Armed,
+    /// Both move.
+    Active,
+    /// The first is being stopped, the second moves.
+    Stopping,
+    /// The first has tripped, its stop is confirmed; the second is armed.
+    Tripped,
+}
+
+impl Prepared {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Idle, Self::Armed, Self::Active, Self::Stopping, Self::Tripped];
+}
+
+/// Between two requests of the preparation, µs.
+const REQUEST_US: u64 = 60;
+/// How often the host looks, and how long, µs.
+const LOOK_US: u64 = 5_000;
+const LOOKS: u32 = 200;
+/// The motors' own timeout, ms.
+const MOTOR_TIMEOUT_MS: u32 = 200;
+/// Reply window of the buses, µs.
+pub(super) const WINDOW_US: u32 = 2_000;
+/// How long both move before a sequence begins, µs: each motor has had its setpoint and has answered.
+const MOVING_US: u64 = 3_000;
+
+/// A world that is being prepared, and how.
+struct Preparation {
+    world: World,
+    steps: Vec<Step>,
+}
+
+/// The world in a prepared state, and the steps that lead there.
+///
+/// # Errors
+/// The axis that does not come into the state.
+pub fn prepare(start_us: u64, pair: &Pair, prepared: Prepared) -> Result<(World, Vec<Step>), String> {
+    let mut preparation = Preparation { world: World::new(start_us), steps: Vec::new() };
+    preparation.configure(pair);
+    let [first, second] = pair.axes;
+    if prepared != Prepared::Idle {
+        for axis in pair.axes {
+            preparation.ask(Ask::Arm { axis });
+            preparation.until(axis, Told::Armed)?;
+        }
+    }
+    let moving: &[u8] = match prepared {
+        Prepared::Idle | Prepared::Armed => &[],
+        Prepared::Active | Prepared::Stopping => &pair.axes,
+        Prepared::Tripped => &[first],
+    };
+    for axis in moving {
+        preparation.ask(fresh(*axis));
+    }
+    preparation.wait(if moving.is_empty() { 0 } else { MOVING_US });
+    match prepared {
+        Prepared::Stopping => preparation.ask(Ask::Stop { axis: first }),
+        // Its setpoint is not renewed.
+        Prepared::Tripped => {
+            preparation.until(first, Told::Tripped { confirmed: true })?;
+            preparation.until(second, Told::Armed)?;
+        }
+        Prepared::Idle | Prepared::Armed | Prepared::Active => {}
+    }
+    match preparation.world.broken() {
+        Some(violation) => Err(format!("{}, {prepared:?}: {violation}", pair.name)),
+        None => Ok((preparation.world, preparation.steps)),
+    }
+}
+
+impl Preparation {
+    fn ask(&mut self, ask: Ask) {
+        let step =
+            Step { at_us: self.world.since_start_us() + REQUEST_US, action: Action::Ask { link: 0, ask } };
+        self.world.step(&step);
+        self.steps.push(step);
+    }
+
+    fn wait(&mut self, us: u64) {
+        self.world.run_to(self.world.since_start_us() + us);
+    }
+
+    /// Waits for a state, while the host shows that it is there.
+    fn until(&mut self, axis: u8, state: Told) -> Result<(), String> {
+        for _ in 0..LOOKS {
+            if self.world.oracle().told(axis) == state {
+                return Ok(());
+            }
+            self.wait(LOOK_US);
+            self.ask(Ask::Ping);
+        }
+        Err(format!("axis {axis} is {:?}, not {state:?}", self.world.oracle().told(axis)))
+    }
+
+    fn configure(&mut self, pair: &Pair) {
+        self.ask(Ask::Hello);
+        let hello = Step {
+            at_us: self.world.since_start_us() + REQUEST_US,
+            action: Action::Ask { link: 1, ask: Ask::Hello },
+        };
+        self.world.step(&hello);
+        self.steps.push(hello);
+        for bus in 0..BUSES {
+            self.ask(Ask::Bus { bus, window_us: WINDOW_US });
+        }
+        for axis in pair.axes {
+            let motor = &MOTORS[usize::from(axis)];
+            for (parameter, value) in [
+                (AxisParameter::Bus, motor.bus),
+                (AxisParameter::Protocol, motor.protocol.number()),
+                (AxisParameter::Node, motor.node),
+                (AxisParameter::StopAction, motor.stop.number()),
+            ] {
+                let value = Number::Unsigned(value.into());
+                self.ask(Ask::Set { axis, parameter: parameter.number(), value });
+            }
+            if motor.protocol != Protocol::D5 {
+                self.ask(Ask::Provision { axis, timeout_ms: MOTOR_TIMEOUT_MS });
+                self.wait(LOOK_US);
+            }
+        }
+    }
+}
