@@ -48,6 +48,7 @@ scenarios! {
     a_cut_bus_trips_for_want_of_acknowledgement
     a_d5_that_answers_nothing_is_not_armed
     a_d5_that_answers_reads_only_is_confirmed_by_reading_back
+    a_d5_that_keeps_its_speed_is_not_acknowledged_by_reading_back
     a_fault_bit_trips_and_clears_only_when_it_is_gone
     a_fault_that_heals_by_itself_does_not_let_the_motor_run_on
     a_fresh_setpoint_is_refreshed_within_a_third_of_the_motors_timeout
@@ -61,10 +62,14 @@ scenarios! {
     a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
     a_measured_value_beyond_the_limit_trips
+    a_motor_that_answers_all_but_its_fault_word_trips
+    a_motor_that_answers_polls_and_no_motion_trips
     a_motor_that_echoes_the_stop_and_turns_on_is_never_confirmed
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
     a_motor_that_loses_its_power_trips_and_does_not_go_on_by_itself
     a_motor_that_throws_motion_back_trips_as_refused
+    a_motor_that_turns_again_is_not_cleared
+    a_motor_that_turns_backwards_is_not_standing
     a_mute_motor_trips_and_is_stopped_although_it_answers_nothing
     a_native_motion_obeys_the_rules_of_setpoints
     a_native_relative_move_goes_out_once_and_trips_when_unanswered
@@ -84,14 +89,20 @@ scenarios! {
     a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_trips
     a_stop_on_rs485_waits_for_bytes_in_flight_only
     a_stop_takes_back_motion_that_waits_in_the_controller
+    a_stop_that_is_asked_for_in_a_trip_goes_out_at_once
+    a_stop_while_arming_arms_nothing
+    a_stop_while_clearing_ends_the_clearing
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
+    a_thruster_that_has_timed_out_is_armed
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     a_thruster_that_restarts_in_motion_refuses_and_trips
     a_thruster_that_would_resume_at_the_first_word_hears_zero_first
+    a_thruster_with_an_encoder_is_stopped_in_its_position_controller_too
     a_trip_keeps_its_reason_time_and_last_values
     a_trip_outlives_a_reset_and_nothing_a_loss_of_power
+    a_tripped_axis_bars_no_other_without_a_group
     a_write_that_waits_in_a_d5_is_overwritten_by_its_stop
     after_a_hang_and_a_reset_the_stops_go_first
     after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
@@ -107,6 +118,7 @@ scenarios! {
     authority_given_back_stops_and_disarms_without_a_trip
     axes_of_one_trip_group_trip_together
     bad_configurations_are_refused_by_name
+    bad_moves_are_refused_by_name_and_nothing_moves
     bad_setpoints_are_refused_by_name_and_nothing_moves
     clear_waits_for_the_confirmation
     e_stop_stops_a_motor_that_something_else_set_in_motion
@@ -121,6 +133,7 @@ scenarios! {
     native_reads_are_free_and_answered_from_the_motor
     noise_on_rs485_delays_a_stop_by_little
     of_two_hosts_one_commands_and_both_may_stop
+    one_reading_of_standstill_confirms_nothing
     pings_do_not_feed_a_setpoint
     pings_of_another_host_keep_nobody_in_command
     raw_access_and_armed_axes_exclude_each_other
@@ -136,6 +149,7 @@ scenarios! {
     the_last_16_trips_and_starts_are_remembered
     the_latest_setpoint_takes_the_place_of_those_before
     the_manuals_bytes_come_out_for_host_commands
+    three_replies_lost_in_a_row_trip_and_two_do_not
     two_motors_with_one_id_are_both_stopped
     unsolicited_frames_inside_an_exchange_are_no_replies
     zero_protection_does_not_keep_a_thruster_from_being_armed

@@ -3,7 +3,7 @@
 use super::bench::{Bench, Stranger};
 use super::words::{duration, hex, parse};
 use host_protocol::{BootReason, CanFrame};
-use mgw_sim::{BusFault, Injection, Wire};
+use mgw_sim::{Beginning, BusFault, Injection, Wire};
 
 impl Bench {
     /// `bus-cut|bus-short|bus-join BUS`
@@ -33,6 +33,11 @@ impl Bench {
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
+            (Some(&"lose-answers-like"), Some(false)) => Injection::LoseAnswersLike(Beginning::default()),
+            (Some(&"lose-answers-like"), None) => {
+                let bytes = hex(words.get(2).ok_or("how do the answers begin?")?)?;
+                Injection::LoseAnswersLike(Beginning::new(&bytes).ok_or("at most 8 bytes")?)
+            }
             (Some(&"late"), None) => Injection::LateReply(duration(words, 2)?),
             other => return Err(format!("{other:?} is no injection")),
         };

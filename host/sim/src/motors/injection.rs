@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use host_protocol::MAX_CAN_DATA;
+
 /// A fault to put into a motor, or to take out of it again. Each kind is independent of the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Injection {
@@ -25,6 +27,8 @@ pub enum Injection {
     IgnoreMotion(bool),
     /// So many of its next answers get lost on the way.
     LoseReplies(u32),
+    /// Its answers that begin with these bytes get lost on the way; none where there are no bytes.
+    LoseAnswersLike(Beginning),
     /// It answers later than usual by a random time up to this.
     ReplyJitter(Duration),
     /// Thruster: it refuses whatever sets something, without a fault.
@@ -33,6 +37,29 @@ pub enum Injection {
     ResumeAfterFault(bool),
     /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
     ResumeAfterTimeout(bool),
+}
+
+/// How the data of an answer begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+pub struct Beginning {
+    bytes: [u8; MAX_CAN_DATA],
+    length: usize,
+}
+
+impl Beginning {
+    /// The first bytes of an answer, at most a data field of CAN.
+    #[must_use]
+    pub fn new(bytes: &[u8]) -> Option<Self> {
+        let mut beginning = Self { length: bytes.len(), ..Self::default() };
+        beginning.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(beginning)
+    }
+
+    /// Whether `data` begin so.
+    pub(crate) fn is_of(&self, data: &[u8]) -> bool {
+        self.length > 0 && data.starts_with(&self.bytes[..self.length])
+    }
 }
 
 /// The faults that are in force in one motor.
@@ -49,6 +76,7 @@ pub(crate) struct Injections {
     pub(crate) ignore_stop: bool,
     pub(crate) ignore_motion: bool,
     pub(crate) lose_replies: u32,
+    pub(crate) lost: Beginning,
     pub(crate) reply_jitter: Duration,
     pub(crate) refuse: bool,
     pub(crate) resume_after_fault: bool,
@@ -68,6 +96,7 @@ impl Injections {
             Injection::IgnoreStop(on) => self.ignore_stop = on,
             Injection::IgnoreMotion(on) => self.ignore_motion = on,
             Injection::LoseReplies(count) => self.lose_replies = count,
+            Injection::LoseAnswersLike(beginning) => self.lost = beginning,
             Injection::ReplyJitter(most) => self.reply_jitter = most,
             Injection::Refuse(on) => self.refuse = on,
             Injection::ResumeAfterFault(on) => self.resume_after_fault = on,

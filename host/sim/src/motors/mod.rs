@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use host_protocol::{CanFrame, Protocol};
 
-pub use self::injection::Injection;
+pub use self::injection::{Beginning, Injection};
 pub use self::log::{LogEntry, MotorEvent, MotorLog};
 pub use self::model::Outgoing;
 

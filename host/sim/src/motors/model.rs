@@ -79,7 +79,11 @@ impl Context<'_> {
     /// Sends after `delay`, unless and as the injections say. `has_checksum`: the last byte is one.
     pub(super) fn send(&mut self, delay: Duration, mut wire: Wire, has_checksum: bool) {
         let Injections { mute, late_reply, reply_jitter, garbage, wrong_checksum, .. } = *self.injected;
-        if mute {
+        let data = match &wire {
+            Wire::Can(frame) => frame.data(),
+            Wire::Serial(bytes) => bytes,
+        };
+        if mute || self.injected.lost.is_of(data) {
             return;
         }
         if let Some(left) = self.injected.lose_replies.checked_sub(1) {
