@@ -53,6 +53,7 @@ scenarios! {
     a_fault_that_heals_by_itself_does_not_let_the_motor_run_on
     a_fresh_setpoint_is_refreshed_within_a_third_of_the_motors_timeout
     a_held_motor_that_turns_is_stopped_again
+    a_holding_axis_lets_go_on_request
     a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
     a_host_that_floods_delays_no_stop_of_another
     a_host_that_floods_its_own_link_feeds_nothing_with_old_setpoints
@@ -152,6 +153,7 @@ scenarios! {
     three_replies_lost_in_a_row_trip_and_two_do_not
     two_motors_with_one_id_are_both_stopped
     unsolicited_frames_inside_an_exchange_are_no_replies
+    what_held_goes_on_holding_after_a_reset
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }
 

@@ -2,7 +2,8 @@
 //!
 //! | The light | means |
 //! |---|---|
-//! | is on and off for 0.8 s each | idle: nothing moves and nothing may |
+//! | is on and off for 0.8 s each | idle: nothing moves and nothing may, and no motor holds |
+//! | flashes three times every 1.6 s | nothing may move; a motor holds, its output on |
 //! | is on | an axis is armed: it may move |
 //! | flashes twice every 1.6 s | the host in command fell silent |
 //! | blinks five times a second | an axis is tripped |
@@ -23,6 +24,7 @@ const STEP: Duration = Duration::from_millis(100);
 const fn pattern(light: Light) -> u16 {
     match light {
         Light::Idle => 0b0000_0000_1111_1111,
+        Light::Holding => 0b0000_0000_0001_0101,
         Light::Armed => 0b1111_1111_1111_1111,
         Light::LinkLost => 0b0000_0000_0000_0101,
         Light::Tripped => 0b0101_0101_0101_0101,

@@ -93,7 +93,8 @@ impl Gateway {
         }
         let Self { axes, links, .. } = self;
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
-            axis.configured(parameter, complete, &mut Outbox::new(now, links));
+            let same = axis.config.address() == previous.address();
+            axis.configured(parameter, same, complete, &mut Outbox::new(now, links));
         }
         self.retention.axis_changed(request.axis);
         Ok(())

@@ -183,10 +183,12 @@ impl Gateway {
         self.buses.get(usize::from(bus))?.setup()
     }
 
-    /// Whether no axis moves or may: each is idle or not configured. A trip is no rest, not even a confirmed one: its stops are
-    /// repeated for faults that heal by themselves.
+    /// Whether no axis needs the gateway: each is at rest or not configured. A trip is no rest, not even a confirmed one: its stops are
+    /// repeated for faults that heal by themselves. Nor is holding where the motor must
+    /// hear something for it.
     pub fn all_at_rest(&self) -> bool {
-        self.axes.iter().all(|axis| matches!(axis.state, AxisState::Idle | AxisState::Unconfigured))
+        let rests = |axis: &Axis| axis.state == AxisState::Unconfigured || axis.is_idle_or_holding();
+        self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.

@@ -83,7 +83,11 @@ impl Gateway {
         let axis = self.axis(index)?;
         let free = matches!(
             axis.state,
-            AxisState::Idle | AxisState::Armed | AxisState::Active | AxisState::Tripped { confirmed: true }
+            AxisState::Idle
+                | AxisState::Holding
+                | AxisState::Armed
+                | AxisState::Active
+                | AxisState::Tripped { confirmed: true }
         );
         if !free {
             return Err(Error::Busy { axis: index });
@@ -103,7 +107,10 @@ impl Gateway {
         if let Effect::Changes { .. } = native.effect {
             self.refuse_e_stopped(index)?;
         }
-        self.idle_axis(index)?;
+        let axis = self.idle_axis(index)?;
+        if axis.state == AxisState::Holding && axis.can_let_go() {
+            return Err(Error::NotIdle { axis: index, state: axis.state });
+        }
         self.with_axis(now, index, |axis, out| axis.make_way(now, out))?;
         if self.axis(index)?.is_busy() {
             return Err(Error::Busy { axis: index });

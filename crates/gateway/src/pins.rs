@@ -45,6 +45,8 @@ impl Gateway {
             Light::LinkLost
         } else if any(|state| matches!(state, AxisState::Armed | AxisState::Active)) {
             Light::Armed
+        } else if any(|state| state == AxisState::Holding) {
+            Light::Holding
         } else {
             Light::Idle
         }

@@ -97,8 +97,10 @@ pub enum Event<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Light {
-    /// Nothing moves and nothing may.
+    /// Nothing moves and nothing may, and no motor holds.
     Idle,
+    /// Nothing moves and nothing may; a motor holds, its output on.
+    Holding,
     /// An axis may move.
     Armed,
     /// The host in command fell silent, and none has been heard since.

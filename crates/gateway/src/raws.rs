@@ -27,6 +27,10 @@ impl Gateway {
         if let Some(axis) = self.axes.iter().find(moving) {
             return Err(Error::AxisArmed { axis: axis.index });
         }
+        let holds = |axis: &&Axis| axis.config.bus() == Some(bus) && axis.state == AxisState::Holding;
+        if let Some(axis) = self.axes.iter().find(holds) {
+            return Err(Error::NotIdle { axis: axis.index, state: axis.state });
+        }
         self.bus_mut(bus)?.raw.get_or_insert_with(Raw::new);
         Ok(())
     }

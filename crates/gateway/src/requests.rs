@@ -121,6 +121,7 @@ impl Gateway {
                 self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(out))??;
                 Reply::ClearUnreachable(done)
             }
+            Request::OutputOff(request) => return self.output_off(now, request.axis, ticket),
             Request::Setpoint(request) => {
                 self.setpoint(now, request)?;
                 Reply::Setpoint(done)
@@ -254,11 +255,23 @@ impl Gateway {
             }
             (AxisState::Tripped { .. }, _) => return Err(Error::StopNotConfirmed { axis: index }),
             // Nothing has tripped, but the motor may keep a fault of its own that bars arming.
-            (AxisState::Idle, _) => {}
+            (AxisState::Idle | AxisState::Holding, _) => {}
             _ => return Err(Error::NothingToClear { axis: index }),
         }
         self.ready_bus(axis)?;
         self.start(now, index, JobKind::Clear, ticket)
+    }
+
+    fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        self.refuse_e_stopped(index)?;
+        let axis = self.idle_axis(index)?;
+        if axis.state != AxisState::Holding {
+            return Err(Error::NotHolding { axis: index, state: axis.state });
+        }
+        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can_let_go()) {
+            return Err(Error::Unsupported { axis: index, protocol });
+        }
+        self.start(now, index, JobKind::OutputOff, ticket)
     }
 
     fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
@@ -268,7 +281,7 @@ impl Gateway {
                 let missing = axis.config.missing().map_or(0, AxisParameter::number);
                 Err(Error::NotConfigured { axis: index, parameter: missing })
             }
-            AxisState::Idle | AxisState::Armed | AxisState::Active => {
+            AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {
                 self.ready_bus(axis)?;
                 self.start(now, index, JobKind::ReadState, ticket)
             }
@@ -296,7 +309,7 @@ impl Gateway {
                 if let (AxisState::Unconfigured, Some(missing)) = (axis.state, axis.config.missing()) {
                     return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
                 }
-                if axis.state == AxisState::Idle {
+                if axis.is_idle_or_holding() {
                     self.ready_bus(axis)?;
                 }
                 self.with_axis(now, index, |axis, out| axis.stop(now, out))
@@ -314,7 +327,7 @@ impl Gateway {
         let mut out = Outbox::new(now, links);
         for axis in axes {
             // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
-            if axis.state != AxisState::Idle || ready_bus(buses, axis).is_ok() {
+            if !axis.is_idle_or_holding() || ready_bus(buses, axis).is_ok() {
                 axis.stop(now, &mut out);
             }
         }
@@ -344,7 +357,7 @@ impl Gateway {
     pub(crate) fn idle_axis(&self, index: u8) -> Result<&Axis> {
         let axis = self.axis(index)?;
         match (axis.state, axis.trip) {
-            (AxisState::Idle, _) => {}
+            (AxisState::Idle | AxisState::Holding, _) => {}
             (AxisState::Unconfigured, _) => {
                 let parameter = axis.config.missing().map_or(0, AxisParameter::number);
                 return Err(Error::NotConfigured { axis: index, parameter });
@@ -416,6 +429,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Arm(_)
         | Request::Clear(_)
         | Request::ClearUnreachable(_)
+        | Request::OutputOff(_)
         | Request::Setpoint(_)
         | Request::MoveRelative(_)
         | Request::RawOpen(_)

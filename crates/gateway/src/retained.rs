@@ -131,7 +131,8 @@ impl Gateway {
                 self.retention.axes |= bit(index);
             }
             match axis.state {
-                AxisState::Unconfigured | AxisState::Idle => {}
+                // After a reset each of them is sent its stop action: what held goes on holding.
+                AxisState::Unconfigured | AxisState::Idle | AxisState::Holding => {}
                 AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping => {
                     states.moving |= bit(index);
                 }

@@ -12,7 +12,7 @@ wire! {
     pub enum AxisState {
         /// A required parameter is missing.
         Unconfigured,
-        /// Nothing moves and nothing may.
+        /// Nothing moves and nothing may; the gateway has not had the motor hold.
         Idle,
         /// The steps that come before motion are under way.
         Arming,
@@ -27,6 +27,8 @@ wire! {
             /// Whether the motor has confirmed the stop.
             confirmed: bool,
         },
+        /// At rest, as `Idle`, with the motor's output on: the motor holds its position, until `OutputOff`.
+        Holding,
     }
 
     /// What an axis should do now.
@@ -212,6 +214,7 @@ impl fmt::Display for AxisState {
         f.pad(match self {
             Self::Unconfigured => "unconfigured",
             Self::Idle => "idle",
+            Self::Holding => "holding",
             Self::Arming => "arming",
             Self::Armed => "armed",
             Self::Active => "active",

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::axis::AxisState;
 use crate::errors::{Error, NoReplyHint};
 use crate::messages::request_name;
 use crate::parameters;
@@ -163,6 +164,15 @@ impl fmt::Display for Error {
             }
             Self::AxisArmed { axis } => {
                 write!(f, "axis {axis} on this bus is armed; disarm it first")
+            }
+            Self::NotHolding { axis, state } => {
+                write!(f, "axis {axis} is {state}; only the output of a holding motor can be switched off")
+            }
+            Self::NotIdle { axis, state: AxisState::Holding } => {
+                write!(
+                    f,
+                    "axis {axis} is holding and this needs it idle; switch its motor's output off first"
+                )
             }
             Self::NotIdle { axis, state } => {
                 write!(f, "axis {axis} is {state} and this needs it idle; disarm or clear it first")

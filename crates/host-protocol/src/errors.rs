@@ -386,6 +386,13 @@ errors! {
         /// The axis whose motor uses it.
         other: u8,
     }
+    /// This needs an axis whose motor holds.
+    60 NotHolding {
+        /// The axis.
+        axis: u8,
+        /// Its state.
+        state: AxisState,
+    }
 }
 
 impl core::error::Error for Error {}

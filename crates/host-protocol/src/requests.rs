@@ -152,6 +152,14 @@ wire! {
         pub axis: u8,
     }
 
+    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop. The axis is idle once the
+    /// motor has acknowledged.
+    #[derive(Copy, Eq)]
+    pub struct OutputOff {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
     /// Says what an armed axis should do now.
     #[derive(Copy)]
     pub struct Setpoint {

@@ -93,6 +93,7 @@ pub enum Ask {
     ClearGateway,
     Clear { axis: u8 },
     ClearUnreachable { axis: u8 },
+    OutputOff { axis: u8 },
     Setpoint { permit: Permit, goal: Goal },
     Move { permit: Permit, distance: f32, speed: f32 },
     Native { permit: Permit, data: Vec<u8> },

@@ -133,7 +133,8 @@ impl Generator {
                 98 => Ask::Stop { axis },
                 _ => Ask::Disarm { axis },
             },
-            Told::Idle => {
+            Told::Holding if self.dice.percent(3) => Ask::OutputOff { axis },
+            Told::Idle | Told::Holding => {
                 if self.dice.percent(97) {
                     Ask::Arm { axis }
                 } else {

@@ -83,6 +83,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
         Ask::ClearGateway => Request::Clear(requests::Clear { target: ClearTarget::Gateway }),
         Ask::Clear { axis } => Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }),
         Ask::ClearUnreachable { axis } => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
+        Ask::OutputOff { axis } => Request::OutputOff(requests::OutputOff { axis }),
         Ask::Setpoint { ref permit, goal } => Request::Setpoint(requests::Setpoint {
             axis: permit.axis,
             epoch: epoch(permit),

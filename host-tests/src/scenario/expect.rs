@@ -35,12 +35,13 @@ impl Bench {
         }
     }
 
-    /// `state AXIS unconfigured|idle|arming|armed|active|stopping|tripped|tripped-confirmed`
+    /// `state AXIS unconfigured|idle|holding|arming|armed|active|stopping|tripped|tripped-confirmed`
     fn expect_state(&mut self, words: &[&str]) -> Result<(), String> {
         let axis = parse(words, 0, "axis")?;
         let wanted = match words.get(1) {
             Some(&"unconfigured") => AxisState::Unconfigured,
             Some(&"idle") => AxisState::Idle,
+            Some(&"holding") => AxisState::Holding,
             Some(&"arming") => AxisState::Arming,
             Some(&"armed") => AxisState::Armed,
             Some(&"active") => AxisState::Active,

@@ -50,6 +50,9 @@ impl Bench {
             "clear-unreachable" => {
                 self.ask(&requests::ClearUnreachable { axis: parse(rest, 0, "axis")? })?;
             }
+            "output-off" => {
+                self.ask(&requests::OutputOff { axis: parse(rest, 0, "axis")? })?;
+            }
             "read" => {
                 self.ask(&requests::ReadState { axis: parse(rest, 0, "axis")? })?;
             }

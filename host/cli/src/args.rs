@@ -149,6 +149,16 @@ pub enum Command {
         unreachable: bool,
     },
 
+    /// Switch the output of a holding motor off: it lets go, and a load that it holds drops
+    #[command(
+        after_help = "An axis that stops by `hold` is `holding` after its stop: its motor is energised and holds for ever.\n\n\
+            Example:\n  mgw output-off 0"
+    )]
+    OutputOff {
+        /// The axis
+        axis: u8,
+    },
+
     /// Show the state of one axis, or of all configured axes
     State {
         /// The axis; all configured ones without it

@@ -13,6 +13,7 @@ pub fn axis_state(state: AxisState) -> &'static str {
     match state {
         AxisState::Unconfigured => "unconfigured",
         AxisState::Idle => "idle",
+        AxisState::Holding => "holding",
         AxisState::Arming => "arming",
         AxisState::Armed => "armed",
         AxisState::Active => "active",

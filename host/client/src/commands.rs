@@ -234,6 +234,14 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ClearUnreachable { axis }).map(drop)
     }
 
+    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn output_off(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request(&ask::OutputOff { axis }).map(drop)
+    }
+
     /// Clears the trip of an axis, or the latched e-stop. Never arms.
     ///
     /// # Errors

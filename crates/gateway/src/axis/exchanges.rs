@@ -5,7 +5,7 @@ use super::{Axis, Observation};
 use crate::motor::{self, Command, Exchange, Received, Verdict};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisState, TripReason};
+use host_protocol::TripReason;
 
 /// A request handed to the bus.
 #[derive(Debug, Clone, Copy)]
@@ -146,6 +146,7 @@ impl Axis {
         pending.window = motor::slow_reply(&pending.command).unwrap_or(window);
         pending.until = Some(now + pending.window);
         let pending = *pending;
+        self.job_left(&pending.command);
         let silence = self.unreachable_silence();
         if let Some(stop) = &mut self.stop {
             stop.left(now, pending.exchange, silence);
@@ -320,7 +321,7 @@ impl Axis {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
-        if self.state == AxisState::Idle && self.job.is_none() && !self.holding {
+        if self.is_idle_or_holding() && self.job.is_none() && !self.is_kept_holding() {
             // Who watches a motor that does not answer must not take the others' time.
             self.state_poll_at = now + SILENT_POLL;
         }

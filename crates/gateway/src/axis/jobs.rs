@@ -25,6 +25,8 @@ pub(crate) struct Job {
     since: Instant,
     /// The holding brake has been freed.
     brake_freed: bool,
+    /// The motor's output is on, as the axis held before the job or a command of the job has switched it on.
+    output_on: bool,
 }
 
 /// How long a step may wait until the bus takes its request.
@@ -45,6 +47,8 @@ pub(crate) enum JobKind {
         /// Milliseconds; 0 switches it off.
         timeout_ms: u32,
     },
+    /// Switch the output of a holding motor off.
+    OutputOff,
     /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the tripped state.
     Clear,
     /// Send a native command that is no motion, and hand its reply on.
@@ -82,6 +86,7 @@ impl JobKind {
             Self::Provision { timeout_ms } => {
                 return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
             }
+            Self::OutputOff => &[Exchange::OutputOff],
             Self::Native { .. } => &[Exchange::Native],
             Self::NativeMotion => &[Exchange::Motion],
             Self::MoveRelative { .. } => &[Exchange::Position],
@@ -103,12 +108,11 @@ impl Axis {
         if let Some(pending) = &mut self.pending {
             pending.predates_job = true;
         }
-        self.job = Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false });
+        let output_on = self.state == AxisState::Holding;
+        self.job =
+            Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false, output_on });
         match kind {
-            JobKind::Arm { .. } => {
-                self.holding = false;
-                self.enter(AxisState::Arming, out);
-            }
+            JobKind::Arm { .. } => self.enter(AxisState::Arming, out),
             // Until the motor has answered it may have the one or the other.
             JobKind::Provision { .. } => self.forget_motor_timeout(),
             _ => {}
@@ -238,6 +242,13 @@ impl Axis {
         }
     }
 
+    /// A command has left while the job is under way.
+    pub(super) fn job_left(&mut self, command: &Command) {
+        if let Some(job) = &mut self.job {
+            job.output_on = motor::output_after(command).unwrap_or(job.output_on);
+        }
+    }
+
     /// When the job is given up if the bus has not taken its next request.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
         let waiting = self.job.as_ref().filter(|_| self.pending.is_none())?;
@@ -269,7 +280,7 @@ impl Axis {
         }
     }
 
-    /// Ends the job with an error. An arming that fails leaves the axis idle, as it has only been sent stops; one that
+    /// Ends the job with an error. An arming that fails leaves the axis at rest, as it has only been sent stops; one that
     /// has freed the brake leaves it through the stop action.
     pub fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         let Some(job) = self.job.take() else { return };
@@ -277,11 +288,18 @@ impl Axis {
             if job.brake_freed {
                 self.stop(now, out);
             } else {
-                self.hold_at_rest(now);
-                self.enter(AxisState::Idle, out);
+                self.enter_rest(now, job.output_on, out);
             }
         }
+        self.note_output(now, &job, out);
         out.answer(job.ticket, &Err(error));
+    }
+
+    /// A native command may have switched the output of an idle axis's motor on, also where its reply was lost.
+    fn note_output(&mut self, now: Instant, job: &Job, out: &mut Outbox<'_>) {
+        if self.state == AxisState::Idle && job.output_on {
+            self.enter_rest(now, true, out);
+        }
     }
 
     fn check_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
@@ -373,11 +391,15 @@ impl Axis {
                 Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout }))
             }
             JobKind::Clear => {
-                self.trip = None;
                 self.stop = None;
-                self.hold_at_rest(now);
-                self.enter(AxisState::Idle, out);
+                if self.trip.take().is_some() {
+                    self.enter_rest(now, self.holds_after_stop(), out);
+                }
                 Ok(Reply::Clear(Done {}))
+            }
+            JobKind::OutputOff => {
+                self.enter_rest(now, false, out);
+                Ok(Reply::OutputOff(Done {}))
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
@@ -392,6 +414,7 @@ impl Axis {
         match result {
             Ok(reply) => {
                 if let Some(job) = self.job.take() {
+                    self.note_output(now, &job, out);
                     out.answer(job.ticket, &Ok(reply));
                 }
             }

@@ -18,7 +18,9 @@ impl Axis {
         if let Some(waits) = seen.write_pending {
             self.write_waits = waits;
         }
-        if self.holding && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity)) {
+        if self.state == AxisState::Holding
+            && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity))
+        {
             // A motor that should hold turns. Going on with the polls would keep its own timeout from stopping it.
             self.stop(now, out);
             return;
@@ -36,7 +38,7 @@ impl Axis {
         }
     }
 
-    /// An idle axis that is read for somebody who watches, and turns: something else has set it in motion. Reading on would
+    /// An axis at rest that is read for somebody who watches, and turns: something else has set it in motion. Reading on would
     /// keep its own timeout from stopping it.
     fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));

@@ -80,8 +80,6 @@ pub(crate) struct Axis {
     in_doubt: bool,
     /// How long motions have not been answered, whatever else has.
     motion_silence: Silence,
-    /// Idle after a stop by holding: the motor is polled so that its own timeout does not cut the output.
-    holding: bool,
     /// Somebody has subscribed to the axis: an idle one is polled too.
     watched: bool,
     /// Requests in a row for the fault word that told nothing.
@@ -122,7 +120,6 @@ impl Axis {
             not_executed: false,
             in_doubt: false,
             motion_silence: Silence::NONE,
-            holding: false,
             watched: false,
             faults_unread: 0,
             unanswered_since: None,
@@ -142,7 +139,12 @@ impl Axis {
 
     /// Whether the axis may be configured: nothing is allowed and nothing is under way.
     pub fn is_at_rest(&self) -> bool {
-        matches!(self.state, AxisState::Unconfigured | AxisState::Idle) && self.job.is_none()
+        (self.state == AxisState::Unconfigured || self.is_idle_or_holding()) && self.job.is_none()
+    }
+
+    /// Whether it is configured and nothing moves or may, the motor's output on or off.
+    pub fn is_idle_or_holding(&self) -> bool {
+        matches!(self.state, AxisState::Idle | AxisState::Holding)
     }
 
     /// Whether there is a stop, under way or confirmed.
@@ -196,20 +198,22 @@ impl Axis {
 
     /// Whether an exchange is only for those who watch an idle axis, so that everything else goes before it.
     fn is_for_watchers(&self, exchange: Exchange) -> bool {
-        self.state == AxisState::Idle
+        self.is_idle_or_holding()
             && self.job.is_none()
-            && !(self.holding && exchange == Exchange::Velocity)
+            && !(self.is_kept_holding() && exchange == Exchange::Velocity)
     }
 
-    /// A parameter has been set. Another motor is another motor: nothing is known of it.
-    pub fn configured(&mut self, parameter: AxisParameter, complete: bool, out: &mut Outbox<'_>) {
+    /// A parameter has been set. Another motor is another motor: nothing is known of it. The `same` motor goes on holding.
+    pub fn configured(&mut self, parameter: AxisParameter, same: bool, complete: bool, out: &mut Outbox<'_>) {
         if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
             self.forget_motor_timeout();
             self.measured = Measured::new();
-            self.holding = false;
         }
-        self.holding &= self.must_hold();
-        let state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
+        let state = match self.state {
+            _ if !complete => AxisState::Unconfigured,
+            AxisState::Holding if same => AxisState::Holding,
+            _ => AxisState::Idle,
+        };
         self.enter(state, out);
     }
 

@@ -232,7 +232,7 @@ impl Axis {
         let configured = self.config.state_poll();
         let unfed = match &self.motion {
             Some(motion) => motion.once,
-            None => self.must_hold(),
+            None => self.must_hold() || self.is_kept_holding(),
         };
         if unfed { configured.min(self.refresh()) } else { configured }
     }

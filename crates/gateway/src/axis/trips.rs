@@ -1,6 +1,7 @@
 //! Leaving motion: trips, stops and disarming, and the way from one state to another.
 
 use super::{Axis, Stop};
+use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::time::Instant;
 use host_protocol::{
@@ -80,7 +81,11 @@ impl Axis {
                 self.give_up_clearing(now, out);
                 self.stop_again(now);
             }
-            AxisState::Idle | AxisState::Arming | AxisState::Armed | AxisState::Active => {
+            AxisState::Idle
+            | AxisState::Holding
+            | AxisState::Arming
+            | AxisState::Armed
+            | AxisState::Active => {
                 let aborted = match self.state {
                     AxisState::Arming => {
                         Error::ArmingAborted { axis: self.index, state: AxisState::Stopping }
@@ -122,10 +127,20 @@ impl Axis {
         }
     }
 
-    /// From now on at rest, and kept polled if the motor needs that to hold.
-    pub(super) fn hold_at_rest(&mut self, now: Instant) {
-        self.holding = self.must_hold();
+    /// From now on at rest: holding where the motor's output is on.
+    pub(super) fn enter_rest(&mut self, now: Instant, output_on: bool, out: &mut Outbox<'_>) {
         self.state_poll_at = now;
+        self.enter(if output_on { AxisState::Holding } else { AxisState::Idle }, out);
+    }
+
+    /// Whether the motor's output is on after a confirmed stop. The brake holds by itself.
+    pub(super) fn holds_after_stop(&self) -> bool {
+        self.config.stop_action() == Some(StopAction::Hold)
+    }
+
+    /// Whether the axis holds and must be polled for it: an RMD holds only while it hears something (0xB3).
+    pub fn is_kept_holding(&self) -> bool {
+        self.state == AxisState::Holding && self.config.protocol() == Some(Protocol::Rmd)
     }
 
     /// Whether a stop of this axis is confirmed only at standstill.
@@ -133,7 +148,12 @@ impl Axis {
         self.config.stop_action() != Some(StopAction::Coast)
     }
 
-    /// Whether the motor must be kept polled at rest: an RMD holds only while it hears something (0xB3).
+    /// Whether the motor has a command that switches its output off.
+    pub fn can_let_go(&self) -> bool {
+        motor::command(Exchange::OutputOff, &self.config).is_some()
+    }
+
+    /// Whether the motor must be kept polled once it is stopped, for the same reason.
     pub(super) fn must_hold(&self) -> bool {
         self.config.protocol() == Some(Protocol::Rmd) && self.config.stop_action() == Some(StopAction::Hold)
     }
@@ -145,8 +165,7 @@ impl Axis {
     /// Stale motion is purged, and what is under way makes room.
     fn begin_stop(&mut self, now: Instant) {
         self.motion = None;
-        self.holding = false;
         self.displace();
-        self.stop = Some(Stop::new(now, self.state == AxisState::Idle));
+        self.stop = Some(Stop::new(now, self.is_idle_or_holding()));
     }
 }

@@ -121,8 +121,8 @@ impl Axis {
                 let poll = Some((Next::Poll, self.state_poll_at));
                 self.choose(now, self.earliest(&[motion]), self.earliest(&[faults, poll, job]))
             }
-            AxisState::Idle => {
-                let polled = self.holding || self.watched;
+            AxisState::Idle | AxisState::Holding => {
+                let polled = self.is_kept_holding() || self.watched;
                 let poll = polled.then_some((Next::Poll, self.state_poll_at));
                 self.earliest(&[job, poll])
             }
@@ -159,7 +159,7 @@ impl Axis {
 
     /// The poll whose turn it is.
     fn poll_exchange(&self) -> Option<Exchange> {
-        if self.state == AxisState::Idle { self.idle_poll() } else { self.armed_poll() }
+        if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
     /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
@@ -202,13 +202,14 @@ impl Axis {
         asked && motor::command(exchange, &self.config).is_some()
     }
 
-    /// The poll of an idle axis: a motor that holds is watched every other time, whatever else somebody wants to know.
+    /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else somebody wants to know.
     fn idle_poll(&self) -> Option<Exchange> {
-        if self.holding && (!self.watched || self.poll_turn.is_multiple_of(2)) {
+        let holds = self.is_kept_holding();
+        if holds && (!self.watched || self.poll_turn.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }
         let state = motor::sequences(self.config.protocol()?).state;
-        let turn = if self.holding { self.poll_turn / 2 } else { self.poll_turn };
+        let turn = if holds { self.poll_turn / 2 } else { self.poll_turn };
         self.watched.then(|| self.in_turn(state, turn)).flatten()
     }
 

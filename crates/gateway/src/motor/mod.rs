@@ -196,6 +196,17 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
     }
 }
 
+/// Whether the motor's output is on after this command; `None` where it stays as it was.
+pub(crate) fn output_after(command: &Command) -> Option<bool> {
+    match command {
+        Command::Rmd(::rmd::Request::Stop) => Some(true),
+        Command::Rmd(::rmd::Request::Shutdown) => Some(false),
+        // At speed 0 the motor locks itself (D5 manual, first list).
+        Command::D5(::d5::Request::Write { register: ::d5::Register::SPEED, .. }) => Some(true),
+        _ => None,
+    }
+}
+
 /// The node whose reply a command waits for, where that is not simply the axis's: after a change of the id.
 pub(crate) fn answering_node(command: &Command, config: &AxisConfig) -> Option<u8> {
     match command {

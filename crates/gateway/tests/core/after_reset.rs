@@ -51,7 +51,7 @@ fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_host
     bench::hello(&mut rig);
     run_with_host(&mut rig, 50_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
-    assert_eq!(listed(&mut rig, 1), AxisState::Idle);
+    assert_eq!(listed(&mut rig, 1), AxisState::Holding);
     let page = incidents(&mut rig, 0);
     assert!(
         matches!(

@@ -230,6 +230,11 @@ pub fn e_stop(rig: &mut Rig) {
     rig.ask(Request::EStop(requests::EStop {})).unwrap();
 }
 
+/// Switches the output of axis 0's motor off.
+pub fn output_off(rig: &mut Rig) -> Result<Reply, Error> {
+    rig.ask(Request::OutputOff(requests::OutputOff { axis: 0 }))
+}
+
 /// Clears the trip of axis 0.
 pub fn clear(rig: &mut Rig) -> Result<Reply, Error> {
     rig.ask(Request::Clear(requests::Clear { target: ClearTarget::Axis(0) }))

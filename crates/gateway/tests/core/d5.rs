@@ -16,7 +16,7 @@ fn a_motor_that_answers_reads_only_confirms_by_reading_back() {
     let since = rig.now_us;
     stop(&mut rig);
     run_with_host(&mut rig, 100_000);
-    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     let sent = rig.sent_since(1, since);
     assert_eq!(sent.get(..2), Some(&["00B#D50B050320000033", "00B#D50B050220000032"][..]));
 }

@@ -1,8 +1,8 @@
 //! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a hanging load drops.
 
-use crate::bench::{self, VELOCITY, arm, disarm, run_with_host};
-use crate::rig::Rig;
-use host_protocol::{AxisParameter, AxisState, Error, Request, StopAction, Value, requests};
+use crate::bench::{self, COAST, HOLD, VELOCITY, arm, disarm, listed, output_off, run_with_host};
+use crate::rig::{Instead, Rig};
+use host_protocol::{AxisParameter, AxisState, Error, Reply, Request, StopAction, Value, replies, requests};
 
 /// The motor of axis 0 has heard something every 100 ms, up to now.
 fn assert_fed_every_100_ms(rig: &Rig, since_us: u64) {
@@ -77,9 +77,106 @@ fn a_motor_that_should_hold_and_turns_is_stopped_again() {
     let since = rig.now_us;
     play.borrow_mut().turning = true;
     run_with_host(&mut rig, 100_000);
-    assert!(rig.sent_since(0, since).contains(&bench::HOLD));
-    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
     play.borrow_mut().turning = false;
     run_with_host(&mut rig, 100_000);
-    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
+/// An RMD that holds at node 1 on CAN bus 0.
+fn held() -> Rig {
+    let (mut rig, _) = bench::rmd_with_timeout(300);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 300_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    rig
+}
+
+#[test]
+fn an_axis_lets_go_once_its_motor_has_acknowledged_and_is_not_polled_from_then_on() {
+    let mut rig = held();
+    let since = rig.now_us;
+    assert_eq!(output_off(&mut rig), Ok(Reply::OutputOff(replies::Done {})));
+    assert!(rig.sent_since(0, since).contains(&COAST));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+    let not_holding = Err(Error::NotHolding { axis: 0, state: AxisState::Idle });
+    assert_eq!(output_off(&mut rig), not_holding);
+}
+
+#[test]
+fn an_axis_whose_motor_does_not_acknowledge_goes_on_holding() {
+    let mut rig = held();
+    rig.instead(|text| if text == COAST { Instead::Nothing } else { Instead::AsUsual });
+    let since = rig.now_us;
+    assert!(matches!(output_off(&mut rig), Err(Error::NoReply { axis: 0, .. })));
+    assert_eq!(rig.sent_since(0, since).iter().filter(|text| **text == COAST).count(), 3);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    run_with_host(&mut rig, 1_000_000);
+    assert_fed_every_100_ms(&rig, since);
+}
+
+#[test]
+fn a_stop_takes_the_place_of_letting_go() {
+    let mut rig = held();
+    rig.cut();
+    let request = Request::OutputOff(requests::OutputOff { axis: 0 });
+    let asked = rig.send(&request);
+    rig.run(100);
+    bench::stop(&mut rig);
+    rig.run(100);
+    assert_eq!(rig.answer(asked), Some(Err(Error::Busy { axis: 0 })));
+    assert_eq!(rig.held_texts(), [HOLD]);
+    let since = rig.now_us;
+    rig.mend();
+    run_with_host(&mut rig, 100_000);
+    assert!(!rig.sent_since(0, since).contains(&COAST));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
+#[test]
+fn the_same_address_again_is_the_same_motor_and_goes_on_being_held() {
+    let mut rig = held();
+    for (parameter, value) in
+        [(AxisParameter::Bus, 0), (AxisParameter::Protocol, 1), (AxisParameter::Node, 1)]
+    {
+        bench::parameter(&mut rig, 0, parameter, Value::Unsigned(value));
+        assert_eq!(listed(&mut rig, 0), AxisState::Holding, "{parameter:?}");
+    }
+    bench::parameter(&mut rig, 0, AxisParameter::StopAction, Value::Unsigned(1));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding, "its output is still on");
+    let since = rig.now_us;
+    run_with_host(&mut rig, 500_000);
+    assert!(rig.longest_gap_us(0, since, "141#9C") <= 100_000);
+}
+
+#[test]
+fn an_arming_that_fails_before_anything_was_sent_leaves_the_axis_as_it_was() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|_| Instead::Nothing);
+    assert!(matches!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::NoReply { .. })));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+}
+
+#[test]
+fn an_arming_that_fails_under_a_locked_brake_leaves_the_motor_holding() {
+    let (mut rig, play) = bench::rmd(StopAction::Brake);
+    play.borrow_mut().fault = true;
+    assert!(matches!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::MotorFault { .. })));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    assert_eq!(output_off(&mut rig), Ok(Reply::OutputOff(replies::Done {})));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+}
+
+#[test]
+fn raw_access_is_refused_where_a_motor_holds() {
+    let mut rig = held();
+    let open = Request::RawOpen(requests::RawOpen { bus: 0 });
+    assert_eq!(rig.ask(open.clone()), Err(Error::NotIdle { axis: 0, state: AxisState::Holding }));
+    output_off(&mut rig).unwrap();
+    assert_eq!(rig.ask(open), Ok(Reply::RawOpen(replies::Done {})));
 }

@@ -177,7 +177,8 @@ fn a_stop_runs_the_stop_action_of_an_axis_that_may_move() {
     let since = rig.now_us;
     let request = native(&rig, 0, "8100000000000000");
     assert_eq!(answered(rig.ask(request)), "8100000000000000");
-    assert_eq!(rig.sent_since(0, since), [bench::HOLD]);
+    assert_eq!(count(&rig, 0, since, bench::HOLD), 1);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
 }
 
 #[test]
@@ -190,8 +191,12 @@ fn what_changes_the_motor_needs_an_idle_axis_and_is_sent_once() {
     assert_eq!(rig.ask(request), Err(Error::NotIdle { axis: 0, state: AxisState::Armed }));
     bench::disarm(&mut rig);
     run_with_host(&mut rig, 100_000);
+    // It holds, and some changes would have it let go.
+    let request = native(&rig, 0, zero);
+    assert_eq!(rig.ask(request), Err(Error::NotIdle { axis: 0, state: AxisState::Holding }));
     assert_eq!(count(&rig, 0, since, "141#6400000000000000"), 0);
 
+    bench::output_off(&mut rig).unwrap();
     rig.instead(|text| if text.contains("#64") { Instead::Nothing } else { Instead::AsUsual });
     let request = native(&rig, 0, zero);
     assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
@@ -406,6 +411,6 @@ fn a_native_stop_is_carried_out_although_there_is_no_place_for_its_reply() {
     assert_eq!((rig.answer(moving), rig.answer(stopping)), (None, None));
     run_with_host(&mut rig, 1_000_000);
     assert!(reads.iter().all(|read| rig.answer(*read).is_some()));
-    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     assert!(rig.events().iter().any(|event| matches!(event, HostEvent::RequestDropped { .. })));
 }

@@ -33,7 +33,7 @@ fn an_open_input_stops_everything_at_once_and_bars_arming_until_it_is_closed_and
     assert_eq!(rig.wire.last().map(|(at, ..)| *at), Some(pressed_at));
     run_with_host(&mut rig, 50_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
-    assert_eq!(listed(&mut rig, 1), AxisState::Idle); // stopped too, to be sure
+    assert_eq!(listed(&mut rig, 1), AxisState::Holding); // stopped too, to be sure
     for stop in [HOLD, "142#8100000000000000"] {
         assert!(rig.sent_since(0, pressed_at).contains(&stop), "{stop}");
     }
@@ -125,10 +125,12 @@ fn the_light_shows_the_gravest_thing() {
     assert_eq!(listed_trip(&mut rig), Some(TripReason::SetpointExpired));
     assert_eq!(rig.gateway.light(), Light::Tripped);
     clear(&mut rig, ClearTarget::Axis(0)).unwrap();
-    assert_eq!(rig.gateway.light(), Light::Idle);
+    assert_eq!(rig.gateway.light(), Light::Holding);
     rig.run(300_000); // the host in command falls silent
     assert_eq!(rig.gateway.light(), Light::LinkLost);
     rig.ask(Request::Ping(requests::Ping {})).unwrap();
+    assert_eq!(rig.gateway.light(), Light::Holding);
+    bench::output_off(&mut rig).unwrap();
     assert_eq!(rig.gateway.light(), Light::Idle);
     bench::e_stop(&mut rig);
     assert_eq!(rig.gateway.light(), Light::EStopped);

@@ -22,12 +22,24 @@ fn an_axis_is_at_rest_before_it_is_armed_and_once_its_stop_is_confirmed() {
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
     assert!(!rig.gateway.all_at_rest(), "stopping");
     run_with_host(&mut rig, SETTLED_US);
+    assert!(!rig.gateway.all_at_rest(), "holding, and polled for it");
+    bench::output_off(&mut rig).unwrap();
     assert!(rig.gateway.all_at_rest(), "idle again");
 }
 
 #[test]
+fn a_motor_that_locks_itself_needs_nobody_to_hold() {
+    let (mut rig, _) = bench::d5();
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, SETTLED_US);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
+    assert!(rig.gateway.all_at_rest());
+}
+
+#[test]
 fn a_trip_is_no_rest_until_it_is_cleared() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
     move_axis(&mut rig, VELOCITY);
     run_with_host(&mut rig, SETTLED_US);
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: true });

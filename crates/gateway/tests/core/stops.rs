@@ -46,7 +46,7 @@ fn a_silent_host_disarms_what_is_armed() {
     arm(&mut rig);
     rig.run(400_000);
     let state = state(&mut rig);
-    assert_eq!((state.state, state.trip), (AxisState::Idle, None));
+    assert_eq!((state.state, state.trip), (AxisState::Holding, None));
     assert!(rig.events().iter().any(|event| matches!(event, HostEvent::AuthorityLost { .. })));
 }
 
@@ -149,7 +149,7 @@ fn holding_is_confirmed_only_by_two_readings_of_standstill() {
     play.borrow_mut().turning = false;
     let since = rig.now_us;
     run_with_host(&mut rig, 60_000);
-    assert_eq!(state(&mut rig).state, AxisState::Idle);
+    assert_eq!(state(&mut rig).state, AxisState::Holding);
     let readings = rig.sent_since(0, since).iter().filter(|text| text.starts_with("141#9C")).count();
     assert!(readings >= 2);
     let confirmed = |said: &Said| matches!(said, Said::Event(HostEvent::StopConfirmed { axis: 0, .. }));
@@ -239,7 +239,7 @@ fn giving_back_authority_stops_and_disarms_without_a_trip() {
     run_with_host(&mut rig, 100_000);
     assert!(rig.sent_since(0, since).contains(&HOLD));
     let state = state(&mut rig);
-    assert_eq!((state.state, state.trip, state.epoch), (AxisState::Idle, None, None));
+    assert_eq!((state.state, state.trip, state.epoch), (AxisState::Holding, None, None));
     let released = HostEvent::AuthorityLost { reason: AuthorityLossReason::Released };
     assert!(rig.events().contains(&&released));
 }

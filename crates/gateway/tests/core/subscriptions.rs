@@ -109,7 +109,7 @@ fn a_held_motor_is_still_watched_for_turning() {
     run_with_host(&mut rig, 100_000);
     subscribe(&mut rig, 1, 20_000).unwrap();
     run_with_host(&mut rig, 200_000);
-    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
     play.borrow_mut().turning = true;
     run_with_host(&mut rig, 50_000);
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);

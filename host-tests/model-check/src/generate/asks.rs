@@ -37,6 +37,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         34..36 => Ask::RawClose { bus },
         36 => Ask::ClearUnreachable { axis },
         37 => Ask::Clear { axis },
+        38 => Ask::OutputOff { axis },
         _ => Ask::Ping,
     }
 }

@@ -126,6 +126,7 @@ impl Words<'_> {
             "clear-gateway" => Ask::ClearGateway,
             "clear" => Ask::Clear { axis: self.number()? },
             "clear-unreachable" => Ask::ClearUnreachable { axis: self.number()? },
+            "output-off" => Ask::OutputOff { axis: self.number()? },
             "setpoint" => {
                 let permit = self.permit()?;
                 let goal = match self.0.next()? {

@@ -92,6 +92,7 @@ fn asks(ask: &Ask) -> String {
         Ask::ClearGateway => "clear-gateway".into(),
         Ask::Clear { axis } => format!("clear {axis}"),
         Ask::ClearUnreachable { axis } => format!("clear-unreachable {axis}"),
+        Ask::OutputOff { axis } => format!("output-off {axis}"),
         Ask::Setpoint { permit, goal } => {
             let goal = match goal {
                 Goal::Signal(value) => format!("signal {value:?}"),

@@ -50,7 +50,7 @@ impl World {
                 (matches!(before, Told::Tripped { .. }), matches!(now, Told::Tripped { .. }));
             self.counts.armed += u64::from(now == Told::Armed);
             self.counts.trips += u64::from(is_tripped && !was_tripped);
-            let stopped = before == Told::Stopping && now == Told::Idle;
+            let stopped = before == Told::Stopping && now.is_at_rest();
             self.counts.confirmed += u64::from(stopped || now == Told::Tripped { confirmed: true });
         }
         for (axis, epoch) in (0u8..).zip(&mut self.epochs) {

@@ -66,6 +66,7 @@ impl Oracle {
     pub(super) fn state(&mut self, now: u64, index: usize, state: Told) {
         let Some(axis) = self.axes.get_mut(index) else { return };
         let before = std::mem::replace(&mut axis.told, state);
+        axis.output_off_asked &= state == Told::Holding;
         let arming = axis.arming.take();
         if state == Told::Arming {
             axis.arming = Some(Arming::new(now));
@@ -90,14 +91,18 @@ impl Oracle {
             }
             (_, Told::Tripped { confirmed: false }) => self.owe_stop(index, Cause::Told, now),
             (_, Told::Tripped { confirmed: true }) => self.confirmed(now, index),
-            (Told::Tripped { .. }, Told::Idle | Told::Unconfigured) => self.cleared(now, index),
-            (Told::Stopping, Told::Idle | Told::Unconfigured) => {
+            (Told::Tripped { .. }, Told::Idle | Told::Holding | Told::Unconfigured) => {
+                self.cleared(now, index)
+            }
+            (Told::Stopping, Told::Idle | Told::Holding | Told::Unconfigured) => {
                 self.confirmed(now, index);
                 self.axes[index].duty = None;
             }
             // Allowance: it failed at the very instant at which it was to be stopped, and had nothing to stop.
-            (Told::Arming, Told::Idle) => axis.duty = axis.duty.take().filter(|duty| duty.since_us != now),
-            (_, Told::Idle | Told::Unconfigured | Told::Arming) => {
+            (Told::Arming, Told::Idle | Told::Holding) => {
+                axis.duty = axis.duty.take().filter(|duty| duty.since_us != now);
+            }
+            (_, Told::Idle | Told::Holding | Told::Unconfigured | Told::Arming) => {
                 if axis.armed {
                     // No stop is under way: one is due all the same.
                     self.owe_stop(index, Cause::Told, now);

@@ -216,7 +216,8 @@ impl Oracle {
             None => true,
         };
         let native = axis.native_stops.iter().any(|asked| Protocol::Rmd.same_command(asked, data));
-        let asked = axis.told == Told::Idle && native;
+        let let_go = axis.told == Told::Holding && axis.output_off_asked && *first == OUTPUT_OFF;
+        let asked = axis.told == Told::Idle && native || let_go;
         // Arming begins with the stop command too.
         if !fits && !asked {
             self.broken(Check::WrongStopAction, now, format!("axis {index}: {first:02X}"));

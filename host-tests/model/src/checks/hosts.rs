@@ -57,6 +57,12 @@ impl Oracle {
                 }
             }
             Request::Hello if in_command => self.lose_authority(now),
+            Request::OutputOff(axis) => {
+                let axis = self.axes.get_mut(usize::from(axis));
+                if let Some(axis) = axis.filter(|axis| axis.told == Told::Holding) {
+                    axis.output_off_asked = true;
+                }
+            }
             Request::ReleaseAuthority if in_command => self.lose_authority(now),
             Request::Setpoint { axis, epoch, expires_at_us } => {
                 self.offer(now, axis, epoch, expires_at_us, |permit| Permit { link, sequence, ..permit });
@@ -171,7 +177,7 @@ impl Oracle {
                 .and_then(|bus| self.buses.get(bus))
                 .is_some_and(|bus| bus.bitrate > 0 && bus.off_since.is_none());
             // All of them: those at rest too, where something else may have set the motor in motion.
-            let at_rest = one.is_none() && axis.told == Told::Idle && axis.is_complete() && runs;
+            let at_rest = one.is_none() && axis.told.is_at_rest() && axis.is_complete() && runs;
             if meant && (axis.armed || axis.told == Told::Arming || at_rest) {
                 self.owe_stop(index, cause, now);
             }

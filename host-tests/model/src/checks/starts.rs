@@ -52,7 +52,7 @@ impl Oracle {
             // What was interrupted may have been the end of it, and nobody has been told; nor what a start has led to so far.
             let ends = axis.clearing > 0 || matches!(axis.told, Told::Stopping | Told::Arming);
             let may_be_over = interrupted && ends || self.unlisted.is_some() && axis.told == Told::Stopping;
-            let at_rest = matches!(axis.told, Told::Unconfigured | Told::Idle);
+            let at_rest = axis.told == Told::Unconfigured || axis.told.is_at_rest();
             moved.push(!at_rest && !may_be_over);
             if moved[index] && !matches!(axis.told, Told::Tripped { .. }) {
                 tripping.extend(u8::try_from(index));
@@ -140,7 +140,7 @@ impl Oracle {
                 !axis.is_complete() || listed.is_some_and(|listed| listed.wiring == axis.wiring());
             let is_kept = match state {
                 Told::Unconfigured => !axis.is_complete(),
-                Told::Idle | Told::Stopping => !moved,
+                Told::Idle | Told::Holding | Told::Stopping => !moved,
                 Told::Arming | Told::Armed | Told::Active => false,
                 Told::Tripped { .. } => true,
             };

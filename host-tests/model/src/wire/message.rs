@@ -11,6 +11,8 @@ pub enum Told {
     Unconfigured,
     /// At rest.
     Idle,
+    /// At rest, the motor's output on.
+    Holding,
     /// On the way to armed.
     Arming,
     /// May be moved.
@@ -24,6 +26,13 @@ pub enum Told {
         /// The motor has confirmed the stop.
         confirmed: bool,
     },
+}
+
+impl Told {
+    /// It is configured, and nothing moves or may.
+    pub fn is_at_rest(self) -> bool {
+        matches!(self, Self::Idle | Self::Holding)
+    }
 }
 
 /// An event that the promises speak of.
@@ -78,6 +87,7 @@ pub(super) fn state(body: &mut Body<'_>) -> Option<Told> {
         4 => Told::Active,
         5 => Told::Stopping,
         6 => Told::Tripped { confirmed: body.bool()? },
+        7 => Told::Holding,
         _ => return None,
     })
 }

@@ -34,6 +34,8 @@ pub enum Request {
     Clear(Clears),
     /// 0x0035
     ClearUnreachable(u8),
+    /// 0x0036
+    OutputOff(u8),
     /// 0x0040
     Setpoint { axis: u8, epoch: u32, expires_at_us: u32 },
     /// 0x0042
@@ -118,6 +120,7 @@ impl Request {
                 _ => return None,
             }),
             0x0035 => Self::ClearUnreachable(b.byte()?),
+            0x0036 => Self::OutputOff(b.byte()?),
             0x0040 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
                 let numbers = match b.varint(32)? {
@@ -173,6 +176,7 @@ impl Request {
             | Self::Arm(_)
             | Self::Clear(_)
             | Self::ClearUnreachable(_)
+            | Self::OutputOff(_)
             | Self::Setpoint { .. }
             | Self::MoveRelative { .. }
             | Self::RawOpen(_)

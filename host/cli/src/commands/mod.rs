@@ -30,6 +30,7 @@ pub fn run(session: &mut Session, command: &Command) -> Result<(), Failure> {
             | Command::Move(_)
             | Command::Native(_)
             | Command::Clear { .. }
+            | Command::OutputOff { .. }
             | Command::Raw { .. }
     );
     let reachable = match &result {
@@ -58,6 +59,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),
         Command::Clear { target, unreachable } => stop::clear(session, *target, *unreachable),
+        Command::OutputOff { axis } => stop::output_off(session, *axis),
         Command::State { axis } => {
             let axes = session.axes_or_all(axis.as_slice())?;
             session.print_states(&axes)

@@ -1,4 +1,4 @@
-//! `mgw stop`, `mgw estop`, `mgw clear`
+//! `mgw stop`, `mgw estop`, `mgw clear`, `mgw output-off`
 
 use host_protocol::{ClearTarget, StopTarget};
 use serde_json::json;
@@ -34,10 +34,16 @@ pub fn clear(session: &mut Session, target: ClearTarget, unreachable: bool) -> R
         target => session.client.clear(target)?,
     }
     let line = match target {
-        ClearTarget::Axis(axis) => format!("axis {axis} is cleared and idle"),
+        ClearTarget::Axis(axis) => format!("axis {axis} is cleared; it moves only when it is armed again"),
         ClearTarget::Gateway => "the e-stop is cleared; tripped axes are cleared one by one".to_owned(),
     };
     session.out.either(line, &json!({ "done": true }))
+}
+
+/// Has a holding motor let go.
+pub fn output_off(session: &mut Session, axis: u8) -> Result<(), Failure> {
+    session.client.output_off(axis)?;
+    session.out.either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
 }
 
 fn await_all(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {

@@ -97,8 +97,27 @@ fn arm_holds_and_disarms() {
     let text = sim.mgw(&["arm", "0", "2", "--for", "0.5"]).success();
     assert!(text.contains("axis 0 is armed") && text.contains("axis 2 is armed"), "{text}");
     assert!(text.ends_with("disarmed\n"), "{text}");
-    assert_eq!(sim.await_state("0", |_| true)["state"], "Idle");
+    assert_eq!(sim.await_state("0", |_| true)["state"], "Holding");
     sim.mgw(&["--json", "arm", "3", "--for", "0.2"]).json_lines();
+}
+
+#[test]
+fn a_holding_motor_is_shown_and_lets_go_on_request() {
+    let sim = Sim::patient();
+    let idle = sim.mgw(&["output-off", "0"]).failure(1);
+    assert!(
+        idle.contains("axis 0 is idle; only the output of a holding motor can be switched off"),
+        "{idle}"
+    );
+    sim.mgw(&["arm", "0", "2", "--for", "0.2"]).success();
+    for command in ["axes", "state"] {
+        let text = sim.mgw(&[command]).success();
+        assert_eq!(text.matches("holding").count(), 2, "{text}");
+    }
+    assert_eq!(sim.mgw(&["output-off", "0"]).success(), "axis 0 is idle, its motor's output is off\n");
+    assert_eq!(sim.await_state("0", |_| true)["state"], "Idle");
+    let d5 = sim.mgw(&["output-off", "2"]).failure(1);
+    assert!(d5.contains("d5"), "{d5}");
 }
 
 #[test]
@@ -120,10 +139,12 @@ fn set_moves_each_axis_and_stops_it() {
             lines.iter().any(|line| line[measured]["value"].as_f64().is_some_and(|value| value.abs() > 0.5));
         assert!(moved, "{arguments:?}: {lines:?}");
         assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{arguments:?}: {lines:?}");
-        assert_eq!(lines.last().unwrap()["state"], "Idle", "{arguments:?}");
+        // The thruster coasts; the others are stopped by `hold`.
+        let rest = if arguments[1] == "1" { "Idle" } else { "Holding" };
+        assert_eq!(lines.last().unwrap()["state"], rest, "{arguments:?}");
     }
     let text = sim.mgw(&["set", "0", "current", "0.2", "--for", "0.5"]).success();
-    assert!(text.contains("velocity rad/s") && text.contains("axis 0 is idle"), "{text}");
+    assert!(text.contains("velocity rad/s") && text.contains("axis 0 is holding"), "{text}");
 }
 
 #[test]
@@ -133,7 +154,7 @@ fn ctrl_c_stops_and_disarms_first() {
         let mut host = Process::start(&[&["--port", &sim.port], arguments].concat());
         host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
         assert_eq!(host.interrupt(), Some(0), "{arguments:?}");
-        assert_eq!(sim.await_state("0", |_| true)["state"], "Idle", "{arguments:?}");
+        assert_eq!(sim.await_state("0", |_| true)["state"], "Holding", "{arguments:?}");
     }
 }
 
@@ -145,7 +166,7 @@ fn state_and_stop_and_bus_print_tables() {
     assert!(text.contains("velocity rad/s"), "{text}");
     let json = &sim.mgw(&["state", "1", "--json"]).json_lines()[0];
     assert_eq!(json["axes"][0]["axis"], 1);
-    assert!(sim.mgw(&["stop"]).success().contains("idle"));
+    assert!(sim.mgw(&["stop"]).success().contains("holding"));
     sim.mgw(&["stop", "0", "--json"]).json_lines();
     let text = sim.mgw(&["bus"]).success();
     assert!(text.contains("rmd,thruster") && text.contains("210526") && text.contains("115200"), "{text}");
@@ -161,7 +182,7 @@ fn an_emergency_stop_latches_until_it_is_cleared() {
     for axis in ["0", "1", "2", "3"] {
         // Only axes that tripped with it have something to clear.
         let state = sim.await_state(axis, |_| true);
-        if state["state"] != "Idle" {
+        if state["trip"] != serde_json::Value::Null {
             sim.mgw(&["clear", axis]).success();
         }
     }

@@ -19,11 +19,11 @@ fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
         assert_eq!(arrived["arrived"], true, "{lines:?}");
         assert!((arrived["position_rad"].as_f64().unwrap() - goal).abs() <= 0.02, "{arrived}");
         assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{lines:?}");
-        assert_eq!(lines.last().unwrap()["state"], "Idle");
+        assert_eq!(lines.last().unwrap()["state"], "Holding");
     }
     let text = sim.mgw(&["move", "3", "1", "--speed-limit", "5", "--tolerance", "0.1"]).success();
     assert!(text.contains("axis 3 moves from 0.000 rad to 1.000 rad"), "{text}");
-    assert!(text.contains("axis 3 has arrived") && text.ends_with("axis 3 is idle\n"), "{text}");
+    assert!(text.contains("axis 3 has arrived") && text.ends_with("axis 3 is holding\n"), "{text}");
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn for_ends_it_on_the_way() {
     let outcome = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]);
     let lines: Vec<Value> = outcome.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(arrival(&lines)["arrived"], false, "{lines:?}");
-    assert_eq!(lines.last().unwrap()["state"], "Idle");
+    assert_eq!(lines.last().unwrap()["state"], "Holding");
     let error: Value = serde_json::from_str(&outcome.failure(1)).unwrap();
     assert_eq!(error["error"]["name"], "NotArrived");
     assert!(error["error"]["message"].as_str().unwrap().contains("was to go to 50.000 rad"), "{error}");

@@ -179,7 +179,7 @@ impl Axis {
         }
     }
 
-    /// Reports a stop that has just been confirmed: a stopped axis is idle, a tripped one stays tripped.
+    /// Reports a stop that has just been confirmed: a stopped axis is idle or holds, a tripped one stays tripped.
     fn settle_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(stop) = &self.stop else { return };
         let settled = matches!(self.state, AxisState::Stopping | AxisState::Tripped { confirmed: false });
@@ -198,8 +198,7 @@ impl Axis {
         });
         if self.state == AxisState::Stopping {
             self.stop = None;
-            self.hold_at_rest(now);
-            self.enter(AxisState::Idle, out);
+            self.enter_rest(now, self.holds_after_stop(), out);
         } else {
             let repeat_at = now + self.config.stop_repeat();
             let hold_poll = self.must_hold().then(|| self.refresh());

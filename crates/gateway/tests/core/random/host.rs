@@ -103,7 +103,7 @@ impl Knowledge {
                 let axis = usize::from(axis);
                 match state {
                     AxisState::Stopping => self.owes_stop[axis] = true,
-                    AxisState::Idle => self.owes_stop[axis] = false,
+                    AxisState::Idle | AxisState::Holding => self.owes_stop[axis] = false,
                     _ => {}
                 }
                 self.states[axis] = Some(state);
@@ -125,7 +125,10 @@ impl Knowledge {
     /// No axis moves, and none has a stop that its motor has not confirmed.
     pub fn all_at_rest(&self) -> bool {
         let at_rest = |state: &Option<AxisState>| {
-            matches!(state, None | Some(AxisState::Idle | AxisState::Tripped { confirmed: true }))
+            matches!(
+                state,
+                None | Some(AxisState::Idle | AxisState::Holding | AxisState::Tripped { confirmed: true })
+            )
         };
         self.states.iter().all(at_rest)
     }
@@ -196,7 +199,8 @@ pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Reque
         15 if dice.percent(2) => Request::EStop(requests::EStop {}),
         16..=18 => Request::Clear(requests::Clear { target: ClearTarget::Gateway }),
         19..=24 => Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }),
-        25 => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
+        25 if dice.percent(50) => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
+        25 => Request::OutputOff(requests::OutputOff { axis }),
         26..=45 => any_setpoint(dice, now_us, axis, knowledge.epochs[usize::from(axis)]),
         46..=49 => Request::ReadState(requests::ReadState { axis }),
         50 => {
