@@ -86,14 +86,22 @@ impl Session {
         print_events(&mut self.client, axes, self.out)
     }
 
-    /// Prints the states of these axes.
+    /// Prints the states of these axes. Of several one that cannot be read, half configured for example, hides no other.
     pub fn print_states(&mut self, axes: &[u8]) -> Result<(), Failure> {
-        let mut reports = Vec::new();
+        let (mut reports, mut unread) = (Vec::new(), Vec::new());
         for axis in axes {
-            reports.push(self.client.read_state_when_free(*axis)?);
+            match self.client.read_state_when_free(*axis) {
+                Ok(report) => reports.push(report),
+                Err(ClientError::Gateway(error)) if axes.len() > 1 => unread.push((*axis, error)),
+                Err(error) => return Err(error.into()),
+            }
         }
         self.out.table(&states::table(&reports))?;
-        self.out.object(&json!({ "axes": reports.iter().map(to_json).collect::<Vec<_>>() }))
+        for (axis, error) in &unread {
+            self.out.text(format!("axis {axis} is not read: {error}"))?;
+        }
+        let unread = unread.iter().map(|(axis, error)| json!({ "axis": axis, "error": error.name() }));
+        self.out.object(&json!({ "axes": reports.iter().map(to_json).chain(unread).collect::<Vec<_>>() }))
     }
 
     /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive meanwhile.

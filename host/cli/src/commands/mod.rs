@@ -12,6 +12,7 @@ mod native;
 mod raw;
 mod set;
 mod stop;
+mod stop_report;
 mod trips;
 mod watch;
 

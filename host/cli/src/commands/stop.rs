@@ -3,6 +3,7 @@
 use host_protocol::{ClearTarget, StopTarget};
 use serde_json::json;
 
+use crate::commands::stop_report;
 use crate::failure::Failure;
 use crate::session::Session;
 
@@ -13,7 +14,7 @@ pub fn stop(session: &mut Session, target: StopTarget) -> Result<(), Failure> {
         StopTarget::Axis(axis) => vec![axis],
         StopTarget::All => session.axes_or_all(&[])?,
     };
-    await_all(session, &axes)
+    stop_report::report(session, &axes)
 }
 
 /// Stops everything, latches the gateway, and waits for the confirmations.
@@ -21,7 +22,7 @@ pub fn estop(session: &mut Session) -> Result<(), Failure> {
     session.client.estop()?;
     session.out.text("e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it")?;
     let axes = session.axes_or_all(&[])?;
-    await_all(session, &axes)
+    stop_report::report(session, &axes)
 }
 
 /// Clears a trip or the e-stop; a trip whose stop is not confirmed only if that is asked for.
@@ -44,14 +45,4 @@ pub fn clear(session: &mut Session, target: ClearTarget, unreachable: bool) -> R
 pub fn output_off(session: &mut Session, axis: u8) -> Result<(), Failure> {
     session.client.output_off(axis)?;
     session.out.either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
-}
-
-fn await_all(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
-    let mut result = Ok(());
-    for axis in axes {
-        // Every axis is waited for; the first failure is told.
-        result = result.and(session.await_stop(*axis).map(drop));
-    }
-    session.print_states(axes)?;
-    result
 }

@@ -173,6 +173,46 @@ fn state_and_stop_and_bus_print_tables() {
 }
 
 #[test]
+fn an_axis_that_was_never_armed_makes_no_stop_fail() {
+    let sim = Sim::patient();
+    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=5"]).success();
+    let mut host = Process::start(&["--port", &sim.port, "set", "0", "velocity", "2"]);
+    host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+    for command in ["stop", "estop"] {
+        let text = sim.mgw(&[command]).success();
+        let axis = "axis 5: nothing to stop, it was never armed: stop_action is not set";
+        assert!(text.contains(axis) && text.contains("holding"), "{text}");
+        let axes = &sim.mgw(&["--json", command]).json_lines().pop().unwrap()["axes"];
+        let told: Vec<_> = axes.as_array().unwrap().iter().map(|axis| &axis["stop"]).collect();
+        assert_eq!(told, ["confirmed", "confirmed", "confirmed", "confirmed", "not_configured"], "{axes}");
+        assert_eq!((&axes[4]["axis"], &axes[4]["missing"]), (&5.into(), &"stop_action".into()));
+    }
+    let text = sim.mgw(&["state"]).success();
+    assert!(
+        text.contains("holding") && text.contains("axis 5 is not read: axis 5 lacks stop_action"),
+        "{text}"
+    );
+    host.interrupt();
+}
+
+#[test]
+fn a_stop_that_is_not_confirmed_is_told_beside_those_that_are() {
+    let sim = Sim::with(&["--unconfigured"]);
+    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
+    // Node 9 is not there.
+    for (axis, node) in [("0", "node=9"), ("1", "node=1")] {
+        sim.mgw(&["configure", "axis", axis, "bus=0", "protocol=rmd", node, "stop_action=hold"]).success();
+    }
+    let outcome = sim.mgw(&["--json", "stop"]);
+    let line: serde_json::Value = serde_json::from_str(outcome.stdout.trim()).unwrap();
+    assert_eq!(
+        (&line["axes"][0]["stop"], &line["axes"][1]["stop"]),
+        (&"not_confirmed".into(), &"confirmed".into())
+    );
+    assert!(outcome.failure(1).contains("StopNotConfirmed"));
+}
+
+#[test]
 fn an_emergency_stop_latches_until_it_is_cleared() {
     let sim = Sim::patient();
     assert!(sim.mgw(&["estop"]).success().contains("latched"));
