@@ -45,7 +45,7 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     }
     for (axis, outcome) in &outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {
-            session.out.text(&format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
+            session.out.text(format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
         }
     }
     let objects: Vec<Value> = outcomes.iter().map(|(axis, outcome)| outcome.to_json(*axis)).collect();
@@ -72,8 +72,8 @@ fn outcome(session: &mut Session, axis: u8) -> Result<Outcome, Failure> {
 impl Outcome {
     fn report(&self) -> Option<AxisReport> {
         match self {
-            Self::Confirmed(report) => Some(report.clone()),
-            Self::NotConfirmed(report) => report.clone(),
+            Self::Confirmed(report) => Some(*report),
+            Self::NotConfirmed(report) => *report,
             Self::NotConfigured { .. } | Self::BusNotConfigured { .. } => None,
         }
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::support::{mgw, mgw_reading};
+use crate::support::{mgw, mgw_cut_short, mgw_reading};
 
 /// Asserts what `--json` prints for each line of input, without the texts for people.
 #[track_caller]
@@ -454,12 +454,9 @@ fn a_reader_of_decoded_frames_that_goes_away_is_no_panic() {
     }
     let path = std::env::temp_dir().join(format!("mgw-decode-{}.log", std::process::id()));
     std::fs::write(&path, input).unwrap();
-    let script = format!("\"$0\" decode < {} | head -n 2", path.display());
-    let output =
-        std::process::Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_mgw")]).output().unwrap();
+    let outcome = mgw_cut_short(&["decode"], std::fs::File::open(&path).unwrap(), 2);
     std::fs::remove_file(&path).unwrap();
-    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 2);
-    assert!(output.stderr.is_empty(), "{output:?}");
+    assert_eq!((outcome.stdout.lines().count(), outcome.stderr.as_str()), (2, ""), "{outcome:?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::net::TcpListener;
 
 use serde_json::Value;
 
-use crate::support::{Outcome, Process, Sim, mgw};
+use crate::support::{Outcome, Process, Sim, mgw, mgw_cut_short};
 
 /// The error that `--json` prints.
 fn error(outcome: Outcome, code: i32) -> Value {
@@ -160,13 +160,9 @@ fn when_all_links_are_taken_the_next_host_is_told() {
 #[test]
 fn a_reader_that_goes_away_is_no_panic() {
     let sim = Sim::start();
-    let script = format!("\"$0\" --port {} watch --period 10 | head -n 3", sim.port);
-    let output = std::process::Command::new("sh")
-        .args(["-c", &script, env!("CARGO_BIN_EXE_mgw")])
-        .output()
-        .expect("there is a shell");
-    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 3);
-    assert!(output.stderr.is_empty(), "{output:?}");
+    let arguments = ["--port", &sim.port, "watch", "--period", "10"];
+    let outcome = mgw_cut_short(&arguments, std::process::Stdio::null(), 3);
+    assert_eq!((outcome.stdout.lines().count(), outcome.stderr.as_str()), (3, ""), "{outcome:?}");
 }
 
 #[test]

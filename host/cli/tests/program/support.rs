@@ -6,6 +6,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use nix::sys::signal::{self, Signal};
+use nix::unistd::Pid;
 use serde_json::Value;
 
 /// No test waits longer than this for anything.
@@ -66,6 +68,17 @@ pub fn mgw_reading(arguments: &[&str], input: impl Into<Vec<u8>>) -> Outcome {
     // A program that ends before it has read everything is no failure here.
     thread::spawn(move || stdin.write_all(&input));
     outcome(arguments, Running(child))
+}
+
+/// Runs the program to its end with this on standard input, reads so many lines of its output and closes the pipe, as `head` does.
+pub fn mgw_cut_short(arguments: &[&str], input: impl Into<Stdio>, lines: usize) -> Outcome {
+    let child = command(arguments).stdin(input).spawn().expect("the program starts");
+    let mut child = Running(child);
+    let stdout = BufReader::new(child.0.stdout.take().unwrap());
+    let stdout = stdout.lines().take(lines).map(|line| line.expect("text") + "\n").collect();
+    let stderr = read_to_end(child.0.stderr.take().unwrap());
+    let stderr = stderr.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("{arguments:?} does not end"));
+    Outcome { code: child.0.wait().expect("it has ended").code(), stdout, stderr }
 }
 
 fn outcome(arguments: &[&str], mut child: Running) -> Outcome {
@@ -132,8 +145,8 @@ impl Process {
 
     /// SIGINT, as Ctrl-C sends it, and the exit code that follows.
     pub fn interrupt(&mut self) -> Option<i32> {
-        let id = self.running.0.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().expect("there is kill").success());
+        let id = self.running.0.id().cast_signed();
+        signal::kill(Pid::from_raw(id), Signal::SIGINT).expect("it runs");
         // Its output ends when it does.
         while self.lines.recv_timeout(LIMIT).is_ok() {}
         self.running.0.wait().expect("it ends").code()
