@@ -15,7 +15,23 @@ impl Gateway {
     /// # Errors
     /// Those of the writer.
     pub fn write_state(&self, axes: usize, to: &mut impl Write) -> Result {
-        let Self { axes: all, buses, links, authority, history, retention, .. } = self;
+        // No field is passed over in silence: one that is new belongs here.
+        let Self {
+            board: _,
+            axes: all,
+            buses,
+            links,
+            authority,
+            epoch,
+            e_stopped,
+            e_stop_input_open,
+            enabled,
+            link_lost,
+            starts,
+            history,
+            retention,
+            now,
+        } = self;
         for axis in all.iter().take(axes) {
             write!(to, "{axis:?}")?;
         }
@@ -26,7 +42,6 @@ impl Gateway {
             link.write_state(to)?;
         }
         write!(to, "{authority:?}{history:?}{retention:?}")?;
-        let Self { epoch, e_stopped, e_stop_input_open, enabled, link_lost, starts, now, .. } = self;
         write!(to, "{epoch} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
     }
 }

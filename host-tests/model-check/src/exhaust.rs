@@ -5,6 +5,7 @@
 //! [prepared state](Prepared). A state that was reached before with as many letters to go is not gone on from: what follows is the same.
 
 mod alphabet;
+mod bytes;
 mod pairs;
 mod prepared;
 mod run;

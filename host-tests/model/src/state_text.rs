@@ -16,7 +16,23 @@ impl Oracle {
     /// # Errors
     /// Those of the writer.
     pub fn write_state(&self, axes: usize, to: &mut impl Write) -> Result {
-        let Self { axes: all, buses, links, listener, holder, silence_us, history, unlisted, .. } = self;
+        // No field is passed over in silence: one that is new belongs here.
+        let Self {
+            axes: all,
+            buses,
+            links,
+            listener,
+            holder,
+            silence_us,
+            e_stopped,
+            e_stop_open,
+            e_stop_asked_us,
+            starts,
+            history,
+            unlisted,
+            violations: _,
+            motions: _,
+        } = self;
         for axis in all.iter().take(axes) {
             write!(to, "{axis:?}")?;
         }
@@ -34,7 +50,6 @@ impl Oracle {
             link.records.iter().filter(arms).try_for_each(|record| write!(to, "{:?}", record.request))?;
         }
         write!(to, "{listener} {holder:?} {silence_us} {history:?} {unlisted:?}")?;
-        let Self { e_stopped, e_stop_open, e_stop_asked_us, starts, .. } = self;
         write!(to, "{e_stopped} {e_stop_open} {e_stop_asked_us:?} {starts}")
     }
 }

@@ -176,7 +176,7 @@ impl Link {
     /// Writes what can influence the link from now on (see `Gateway::write_state`).
     #[cfg(feature = "state-text")]
     pub(crate) fn write_state(&self, to: &mut impl core::fmt::Write) -> core::fmt::Result {
-        let Self { replies, events, last_valid_us, subscription, .. } = self;
+        let Self { deframer: _, replies, events, last_valid_us, subscription } = self;
         let owed = replies.owed().count();
         write!(to, "{owed} {} {last_valid_us:?} {subscription:?}", events.is_open())?;
         replies.owed().try_for_each(|slot| write!(to, "{slot:?}"))

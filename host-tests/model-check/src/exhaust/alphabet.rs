@@ -1,5 +1,8 @@
 //! What can happen next.
 
+use super::bytes::{
+    FREE_BRAKE, moves, moves_leniently, native, raw, raw_in_two, read, reply_id, request_id, serial,
+};
 use super::pairs::Pair;
 use super::prepared::WINDOW_US;
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
@@ -75,7 +78,7 @@ pub fn alphabet(pair: &Pair) -> Vec<Letter> {
     let mut letters = vec![Letter::Next];
     letters.extend([1_000, 20_000, 100_000, 300_000].map(Letter::Pause));
     let asks = of_driver(first, second).into_iter().map(|ask| Action::Ask { link: DRIVER, ask });
-    let others = of_other(first).into_iter().map(|ask| Action::Ask { link: OTHER, ask });
+    let others = of_other(first, second).into_iter().map(|ask| Action::Ask { link: OTHER, ask });
     let motors = of_motors(first, second);
     letters.extend(asks.chain(others).chain(motors).chain(of_board()).map(Letter::Now));
     letters.extend(of_bus(first, second).into_iter().map(Letter::Now));
@@ -96,7 +99,9 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         // What ends motion.
         Ask::Stop { axis: first },
         Ask::Stop { axis: second },
+        Ask::StopAll,
         Ask::Disarm { axis: first },
+        Ask::Disarm { axis: second },
         Ask::EStop,
         Ask::Release,
         // What allows it.
@@ -113,9 +118,11 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         set(first, AxisParameter::Node, beside.node.into()),
         set(first, AxisParameter::Protocol, (motor.protocol.number() % 3 + 1).into()),
         Ask::Remove { axis: first },
+        set(second, AxisParameter::Bus, if beside.bus == 2 { 0 } else { 2 }),
+        Ask::Remove { axis: second },
         Ask::Provision { axis: first, timeout_ms: 100 },
         Ask::Bus { bus, window_us: WINDOW_US + 1_000 },
-        // Raw access: a question, a motion.
+        // Raw access: a question, motions.
         Ask::RawOpen { bus },
         raw(motor, read(motor)),
         raw(motor, moves(motor)),
@@ -129,68 +136,25 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     } else {
         asks.push(Ask::Native { permit: permit(first, 0, LEAD_US), data: native(motor) });
     }
+    if motor.protocol == Protocol::Rmd {
+        asks.push(raw(motor, FREE_BRAKE.to_vec()));
+    }
+    if bus == 2 {
+        asks.extend(raw_in_two(motor));
+    }
     asks
 }
 
-fn of_other(first: u8) -> [Ask; 5] {
-    [Ask::Stop { axis: first }, Ask::StopAll, Ask::EStop, Ask::Take, fresh(first)]
-}
-
-/// A relative move by the manual of an RMD motor, which must go out once; the setpoint of a thruster.
-fn native(motor: &Wired) -> Vec<u8> {
-    match motor.protocol {
-        Protocol::Rmd => vec![0xA8, 0, 60, 0, 100, 0, 0, 0],
-        Protocol::Thruster | Protocol::D5 => moves(motor),
-    }
-}
-
-fn d5(node: u8, command: u8, address: u8, value: u8) -> Vec<u8> {
-    let body = [node, 5, command, address, value, 0];
-    let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
-    std::iter::once(0xD5).chain(body).chain([sum]).collect()
-}
-
-/// A question.
-fn read(motor: &Wired) -> Vec<u8> {
-    match motor.protocol {
-        Protocol::Rmd => vec![0x9C, 0, 0, 0, 0, 0, 0, 0],
-        Protocol::Thruster => b"QV\0\0".to_vec(),
-        Protocol::D5 => d5(motor.node, 2, 0x26, 0),
-    }
-}
-
-/// A motion as the manual has it.
-fn moves(motor: &Wired) -> Vec<u8> {
-    match motor.protocol {
-        Protocol::Rmd => vec![0xA2, 0, 0, 0, 0x88, 0x13, 0, 0],
-        Protocol::Thruster => b"TC\0\0\0\0\0\x05".to_vec(),
-        Protocol::D5 => d5(motor.node, 3, 0x20, 30),
-    }
-}
-
-/// A motion that a lenient motor obeys: with something in bytes that the manual does not use, or to all.
-fn moves_leniently(motor: &Wired) -> Vec<u8> {
-    match motor.protocol {
-        Protocol::Rmd => vec![0xA2, 7, 0, 0, 0x88, 0x13, 0, 0],
-        Protocol::Thruster => b"TC\0\x09\x01\0\0\x05".to_vec(),
-        Protocol::D5 => d5(0xFE, 3, 0x20, 30),
-    }
-}
-
-/// A raw frame to a motor.
-fn raw(motor: &Wired, data: Vec<u8>) -> Ask {
-    if motor.bus < 2 {
-        return Ask::RawSend { bus: motor.bus, id: request_id(motor), data };
-    }
-    Ask::RawSend { bus: motor.bus, id: 0, data: serial(motor, data) }
-}
-
-/// A frame on RS485.
-fn serial(motor: &Wired, data: Vec<u8>) -> Vec<u8> {
-    let mut bytes = vec![0x3E, motor.node, 8];
-    bytes.extend(data);
-    bytes.extend(crate::bus::crc16(&bytes).to_le_bytes());
-    bytes
+fn of_other(first: u8, second: u8) -> [Ask; 7] {
+    [
+        Ask::Stop { axis: first },
+        Ask::Stop { axis: second },
+        Ask::StopAll,
+        Ask::Disarm { axis: first },
+        Ask::EStop,
+        Ask::Take,
+        fresh(first),
+    ]
 }
 
 fn of_motors(first: u8, second: u8) -> Vec<Action> {
@@ -210,9 +174,14 @@ fn of_motors(first: u8, second: u8) -> Vec<Action> {
         Does::Turns { speed: 90.0, for_us: 50_000 },
     ];
     let beside = [
+        Does::Mute { for_us: 2_000 },
         Does::Late { by_us: 6_000 },
+        Does::Twice,
+        Does::Refuses,
         Does::Deaf { for_us: 150_000 },
         Does::Faults { word: faults_of(second) },
+        Does::Restarts,
+        Does::Disobeys { for_us: 150_000 },
         Does::Turns { speed: 90.0, for_us: 50_000 },
     ];
     doings.map(of(first)).into_iter().chain(beside.map(of(second))).collect()
@@ -263,24 +232,6 @@ fn of_board() -> [Action; 5] {
         Action::ResetWhileSaving { words: 1, garbles: true },
         Action::PowerLoss,
     ]
-}
-
-fn request_id(motor: &Wired) -> u16 {
-    let base = match motor.protocol {
-        Protocol::Rmd => 0x140,
-        Protocol::Thruster => 0x300,
-        Protocol::D5 => 0,
-    };
-    base + u16::from(motor.node)
-}
-
-fn reply_id(motor: &Wired) -> u16 {
-    let base = match motor.protocol {
-        Protocol::Rmd => 0x240,
-        Protocol::Thruster => 0x280,
-        Protocol::D5 => 0,
-    };
-    base + u16::from(motor.node)
 }
 
 /// An id that loses to the one motor's stop and beats the other's, where there is one.

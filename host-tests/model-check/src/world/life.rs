@@ -41,7 +41,7 @@ impl Life {
 
     /// Writes all but the [memory](Self::memory).
     pub fn write_state(&self, to: &mut impl Write) -> Result {
-        let Self { links_open_by, reset_after, e_stop_open, .. } = self;
+        let Self { memory: _, links_open_by, reset_after, e_stop_open } = self;
         write!(to, "{links_open_by:?} {reset_after:?} {e_stop_open}")
     }
 

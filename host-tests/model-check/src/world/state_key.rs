@@ -12,7 +12,25 @@ impl World {
     #[must_use]
     pub fn state_key(&self, axes: usize, text: &mut String) -> u128 {
         text.clear();
-        let Self { now_us, gateway, oracle, buses, motors, inputs, epochs, life, hosts, .. } = self;
+        // No field is passed over in silence: one that is new belongs here.
+        let Self {
+            start_us: _,
+            now_us,
+            gateway,
+            oracle,
+            hosts,
+            buses,
+            motors,
+            inputs,
+            epochs,
+            // What the model knows too.
+            told: _,
+            counts: _,
+            life,
+            trace: _,
+            #[cfg(test)]
+                swallows: _,
+        } = self;
         let is_read = hosts.iter().all(|host| host.unread_until <= *now_us) && inputs.is_empty();
         assert!(is_read, "{LINKS} hosts read at once");
         let written = gateway
