@@ -1,14 +1,15 @@
 //! The core, shared by the tasks, and the signals that tell each port to look at it again.
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
-use gateway::{Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Transmit};
+use gateway::{
+    Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Store, Transmit,
+};
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
 
@@ -33,8 +34,6 @@ const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
 pub struct SharedGateway {
     core: Mutex<Guard, RefCell<Gateway>>,
     kept: Mutex<Guard, RefCell<CoreWords>>,
-    /// The core may have changed what must outlive a reset.
-    unsaved: AtomicBool,
     buses: [Changed; MAX_BUSES],
     links: [Changed; MAX_LINKS],
     deadline: Changed,
@@ -53,7 +52,6 @@ impl SharedGateway {
         let shared = SHARED.init_with(|| Self {
             core: Mutex::new(RefCell::new(Gateway::unequipped(board))),
             kept: Mutex::new(RefCell::new(kept)),
-            unsaved: AtomicBool::new(true),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
             deadline: Signal::new(),
@@ -87,18 +85,14 @@ impl SharedGateway {
 
     /// Tells the core what happened, and every port to poll it again.
     ///
-    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. What must outlive a reset is stored when the buses
-    /// have had their frames, before anything is said to a host; after many trips in parts, so that the next event does not wait
-    /// long. That is in time: an axis is recorded before the next event as one that may move, from the start of its arming, and a
-    /// later event lets it move.
+    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. Who may move and whether the e-stop is latched is stored by
+    /// then; the history follows when the buses have had their frames, after many trips in parts, so that the next event does not wait long.
     pub fn handle(&self, event: Event<'_>) {
         let enabled = self.with(|core, now| {
-            self.save_some(core);
-            core.handle(now, event);
+            self.storing(|store| core.handle(now, event, store));
             core.enable_output()
         });
         board::set_enable_output(enabled);
-        self.unsaved.store(true, Ordering::Relaxed);
         // Among equals the executor takes first what was woken last.
         [&self.log, &self.deadline]
             .into_iter()
@@ -107,16 +101,12 @@ impl SharedGateway {
             .for_each(|changed| changed.signal(()));
     }
 
-    /// Stores a part of what must outlive a reset. Returns whether that was all.
-    #[inline(never)]
-    fn save_some(&self, core: &mut Gateway) -> bool {
-        if !self.unsaved.load(Ordering::Relaxed) {
-            return true;
-        }
+    /// Gives the core the memory that outlives a reset, and closes what it writes.
+    fn storing<R>(&self, act: impl FnOnce(Store<'_>) -> R) -> R {
         let mut wrote = false;
-        let all = self.kept.lock(|kept| {
+        let result = self.kept.lock(|kept| {
             let mut kept = kept.borrow_mut();
-            core.save_some(|index, word| {
+            act(&mut |index, word| {
                 wrote = true;
                 kept.write(index, word);
             })
@@ -124,11 +114,16 @@ impl SharedGateway {
         if wrote {
             retained::close();
         }
-        self.unsaved.store(!all, Ordering::Relaxed);
-        all
+        result
     }
 
-    /// Stores all of it, and lets others go first between its parts. Before [`poll_host`](Self::poll_host).
+    /// Stores a part of what the latest events have left to store. Returns whether that was all.
+    #[inline(never)]
+    fn save_some(&self, core: &mut Gateway) -> bool {
+        self.storing(|store| core.save_some(store))
+    }
+
+    /// Stores all of it, and lets others go first between its parts. Before [`poll_host`](Self::poll_host), which would not.
     pub async fn save(&self) {
         while !self.with(|core, _| self.save_some(core)) {
             yield_now().await;
@@ -160,11 +155,7 @@ impl SharedGateway {
     /// The next frame for a host link: its length in `out`.
     #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.with(|core, _| {
-            // Whoever has had it stored before leaves nothing of it.
-            while !self.save_some(core) {}
-            core.poll_host(link, out)
-        })
+        self.with(|core, _| self.storing(|store| core.poll_host(link, out, store)))
     }
 
     /// Whether no motor moves and none may.

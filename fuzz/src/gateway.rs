@@ -84,7 +84,7 @@ impl Bench {
     }
 
     fn handle(&mut self, event: Event<'_>) {
-        self.gateway.handle(Instant::from_micros(self.now_us), event);
+        self.gateway.handle(Instant::from_micros(self.now_us), event, &mut |_, _| {});
     }
 
     fn step(&mut self, take: &mut Take<'_>) {
@@ -183,7 +183,7 @@ impl Bench {
         let mut out = [0; MAX_FRAME];
         for (link, deframer) in (0..).zip(&mut self.links) {
             let mut count = 0;
-            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+            while let Some(length) = self.gateway.poll_host(link, &mut out, &mut |_, _| {}) {
                 let frames = out[..length].iter().filter(|byte| match deframer.push(**byte) {
                     Some(result) => result.is_ok(),
                     None => false,

@@ -7,7 +7,7 @@ use crate::history::History;
 use crate::link::Link;
 use crate::log::Links;
 use crate::outbox::Outbox;
-use crate::port::{Board, BusSetup, Event, Transmit};
+use crate::port::{Board, BusSetup, Event, Store, Transmit};
 use crate::retained::Retention;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
@@ -88,8 +88,9 @@ impl Gateway {
         }
     }
 
-    /// Takes in what happened at `now`. A time earlier than one given before counts as that one.
-    pub fn handle(&mut self, now: Instant, event: Event<'_>) {
+    /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a reset before a frame can follow
+    /// from it. A time earlier than one given before counts as that one.
+    pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) {
         let now = now.max(self.now);
         self.now = now;
         self.remember_trips();
@@ -121,6 +122,7 @@ impl Gateway {
         self.spread_trips(now);
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
+        self.save_states(store);
     }
 
     /// New trips go into the history: not while they are news, as their stops are to leave first.
@@ -161,8 +163,10 @@ impl Gateway {
         buses.get_mut(usize::from(bus))?.poll_cancel(now, axes)
     }
 
-    /// Writes the next delimited frame for a host link to `out` and returns its length.
-    pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+    /// Writes the next delimited frame for a host link to `out` and returns its length. First stores what is left to store: a host
+    /// is told nothing that a reset can undo.
+    pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME], store: Store<'_>) -> Option<usize> {
+        while !self.save_some(store) {}
         let Self { links, axes, now, .. } = self;
         links.hand_out();
         let link = links.get_mut(usize::from(link))?;

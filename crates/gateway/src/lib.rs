@@ -29,7 +29,7 @@ pub mod time;
 
 pub use gateway::Gateway;
 pub use log::LogEntry;
-pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Transmit};
+pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Store, Transmit};
 pub use retained::RETAINED_WORDS;
 pub use rules::{AxisRules, NativeEffect};
 pub use time::{Duration, Instant};

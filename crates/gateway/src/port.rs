@@ -14,10 +14,12 @@
 //! - After every call of `handle` it polls: transmissions, host output, the next deadline.
 //!
 //! And for the board:
-//! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that [`Gateway::save`](crate::Gateway::save) gave it
-//!   before the reset, and opens the host links when [`Gateway::stops_under_way`](crate::Gateway::stops_under_way) is over, or after 100 ms.
-//! - After every call of `handle` it stores what `save` hands over, then sets its enable output to
-//!   [`Gateway::enable_output`](crate::Gateway::enable_output). A program that has nothing to outlive calls neither.
+//! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that were stored before the reset, and opens
+//!   the host links when [`Gateway::stops_under_way`](crate::Gateway::stops_under_way) is over, or after 100 ms.
+//! - It gives [`Gateway::handle`](crate::Gateway::handle) and [`Gateway::poll_host`](crate::Gateway::poll_host) a [`Store`], and has a word
+//!   in memory when they return. So what must outlive a reset is stored after an event and before any frame that follows from it,
+//!   the rest before a host is told. A program that has nothing to outlive stores nothing.
+//! - After every call of `handle` it sets its enable output to [`Gateway::enable_output`](crate::Gateway::enable_output).
 
 use heapless::Vec;
 use host_protocol::{BusState, CanFrame};
@@ -27,6 +29,10 @@ pub const TRANSMIT_SLOTS: usize = 2;
 
 /// Longest byte sequence sent at once on a serial bus.
 pub const MAX_SERIAL: usize = 64;
+
+/// Puts a word into the memory that outlives a reset: its index below [`RETAINED_WORDS`](crate::RETAINED_WORDS), and the word. A
+/// reset between two words loses nothing but the change.
+pub type Store<'a> = &'a mut dyn FnMut(usize, u32);
 
 /// Something that happened outside the core.
 #[derive(Debug, Clone, Copy, PartialEq)]

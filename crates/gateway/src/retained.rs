@@ -2,6 +2,11 @@
 //!
 //! The core says which words to keep and reads them back; whoever runs it stores them in memory that a start does not
 //! clear. A board that is reset in mid-motion therefore knows its motors, and stops them before any host speaks.
+//!
+//! There is one order, and no port can choose another: [`Gateway::handle`] takes in an event and stores the states and
+//! configurations that it has changed, so that they are stored when a frame that follows from it can be taken;
+//! [`Gateway::poll_host`] stores the history too before it tells a host anything, unless [`Gateway::save_some`] has done so. A reset
+//! between any two of these steps finds whoever a frame can have set in motion, and whatever a host has been told.
 
 mod layout;
 mod slot;
@@ -13,8 +18,9 @@ use core::mem::take;
 
 use crate::axis::{Axis, AxisConfig};
 use crate::gateway::Gateway;
-use crate::history::{History, INCIDENTS};
+use crate::history::History;
 use crate::outbox::Outbox;
+use crate::port::Store;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{AxisState, BusConfig, Incident, ProtocolSet, TripReason, requests};
@@ -27,7 +33,7 @@ const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 /// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
 const BUS_WORDS: usize = 4;
 
-/// Incidents that are handed over at once where others wait: each takes some µs for its checksum.
+/// Incidents of one part: each takes some µs for its checksum.
 const INCIDENTS_AT_ONCE: usize = 2;
 
 /// Epochs that each start has for itself: the first one counts from 0.
@@ -43,11 +49,13 @@ pub(crate) struct Retention {
     /// Buses configured anew. Bit 0 is bus 0.
     buses: u32,
     states: States,
+    /// Nothing is left to save: the history has every trip, and the states say so.
+    is_complete: bool,
 }
 
 impl Retention {
     pub const fn new() -> Self {
-        Self { generations: [0; SLOTS], axes: 0, buses: 0, states: States::NONE }
+        Self { generations: [0; SLOTS], axes: 0, buses: 0, states: States::NONE, is_complete: false }
     }
 
     /// An axis has been configured or removed.
@@ -60,10 +68,17 @@ impl Retention {
         self.buses |= bit(usize::from(bus));
     }
 
-    fn write(&mut self, place: Place, payload: &[u32], write: &mut dyn FnMut(usize, u32)) {
+    fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
         if let Some(generation) = self.generations.get_mut(place.index()) {
             *generation = generation.wrapping_add(1);
-            place.slot().write(*generation, payload, write);
+            place.slot().write(*generation, payload, store);
+        }
+    }
+
+    fn write_states(&mut self, states: States, store: Store<'_>) {
+        if states != self.states {
+            self.states = states;
+            self.write(Place::States, &states.words(), store);
         }
     }
 
@@ -76,72 +91,81 @@ impl Retention {
 }
 
 impl Gateway {
-    /// Hands over what has changed of the words that must outlive a reset: an index below [`RETAINED_WORDS`] and the
-    /// word. To be called after each [`handle`](Self::handle), before the frames that follow from it are sent. Each word belongs to
-    /// one of two copies with a checksum, so a reset between two words loses nothing but the change.
-    pub fn save(&mut self, mut write: impl FnMut(usize, u32)) {
-        self.save_changes(INCIDENTS, &mut write);
+    /// Stores what the next start must know before any frame leaves that follows from what has just happened: configurations, the
+    /// e-stop, and who may move. A trip is short of its place in the history then, so what has tripped counts as in motion until
+    /// [`save_some`](Self::save_some) has stored that too.
+    pub(crate) fn save_states(&mut self, store: Store<'_>) {
+        self.save_configurations(store);
+        let states = self.states(self.retention.states.tripped);
+        let is_news = |(index, axis): (usize, &Axis)| axis.trip.is_some() && states.tripped & bit(index) == 0;
+        self.retention.is_complete =
+            !self.history.has_unsaved() && !self.axes.iter().enumerate().any(is_news);
+        self.retention.write_states(states, store);
     }
 
-    /// Hands over a part of it, so that the next event does not wait long after many trips. Returns whether that was all, which it
-    /// must be before a host is told anything. Until it is, what has tripped counts as in motion; what may move from now on is recorded
-    /// at once.
-    pub fn save_some(&mut self, mut write: impl FnMut(usize, u32)) -> bool {
-        self.save_changes(INCIDENTS_AT_ONCE, &mut write)
-    }
-
-    fn save_changes(&mut self, incidents: usize, write: &mut dyn FnMut(usize, u32)) -> bool {
+    /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has tripped. Returns whether that was
+    /// all. [`poll_host`](Self::poll_host) stores the rest before it says anything; whoever calls this before, when there is
+    /// time, spares the next event a long wait after many trips.
+    pub fn save_some(&mut self, store: Store<'_>) -> bool {
+        if self.retention.is_complete {
+            return true;
+        }
         self.remember_trips();
-        let states = self.states();
-        let Self { retention, axes, buses, history, .. } = self;
-        let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
-        if new_axes | new_buses != 0 {
-            for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
-                retention.write(Place::Axis(index), &axis_words(axis), write);
-            }
-            for (index, bus) in buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0) {
-                retention.write(Place::Bus(index), &bus_words(bus.config()), write);
-            }
+        for _ in 0..INCIDENTS_AT_ONCE {
+            let Some((index, words)) = self.history.take_unsaved() else { break };
+            self.retention.write(Place::Incident(index), &words, store);
         }
-        let will_move = states.moving & !retention.states.moving != 0;
-        let at_once = if will_move { INCIDENTS } else { incidents };
-        for (index, words) in core::iter::from_fn(|| history.take_unsaved()).take(at_once) {
-            retention.write(Place::Incident(index), &words, write);
-        }
-        if history.has_unsaved() {
+        if self.history.has_unsaved() {
             return false;
         }
-        if states != retention.states {
-            retention.states = states;
-            retention.write(Place::States, &states.words(), write);
-        }
+        let states = self.states(u32::MAX);
+        self.retention.write_states(states, store);
+        self.retention.is_complete = true;
         true
     }
 
-    /// The states as they are; an axis whose motor was told a timeout has changed.
-    fn states(&mut self) -> States {
+    /// Those that have changed; that of an axis also when its motor was told a timeout.
+    fn save_configurations(&mut self, store: Store<'_>) {
+        let Self { retention, axes, buses, .. } = self;
+        for (index, axis) in axes.iter_mut().enumerate() {
+            if axis.take_unsaved_timeout() {
+                retention.axes |= bit(index);
+            }
+        }
+        let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
+        if new_axes | new_buses == 0 {
+            return;
+        }
+        for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
+            retention.write(Place::Axis(index), &axis_words(axis), store);
+        }
+        for (index, bus) in buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0) {
+            retention.write(Place::Bus(index), &bus_words(bus.config()), store);
+        }
+    }
+
+    /// The states as they are. What has tripped counts as in motion, except for these axes.
+    fn states(&self, in_history: u32) -> States {
         let mut states = States {
             starts: self.starts,
             flags: if self.e_stopped { E_STOPPED } else { 0 },
             silence_us: self.authority.silence().as_micros_u32(),
             ..States::NONE
         };
-        for (index, axis) in self.axes.iter_mut().enumerate() {
-            if axis.take_unsaved_timeout() {
-                self.retention.axes |= bit(index);
-            }
+        for (index, axis) in self.axes.iter().enumerate() {
+            let bit = bit(index);
             match axis.state {
                 // After a reset each of them is sent its stop action: what held goes on holding.
                 AxisState::Unconfigured | AxisState::Idle | AxisState::Holding => {}
-                AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping => {
-                    states.moving |= bit(index);
+                AxisState::Tripped { .. } if in_history & bit != 0 => {
+                    states.tripped |= bit;
+                    states.unreachable |= if axis.is_unreachable() { bit } else { 0 };
                 }
-                AxisState::Tripped { .. } => {
-                    states.tripped |= bit(index);
-                    if axis.is_unreachable() {
-                        states.unreachable |= bit(index);
-                    }
-                }
+                AxisState::Arming
+                | AxisState::Armed
+                | AxisState::Active
+                | AxisState::Stopping
+                | AxisState::Tripped { .. } => states.moving |= bit,
             }
         }
         states

@@ -40,9 +40,12 @@ pub enum Action {
     Overflow { bus: u8 },
     /// The watchdog resets the gateway.
     Reset,
-    /// It does so when the gateway has saved so many more words of what outlives a reset: the last of them is whole, or garbage.
+    /// It does so when the gateway has stored so many more words of what outlives a reset: the last of them is whole, or garbage.
     /// What was going to be said or sent behind that is not.
     ResetWhileSaving { words: u32, garbles: bool },
+    /// It does so after so many more of the steps that follow from events, each a word stored, a frame handed to a bus or asked back,
+    /// or a frame told to a host.
+    ResetAfter { steps: u32 },
     /// The gateway loses its power for a moment.
     PowerLoss,
 }

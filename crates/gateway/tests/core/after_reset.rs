@@ -77,9 +77,8 @@ fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in
             arm_axis(&mut rig, axis);
         });
         let off = Event::BusState { bus: 0, state: BusState::BusOff, transmit_errors: 0, receive_errors: 0 };
-        rig.gateway.handle(rig.now(), off);
-        let mut save = || rig.gateway.save_some(|index, word| rig.memory[index] = word);
-        let all = (0..parts).map(|_| save()).fold(false, |_, all| all);
+        rig.take_in(off);
+        let all = (0..parts).map(|_| rig.save_some()).fold(false, |_, all| all);
         assert_eq!(all, parts == 2);
         rig.reset();
         bench::hello(&mut rig);
@@ -102,17 +101,23 @@ fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in
 }
 
 #[test]
-fn what_may_move_from_now_on_is_stored_at_once_whatever_else_waits() {
-    for idle in [0, 1] {
-        let mut rig = bench::rmd_axes(3 + idle);
-        (0..3).for_each(|axis| {
-            arm_axis(&mut rig, axis);
-        });
-        // What is idle is stopped too: its motor may move.
-        rig.gateway.handle(rig.now(), Event::EStopInput { open: true });
-        let all = rig.gateway.save_some(|index, word| rig.memory[index] = word);
-        assert_eq!(all, idle == 1);
+fn an_e_stop_and_who_may_move_are_stored_before_a_frame_that_follows_can_be_taken() {
+    let mut rig = bench::rmd_axes(4);
+    (0..3).for_each(|axis| {
+        arm_axis(&mut rig, axis);
+    });
+    // What is idle is stopped too: its motor may move.
+    rig.take_in(Event::EStopInput { open: true });
+    assert!(rig.gateway.poll_transmit(rig.now(), 0).is_some());
+    rig.reset();
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    for axis in 0..4 {
+        assert_eq!(listed(&mut rig, axis), AxisState::Tripped { confirmed: true }, "axis {axis}");
+        clear(&mut rig, axis).unwrap();
     }
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::EStopped {}));
 }
 
 #[test]

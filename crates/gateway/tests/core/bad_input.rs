@@ -263,7 +263,7 @@ fn ask_on_link_1(rig: &mut Rig, sequence: u16, request: &Request) -> Result<Repl
     let mut bytes = [0; host_protocol::MAX_FRAME];
     let length = request.encode_frame(sequence, &mut bytes).unwrap();
     rig.handle(gateway::Event::HostBytes { link: 1, bytes: &bytes[..length] });
-    let length = rig.gateway.poll_host(1, &mut bytes).unwrap();
+    let length = rig.gateway.poll_host(1, &mut bytes, &mut |_, _| {}).unwrap();
     let mut deframer = host_protocol::Deframer::new();
     for byte in &bytes[..length] {
         let Some(Ok(frame)) = deframer.push(*byte) else { continue };

@@ -90,7 +90,7 @@ fn a_port_that_loses_a_frame_is_started_again_and_the_stop_goes_out() {
     let before = rig.gateway.bus_setup(2).unwrap().generation;
     let lost = loop {
         rig.now_us += 50;
-        rig.gateway.handle(rig.now(), Event::Tick);
+        rig.gateway.handle(rig.now(), Event::Tick, &mut |_, _| {});
         // Taken, and never reported.
         if let Some(transmit) = rig.gateway.poll_transmit(rig.now(), 2) {
             break transmit;

@@ -13,7 +13,7 @@ fn look_on(rig: &mut Rig, sequence: u16, request: &Request) {
     let mut out = [0; MAX_FRAME];
     let length = request.encode_frame(sequence, &mut out).unwrap();
     rig.handle(Event::HostBytes { link: 1, bytes: &out[..length] });
-    while rig.gateway.poll_host(1, &mut out).is_some() {}
+    while rig.gateway.poll_host(1, &mut out, &mut |_, _| {}).is_some() {}
 }
 
 #[test]

@@ -43,7 +43,7 @@ impl Run {
         let hellos = [(0, host::hello(1)), (1, host::hello(2))];
         let configuration = host::configuration().into_iter().map(|request| (0, request));
         let mut gateway = Gateway::new(&BOARD);
-        gateway.handle(Instant::from_micros(now_us), Event::EStopInput { open: false });
+        gateway.handle(Instant::from_micros(now_us), Event::EStopInput { open: false }, &mut |_, _| {});
         Self {
             seed,
             step: 0,
@@ -89,7 +89,7 @@ impl Run {
     }
 
     fn feed(&mut self, event: Event<'_>) {
-        self.gateway.handle(Instant::from_micros(self.now_us), event);
+        self.gateway.handle(Instant::from_micros(self.now_us), event, &mut |_, _| {});
         self.listen();
         for (bus, index) in (0..).zip(0..BUSES) {
             let generation = self.gateway.bus_setup(bus).map(|setup| setup.generation);
@@ -110,7 +110,7 @@ impl Run {
         let mut out = [0; MAX_FRAME];
         for (link, host) in (0..).zip(&mut self.hosts) {
             let mut frames = 0;
-            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+            while let Some(length) = self.gateway.poll_host(link, &mut out, &mut |_, _| {}) {
                 frames += 1;
                 assert!(frames <= MAX_OUTPUT, "link {link} does not stop talking");
                 host.hear(&out[..length], &mut self.knowledge, link == 0);
@@ -154,7 +154,7 @@ impl Run {
             }
             40 => {
                 let past = Instant::from_micros(self.now_us.saturating_sub(self.dice.below(100_000)));
-                self.gateway.handle(past, Event::Tick);
+                self.gateway.handle(past, Event::Tick, &mut |_, _| {});
                 self.listen();
             }
             _ => {}

@@ -178,7 +178,9 @@ impl Rig {
         self.handle(Event::HostBytes { link, bytes: &out[..length] });
         let mut deframer = Deframer::new();
         for _ in 0..1_000 {
-            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+            while let Some(length) =
+                self.gateway.poll_host(link, &mut out, &mut |index, word| self.memory[index] = word)
+            {
                 for byte in &out[..length] {
                     let Some(Ok(frame)) = deframer.push(*byte) else { continue };
                     match frame.kind {
@@ -217,10 +219,19 @@ impl Rig {
     }
 
     pub fn handle(&mut self, event: Event<'_>) {
-        self.gateway.handle(self.now(), event);
-        self.gateway.save(|index, word| self.memory[index] = word);
+        self.take_in(event);
         self.restart_buses();
         self.drain();
+    }
+
+    /// The gateway takes in an event and stores what it must, and that is all.
+    pub fn take_in(&mut self, event: Event<'_>) {
+        self.gateway.handle(self.now(), event, &mut |index, word| self.memory[index] = word);
+    }
+
+    /// Stores a part of the rest; whether that was all.
+    pub fn save_some(&mut self) -> bool {
+        self.gateway.save_some(&mut |index, word| self.memory[index] = word)
     }
 
     /// From now on the motors answer otherwise where `answer` says so.
@@ -357,7 +368,7 @@ impl Rig {
                 let held = self.held.len();
                 self.held.retain(|(on, of, _)| (*on, *of) != (bus, slot));
                 if self.held.len() < held && !self.stubborn {
-                    self.gateway.handle(self.now(), Event::Cancelled { bus, slot });
+                    self.take_in(Event::Cancelled { bus, slot });
                 }
             }
         }
@@ -380,7 +391,9 @@ impl Rig {
             }
         }
         let mut out = [0; MAX_FRAME];
-        while let Some(length) = self.gateway.poll_host(0, &mut out) {
+        while let Some(length) =
+            self.gateway.poll_host(0, &mut out, &mut |index, word| self.memory[index] = word)
+        {
             for byte in &out[..length] {
                 let Some(Ok(frame)) = self.deframer.push(*byte) else { continue };
                 self.said.push(match frame.kind {

@@ -140,7 +140,7 @@ fn a_host_that_has_not_said_hello_is_told_nothing() {
     rig.ask_as(1, &request).unwrap();
     run_with_host(&mut rig, 20_000);
     let mut out = [0; host_protocol::MAX_FRAME];
-    assert_eq!(rig.gateway.poll_host(1, &mut out), None);
+    assert_eq!(rig.gateway.poll_host(1, &mut out, &mut |_, _| {}), None);
 }
 
 #[test]

@@ -68,7 +68,8 @@ impl Generator {
                 self.first = configuration(&mut self.dice).into();
                 Action::PowerLoss
             }
-            1..4 => Action::Reset,
+            1..3 => Action::Reset,
+            3..6 => Action::ResetAfter { steps: u32::from(self.dice.byte() % 24) },
             _ => Action::ResetWhileSaving {
                 words: self.dice.pick(&[1, 2, 6, 7, 8, 14, 20]),
                 garbles: self.dice.percent(50),

@@ -72,6 +72,7 @@ impl Words<'_> {
             "reset-while-saving" => {
                 Action::ResetWhileSaving { words: self.number()?, garbles: self.0.next()? == "garbled" }
             }
+            "reset-after" => Action::ResetAfter { steps: self.number()? },
             "power-loss" => Action::PowerLoss,
             _ => return None,
         })

@@ -41,6 +41,7 @@ fn action(action: &Action) -> String {
         Action::ResetWhileSaving { words, garbles } => {
             format!("reset-while-saving {words} {}", if *garbles { "garbled" } else { "whole" })
         }
+        Action::ResetAfter { steps } => format!("reset-after {steps}"),
         Action::PowerLoss => "power-loss".into(),
     }
 }

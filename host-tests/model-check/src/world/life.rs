@@ -12,6 +12,15 @@ const LINKS_OPEN_AFTER_US: u64 = 100_000;
 /// What is in memory that was never written.
 const NEVER_WRITTEN: u32 = 0xA5A5_A5A5;
 
+/// To a reset of the processor.
+#[derive(Debug, Clone, Copy)]
+pub enum Countdown {
+    /// With the last of so many words stored, which is garbage or not.
+    Words { left: u32, garbles: bool },
+    /// After so many steps of those that follow from events.
+    Steps { left: u32 },
+}
+
 /// The life of the board.
 #[derive(Clone)]
 pub struct Life {
@@ -19,8 +28,8 @@ pub struct Life {
     memory: Vec<u32>,
     /// When the host links are opened at the latest, as long as they are closed.
     links_open_by: Option<u64>,
-    /// The processor is reset with the last of so many words saved, which is garbage or not.
-    reset_after: Option<(u32, bool)>,
+    countdown: Option<Countdown>,
+    is_suspended: bool,
     e_stop_open: bool,
 }
 
@@ -29,7 +38,8 @@ impl Life {
         Self {
             memory: vec![NEVER_WRITTEN; RETAINED_WORDS],
             links_open_by: None,
-            reset_after: None,
+            countdown: None,
+            is_suspended: false,
             e_stop_open: false,
         }
     }
@@ -41,49 +51,63 @@ impl Life {
 
     /// Writes all but the [memory](Self::memory).
     pub fn write_state(&self, to: &mut impl Write) -> Result {
-        let Self { memory: _, links_open_by, reset_after, e_stop_open } = self;
-        write!(to, "{links_open_by:?} {reset_after:?} {e_stop_open}")
+        let Self { memory: _, links_open_by, countdown, is_suspended, e_stop_open } = self;
+        write!(to, "{links_open_by:?} {countdown:?} {is_suspended} {e_stop_open}")
     }
 
     pub fn links_open_by(&self) -> Option<u64> {
         self.links_open_by
     }
 
-    pub fn reset_while_saving(&mut self, words: u32, garbles: bool) {
-        self.reset_after = Some((words.max(1), garbles));
+    pub fn reset_after(&mut self, countdown: Countdown) {
+        self.countdown = Some(countdown);
+    }
+
+    /// Whether a configuration was stored that nobody has been told of, the model cannot know: as long as one waits for its answer, no
+    /// reset interrupts it.
+    pub fn suspend_reset(&mut self, is_configuring: bool) {
+        self.is_suspended = is_configuring;
+    }
+
+    /// Puts words into the memory, each a step.
+    pub fn store(&mut self) -> impl FnMut(usize, u32) {
+        |index, word| {
+            let is_garbled = matches!(self.countdown, Some(Countdown::Words { left: 1, garbles: true }));
+            if self.takes_step(true) {
+                self.memory[index] = if is_garbled && !self.is_suspended { !word } else { word };
+            }
+        }
+    }
+
+    /// Whether one of the steps that follow from an event is taken, in their order: a word stored, a frame handed over or asked back,
+    /// a host told. If not, the reset came first.
+    pub fn takes_step(&mut self, is_word: bool) -> bool {
+        let left = match &mut self.countdown {
+            Some(Countdown::Words { left, .. }) if is_word || *left == 0 => left,
+            Some(Countdown::Steps { left }) => left,
+            _ => return true,
+        };
+        if self.is_suspended {
+            return true;
+        }
+        let is_taken = *left > 0;
+        *left = left.saturating_sub(1);
+        is_taken
+    }
+
+    /// Whether the reset has come.
+    pub fn is_reset(&self) -> bool {
+        let is_over =
+            matches!(self.countdown, Some(Countdown::Words { left: 0, .. } | Countdown::Steps { left: 0 }));
+        is_over && !self.is_suspended
     }
 
     pub fn set_e_stop(&mut self, open: bool) {
         self.e_stop_open = open;
     }
-
-    fn write(&mut self, index: usize, word: u32) {
-        let Some((left, garbles)) = &mut self.reset_after else {
-            self.memory[index] = word;
-            return;
-        };
-        if *left == 0 {
-            return;
-        }
-        *left -= 1;
-        self.memory[index] = if *left == 0 && *garbles { !word } else { word };
-    }
 }
 
 impl World {
-    /// Keeps what the gateway wants to outlive a reset.
-    pub(super) fn save(&mut self) {
-        let Self { gateway, life, oracle, .. } = self;
-        // Whether a configuration was kept that nobody has been told of, the model cannot know.
-        let waits = life.reset_after.take_if(|_| oracle.is_configuring());
-        gateway.save(|index, word| life.write(index, word));
-        life.reset_after = waits.or(life.reset_after);
-    }
-
-    pub(super) fn is_reset_while_saving(&self) -> bool {
-        matches!(self.life.reset_after, Some((0, _)))
-    }
-
     /// The watchdog resets the gateway; `interrupted`: before it could say what it has taken in last.
     pub(super) fn reset(&mut self, interrupted: bool) {
         self.note(|| "the watchdog resets the gateway".into());
@@ -108,7 +132,7 @@ impl World {
             bus.is_not_heard();
             bus.generation = None;
         }
-        self.life.reset_after = None;
+        self.life.countdown = None;
         self.life.links_open_by = Some(self.now_us + LINKS_OPEN_AFTER_US);
         let words: &[u32] = if keeps { &self.life.memory } else { &[] };
         self.gateway.restore(Instant::from_micros(self.now_us), words);

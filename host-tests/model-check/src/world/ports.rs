@@ -3,7 +3,7 @@
 use super::World;
 use crate::plant::{BUSES, LINKS};
 use embedded_can::Id;
-use gateway::{Event, Instant, Outgoing, port::TRANSMIT_SLOTS};
+use gateway::{Event, Instant, Outgoing, Transmit, port::TRANSMIT_SLOTS};
 use host_protocol::{BusState, CanFrame, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
 
@@ -24,16 +24,25 @@ pub(super) enum Input {
     Tick,
 }
 
+/// Something that a bus was told.
+enum Sent {
+    AskedBack { bus: u8, slot: u8 },
+    Handed { bus: u8, transmit: Transmit },
+}
+
 impl World {
     pub(super) fn feed(&mut self, input: Input) {
         self.inputs.push_back(input);
         while let Some(input) = self.inputs.pop_front() {
             self.take_in(&input);
-            if self.is_reset_while_saving() {
+            let sent = self.send();
+            self.tell();
+            if self.life.is_reset() {
                 self.reset(true);
                 continue;
             }
-            self.say();
+            // What the frames follow from, the model learns from what the hosts are told.
+            sent.into_iter().for_each(|sent| self.witness(sent));
             self.oracle.settle(self.now_us);
             self.count();
         }
@@ -92,12 +101,13 @@ impl World {
         };
         self.counts.events += 1;
         self.counts.busy += u64::from(self.oracle.is_busy());
-        self.gateway.handle(Instant::from_micros(now), event);
-        self.save();
+        self.life.suspend_reset(self.oracle.is_configuring());
+        self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
     }
 
-    /// Everything that the gateway has to say: to its hosts first, then to its buses.
-    fn say(&mut self) {
+    /// Everything that the gateway has to say to its hosts, when the buses have had their frames.
+    fn tell(&mut self) {
+        while !self.gateway.save_some(&mut self.life.store()) {}
         let now = self.now_us;
         let mut out = [0; MAX_FRAME];
         for link in 0..LINKS {
@@ -105,28 +115,47 @@ impl World {
                 continue;
             }
             let mut frames = 0;
-            while let Some(length) = self.gateway.poll_host(link, &mut out) {
+            loop {
+                let length = self.gateway.poll_host(link, &mut out, &mut self.life.store());
+                let Some(length) = length else { break };
+                if !self.life.takes_step(false) {
+                    return;
+                }
                 frames += 1;
                 assert!(frames <= MAX_OUTPUT, "link {link} does not stop talking");
                 self.oracle.from_gateway(now, link, &out[..length]);
                 self.note(|| format!("host {link} {}", told(&out[..length])));
             }
-            self.oracle.drained(now, link);
+            if !self.life.is_reset() {
+                self.oracle.drained(now, link);
+            }
         }
+    }
+
+    /// Everything that the gateway wants to send on its buses: what the model has to see of it.
+    fn send(&mut self) -> Vec<Sent> {
+        let mut sent = Vec::new();
+        let now = self.now_us;
+        let at = Instant::from_micros(now);
         for bus in 0..BUSES {
-            if self.start_bus(bus) {
+            if self.life.is_reset() || self.start_bus(bus) {
                 continue;
             }
-            let at = Instant::from_micros(now);
             while let Some(slot) = self.gateway.poll_cancel(at, bus) {
-                self.oracle.asked_back(now, bus, slot);
+                if !self.life.takes_step(false) {
+                    return sent;
+                }
                 self.note(|| format!("out bus {bus} slot {slot} is asked back"));
+                sent.push(Sent::AskedBack { bus, slot });
                 if self.buses[usize::from(bus)].give_back(now, slot) {
                     self.inputs.push_back(Input::Cancelled { bus, slot });
                 }
             }
             let mut frames = 0;
             while let Some(transmit) = self.gateway.poll_transmit(at, bus) {
+                if !self.life.takes_step(false) {
+                    return sent;
+                }
                 frames += 1;
                 assert!(frames <= TRANSMIT_SLOTS, "bus {bus} is handed more than it can hold");
                 #[cfg(test)]
@@ -134,15 +163,26 @@ impl World {
                     self.inputs.push_back(Input::Transmitted { bus, slot: transmit.slot });
                     continue;
                 }
+                self.note(|| format!("out bus {bus} slot {} {:X?}", transmit.slot, transmit.frame));
+                sent.push(Sent::Handed { bus, transmit: transmit.clone() });
+                self.buses[usize::from(bus)].take(transmit);
+            }
+            self.buses[usize::from(bus)].begin(now);
+        }
+        sent
+    }
+
+    /// The model sees what the buses were handed.
+    fn witness(&mut self, sent: Sent) {
+        match sent {
+            Sent::AskedBack { bus, slot } => self.oracle.asked_back(self.now_us, bus, slot),
+            Sent::Handed { bus, transmit } => {
                 let frame = match &transmit.frame {
                     Outgoing::Can(frame) => Frame::Can(arbitration(frame), frame.data()),
                     Outgoing::Serial(bytes) => Frame::Serial(bytes),
                 };
-                self.oracle.handed(now, bus, transmit.slot, frame);
-                self.note(|| format!("out bus {bus} slot {} {:X?}", transmit.slot, transmit.frame));
-                self.buses[usize::from(bus)].take(transmit);
+                self.oracle.handed(self.now_us, bus, transmit.slot, frame);
             }
-            self.buses[usize::from(bus)].begin(now);
         }
     }
 

@@ -1,6 +1,7 @@
 //! What a step does.
 
 use super::World;
+use super::life::Countdown;
 use super::ports::Input;
 use crate::action::{Action, Ask};
 use crate::bus::{Bus, OnWire};
@@ -60,9 +61,14 @@ impl World {
                 }
             }
             // Whether a configuration is kept that nobody has been told of, the model cannot know: a little later, then.
-            Action::Reset if self.oracle.is_configuring() => self.life.reset_while_saving(1, false),
+            Action::Reset if self.oracle.is_configuring() => {
+                self.life.reset_after(Countdown::Steps { left: 0 })
+            }
             Action::Reset => self.reset(false),
-            Action::ResetWhileSaving { words, garbles } => self.life.reset_while_saving(*words, *garbles),
+            Action::ResetWhileSaving { words, garbles } => {
+                self.life.reset_after(Countdown::Words { left: (*words).max(1), garbles: *garbles });
+            }
+            Action::ResetAfter { steps } => self.life.reset_after(Countdown::Steps { left: *steps }),
             Action::PowerLoss => self.lose_power(),
             Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
         }

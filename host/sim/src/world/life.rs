@@ -29,6 +29,11 @@ impl Life {
         let (started, words) = (Duration::ZERO, Vec::new());
         Self { board, started, hangs: false, words, links_are_open: false, e_stop_input_open: false }
     }
+
+    /// Puts words into the memory.
+    pub(super) fn store(&mut self) -> impl FnMut(usize, u32) {
+        |at, word| self.words.get_mut(at).into_iter().for_each(|place| *place = word)
+    }
 }
 
 impl World {
@@ -97,15 +102,13 @@ impl World {
         Some(self.life.started + Duration::from_micros(at.as_micros()))
     }
 
-    /// Hands an event to the gateway and keeps what must outlive a reset.
+    /// Hands an event to the gateway.
     pub(super) fn handle(&mut self, event: Event<'_>) {
         if self.life.hangs {
             return;
         }
         let now = self.gateway_now();
-        self.gateway.handle(now, event);
-        let words = &mut self.life.words;
-        self.gateway.save(|at, word| words.get_mut(at).into_iter().for_each(|place| *place = word));
+        self.gateway.handle(now, event, &mut self.life.store());
     }
 
     /// Whether the gateway listens to its hosts.

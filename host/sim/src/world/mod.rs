@@ -284,7 +284,8 @@ impl World {
         let Some(link) = self.links.get_mut(index).filter(|link| link.is_free()) else { return };
         let mut frame = [0; MAX_FRAME];
         let number = u8::try_from(index).unwrap_or(u8::MAX);
-        if let Some(bytes) = self.gateway.poll_host(number, &mut frame).and_then(|len| frame.get(..len)) {
+        let length = self.gateway.poll_host(number, &mut frame, &mut self.life.store());
+        if let Some(bytes) = length.and_then(|length| frame.get(..length)) {
             link.begin(self.now, bytes);
         }
     }
