@@ -25,8 +25,11 @@ fn write_event(event: Event) {
             reaction_us,
             elapsed_us
         ),
-        Event::AxisUnreachable { axis } => {
+        Event::AxisUnreachable { axis, stop_sent: true } => {
             defmt::error!("axis {=u8}: unreachable, its motor may be turning", axis)
+        }
+        Event::AxisUnreachable { axis, stop_sent: false } => {
+            defmt::error!("axis {=u8}: its stop cannot be sent, its motor may be turning", axis)
         }
         Event::AuthorityLost { reason } => defmt::info!("nobody is in command: {}", reason),
         Event::EStopLatched {} => defmt::warn!("e-stop latched"),

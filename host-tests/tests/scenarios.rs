@@ -82,12 +82,12 @@ scenarios! {
     a_reply_of_another_node_confirms_nothing
     a_request_that_is_repeated_is_executed_once
     a_reset_while_arming_runs_the_stop_action
-    a_stop_is_confirmed_under_a_load_that_first_stops_lose_to
     a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
     a_setpoint_of_another_epoch_feeds_nothing
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
     a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_trips
+    a_stop_is_confirmed_under_a_load_that_first_stops_lose_to
     a_stop_on_rs485_waits_for_bytes_in_flight_only
     a_stop_takes_back_motion_that_waits_in_the_controller
     a_stop_that_is_asked_for_in_a_trip_goes_out_at_once
@@ -109,6 +109,7 @@ scenarios! {
     after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     an_axis_on_an_id_of_another_axis_is_refused
+    an_idle_axis_on_a_bus_that_is_off_gets_the_stop_of_an_e_stop_when_it_is_back
     an_impedance_setpoint_holds_like_a_spring
     an_open_e_stop_input_bars_clearing_over_a_reset
     an_unreachable_motor_is_left_alone_between_two_stops

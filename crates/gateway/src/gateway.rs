@@ -198,8 +198,7 @@ impl Gateway {
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
     pub fn next_deadline(&self) -> Option<Instant> {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
-        let buses = self.buses.iter().filter(|bus| bus.config().is_some());
-        let buses = buses.filter_map(|bus| bus.next_deadline(self.now, &self.axes));
+        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now, &self.axes));
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
         axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
     }
@@ -219,7 +218,11 @@ impl Gateway {
             axis.expire_motion(now, &mut out);
             axis.expire_pending(now, &mut out);
         }
-        for bus in buses.iter_mut().filter(|bus| bus.config().is_some()) {
+        for bus in buses {
+            bus.report_unsent_stops(now, axes, &mut out);
+            if bus.config().is_none() {
+                continue;
+            }
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
             bus.report_delayed_stops(now, axes, &mut out);

@@ -326,8 +326,9 @@ impl Gateway {
         let Self { axes, buses, links, .. } = self;
         let mut out = Outbox::new(now, links);
         for axis in axes {
-            // An axis at rest on a bus that does not run could neither be stopped nor confirm it.
-            if !axis.is_idle_or_holding() || ready_bus(buses, axis).is_ok() {
+            // Where no bus carries it an axis at rest has no motor; on one that is off its stop waits until the bus is back.
+            let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
+            if !axis.is_idle_or_holding() || carried {
                 axis.stop(now, &mut out);
             }
         }

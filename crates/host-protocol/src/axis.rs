@@ -135,7 +135,7 @@ wire! {
         pub position_rad: Option<f32>,
         /// A.
         pub current_a: Option<f32>,
-        /// Whether so many stops stayed unconfirmed that the motor counts as unreachable.
+        /// Whether so many stops stayed unconfirmed that the motor counts as unreachable, or none could be sent.
         pub unreachable: bool,
     }
 

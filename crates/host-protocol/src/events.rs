@@ -172,10 +172,12 @@ events! {
         /// How many of them were sent.
         length: u8,
     }
-    /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable. It may be turning.
+    /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable, or none could be sent. It may be turning.
     0x800A AxisUnreachable {
         /// The axis.
         axis: u8,
+        /// Stops were sent and not confirmed; else its bus carries none, and they go out when it does.
+        stop_sent: bool,
     }
     /// Requests of this host link were not executed or not answered, because too many replies were waiting.
     0x800B RequestDropped {

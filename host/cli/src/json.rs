@@ -33,7 +33,7 @@ pub fn event(message: &EventMessage) -> Value {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
             json!({ "axis": axis, "data": words::hex(data) })
         }
-        Event::AxisUnreachable { axis } => json!({ "axis": axis }),
+        Event::AxisUnreachable { axis, stop_sent } => json!({ "axis": axis, "stop_sent": stop_sent }),
         Event::RequestDropped { count } => json!({ "count": count }),
         Event::Sample {
             axis,
@@ -87,10 +87,14 @@ mod tests {
 
     #[test]
     fn an_event_carries_its_name_and_fields() {
-        let message = EventMessage { dropped: 0, time_us: 7, event: Event::AxisUnreachable { axis: 3 } };
+        let message = EventMessage {
+            dropped: 0,
+            time_us: 7,
+            event: Event::AxisUnreachable { axis: 3, stop_sent: true },
+        };
         assert_eq!(
             event(&message).to_string(),
-            r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","time_us":7}"#
+            r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","stop_sent":true,"time_us":7}"#
         );
     }
 

@@ -122,8 +122,11 @@ fn event_in_words(event: &Event) -> String {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
             format!("axis {axis}: the motor sent {} unasked", hex(data))
         }
-        Event::AxisUnreachable { axis } => {
-            format!("axis {axis} is unreachable and may be turning: cut its power")
+        Event::AxisUnreachable { axis, stop_sent: true } => {
+            format!("axis {axis} does not confirm its stops and may be turning: cut its power")
+        }
+        Event::AxisUnreachable { axis, stop_sent: false } => {
+            format!("the stop of axis {axis} cannot be sent, its motor may be turning: cut its power")
         }
         Event::Sample { axis, state, .. } => format!("axis {axis}: a sample, {}", axis_state(*state)),
         Event::RequestDropped { count } => format!("{count} requests of this host were dropped"),

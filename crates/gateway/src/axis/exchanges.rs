@@ -204,9 +204,11 @@ impl Axis {
         }
     }
 
-    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later.
+    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later. A stop stays under way: it is owed until it has
+    /// left.
     pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
-        if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none()) {
+        let stops = |p: &Pending| self.stop.is_some() && p.exchange.is_stop();
+        if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none() && !stops(p)) {
             self.give_up_pending(now, out);
         }
     }
@@ -325,7 +327,9 @@ impl Axis {
             // Who watches a motor that does not answer must not take the others' time.
             self.state_poll_at = now + SILENT_POLL;
         }
-        self.stop_unanswered(now, pending.exchange, out);
+        if pending.is_waiting() {
+            self.stop_unanswered(now, pending.exchange, out);
+        }
         self.job_unanswered(now, &pending, out);
     }
 

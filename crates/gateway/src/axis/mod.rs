@@ -300,7 +300,7 @@ impl Axis {
             next.consider(self.next_want_at(after));
         }
         next.consider(self.job_stalls_at());
-        next.consider(self.stop.as_ref().and_then(Stop::stalls_at));
+        next.consider(self.stop.as_ref().and_then(Stop::gives_up_at));
         next.at()
     }
 

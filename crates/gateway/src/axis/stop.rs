@@ -94,8 +94,10 @@ pub(crate) struct Stop {
     repeat_at: Instant,
     /// When the phase of reading the speed began.
     standstill_since: Instant,
-    /// When something of the stop last went on: taken by the bus, answered, or given up.
-    moved_at: Instant,
+    /// When something of the stop last went on: a frame had left, was answered, or was given up after it had left.
+    went_on_at: Instant,
+    /// A frame of it has waited for so long to leave that it counts as not sent, and waits still.
+    not_sent: bool,
     /// The brake is locked and the output off.
     braked: bool,
     /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes known.
@@ -126,7 +128,8 @@ impl Stop {
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
-            moved_at: now,
+            went_on_at: now,
+            not_sent: false,
             braked: false,
             read_after_repeat: false,
             hold_poll: None,
@@ -209,13 +212,27 @@ impl Stop {
 
     /// The motor has not come to rest in good time.
     fn is_overdue(&self, now: Instant) -> bool {
-        self.phase != Phase::Confirmed && !self.resting && self.give_up_at <= now
+        let hears_us = self.has_left() && !self.not_sent;
+        self.phase != Phase::Confirmed && !self.resting && hears_us && self.give_up_at <= now
     }
 
-    /// When an unconfirmed stop counts as one that came to nothing, because the bus has not taken it.
-    pub fn stalls_at(&self) -> Option<Instant> {
-        let waits = self.phase != Phase::Confirmed && !self.resting;
-        waits.then(|| self.moved_at.max(self.next_at) + UNCONFIRMED_REPEAT)
+    /// When a motor that answers and does not come to rest is given up.
+    pub fn gives_up_at(&self) -> Option<Instant> {
+        let turns = self.phase != Phase::Confirmed && !self.resting && self.has_left() && !self.not_sent;
+        turns.then_some(self.give_up_at)
+    }
+
+    /// Since when a frame of the stop should have left, while it is neither confirmed nor known as one that could not be sent.
+    fn unsent_since(&self) -> Option<Instant> {
+        if self.phase == Phase::Confirmed || self.unreachable || self.not_sent {
+            return None;
+        }
+        Some(if self.has_left() { self.went_on_at + UNCONFIRMED_REPEAT } else { self.since })
+    }
+
+    /// It has waited for so long that it counts as not sent, and waits still.
+    pub fn is_not_sent(&self) -> bool {
+        self.not_sent
     }
 
     /// Once the brake is being locked the stop command would switch the output on again.
@@ -226,7 +243,6 @@ impl Stop {
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         let repeat = if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
-        self.moved_at = now;
         match exchange {
             Exchange::OutputOff if self.phase != Phase::OutputOff => {
                 self.repeat_at = now + repeat;
@@ -260,6 +276,10 @@ impl Stop {
     /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two stops: whatever we send may be
     /// feeding its own timeout (GUARANTEES G4).
     pub fn left(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
+        self.went_on_at = now;
+        if core::mem::take(&mut self.not_sent) {
+            self.give_up_at = now + STANDSTILL_WITHIN;
+        }
         if exchange != Exchange::Stop {
             return;
         }
@@ -276,7 +296,6 @@ impl Stop {
     fn go(&mut self, now: Instant, phase: Phase) {
         self.phase = phase;
         self.next_at = if phase == Phase::Command && self.resting { now.max(self.rests_until) } else { now };
-        self.moved_at = now;
         if phase == Phase::Standstill {
             self.standstill_since = now;
             self.standstill_readings = 0;

@@ -107,9 +107,9 @@ impl Axis {
         }
     }
 
-    /// Leaves a trip whose stop the motor does not confirm. Unsafe: it may be turning.
+    /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe: the motor may be turning.
     pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
-        if !self.trip.as_ref().is_some_and(|trip| trip.unreachable) {
+        if !self.is_unreachable() && !self.stop.as_ref().is_some_and(Stop::is_not_sent) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.trip = None;

@@ -1,4 +1,4 @@
-//! Within what time a stop must have left the bus, and the report of one that has not (GUARANTEES G5).
+//! Within what time a stop must have left the bus, and what follows where one has not (GUARANTEES G4, G5).
 
 use super::Bus;
 use super::schedule::MAX_OUTSTANDING;
@@ -12,6 +12,8 @@ use host_protocol::{BusKind, Event, Protocol};
 const SOFTWARE: Duration = Duration::from_micros(100);
 /// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the port has to report the frame.
 const ALLOWANCE: Duration = Duration::from_millis(1);
+/// A stop that has not left so long after its bound counts as one that could not be sent (GUARANTEES G4).
+const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
 impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else talks.
@@ -41,6 +43,33 @@ impl Bus {
             before = Some((since, due));
             Some((axis.index, since, due))
         })
+    }
+
+    /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not configured carries none, and has no bound.
+    fn unsent_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant)> + 'a {
+        let mut within = None;
+        self.axes_here(axes).filter_map(move |axis| {
+            let since = axis.unsent_stop_since()?;
+            let bound = *within.get_or_insert_with(|| {
+                let stops = self.axes_here(axes).filter(|axis| axis.has_stop()).count() as u64;
+                if self.config.is_some() { self.bound(stops) } else { Duration::ZERO }
+            });
+            Some((axis.index, since + bound + NOT_SENT_AFTER))
+        })
+    }
+
+    /// When the next stop counts as one that could not be sent.
+    pub fn stop_is_unsent_at(&self, axes: &[Axis]) -> Option<Instant> {
+        self.unsent_stops(axes).map(|(_, at)| at).min()
+    }
+
+    /// Tells the axes whose stop could not be sent; it stays owed.
+    pub fn report_unsent_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        loop {
+            let unsent = self.unsent_stops(axes).find(|(_, at)| *at <= now);
+            let Some(axis) = unsent.and_then(|(index, _)| axes.get_mut(usize::from(index))) else { return };
+            axis.stop_not_sent(now, out);
+        }
     }
 
     /// When the next stop that has not left is to be reported.

@@ -147,6 +147,10 @@ impl Bus {
 
     /// Earliest time after `after` at which the bus must be looked at again.
     pub fn next_deadline(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
+        let unsent = self.stop_is_unsent_at(axes);
+        if self.config.is_none() {
+            return unsent;
+        }
         let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
         let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by.or(f.collided_at));
         overdue
@@ -156,6 +160,7 @@ impl Bus {
             .chain(self.next_free_id_at(after, axes))
             .chain(self.first_stops_bar_until(axes))
             .chain(self.stop_is_delayed_at(axes))
+            .chain(unsent)
             .filter(|at| *at > after)
             .min()
     }

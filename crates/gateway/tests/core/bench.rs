@@ -266,7 +266,7 @@ pub fn assert_tripped(rig: &mut Rig, reason: TripReason, confirmed: bool) {
 #[track_caller]
 pub fn assert_becomes_unreachable(rig: &mut Rig) {
     run_with_host(rig, 2_000_000);
-    assert_eq!(outcomes(rig), [HostEvent::AxisUnreachable { axis: 0 }]);
+    assert_eq!(outcomes(rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
     assert_eq!(listed(rig, 0), AxisState::Tripped { confirmed: false });
 }
 

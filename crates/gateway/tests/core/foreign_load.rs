@@ -4,7 +4,10 @@
 use crate::bench::{self, D5_VELOCITY, VELOCITY, arm_axis, configure_axis, keep_moving, run_with_host};
 use crate::motors;
 use crate::rig::{FRAME_US, Rig};
-use host_protocol::{AxisState, Protocol, Request, StopAction, StopTarget, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event as HostEvent, Protocol, Request, StopAction, StopTarget,
+    TripReason, Value, requests,
+};
 
 /// RMD nodes on CAN bus 0, the axes not in the order of their ids.
 const NODES: [u8; 5] = [0x14, 0x0C, 0x01, 0x1C, 0x08];
@@ -188,5 +191,115 @@ fn a_loaded_bus_delays_no_other() {
         let left =
             rig.left.iter().find(|(at, on, text)| *at >= since && *on == bus && text.starts_with(stop));
         assert!(left.is_some_and(|(at, ..)| at - since <= bound_us(stops)), "bus {bus}: {left:?} - {since}");
+    }
+}
+
+const ONE_TURNS: u8 = 2;
+
+/// Axis 2 turns, and its stop loses to the load; with the time at which it was due.
+fn stop_that_cannot_leave() -> (Rig, u64) {
+    let mut rig = rig();
+    let epoch = arm_axis(&mut rig, ONE_TURNS);
+    keep_moving(&mut rig, &[(ONE_TURNS, epoch)], VELOCITY, 55_000);
+    rig.babble(Some(0x001));
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    (rig, since)
+}
+
+/// g + F(2k - 1), the frame, and 100 ms (GUARANTEES G4).
+#[test]
+fn a_stop_that_could_not_be_sent_makes_its_axis_unreachable_unless_it_was_at_rest() {
+    let (mut rig, _) = stop_that_cannot_leave();
+    rig.run(100_000 + 100 + 135 * 2 * 5 - 1);
+    assert_eq!(bench::outcomes(&rig), []);
+    assert!(rig.gateway.enable_output());
+    rig.run(1);
+    assert_eq!(bench::outcomes(&rig), [HostEvent::AxisUnreachable { axis: ONE_TURNS, stop_sent: false }]);
+    assert!(!rig.gateway.enable_output());
+    run_with_host(&mut rig, 10_000_000);
+    assert_eq!(bench::outcomes(&rig).len(), 1);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
+}
+
+#[test]
+fn stops_that_could_not_be_sent_are_owed_without_silences_and_leave_first() {
+    for waited_us in [50_000, 150_000, 6_000_000] {
+        let (mut rig, _) = stop_that_cannot_leave();
+        run_with_host(&mut rig, waited_us);
+        let again = rig.now_us;
+        rig.babble(None);
+        run_with_host(&mut rig, 60_000);
+        for node in NODES {
+            let at = stopped_at(&rig, node, again).expect("it is still owed");
+            assert!(at - again <= bound_us(5), "node {node} after {waited_us}: {at} - {again}");
+        }
+        assert_eq!(bench::listed(&mut rig, ONE_TURNS), AxisState::Tripped { confirmed: true });
+        assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+        assert!(rig.gateway.enable_output());
+    }
+}
+
+/// Three unconfirmed stops make this axis unreachable; none has been sent.
+#[test]
+fn what_has_not_left_is_not_counted_as_a_stop_that_the_motor_did_not_confirm() {
+    let mut rig = rig();
+    bench::parameter(&mut rig, ONE_TURNS, AxisParameter::StopsBeforeUnreachable, Value::Unsigned(3));
+    for _ in 0..8 {
+        let epoch = arm_axis(&mut rig, ONE_TURNS);
+        keep_moving(&mut rig, &[(ONE_TURNS, epoch)], VELOCITY, 55_000);
+        rig.babble(Some(0x001));
+        rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(ONE_TURNS) }));
+        run_with_host(&mut rig, 95_000);
+        rig.babble(None);
+        run_with_host(&mut rig, 200_000);
+        assert_eq!(bench::listed(&mut rig, ONE_TURNS), AxisState::Idle);
+    }
+}
+
+/// Where a motor hears its stops and confirms none, hosts are told otherwise.
+#[test]
+fn a_stop_that_was_sent_and_cannot_be_repeated_is_not_sent_either() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    bench::move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 60_000);
+    rig.babble(Some(0x001));
+    run_with_host(&mut rig, 140_000);
+    assert_eq!(bench::outcomes(&rig), []);
+    run_with_host(&mut rig, 70_000);
+    assert_eq!(bench::outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: false }]);
+    bench::assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
+}
+
+/// Nobody can configure the bus while the stop of an axis at rest waits for it: who knows better gives it up.
+#[test]
+fn the_stop_of_an_axis_at_rest_can_be_given_up_when_it_could_not_be_sent() {
+    let (mut rig, _) = stop_that_cannot_leave();
+    let give_up = Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 });
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(rig.ask(give_up.clone()), Err(Error::NothingToClear { axis: 0 }));
+    run_with_host(&mut rig, 60_000);
+    rig.ask(give_up).unwrap();
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    assert!(!rig.held_texts().contains(&"154#8100000000000000"));
+}
+
+#[test]
+fn an_e_stop_reaches_axes_at_rest_on_a_bus_that_is_off_when_it_is_back() {
+    let mut rig = rig();
+    rig.shorted = true;
+    rig.bus_off(0);
+    rig.run(10_000);
+    rig.send(&Request::EStop(requests::EStop {}));
+    run_with_host(&mut rig, 3_000_000);
+    assert_eq!(bench::outcomes(&rig), []);
+    let since = rig.now_us;
+    rig.shorted = false;
+    run_with_host(&mut rig, 2_000_000);
+    for (axis, node) in (0..).zip(NODES) {
+        assert!(stopped_at(&rig, node, since).is_some(), "node {node}");
+        assert_eq!(bench::listed(&mut rig, axis), AxisState::Idle);
     }
 }

@@ -79,7 +79,8 @@ fn a_late_reply_after_retry_is_ignored() {
 
 #[test]
 fn events_that_arrive_while_waiting_are_delivered_in_order() {
-    let events = [Event::EStopLatched {}, Event::AxisUnreachable { axis: 3 }, Event::EStopCleared {}];
+    let events =
+        [Event::EStopLatched {}, Event::AxisUnreachable { axis: 3, stop_sent: true }, Event::EStopCleared {}];
     let (line, mut client) = connected(move |heard| match heard.request {
         Request::Stop(_) => {
             let mut bytes = event_bytes(0, 11, &events[0]);
@@ -98,7 +99,7 @@ fn events_that_arrive_while_waiting_are_delivered_in_order() {
     }
     let expected = [
         (11, Event::EStopLatched {}),
-        (12, Event::AxisUnreachable { axis: 3 }),
+        (12, Event::AxisUnreachable { axis: 3, stop_sent: true }),
         (13, Event::EStopCleared {}),
         (14, Event::RequestDropped { count: 2 }),
     ];

@@ -19,7 +19,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let Some(stop) = &mut self.stop else { return };
-        stop.moved_at = now;
+        stop.went_on_at = now;
         let answered = motor::is_answered(&pending.command, &self.config);
         if answered && matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed) {
             stop.unconfirmed = 0;
@@ -92,6 +92,7 @@ impl Axis {
         }
     }
 
+    /// A request that had left was not answered.
     pub(in crate::axis) fn stop_unanswered(
         &mut self,
         now: Instant,
@@ -99,6 +100,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let Some(stop) = &mut self.stop else { return };
+        stop.went_on_at = now;
         match stop.phase {
             // Nothing of these is needed for the stop itself, and confirmed it is already.
             Phase::Confirmed => {}

@@ -1,7 +1,9 @@
-//! Stops that come to nothing, and the motor that is left alone for it; stops that are asked for again (GUARANTEES G4).
+//! Stops that come to nothing, and the motor that is left alone for it; stops that could not be sent; stops that are asked for again
+//! (GUARANTEES G4).
 
 use super::Phase;
 use crate::axis::Axis;
+use crate::axis::exchanges::Pending;
 use crate::outbox::Outbox;
 use crate::time::Instant;
 use host_protocol::{AxisState, Error, Event, TripReason};
@@ -11,7 +13,7 @@ impl Axis {
     pub(super) fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let enough = self.config.stops_before_unreachable();
         let Some(stop) = &mut self.stop else { return };
-        stop.moved_at = now;
+        stop.went_on_at = now;
         stop.unconfirmed = stop.unconfirmed.saturating_add(1);
         if stop.unconfirmed >= enough && !stop.resting {
             self.rest(now, out);
@@ -22,17 +24,41 @@ impl Axis {
     pub(in crate::axis) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let silence = self.unreachable_silence();
         let Some(stop) = &mut self.stop else { return };
-        let first_time = !core::mem::replace(&mut stop.unreachable, true);
         stop.resting = true;
-        stop.hold_poll = None;
-        // Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
-        stop.braked = false;
-        stop.acknowledged = false;
         stop.second_follows = false;
         // The silence is for a motor that hears us: what has not left has fed no timeout, and a stop that has never left is due.
         stop.rests_until = stop.last_left.map_or(now, |left| left + silence);
+        self.becomes_unreachable(now, true, out);
+    }
+
+    /// Since when the stop has a frame to send that has not left, where nobody has been told of that.
+    pub fn unsent_stop_since(&self) -> Option<Instant> {
+        let stop = self.stop.as_ref()?;
+        if self.pending.as_ref().is_some_and(Pending::is_waiting) {
+            return None;
+        }
+        let since = stop.unsent_since()?;
+        Some(if stop.has_left() { self.quiet.delays(false, since) } else { since })
+    }
+
+    /// The stop has not left for too long: it is not counted as sent, and stays owed. An axis that was at rest waits for it; of any
+    /// other the motor may be turning.
+    pub fn stop_not_sent(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(stop) = &mut self.stop else { return };
+        stop.not_sent = true;
+        if !stop.from_rest || stop.has_left() {
+            self.becomes_unreachable(now, false, out);
+        }
+    }
+
+    /// Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
+    fn becomes_unreachable(&mut self, now: Instant, stop_sent: bool, out: &mut Outbox<'_>) {
+        let Some(stop) = &mut self.stop else { return };
+        stop.hold_poll = None;
+        stop.braked = false;
+        stop.acknowledged = false;
         stop.go(now, Phase::Command);
-        if !first_time {
+        if core::mem::replace(&mut stop.unreachable, true) {
             return;
         }
         if self.state == AxisState::Stopping {
@@ -42,7 +68,7 @@ impl Axis {
             trip.unreachable = true;
         }
         self.no_longer_confirmed(now, out);
-        out.event(&Event::AxisUnreachable { axis: self.index });
+        out.event(&Event::AxisUnreachable { axis: self.index, stop_sent });
     }
 
     /// The stop of a tripped axis has to be confirmed anew, before anybody clears it.
@@ -59,14 +85,11 @@ impl Axis {
         }
     }
 
-    /// Notices a stop that the bus does not take, or that does not bring the motor to rest.
+    /// Notices a stop that does not bring the motor to rest.
     pub(in crate::axis) fn expire_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let Some(stop) = &self.stop else { return };
-        if stop.is_overdue(now) {
+        if self.stop.as_ref().is_some_and(|stop| stop.is_overdue(now)) {
             self.displace();
             self.rest(now, out);
-        } else if self.pending.is_none() && stop.stalls_at().is_some_and(|at| at <= now) {
-            self.count_unconfirmed(now, out);
         }
     }
 }
