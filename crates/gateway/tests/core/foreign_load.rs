@@ -137,7 +137,7 @@ fn a_second_stop_takes_the_place_of_one_that_loses_against_the_load() {
     rig.run(30_000);
     let stops = rig.left.iter().filter(|(at, _, text)| *at >= since && text.starts_with("141#81")).count();
     assert!(stops >= 2, "{stops} stops of the motor that turned");
-    assert_eq!(bench::listed(&mut rig, 2), AxisState::Idle);
+    assert_eq!(bench::listed(&mut rig, 2), AxisState::Holding);
 }
 
 /// The reply of a D5 that turned is due when the others wait: its stop must go alone.
@@ -235,7 +235,7 @@ fn stops_that_could_not_be_sent_are_owed_without_silences_and_leave_first() {
             assert!(at - again <= bound_us(5), "node {node} after {waited_us}: {at} - {again}");
         }
         assert_eq!(bench::listed(&mut rig, ONE_TURNS), AxisState::Tripped { confirmed: true });
-        assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+        assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
         assert!(rig.gateway.enable_output());
     }
 }
@@ -253,7 +253,7 @@ fn what_has_not_left_is_not_counted_as_a_stop_that_the_motor_did_not_confirm() {
         run_with_host(&mut rig, 95_000);
         rig.babble(None);
         run_with_host(&mut rig, 200_000);
-        assert_eq!(bench::listed(&mut rig, ONE_TURNS), AxisState::Idle);
+        assert_eq!(bench::listed(&mut rig, ONE_TURNS), AxisState::Holding);
     }
 }
 
@@ -300,6 +300,6 @@ fn an_e_stop_reaches_axes_at_rest_on_a_bus_that_is_off_when_it_is_back() {
     run_with_host(&mut rig, 2_000_000);
     for (axis, node) in (0..).zip(NODES) {
         assert!(stopped_at(&rig, node, since).is_some(), "node {node}");
-        assert_eq!(bench::listed(&mut rig, axis), AxisState::Idle);
+        assert_eq!(bench::listed(&mut rig, axis), AxisState::Holding);
     }
 }
