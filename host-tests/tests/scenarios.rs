@@ -61,6 +61,7 @@ scenarios! {
     a_late_reply_after_retry_is_ignored
     a_late_reply_to_a_setpoint_of_0_does_not_acknowledge_the_stop
     a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
+    a_limit_that_nothing_measures_is_refused
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
     a_measured_value_beyond_the_limit_trips
     a_motor_that_answers_all_but_its_fault_word_trips
@@ -96,6 +97,7 @@ scenarios! {
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
     a_thruster_that_has_timed_out_is_armed
+    a_thruster_is_told_its_timeout_again_whenever_it_is_armed
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     a_thruster_that_restarts_in_motion_refuses_and_trips
@@ -110,7 +112,10 @@ scenarios! {
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
     an_axis_on_an_id_of_another_axis_is_refused
     an_idle_axis_on_a_bus_that_is_off_gets_the_stop_of_an_e_stop_when_it_is_back
+    an_armed_motor_that_turns_without_a_setpoint_trips
+    an_echo_with_another_value_acknowledges_nothing
     an_impedance_setpoint_holds_like_a_spring
+    an_old_reading_shows_no_standstill
     an_open_e_stop_input_bars_clearing_over_a_reset
     an_unreachable_motor_is_left_alone_between_two_stops
     an_unreachable_motor_stays_so_over_a_reset
@@ -127,12 +132,15 @@ scenarios! {
     e_stop_stops_all_and_bars_arming
     e_stop_while_arming_trips_and_arms_nothing
     e_stop_while_stopping_trips_and_goes_on_stopping
+    each_measured_limit_trips_to_both_sides
+    each_setpoint_beyond_its_limit_is_refused_to_both_sides
     fault_words_of_armed_axes_are_read_every_100_ms
     garbage_and_wrong_checksums_on_rs485_are_no_replies
     link_silence_trips_even_while_the_setpoint_lives
     motion_that_nobody_acknowledges_trips_in_time
     native_changes_need_an_idle_axis
     native_reads_are_free_and_answered_from_the_motor
+    no_timeout_and_an_unknown_one_need_each_a_permission_of_their_own
     noise_on_rs485_delays_a_stop_by_little
     of_two_hosts_one_commands_and_both_may_stop
     one_reading_of_standstill_confirms_nothing
@@ -140,7 +148,9 @@ scenarios! {
     pings_of_another_host_keep_nobody_in_command
     raw_access_and_armed_axes_exclude_each_other
     raw_access_that_is_left_open_ends_with_its_host
+    readings_of_standstill_follow_each_other
     rmd_and_thruster_share_a_bus
+    rounding_pushes_no_value_beyond_its_limit
     stop_and_disarm_go_through_stopping_to_idle
     stops_of_eleven_d5_motors_wait_for_their_replies_and_meet_none
     stops_of_many_axes_follow_each_other_without_a_gap
@@ -155,6 +165,7 @@ scenarios! {
     two_motors_with_one_id_are_both_stopped
     unsolicited_frames_inside_an_exchange_are_no_replies
     what_held_goes_on_holding_after_a_reset
+    what_may_have_changed_a_motor_makes_its_timeout_unknown
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }
 

@@ -5,6 +5,7 @@ use crate::bus::{Bus, check_load};
 use crate::gateway::Gateway;
 use crate::motor;
 use crate::outbox::Outbox;
+use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Protocol, Quantity, Value,
@@ -152,13 +153,8 @@ impl Gateway {
         if bus.kind() == BusKind::Can {
             self.check_ids(axis, config)?;
         }
-        let min = config.float(AxisParameter::PositionMinRad).unwrap_or(f32::NEG_INFINITY);
-        let max = config.float(AxisParameter::PositionMaxRad).unwrap_or(f32::INFINITY);
-        if min > max {
-            let quantity = Quantity::Parameter(AxisParameter::PositionMinRad.number());
-            return Err(Error::OutOfRange { quantity, value: min, min: f32::NEG_INFINITY, max });
-        }
-        Ok(())
+        // Before it is complete, what a limit needs may still come.
+        if config.missing().is_some() { Ok(()) } else { rules::check_config(axis, bus.kind(), config) }
     }
 
     /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way round (GUARANTEES G7).

@@ -222,10 +222,11 @@ impl Gateway {
             return Err(Error::EStopped {});
         }
         let axis = self.idle_axis(index)?;
-        // D5 motors are asked for their timeout while arming.
-        if axis.config.protocol() != Some(Protocol::D5) {
-            axis.check_motor_timeout()?;
-        } else if axis.config.unsigned(AxisParameter::D5AckLevel) == Some(0) {
+        if !axis.arming_settles_the_timeout() {
+            axis.check_motor_timeout(now)?;
+        }
+        let is_d5 = axis.config.protocol() == Some(Protocol::D5);
+        if is_d5 && axis.config.unsigned(AxisParameter::D5AckLevel) == Some(0) {
             return Err(Error::CannotConfirm { axis: index });
         }
         if let Some(bus) = axis.config.bus()

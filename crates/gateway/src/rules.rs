@@ -45,6 +45,14 @@ impl AxisRules {
         self.config.set(parameter, value)
     }
 
+    /// Refuses a configuration that no gateway would take, whatever else is on its bus.
+    ///
+    /// # Errors
+    /// [`Error::CannotMeasure`] and [`Error::OutOfRange`].
+    pub fn check(&self) -> Result<(), Error> {
+        check_config(self.axis, self.bus, &self.config)
+    }
+
     /// Refuses a setpoint that the axis would not take.
     ///
     /// # Errors
@@ -96,6 +104,37 @@ impl AxisRules {
     fn native(&self, data: &[u8]) -> Result<Native, Error> {
         motor::native(self.axis, data, self.bus, &self.config)
     }
+}
+
+/// The limits of an axis.
+const LIMITS: [AxisParameter; 7] = [
+    AxisParameter::VelocityLimitRadS,
+    AxisParameter::CurrentLimitA,
+    AxisParameter::PositionMinRad,
+    AxisParameter::PositionMaxRad,
+    AxisParameter::SignalLimit,
+    AxisParameter::TemperatureLimitC,
+    AxisParameter::TorqueLimitNm,
+];
+
+/// Refuses parameters that do not fit each other, in whatever order they were set.
+pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
+    let idle =
+        |limit: &&AxisParameter| config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config);
+    if let Some(limit) = LIMITS.iter().find(idle) {
+        return Err(Error::CannotMeasure { axis, parameter: limit.number() });
+    }
+    let least = config.protocol().map_or(0.0, motor::speed_unit_rad_s);
+    within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
+    let (min, max) = config.position_range();
+    within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
+}
+
+fn within_range(parameter: AxisParameter, value: f32, min: f32, max: f32) -> Result<(), Error> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::OutOfRange { quantity: Quantity::Parameter(parameter.number()), value, min, max })
 }
 
 /// Refuses an impedance on a serial bus: motion mode has CAN ids of its own and no serial form (RMD V3.6 §5).

@@ -120,6 +120,8 @@ wire! {
             /// That axis.
             axis: u8,
         },
+        /// The motor turned although the axis had no setpoint.
+        Uncommanded,
     }
 
     /// A trip: why, when, and the last values before it.
@@ -144,7 +146,7 @@ wire! {
     pub enum MotorTimeout {
         /// Nothing.
         Unknown,
-        /// It is off.
+        /// It is off, or longer than 60 s, which is as good as off.
         Off,
         /// Written by this gateway; the motor cannot be asked for it.
         Written {
@@ -248,6 +250,7 @@ impl fmt::Display for TripReason {
             Self::Internal { code } => write!(f, "internal error {code} of the gateway"),
             Self::StopUnconfirmed => f.write_str("a stop was not confirmed"),
             Self::Group { axis } => write!(f, "axis {axis} of its trip group tripped"),
+            Self::Uncommanded => f.write_str("the motor turned without a setpoint"),
         }
     }
 }

@@ -219,7 +219,11 @@ impl fmt::Display for Error {
                 write!(f, "axis {axis} is not tripped; there is nothing to clear")
             }
             Self::MotorTimeoutOff { axis } => {
-                write!(f, "the timeout of the motor of axis {axis} is off; provision it first")
+                write!(
+                    f,
+                    "the timeout of the motor of axis {axis} is off, or longer than 60 s; provision it, or set \
+                     allow_no_motor_timeout"
+                )
             }
             Self::Superseded { axis } => write!(
                 f,
@@ -248,6 +252,12 @@ impl fmt::Display for Error {
                 f,
                 "axis {axis} would be sent frames on CAN id 0x{id:03X}, on which the motor of axis {other} acts or \
                  answers; choose another node or d5_request_id, or another bus"
+            ),
+            Self::CannotMeasure { axis, parameter } => write!(
+                f,
+                "{} would limit nothing on axis {axis}: its motor does not measure that, and takes no such \
+                 setpoint; leave it out (a thruster measures positions as a position_device, an RMD torque on CAN)",
+                Quantity::Parameter(parameter)
             ),
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }

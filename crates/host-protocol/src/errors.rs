@@ -386,6 +386,13 @@ errors! {
         /// The axis whose motor uses it.
         other: u8,
     }
+    /// Nothing on this axis measures what the parameter limits, nor does a setpoint carry it.
+    53 CannotMeasure {
+        /// The axis.
+        axis: u8,
+        /// Number of the limit.
+        parameter: u16,
+    }
     /// This needs an axis whose motor holds.
     60 NotHolding {
         /// The axis.

@@ -236,8 +236,8 @@ parameters! {
     9 StatePollUs "state_poll_us": Unsigned("µs") [5_000, 1_000_000] 50_000;
     /// Missing replies in a row that trip the axis.
     10 MissedReplies "missed_replies": Unsigned("") [2, 20] 3;
-    /// Below this speed the motor counts as standing.
-    11 StandstillRadS "standstill_rad_s": Float("rad/s") [0.0, 10.0] 0.1;
+    /// Up to this speed the motor counts as standing; at least one unit of its reading: 1 °/s of an RMD and a D5, 1 rpm of a thruster.
+    11 StandstillRadS "standstill_rad_s": Float("rad/s") [0.0, 10.0] 0.105;
     /// Unconfirmed stops after which the motor counts as unreachable.
     12 StopsBeforeUnreachable "stops_before_unreachable": Unsigned("") [3, 100] 10;
     /// How often a confirmed stop is repeated while the axis is tripped.
@@ -284,6 +284,12 @@ parameters! {
     33 MotionDamping "motion_damping_nm_s_per_rad": Float("N·m·s/rad") [0.01, 1_000.0] 5.0;
     /// Axes with the same number trip together, and none of them is armed while another is tripped.
     34 TripGroup "trip_group": Unsigned("") [1, 32] optional;
+    /// Lets the axis arm though the motor's own timeout is off, or longer than 60 s.
+    35 AllowNoMotorTimeout "allow_no_motor_timeout": Bool("") [false, true] false;
+    /// Above this speed an armed axis without a setpoint trips; 5 times standstill_rad_s unless set.
+    36 UncommandedRadS "uncommanded_rad_s": Float("rad/s") [0.0, 10_000.0] optional;
+    /// Lets the motor of an armed axis turn without a setpoint: by hand, by wind or water.
+    37 AllowUncommanded "allow_uncommanded": Bool("") [false, true] false;
 }
 
 parameters! {

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Told};
 use super::words::{fields, parse};
-use host_protocol::{AxisState, Event, StateField, Trip};
+use host_protocol::{AxisState, Event, MotorTimeout, StateField, Trip};
 
 impl Bench {
     /// `expect WHAT …`
@@ -16,7 +16,10 @@ impl Bench {
             "state" => self.expect_state(rest),
             "trip" => self.expect_trip(rest),
             "refusal" => self.expect_refusal(rest),
-            "reaction" | "acknowledged" | "trip-time" | "trip-values" => self.expect_of_stop(what, rest),
+            "reaction" | "acknowledged" | "standstill" | "trip-time" | "trip-values" => {
+                self.expect_of_stop(what, rest)
+            }
+            "motor-timeout" => self.expect_motor_timeout(rest),
             "enable-output" | "boot" | "last-words" | "incident" | "incidents" => {
                 self.expect_of_gateway(what, rest)
             }
@@ -53,6 +56,19 @@ impl Bench {
         let list = self.client.list_axes().map_err(|e| e.to_string())?;
         let state = list.iter().find(|summary| summary.axis == axis).map(|summary| summary.state);
         if state == Some(wanted) { Ok(()) } else { Err(format!("axis {axis} is {state:?}")) }
+    }
+
+    /// `motor-timeout AXIS unknown|off|verified|MS`
+    fn expect_motor_timeout(&mut self, words: &[&str]) -> Result<(), String> {
+        let axis = parse(words, 0, "axis")?;
+        let wanted = match words.get(1) {
+            Some(&"unknown") => MotorTimeout::Unknown,
+            Some(&"off") => MotorTimeout::Off,
+            Some(&"verified") => MotorTimeout::Verified,
+            _ => MotorTimeout::Written { timeout_ms: parse(words, 1, "timeout")? },
+        };
+        let known = self.state(axis)?.motor_timeout;
+        if known == wanted { Ok(()) } else { Err(format!("axis {axis} has {known:?}")) }
     }
 
     /// `trip AXIS REASON[|REASON]`: the reason as it is printed for programmers begins so.

@@ -6,11 +6,12 @@ use host_protocol::{Event, Trip};
 use std::time::Duration;
 
 impl Bench {
-    /// `reaction|acknowledged|trip-time|trip-values AXIS …`
+    /// `reaction|acknowledged|standstill|trip-time|trip-values AXIS …`
     pub fn expect_of_stop(&mut self, what: &str, words: &[&str]) -> Result<(), String> {
         match what {
             "reaction" => self.expect_reaction(words),
             "acknowledged" => self.expect_acknowledged(words),
+            "standstill" => self.expect_standstill(words),
             "trip-time" => self.expect_trip_time(words),
             _ => self.expect_trip_values(words),
         }
@@ -33,6 +34,29 @@ impl Bench {
             Some(reaction) if reaction <= limit => Ok(()),
             Some(reaction) => Err(format!("it took {reaction:?} until the stop had left")),
             None => Err("no stop was confirmed".to_string()),
+        }
+    }
+
+    /// `standstill AXIS yes|no|unknown`: what the latest confirmation of a stop since the mark says of the shaft.
+    fn expect_standstill(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted_axis: u8 = parse(words, 0, "axis")?;
+        let wanted = match words.get(1) {
+            Some(&"yes") => Some(true),
+            Some(&"no") => Some(false),
+            Some(&"unknown") => None,
+            other => return Err(format!("standstill, yes, no or unknown, not {other:?}")),
+        };
+        let told = self.events.iter().rev().find_map(|told| match told.event {
+            Event::StopConfirmed { axis, standstill, .. }
+                if axis == wanted_axis && told.time_us >= self.mark_us =>
+            {
+                Some(standstill)
+            }
+            _ => None,
+        });
+        match told {
+            Some(standstill) if standstill == wanted => Ok(()),
+            other => Err(format!("the confirmation says {other:?}")),
         }
     }
 

@@ -3,7 +3,8 @@
 use super::bench::{Bench, Stranger};
 use super::words::{duration, hex, parse};
 use host_protocol::{BootReason, CanFrame};
-use mgw_sim::{Beginning, BusFault, Injection, Wire};
+use mgw_sim::{Beginning, BusFault, Injection, Turning, Wire};
+use std::time::Duration;
 
 impl Bench {
     /// `bus-cut|bus-short|bus-join BUS`
@@ -38,6 +39,10 @@ impl Bench {
                 let bytes = hex(words.get(2).ok_or("how do the answers begin?")?)?;
                 Injection::LoseAnswersLike(Beginning::new(&bytes).ok_or("at most 8 bytes")?)
             }
+            (Some(&"turn"), _) => Injection::Turning(turning(words)?),
+            (Some(&"current"), _) => Injection::Current(thousandths(words)?),
+            (Some(&"motor-temperature"), _) => Injection::MotorTemperature(celsius(words)?),
+            (Some(&"driver-temperature"), _) => Injection::DriverTemperature(celsius(words)?),
             (Some(&"late"), None) => Injection::LateReply(duration(words, 2)?),
             other => return Err(format!("{other:?} is no injection")),
         };
@@ -125,6 +130,33 @@ impl Bench {
         let count = self.world.borrow().motors().len();
         if motor < count { Ok(motor) } else { Err(format!("there are {count} motors")) }
     }
+}
+
+/// `off`, or a number, in thousandths.
+fn thousandths(words: &[&str]) -> Result<Option<i32>, String> {
+    if words.get(2) == Some(&"off") {
+        return Ok(None);
+    }
+    let value: f64 = parse(words, 2, "number")?;
+    let value = (value * 1e3).round();
+    let fits = (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value);
+    #[expect(clippy::cast_possible_truncation, reason = "it fits")]
+    fits.then_some(Some(value as i32)).ok_or_else(|| format!("{value} is too large"))
+}
+
+/// `off`, or °C.
+fn celsius(words: &[&str]) -> Result<Option<i16>, String> {
+    if words.get(2) == Some(&"off") { Ok(None) } else { parse(words, 2, "temperature").map(Some) }
+}
+
+/// `off`, or `SPEED [TIME TIME]`.
+fn turning(words: &[&str]) -> Result<Option<Turning>, String> {
+    let Some(speed) = thousandths(words)? else { return Ok(None) };
+    let (turns, holds) = match words.len() {
+        3 => (Duration::from_secs(1), Duration::ZERO),
+        _ => (duration(words, 3)?, duration(words, 5)?),
+    };
+    Ok(Some(Turning { speed, turns, holds }))
 }
 
 /// A CAN frame in candump's form, `None` for plain hexadecimal.

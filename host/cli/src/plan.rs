@@ -98,8 +98,9 @@ impl Plan {
                 axis.parameters
                     .push((parameter, parameters::value(parameter.info(), &scalar(name, entry)?)?));
             }
-            // Bus, protocol and node first: what a parameter may be can depend on them.
-            axis.parameters.sort_by_key(|(parameter, _)| parameter.number());
+            // Bus, protocol and node first, and whether there is an encoder: what a parameter may be can depend on them.
+            let is_address = |parameter| parameter == AxisParameter::PositionDevice;
+            axis.parameters.sort_by_key(|(parameter, _)| (!is_address(*parameter), parameter.number()));
             plan.axes.push(axis);
         }
         Ok(plan)

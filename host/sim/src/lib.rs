@@ -30,7 +30,7 @@ mod wiring;
 mod world;
 
 pub use bus::{BusFault, Station, Wire};
-pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Outgoing};
+pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Outgoing, Turning};
 pub use serve::{Server, serve};
 pub use transport::SimTransport;
 pub use wiring::{BOARD, MotorWiring, Wiring, WiringError};

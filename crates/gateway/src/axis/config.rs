@@ -19,6 +19,8 @@ pub(crate) struct AxisConfig {
 
 /// The part of the time between two fault polls that is kept for waiting.
 const FAULT_POLL_RESERVE: NonZeroU64 = NonZeroU64::new(10).unwrap();
+/// What an armed axis may turn at without a setpoint, in standstill thresholds (GUARANTEES G1).
+const UNCOMMANDED_STANDSTILLS: f32 = 5.0;
 const PARAMETERS: usize = AxisParameter::ALL.len();
 /// Words that say which parameters are set.
 const SET_WORDS: usize = 2;
@@ -179,6 +181,18 @@ impl AxisConfig {
     /// A configured upper limit; infinity where the axis has none.
     pub fn limit(&self, parameter: AxisParameter) -> f32 {
         self.float(parameter).unwrap_or(f32::INFINITY)
+    }
+
+    /// The lowest and the highest value allowed of a quantity that is limited to both sides of zero.
+    pub fn range(&self, parameter: AxisParameter) -> (f32, f32) {
+        let limit = self.limit(parameter);
+        (-limit, limit)
+    }
+
+    /// Above this speed an armed axis without a setpoint trips.
+    pub fn uncommanded_rad_s(&self) -> f32 {
+        let unset = UNCOMMANDED_STANDSTILLS * self.standstill_rad_s();
+        self.float(AxisParameter::UncommandedRadS).unwrap_or(unset)
     }
 
     /// The lowest and the highest position allowed, rad.

@@ -221,6 +221,7 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Reception {
+        self.heard(now);
         // What has not left cannot be answered: an answer of that kind is one that came twice.
         let displaced = self.displaced.as_ref().filter(|displaced| displaced.until.is_some());
         let late = displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));

@@ -165,8 +165,7 @@ impl Axis {
     fn pass_over_steps(&mut self) -> bool {
         while let Some(exchange) = self.job_exchange() {
             let needless = exchange == Exchange::OverwritePending && !self.write_waits;
-            let has_command = matches!(exchange, Exchange::Motion | Exchange::Native)
-                || motor::command(exchange, &self.config).is_some();
+            let has_command = matches!(exchange, Exchange::Motion) || self.command_for(exchange).is_some();
             if !needless && has_command {
                 return false;
             }
@@ -333,6 +332,9 @@ impl Axis {
         if let Some(on) = seen.timeout_on {
             self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
         }
+        if exchange == Exchange::RenewTimeout {
+            self.timeout_renewed();
+        }
         if seen.commanded_zero == Some(false) {
             // The motor has acknowledged speed 0 and keeps another one.
             return Err(Error::CannotConfirm { axis });
@@ -378,17 +380,17 @@ impl Axis {
     fn finish(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
         let result = match kind {
-            JobKind::Arm { epoch } => match self.check_motor_timeout() {
+            JobKind::Arm { epoch } => match self.check_motor_timeout(now) {
                 Ok(()) => {
                     self.armed(now, epoch, out);
-                    Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout }))
+                    Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout(now) }))
                 }
                 Err(error) => Err(error),
             },
             JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
             JobKind::Provision { timeout_ms } => {
                 self.provisioned(timeout_ms);
-                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout }))
+                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout(now) }))
             }
             JobKind::Clear => {
                 self.stop = None;
@@ -427,6 +429,7 @@ impl Axis {
         self.motion = None;
         self.not_executed = false;
         self.in_doubt = false;
+        self.uncommanded_since = None;
         self.motion_silence = Silence::NONE;
         self.fault_poll_at = now + self.config.fault_poll();
         self.state_poll_at = now + self.state_poll();

@@ -7,6 +7,8 @@ use host_protocol::{AxisParameter, AxisState, Error, Quantity, TripReason};
 
 /// How long a turning motor that nobody here moves is left alone where its own timeout is not known.
 const UNKNOWN_TIMEOUT_PAUSE: Duration = Duration::from_millis(5_000);
+/// Between two readings that show a motor turning without a setpoint lies at least this (GUARANTEES G1).
+const UNCOMMANDED_FOR: Duration = Duration::from_millis(20);
 
 impl Axis {
     /// Takes in what a reply tells, and trips an armed axis on a fault or a limit.
@@ -35,6 +37,24 @@ impl Axis {
             self.trip(now, TripReason::MotorFault { faults }, out);
         } else if let Some(reason) = self.exceeded(seen) {
             self.trip(now, reason, out);
+        } else if let Some(velocity_rad_s) = seen.velocity_rad_s {
+            self.watch_uncommanded(now, velocity_rad_s, out);
+        }
+    }
+
+    /// Without a setpoint an armed axis stands. One reading may be noise: the next one decides, and is asked for early.
+    fn watch_uncommanded(&mut self, now: Instant, velocity_rad_s: f32, out: &mut Outbox<'_>) {
+        let turns = velocity_rad_s.abs() > self.config.uncommanded_rad_s();
+        let allowed = self.config.flag(AxisParameter::AllowUncommanded);
+        if self.state != AxisState::Armed || !turns || allowed {
+            self.uncommanded_since = None;
+            return;
+        }
+        let since = *self.uncommanded_since.get_or_insert(now);
+        if now.since(since) >= UNCOMMANDED_FOR {
+            self.trip(now, TripReason::Uncommanded, out);
+        } else {
+            self.state_poll_at = self.state_poll_at.min(since + UNCOMMANDED_FOR);
         }
     }
 

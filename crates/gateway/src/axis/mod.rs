@@ -46,12 +46,14 @@ pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,
     pub state: AxisState,
-    pub motor_timeout: MotorTimeout,
+    motor_timeout: MotorTimeout,
     /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or something may have changed it since.
-    /// It outlives a reset of the gateway also where `motor_timeout` does not.
+    /// It outlives a reset of the gateway, and arming writes it to a thruster again, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
     /// It has still to be saved.
     timeout_unsaved: bool,
+    /// When the motor sent something last.
+    heard_at: Instant,
     pub measured: Measured,
     pub trip: Option<Trip>,
     /// The trip has still to reach the others of its group.
@@ -84,6 +86,8 @@ pub(crate) struct Axis {
     watched: bool,
     /// Requests in a row for the fault word that told nothing.
     faults_unread: u8,
+    /// Since when the motor of the armed axis has been seen to turn without a setpoint.
+    uncommanded_since: Option<Instant>,
     /// When the request left that the motor has not answered.
     unanswered_since: Option<Instant>,
     /// D5: an asynchronous write waited in the motor when it was last asked.
@@ -100,6 +104,7 @@ impl Axis {
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
             timeout_unsaved: false,
+            heard_at: Instant::from_micros(0),
             measured: Measured::new(),
             trip: None,
             trip_spreads: false,
@@ -122,6 +127,7 @@ impl Axis {
             motion_silence: Silence::NONE,
             watched: false,
             faults_unread: 0,
+            uncommanded_since: None,
             unanswered_since: None,
             write_waits: false,
         }
@@ -205,7 +211,14 @@ impl Axis {
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it. The `same` motor goes on holding.
     pub fn configured(&mut self, parameter: AxisParameter, same: bool, complete: bool, out: &mut Outbox<'_>) {
-        if matches!(parameter, AxisParameter::Bus | AxisParameter::Protocol | AxisParameter::Node) {
+        if matches!(
+            parameter,
+            AxisParameter::Bus
+                | AxisParameter::Protocol
+                | AxisParameter::Node
+                | AxisParameter::D5RequestId
+                | AxisParameter::D5ReplyId
+        ) {
             self.forget_motor_timeout();
             self.measured = Measured::new();
         }
@@ -253,7 +266,7 @@ impl Axis {
             driver_temperature_c: reading(StateField::DriverTemperature),
             faults: self.measured.faults(now),
             fault_record: self.measured.fault_record,
-            motor_timeout: self.motor_timeout,
+            motor_timeout: self.motor_timeout(now),
             standstill: self.standstill(),
             stop_acknowledged: self.stop.as_ref().is_some_and(Stop::is_acknowledged),
         }

@@ -2,18 +2,58 @@
 
 use super::Axis;
 use crate::motor;
-use crate::time::Duration;
+use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout, Protocol};
 
+/// A timeout that acts later than this counts as off (GUARANTEES G1).
+const LONGEST_TIMEOUT_MS: u32 = 60_000;
+
+/// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
+const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
+
 impl Axis {
-    /// Arming without knowing it must be allowed by the configuration.
-    pub fn check_motor_timeout(&self) -> Result<(), Error> {
-        let axis = self.index;
+    /// What is known of the timeout now. A motor that keeps it in RAM has lost it with its power.
+    pub fn motor_timeout(&self, now: Instant) -> MotorTimeout {
+        let silent = now.since(self.heard_at) >= POWER_MAY_HAVE_BEEN_OFF;
         match self.motor_timeout {
+            MotorTimeout::Written { .. } if silent && !self.stores_its_timeout() => MotorTimeout::Unknown,
+            known => known,
+        }
+    }
+
+    /// The motor has been heard.
+    pub(super) fn heard(&mut self, now: Instant) {
+        self.motor_timeout = self.motor_timeout(now);
+        self.heard_at = now;
+    }
+
+    /// Arming without a timeout must be allowed by the configuration, and without knowing of one as well.
+    pub fn check_motor_timeout(&self, now: Instant) -> Result<(), Error> {
+        let axis = self.index;
+        let allows = |parameter| self.config.flag(parameter);
+        match self.motor_timeout(now) {
             MotorTimeout::Verified | MotorTimeout::Written { .. } => Ok(()),
-            _ if self.config.flag(AxisParameter::AllowUnknownMotorTimeout) => Ok(()),
+            MotorTimeout::Unknown if allows(AxisParameter::AllowUnknownMotorTimeout) => Ok(()),
+            MotorTimeout::Off if allows(AxisParameter::AllowNoMotorTimeout) => Ok(()),
             MotorTimeout::Off => Err(Error::MotorTimeoutOff { axis }),
             MotorTimeout::Unknown => Err(Error::MotorTimeoutUnknown { axis }),
+        }
+    }
+
+    /// Whether arming settles what is known: a D5 is asked for its switch, a thruster is told again what was provisioned.
+    pub fn arming_settles_the_timeout(&self) -> bool {
+        self.config.protocol() == Some(Protocol::D5) || self.renewed_timeout_ms().is_some()
+    }
+
+    /// The timeout that arming writes again, ms: the one provisioned, where the motor loses it with its power.
+    pub(super) fn renewed_timeout_ms(&self) -> Option<u32> {
+        (self.written_timeout_ms > 0 && !self.stores_its_timeout()).then_some(self.written_timeout_ms)
+    }
+
+    /// The motor has taken the timeout that arming wrote again.
+    pub(super) fn timeout_renewed(&mut self) {
+        if let Some(timeout_ms) = self.renewed_timeout_ms() {
+            self.motor_timeout = MotorTimeout::Written { timeout_ms };
         }
     }
 
@@ -23,6 +63,15 @@ impl Axis {
         self.timeout_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
     }
 
+    /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it again.
+    pub(super) fn doubt_motor_timeout(&mut self) {
+        if self.renewed_timeout_ms().is_some() {
+            self.motor_timeout = MotorTimeout::Unknown;
+        } else {
+            self.forget_motor_timeout();
+        }
+    }
+
     /// The motor has taken a timeout. That of a D5 has a length of its own, and its switch has been read back; others count the
     /// time given.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
@@ -30,6 +79,7 @@ impl Axis {
         self.motor_timeout = match (timeout_ms, self.config.protocol()) {
             (0, _) => MotorTimeout::Off,
             (_, Some(Protocol::D5)) => MotorTimeout::Verified,
+            (too_long, _) if too_long > LONGEST_TIMEOUT_MS => MotorTimeout::Off,
             _ => {
                 self.written_timeout_ms = timeout_ms;
                 self.timeout_unsaved = true;
@@ -48,24 +98,25 @@ impl Axis {
         core::mem::take(&mut self.timeout_unsaved)
     }
 
-    /// What was written before the gateway was reset. The motor's power may have been off since, so arming believes it where the motor stores it;
-    /// elsewhere it only says how long a silence must be for it to act.
+    /// What was written before the gateway was reset. The motor's power may have been off since, so it is believed at once where the motor
+    /// stores it; elsewhere arming writes it again, and until then it only says how long a silence must be for it to act.
     pub fn timeout_written_before_reset(&mut self, timeout_ms: u32) {
+        if timeout_ms == 0 || timeout_ms > LONGEST_TIMEOUT_MS {
+            return;
+        }
         self.written_timeout_ms = timeout_ms;
-        if timeout_ms > 0 && self.config.protocol().is_some_and(motor::stores_its_timeout) {
+        if self.stores_its_timeout() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
         }
     }
 
-    /// The motor's own timeout, where the gateway has programmed one that the motor must still have. A D5's stays unknown although it can
-    /// be read back: register 0x11 only switches it on and off, and no register and no page of the manual tells how long it is.
+    /// The motor's own timeout, where the gateway has programmed one that the motor must still have, or has once it is armed. A D5's
+    /// stays unknown although it can be read back: register 0x11 only switches it on and off, and no register and no page of the manual
+    /// tells how long it is.
     pub(super) fn programmed_timeout(&self) -> Option<Duration> {
-        match self.motor_timeout {
-            MotorTimeout::Written { timeout_ms } if timeout_ms > 0 => {
-                Some(Duration::from_millis(u64::from(timeout_ms)))
-            }
-            _ => None,
-        }
+        let holds = !self.is_armed() || matches!(self.motor_timeout, MotorTimeout::Written { .. });
+        let timeout = Duration::from_millis(u64::from(self.written_timeout_ms));
+        (holds && self.written_timeout_ms > 0).then_some(timeout)
     }
 
     /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
@@ -74,5 +125,9 @@ impl Axis {
             0 => self.config.stop_repeat(),
             timeout_ms => Duration::from_millis(u64::from(timeout_ms)).and_a_half(),
         }
+    }
+
+    fn stores_its_timeout(&self) -> bool {
+        self.config.protocol().is_some_and(motor::stores_its_timeout)
     }
 }

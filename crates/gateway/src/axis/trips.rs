@@ -114,6 +114,7 @@ impl Axis {
         }
         self.trip = None;
         self.stop = None;
+        self.doubt_motor_timeout();
         self.displace();
         self.enter(AxisState::Idle, out);
         Ok(())

@@ -71,12 +71,18 @@ impl Axis {
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
-        let command = match exchange {
-            Exchange::Motion => self.motion.as_ref()?.command,
-            Exchange::Native => self.native_command()?,
-            other => motor::command(other, &self.config)?,
+        Some(Want { priority, due: at, exchange, command: self.command_for(exchange)? })
+    }
+
+    /// The command that serves an exchange now; `None` where there is none to send.
+    pub(super) fn command_for(&self, exchange: Exchange) -> Option<Command> {
+        let exchange = match exchange {
+            Exchange::Motion => return self.motion.as_ref().map(|motion| motion.command),
+            Exchange::Native => return self.native_command(),
+            Exchange::RenewTimeout => Exchange::SetTimeout { timeout_ms: self.renewed_timeout_ms()? },
+            other => other,
         };
-        Some(Want { priority, due: at, exchange, command })
+        motor::command(exchange, &self.config)
     }
 
     /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may send.
@@ -164,7 +170,7 @@ impl Axis {
 
     /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
     fn armed_poll(&self) -> Option<Exchange> {
-        if self.in_doubt {
+        if self.in_doubt || self.uncommanded_since.is_some() {
             return Some(Exchange::Velocity);
         }
         let sequences = motor::sequences(self.config.protocol()?);

@@ -1,9 +1,9 @@
 //! Motors with `D5`/`5D` frames in the core's words.
 
 use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Verdict, fit};
+use super::{Command, Exchange, Sequences, Verdict, fit, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
+use crate::convert::{self, DEGREES};
 use d5::{Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
 use embedded_can::{Id, StandardId};
 use host_protocol::{AxisParameter, CanFrame, Error, Quantity, Setpoint};
@@ -66,18 +66,18 @@ pub(super) fn command(exchange: Exchange) -> Option<Request> {
     })
 }
 
-pub(super) fn motion(setpoint: Setpoint, sign: f32) -> Result<Option<Request>, Error> {
+pub(super) fn motion(setpoint: Setpoint, config: &AxisConfig) -> Result<Option<Request>, Error> {
     let Setpoint::Velocity { velocity_rad_s } = setpoint else {
         return Ok(None);
     };
-    let limit = convert::degrees_to_rad(i32::from(i16::MAX));
-    let count = convert::rad_to_degrees(sign * velocity_rad_s);
-    let speed: i16 = fit(count, Quantity::Velocity, velocity_rad_s, (-limit, limit))?;
+    let most = DEGREES.to_si(i32::from(i16::MAX));
+    let count = DEGREES.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
+    let speed: i16 = fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
     let word = d5::encode_speed(DegreesPerSecond(speed)).map_err(|_| Error::OutOfRange {
         quantity: Quantity::Velocity,
         value: velocity_rad_s,
-        min: -limit,
-        max: limit,
+        min: -most,
+        max: most,
     })?;
     Ok(Some(Request::Write { register: Register::SPEED, value: Value::Word(word) }))
 }
@@ -110,9 +110,9 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
             Effect::MovesOnce(Demand::Setpoint(velocity(word)))
         }
         Request::Execute => Effect::MovesOnce(Demand::Prepared),
-        Request::Write { register: Register::TIMEOUT_SWITCH | Register::ID, .. } | Request::Reset => {
-            Effect::Changes { timeout: true }
-        }
+        Request::Write { register: Register::TIMEOUT_SWITCH | Register::ID, .. }
+        | Request::AsyncWrite { register: Register::TIMEOUT_SWITCH | Register::ID, .. }
+        | Request::Reset => Effect::Changes { timeout: true },
         _ => Effect::Changes { timeout: false },
     })
 }

@@ -50,6 +50,8 @@ pub(crate) enum Exchange {
         /// Time without a command after which the motor stops by itself; 0 switches it off.
         timeout_ms: u32,
     },
+    /// Program the motor's own timeout again as it was provisioned.
+    RenewTimeout,
 }
 
 impl Exchange {

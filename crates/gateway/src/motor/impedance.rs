@@ -23,39 +23,54 @@ pub(super) fn command(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionC
     else {
         return Ok(MotionCommand::NEUTRAL);
     };
-    let sign = config.sign();
-    let symmetric = |quantity, value, parameter, bits| {
+    let two_sided = |quantity, value, parameter, bits, limits| {
         let end = config.float(parameter).unwrap_or(0.0);
-        word(quantity, sign * value, sign, (-end, end), bits)
+        word(quantity, value, (-end, end), bits, limits, config.sign())
     };
     let gain = |quantity, value, parameter| {
         let end = config.float(parameter).unwrap_or(0.0);
-        word(quantity, value, 1.0, (0.0, end), WORD_BITS)
+        word(quantity, value, (0.0, end), WORD_BITS, (0.0, end), 1.0)
     };
     Ok(MotionCommand {
-        position: symmetric(
+        position: two_sided(
             Quantity::Position,
             position_rad,
             AxisParameter::MotionPositionRad,
             POSITION_BITS,
+            config.position_range(),
         )?,
-        velocity: symmetric(
+        velocity: two_sided(
             Quantity::Velocity,
             velocity_rad_s,
             AxisParameter::MotionVelocityRadS,
             WORD_BITS,
+            config.range(AxisParameter::VelocityLimitRadS),
         )?,
         kp: gain(Quantity::Stiffness, stiffness_nm_per_rad, AxisParameter::MotionStiffness)?,
         kd: gain(Quantity::Damping, damping_nm_s_per_rad, AxisParameter::MotionDamping)?,
-        torque: symmetric(Quantity::Torque, torque_nm, AxisParameter::MotionTorqueNm, WORD_BITS)?,
+        torque: two_sided(
+            Quantity::Torque,
+            torque_nm,
+            AxisParameter::MotionTorqueNm,
+            WORD_BITS,
+            config.range(AxisParameter::TorqueLimitNm),
+        )?,
     })
 }
 
-/// The word for a value in the motor's sense of rotation, or the refusal in the axis's.
-fn word(quantity: Quantity, value: f32, sign: f32, range: (f32, f32), bits: u32) -> Result<u16, Error> {
+/// The word for a value in the axis's sense of rotation, or the refusal. The range is the same in both senses, the limits are turned.
+fn word(
+    quantity: Quantity,
+    value: f32,
+    range: (f32, f32),
+    bits: u32,
+    limits: (f32, f32),
+    sign: f32,
+) -> Result<u16, Error> {
     let (min, max) = range;
-    let refused = Error::OutOfRange { quantity, value: sign * value, min, max };
-    convert::to_span(value, range, bits).ok_or(refused)
+    let limits = if sign < 0.0 { (-limits.1, -limits.0) } else { limits };
+    let refused = Error::OutOfRange { quantity, value, min, max };
+    convert::to_span(sign * value, range, bits, limits).ok_or(refused)
 }
 
 /// What a reply tells. Its position ends at the ends of its range and is left out: positions come from 0x92.

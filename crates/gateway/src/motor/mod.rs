@@ -6,12 +6,14 @@ mod d5;
 mod exchange;
 mod ids;
 mod impedance;
+#[cfg(test)]
+mod limit_tests;
 mod native;
 mod raw;
 mod rmd;
 mod thruster;
 
-use counts::{Unit, fit, position};
+use counts::{fit, position, turned};
 pub(crate) use exchange::Exchange;
 pub(crate) use ids::sent_on_an_id_of;
 pub(crate) use native::{Demand, Effect, Native, native};
@@ -23,7 +25,7 @@ use crate::port::MAX_SERIAL;
 use crate::time::Duration;
 use embedded_can::Id;
 use heapless::Vec;
-use host_protocol::{AxisParameter, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
+use host_protocol::{AxisParameter, BusKind, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
 
 /// A command for a motor in the words of its protocol's codec.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,16 +122,13 @@ pub(crate) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command
 
 /// The command that carries out a setpoint, which has already passed the axis's own limits.
 pub(crate) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Command, Error> {
-    let sign = config.sign();
     let Some(protocol) = config.protocol() else {
         return Err(Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() });
     };
     let command = match protocol {
-        Protocol::Rmd => rmd::motion(axis, setpoint, sign, config).map(|r| r.map(Command::Rmd)),
-        Protocol::Thruster => {
-            thruster::motion(axis, setpoint, sign, config).map(|r| r.map(Command::Thruster))
-        }
-        Protocol::D5 => d5::motion(setpoint, sign).map(|r| r.map(Command::D5)),
+        Protocol::Rmd => rmd::motion(axis, setpoint, config).map(|r| r.map(Command::Rmd)),
+        Protocol::Thruster => thruster::motion(axis, setpoint, config).map(|r| r.map(Command::Thruster)),
+        Protocol::D5 => d5::motion(setpoint, config).map(|r| r.map(Command::D5)),
     }?;
     command.ok_or(Error::Unsupported { axis, protocol })
 }
@@ -185,6 +184,29 @@ pub(crate) const fn can_stop_by(protocol: Protocol, action: StopAction) -> bool 
         (protocol, action),
         (Protocol::Rmd, _) | (Protocol::Thruster, StopAction::Coast) | (Protocol::D5, StopAction::Hold)
     )
+}
+
+/// Whether a limit can act on an axis of this kind: its motor measures what is limited, or setpoints carry it (GUARANTEES G2).
+pub(crate) fn can_keep(limit: AxisParameter, bus: BusKind, config: &AxisConfig) -> bool {
+    let Some(protocol) = config.protocol() else { return true };
+    match limit {
+        AxisParameter::CurrentLimitA => protocol != Protocol::D5,
+        AxisParameter::PositionMinRad | AxisParameter::PositionMaxRad => {
+            protocol != Protocol::Thruster || config.flag(AxisParameter::PositionDevice)
+        }
+        AxisParameter::SignalLimit => protocol == Protocol::Thruster,
+        // Only motion mode tells it, which has no serial form (RMD V3.6 §5).
+        AxisParameter::TorqueLimitNm => protocol == Protocol::Rmd && bus == BusKind::Can,
+        _ => true,
+    }
+}
+
+/// One unit in which motors of a protocol report their speed: what is slower reads as 0.
+pub(crate) fn speed_unit_rad_s(protocol: Protocol) -> f32 {
+    match protocol {
+        Protocol::Rmd | Protocol::D5 => convert::degrees_to_rad(1),
+        Protocol::Thruster => convert::rpm_to_rad_s(1),
+    }
 }
 
 /// Whether the motor answers this command at all.

@@ -1,9 +1,9 @@
 //! MyActuator RMD (V3.6) in the core's words.
 
 use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Unit, Verdict, fit, impedance, position};
+use super::{Command, Exchange, Sequences, Verdict, fit, impedance, position, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
+use crate::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
 use rmd::{
     Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request, SpeedLimit,
@@ -25,11 +25,6 @@ pub(super) const SEQUENCES: Sequences = Sequences {
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
 };
 
-/// Of speed limits, and of angles.
-const DEGREES: Unit = Unit { from_si: convert::rad_to_degrees, to_si: convert::degrees_to_rad };
-const CENTIDEGREES: Unit =
-    Unit { from_si: convert::rad_to_centidegrees, to_si: convert::centidegrees_to_rad };
-
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
     Some(match exchange {
         Exchange::Stop => match config.stop_action()? {
@@ -49,30 +44,25 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
     })
 }
 
-pub(super) fn motion(
-    axis: u8,
-    setpoint: Setpoint,
-    sign: f32,
-    config: &AxisConfig,
-) -> Result<Option<Request>, Error> {
+pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Option<Request>, Error> {
     Ok(Some(match setpoint {
         Setpoint::Impedance { .. } => Request::MotionMode { command: impedance::command(setpoint, config)? },
         Setpoint::Current { current_a } => {
-            let limit = convert::from_hundredths(i32::from(i16::MAX));
-            let count = convert::to_hundredths(sign * current_a);
-            let current = fit(count, Quantity::Current, current_a, (-limit, limit))?;
+            let most = HUNDREDTHS.to_si(i32::from(i16::MAX));
+            let count = HUNDREDTHS.within(current_a, config.range(AxisParameter::CurrentLimitA));
+            let current = fit(turned(count, config), Quantity::Current, current_a, (-most, most))?;
             Request::TorqueCurrent { current: Centiamps(current) }
         }
         Setpoint::Velocity { velocity_rad_s } => {
-            let limit = convert::centidegrees_to_rad(i32::MAX);
-            let count = convert::rad_to_centidegrees(sign * velocity_rad_s);
-            let speed = fit(count, Quantity::Velocity, velocity_rad_s, (-limit, limit))?;
+            let most = CENTIDEGREES.to_si(i32::MAX);
+            let count = CENTIDEGREES.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
+            let speed = fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
             Request::Velocity { speed: CentidegreesPerSecond(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
             // What a speed of 0 means the manual does not say, newer ones say unlimited (PROTOCOL-NOTES R33).
             let (max_speed, angle) =
-                position(axis, speed_limit_rad_s, &DEGREES, sign, position_rad, &CENTIDEGREES)?;
+                position(axis, speed_limit_rad_s, &DEGREES, position_rad, &CENTIDEGREES, config)?;
             Request::AbsolutePosition { max_speed: SpeedLimit(max_speed), angle: Centidegrees(angle) }
         }
         Setpoint::Signal { .. } => return Ok(None),
@@ -82,7 +72,7 @@ pub(super) fn motion(
 /// A position command with its target at a count of the motor's, in the motor's sense of rotation.
 pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
     let Request::AbsolutePosition { max_speed, .. } = request else { return None };
-    let target = start.checked_add(convert::rad_to_centidegrees(distance_rad)?)?;
+    let target = start.checked_add(CENTIDEGREES.nearest(distance_rad)?)?;
     Some((Request::AbsolutePosition { max_speed, angle: Centidegrees(target) }, target))
 }
 
@@ -138,9 +128,11 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::IncrementalPosition { max_speed, .. } => {
             Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: degrees(max_speed) })
         }
-        Request::SetCommunicationTimeout { .. } | Request::Reset | Request::SetBaudRate { .. } => {
-            Effect::Changes { timeout: true }
-        }
+        Request::SetCommunicationTimeout { .. }
+        | Request::Reset
+        | Request::SetBaudRate { .. }
+        | Request::SetCanId { .. }
+        | Request::SetRs485Id { .. } => Effect::Changes { timeout: true },
         // As data it cannot come: it has ids of its own.
         Request::MotionMode { .. } => Effect::Moves(Demand::Prepared),
         _ => Effect::Changes { timeout: false },

@@ -1,15 +1,23 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
 use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Unit, Verdict, fit, position};
+use super::{Command, Exchange, Sequences, Verdict, fit, position, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
+use crate::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
 use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
 use thruster::{Answer, Decidegrees, EncodeError, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit};
 
 pub(super) const SEQUENCES: Sequences = Sequences {
-    // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears zero protection (T19).
-    arming: &[Exchange::Faults, Exchange::FaultRecord, Exchange::Stop, Exchange::Faults, Exchange::Velocity],
+    // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears zero protection (T19). ST is written
+    // each time: the manual does not say that a thruster keeps it (§2.3).
+    arming: &[
+        Exchange::Faults,
+        Exchange::FaultRecord,
+        Exchange::Stop,
+        Exchange::RenewTimeout,
+        Exchange::Faults,
+        Exchange::Velocity,
+    ],
     state: &[
         Exchange::Velocity,
         Exchange::Current,
@@ -29,10 +37,6 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::DriverTemperature,
     ],
 };
-
-/// Of speeds, and of angles.
-const RPM: Unit = Unit { from_si: convert::rad_s_to_rpm, to_si: convert::rpm_to_rad_s };
-const DECIDEGREES: Unit = Unit { from_si: convert::rad_to_decidegrees, to_si: convert::decidegrees_to_rad };
 
 pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
     let has_position = config.flag(AxisParameter::PositionDevice);
@@ -55,22 +59,17 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
     })
 }
 
-pub(super) fn motion(
-    axis: u8,
-    setpoint: Setpoint,
-    sign: f32,
-    config: &AxisConfig,
-) -> Result<Option<Request>, Error> {
+pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Option<Request>, Error> {
     let request = match setpoint {
         Setpoint::Signal { fraction } => {
-            let count = convert::to_hundredths(sign * fraction);
-            let signal = fit(count, Quantity::Signal, fraction, (-1.0, 1.0))?;
+            let count = HUNDREDTHS.within(fraction, config.range(AxisParameter::SignalLimit));
+            let signal = fit(turned(count, config), Quantity::Signal, fraction, (-1.0, 1.0))?;
             Request::Signal { signal: Percent(signal) }
         }
         Setpoint::Velocity { velocity_rad_s } => {
-            let limit = convert::rpm_to_rad_s(i32::from(i16::MAX));
-            let count = convert::rad_s_to_rpm(sign * velocity_rad_s);
-            let speed = fit(count, Quantity::Velocity, velocity_rad_s, (-limit, limit))?;
+            let most = RPM.to_si(i32::from(i16::MAX));
+            let count = RPM.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
+            let speed = fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
             Request::Speed { speed: Rpm(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s }
@@ -78,7 +77,7 @@ pub(super) fn motion(
         {
             // Speed 0 means: do not start (T16).
             let (speed, position) =
-                position(axis, speed_limit_rad_s, &RPM, sign, position_rad, &DECIDEGREES)?;
+                position(axis, speed_limit_rad_s, &RPM, position_rad, &DECIDEGREES, config)?;
             Request::AbsolutePosition { speed: RpmLimit(speed), position: Decidegrees(position) }
         }
         Setpoint::Position { .. } | Setpoint::Current { .. } | Setpoint::Impedance { .. } => return Ok(None),
@@ -92,7 +91,7 @@ pub(super) fn motion(
 /// A position command with its target at a count of the device's, in the device's sense of rotation.
 pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
     let Request::AbsolutePosition { speed, .. } = request else { return None };
-    let target = start.checked_add(convert::rad_to_decidegrees(distance_rad)?)?;
+    let target = start.checked_add(DECIDEGREES.nearest(distance_rad)?)?;
     let request = Request::AbsolutePosition { speed, position: Decidegrees(target) };
     request.encode().ok().map(|_| (request, target))
 }
@@ -193,6 +192,9 @@ pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
             Verdict::Unrelated
         }
         Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => Verdict::Unrelated,
+        Answer::Reply(Reply::Timeout { timeout }) if *request != (Request::SetTimeout { timeout }) => {
+            Verdict::Unrelated
+        }
         Answer::Reply(reply) => Verdict::Answer(observe(&reply, sign)),
         Answer::Refused => Verdict::Refused,
         _ => Verdict::Unrelated,

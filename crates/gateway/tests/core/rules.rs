@@ -101,7 +101,13 @@ fn limit(rig: &mut Rig) {
         (AxisParameter::SignalLimit, 0.5),
         (AxisParameter::TorqueLimitNm, 3.0),
     ] {
-        parameter(rig, 0, limited, Value::Float(value));
+        let (number, value) = (limited.number(), Value::Float(value));
+        let configured = requests::ConfigureAxis { axis: 0, parameter: number, value };
+        // Not every motor measures, or can be asked for, all of these.
+        match rig.ask(Request::ConfigureAxis(configured)) {
+            Ok(_) => {}
+            refused => assert_eq!(refused, Err(Error::CannotMeasure { axis: 0, parameter: number })),
+        }
     }
 }
 
@@ -146,8 +152,8 @@ fn the_gateway_and_the_rules_agree_on_an_rmd_that_has_no_motion_mode() {
 fn the_gateway_and_the_rules_agree_on_a_thruster() {
     for position_device in [false, true] {
         let (mut rig, _) = bench::thruster();
-        limit(&mut rig);
         parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(position_device));
+        limit(&mut rig);
         // Thruster manual §2.1, §4.1: a signal, speeds of 300 and 20 rpm, a position and a distance.
         let commands = [
             "544300000000FFFB",

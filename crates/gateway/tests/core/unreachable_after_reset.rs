@@ -140,7 +140,7 @@ fn what_an_rmd_was_told_is_believed_after_a_reset() {
 }
 
 #[test]
-fn what_a_thruster_was_told_is_only_waited_for() {
+fn what_a_thruster_was_told_is_waited_for_and_told_again_when_it_is_armed() {
     let signal = Setpoint::Signal { fraction: 0.1 };
     let (mut rig, play) = unreachable(provisioned(bench::thruster()), signal);
     reset(&mut rig);
@@ -151,9 +151,11 @@ fn what_a_thruster_was_told_is_only_waited_for() {
     bench::hello(&mut rig);
     run_with_host(&mut rig, 1_000_000);
     clear(&mut rig).unwrap();
-    assert_eq!(arm(&mut rig), Err(Error::MotorTimeoutUnknown { axis: 0 }));
-    provision(&mut rig, TIMEOUT_MS).unwrap();
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+    let since = rig.now_us;
     arm(&mut rig).unwrap();
+    assert!(rig.sent_since(0, since).contains(&"30B#5354000000000190"));
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Written { timeout_ms: TIMEOUT_MS });
 }
 
 #[test]

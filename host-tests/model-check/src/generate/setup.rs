@@ -23,6 +23,10 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
         set(AxisParameter::StopAction, Number::Unsigned(motor.stop.number().into()));
         set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(!known_only));
         set(AxisParameter::TtlUs, Number::Unsigned(dice.pick(&[50_000, 100_000, 200_000])));
+        // Before the limits: without it nothing measures a position.
+        if axis == POSITION_DEVICE {
+            set(AxisParameter::PositionDevice, Number::Bool(true));
+        }
         if dice.percent(20) {
             set(AxisParameter::VelocityLimitRadS, Number::Float(3.0));
         }
@@ -38,9 +42,6 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
         }
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
-        }
-        if axis == POSITION_DEVICE {
-            set(AxisParameter::PositionDevice, Number::Bool(true));
         }
         if axis == 2 && dice.percent(50) {
             set(AxisParameter::ReleaseBrakeWhenArming, Number::Bool(true));

@@ -12,7 +12,7 @@ mod parameter {
     pub const STOP_ACTION: u16 = 5;
     pub const TTL_US: (u16, u32) = (6, 100_000);
     pub const MISSED_REPLIES: (u16, u32) = (10, 3);
-    pub const STANDSTILL: (u16, f32) = (11, 0.1);
+    pub const STANDSTILL: (u16, f32) = (11, 0.105);
     pub const STOP_REPEAT_US: (u16, u32) = (13, 500_000);
     pub const VELOCITY_LIMIT: u16 = 14;
     pub const CURRENT_LIMIT: u16 = 15;
@@ -27,6 +27,7 @@ mod parameter {
     pub const RELEASE_BRAKE: (u16, u32) = (26, 0);
     pub const INFINITE_TTL: u16 = 27;
     pub const TRIP_GROUP: u16 = 34;
+    pub const ALLOW_NO_TIMEOUT: (u16, u32) = (35, 0);
 }
 
 /// −1 as it comes, zigzag.
@@ -95,6 +96,15 @@ impl Axis {
 
     pub fn allows_unknown_timeout(&self) -> bool {
         self.get(parameter::ALLOW_UNKNOWN_TIMEOUT) != 0
+    }
+
+    /// Whether it may be armed though no timeout counts: the gateway knows whether it is off or unknown.
+    pub fn allows_without_timeout(&self) -> bool {
+        self.allows_unknown_timeout() || self.allows_no_timeout()
+    }
+
+    pub fn allows_no_timeout(&self) -> bool {
+        self.get(parameter::ALLOW_NO_TIMEOUT) != 0
     }
 
     pub fn releases_brake(&self) -> bool {

@@ -107,7 +107,10 @@ impl Arming {
         };
         // The timeout is the last of each.
         let (timeout, others) = wanted.split_last()?;
-        let timeout = (timeout.0 || axis.allows_unknown_timeout(), timeout.1);
+        // Off and unknown have each a permission of its own; that a D5's is off it tells itself.
+        let is_off = axis.protocol() == Some(Protocol::D5);
+        let allowed = if is_off { axis.allows_no_timeout() } else { axis.allows_without_timeout() };
+        let timeout = (timeout.0 || allowed, timeout.1);
         others.iter().chain([&timeout]).find(|(there, _)| !there).map(|(_, what)| *what)
     }
 }

@@ -20,6 +20,11 @@ const LOCK_BRAKE: u8 = 0x78;
 const FREE_BRAKE: u8 = 0x77;
 const OUTPUT_OFF: u8 = 0x80;
 
+/// A thruster's ST (Thruster manual §2.3).
+fn set_timeout(ms: u32) -> Vec<u8> {
+    [&b"ST\0\0"[..], &ms.to_be_bytes()].concat()
+}
+
 impl Oracle {
     /// Judges a frame that is being handed over.
     pub(crate) fn judge(&mut self, now: u64, bus: u8, slot: u8, frame: Frame<'_>) -> Held {
@@ -60,7 +65,10 @@ impl Oracle {
             Purpose::Change if self.axes[axis].arming.is_some() => {
                 let frees =
                     self.axes[axis].protocol() == Some(Protocol::Rmd) && data.first() == Some(&FREE_BRAKE);
-                if !frees || !self.axes[axis].releases_brake() {
+                // A thruster is told its timeout again, which it may have lost with its power.
+                let renews = self.axes[axis].protocol() == Some(Protocol::Thruster)
+                    && self.axes[axis].motor_timeout_ms.is_some_and(|ms| data == set_timeout(ms));
+                if !renews && (!frees || !self.axes[axis].releases_brake()) {
                     self.broken(Check::ChangedWhileArmed, now, format!("axis {axis} arms: {}", frame.text()));
                 }
             }

@@ -36,7 +36,7 @@ impl Oracle {
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
-                    axis.motor_timeout_ms = (timeout_ms > 0).then_some(timeout_ms);
+                    axis.motor_timeout_ms = (1..=60_000).contains(&timeout_ms).then_some(timeout_ms);
                 }
             }
             Request::Arm(axis) => {
@@ -53,6 +53,8 @@ impl Oracle {
                         // Unsafe, and named so: nothing is owed any more.
                         axis.duty = None;
                         axis.unreachable = false;
+                        // Nobody knows what has become of its motor.
+                        axis.timeout_written = false;
                     }
                 }
             }

@@ -7,6 +7,8 @@ use crate::oracle::{Frame, Oracle};
 
 /// Bytes of a serial frame.
 const SERIAL_FRAME: usize = 13;
+/// After so long a silence a thruster may have lost what it was told (G1).
+const THRUSTER_FORGETS_US: u64 = 1_000_000;
 
 impl Oracle {
     /// A frame has come in.
@@ -72,6 +74,8 @@ impl Oracle {
         let Some(bus) = self.buses.get(bus) else { return };
         let (outside, window) = (bus.outside_us(now), bus.window_us);
         let axis = &mut self.axes[index];
+        // It may have been without power.
+        axis.timeout_written &= protocol != Protocol::Thruster || now - axis.heard.0 < THRUSTER_FORGETS_US;
         axis.heard = (now, outside);
         let still = axis.still();
         if let Some(arming) = &mut axis.arming {

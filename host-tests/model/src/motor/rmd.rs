@@ -34,10 +34,10 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     }
 }
 
-/// §2.30 (0xB3) with its milliseconds; a reset, another baud rate.
+/// §2.30 (0xB3) with its milliseconds, of which more than 60 s count as off; a reset, another baud rate.
 pub(super) fn timeout_touched(data: &[u8]) -> Option<bool> {
     match data.first()? {
-        0xB3 => Some(data.get(4..8)? != [0; 4]),
+        0xB3 => Some((1..=60_000).contains(&u32::from_le_bytes(data.get(4..8)?.try_into().ok()?))),
         0x76 | 0xB4 => Some(false),
         _ => None,
     }

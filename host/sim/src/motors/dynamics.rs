@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use super::injection::Outside;
+
 /// Motion is computed at whole multiples of this, so a run does not depend on when it is looked at.
 const STEP: Duration = Duration::from_millis(1);
 /// Closer than this to its target a speed has reached it, rad/s.
@@ -70,6 +72,7 @@ pub(crate) struct Plant {
     of: Characteristics,
     drive: Drive,
     stuck: bool,
+    outside: Outside,
     at: Duration,
     speed_rad_s: f64,
     position_rad: f64,
@@ -84,6 +87,7 @@ impl Plant {
             of,
             drive: Drive::Off,
             stuck: false,
+            outside: Outside::default(),
             at: Duration::ZERO,
             speed_rad_s: 0.0,
             position_rad: 0.0,
@@ -106,6 +110,11 @@ impl Plant {
         self.stuck = stuck;
     }
 
+    /// What the world does to the shaft and its sensors from now on.
+    pub(crate) fn set_outside(&mut self, outside: Outside) {
+        self.outside = outside;
+    }
+
     pub(crate) fn speed_rad_s(&self) -> f64 {
         self.speed_rad_s
     }
@@ -115,15 +124,15 @@ impl Plant {
     }
 
     pub(crate) fn current_a(&self) -> f64 {
-        self.current_a
+        self.outside.current_ma.map_or(self.current_a, |ma| f64::from(ma) / 1e3)
     }
 
     pub(crate) fn motor_c(&self) -> f64 {
-        self.motor_c
+        self.outside.motor_c.map_or(self.motor_c, f64::from)
     }
 
     pub(crate) fn driver_c(&self) -> f64 {
-        self.driver_c
+        self.outside.driver_c.map_or(self.driver_c, f64::from)
     }
 
     pub(crate) fn voltage_v(&self) -> f64 {
@@ -161,7 +170,7 @@ impl Plant {
     }
 
     fn is_settled(&self) -> bool {
-        if self.current_a != 0.0 || self.is_stalled() {
+        if self.current_a != 0.0 || self.is_stalled() || self.outside.turning.is_some() {
             return false;
         }
         let at_rest = self.speed_rad_s == 0.0;
@@ -176,7 +185,11 @@ impl Plant {
 
     fn step(&mut self, dt: f64) {
         let before = self.speed_rad_s;
-        self.speed_rad_s = if self.stuck { 0.0 } else { self.next_speed(dt) };
+        self.speed_rad_s = match self.turned_from_outside() {
+            Some(speed) => speed,
+            None if self.stuck => 0.0,
+            None => self.next_speed(dt),
+        };
         self.position_rad += (before + self.speed_rad_s) / 2.0 * dt;
         if let Drive::Position { rad, .. } = self.drive
             && (rad - self.position_rad).abs() < POSITION_REACHED
@@ -190,6 +203,14 @@ impl Plant {
         self.motor_c = relax(self.motor_c, self.of.ambient_c + warming, dt, self.of.thermal_s, 0.0);
         // The driver has a heat sink.
         self.driver_c = relax(self.driver_c, self.of.ambient_c + warming / 2.0, dt, self.of.thermal_s, 0.0);
+    }
+
+    /// The speed that something outside gives the shaft, rad/s.
+    fn turned_from_outside(&self) -> Option<f64> {
+        let turning = self.outside.turning?;
+        let period = (turning.turns + turning.holds).as_nanos().max(1);
+        let turns = self.at.as_nanos() % period < turning.turns.as_nanos();
+        Some(if turns { f64::from(turning.speed) / 1e3 } else { 0.0 })
     }
 
     fn next_speed(&self, dt: f64) -> f64 {
@@ -260,6 +281,7 @@ fn next_multiple(time: Duration) -> Duration {
 
 #[cfg(test)]
 mod tests {
+    use super::super::injection::Turning;
     use super::*;
 
     const MOTOR: Characteristics = Characteristics {
@@ -317,6 +339,23 @@ mod tests {
         near(running(Drive::Current(1.0), ms(200)).speed_rad_s(), 3.161, 0.01);
         near(running(Drive::Current(100.0), ms(5000)).speed_rad_s(), 30.0, 0.01);
         near(running(Drive::Current(1.0), ms(5000)).current_a(), 1.0, 0.001);
+    }
+
+    #[test]
+    fn something_outside_turns_the_shaft_and_holds_it() {
+        let mut plant = Plant::new(MOTOR);
+        let turning = Some(Turning { speed: -2_000, turns: ms(20), holds: ms(5) });
+        plant.set_outside(Outside { turning, current_ma: Some(-500), ..Outside::default() });
+        plant.advance(ms(15));
+        near(plant.speed_rad_s(), -2.0, 0.0);
+        near(plant.current_a(), -0.5, 0.0);
+        plant.advance(ms(23));
+        near(plant.speed_rad_s(), 0.0, 0.0);
+        plant.advance(ms(250));
+        near(plant.position_rad(), -0.4, 0.02);
+        plant.set_outside(Outside::default());
+        plant.advance(ms(5_000));
+        near(plant.speed_rad_s(), 0.0, 0.0);
     }
 
     #[test]

@@ -4,6 +4,18 @@ use std::time::Duration;
 
 use host_protocol::MAX_CAN_DATA;
 
+/// How something outside turns a shaft: at a speed, then it holds it still, and so on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+pub struct Turning {
+    /// mrad/s.
+    pub speed: i32,
+    /// So long it turns the shaft.
+    pub turns: Duration,
+    /// So long it holds the shaft; zero: never.
+    pub holds: Duration,
+}
+
 /// A fault to put into a motor, or to take out of it again. Each kind is independent of the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Injection {
@@ -37,6 +49,14 @@ pub enum Injection {
     ResumeAfterFault(bool),
     /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
     ResumeAfterTimeout(bool),
+    /// Something outside turns its shaft, whatever the motor does.
+    Turning(Option<Turning>),
+    /// Its sensor of the current reads this, mA.
+    Current(Option<i32>),
+    /// Its winding is so hot, °C.
+    MotorTemperature(Option<i16>),
+    /// Its driver is so hot, °C.
+    DriverTemperature(Option<i16>),
 }
 
 /// How the data of an answer begin.
@@ -81,6 +101,17 @@ pub(crate) struct Injections {
     pub(crate) refuse: bool,
     pub(crate) resume_after_fault: bool,
     pub(crate) resume_after_timeout: bool,
+    pub(crate) outside: Outside,
+}
+
+/// What the world does to a shaft and its sensors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Outside {
+    pub(crate) turning: Option<Turning>,
+    pub(crate) current_ma: Option<i32>,
+    pub(crate) motor_c: Option<i16>,
+    pub(crate) driver_c: Option<i16>,
 }
 
 impl Injections {
@@ -101,6 +132,10 @@ impl Injections {
             Injection::Refuse(on) => self.refuse = on,
             Injection::ResumeAfterFault(on) => self.resume_after_fault = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
+            Injection::Turning(turning) => self.outside.turning = turning,
+            Injection::Current(ma) => self.outside.current_ma = ma,
+            Injection::MotorTemperature(celsius) => self.outside.motor_c = celsius,
+            Injection::DriverTemperature(celsius) => self.outside.driver_c = celsius,
         }
     }
 }

@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use host_protocol::{CanFrame, Protocol};
 
-pub use self::injection::{Beginning, Injection};
+pub use self::injection::{Beginning, Injection, Turning};
 pub use self::log::{LogEntry, MotorEvent, MotorLog};
 pub use self::model::Outgoing;
 
@@ -213,6 +213,7 @@ impl Motor {
     /// Lets time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
         self.make.model_mut().plant_mut().set_stuck(self.injected.stuck_rotor);
+        self.make.model_mut().plant_mut().set_outside(self.injected.outside);
         self.make.model_mut().plant_mut().advance(now);
         self.with_model(now, |model, cx| model.run(cx));
     }

@@ -1,0 +1,186 @@
+//! What is known of the motor's own timeout, and what takes it away (GUARANTEES G1).
+
+use crate::bench::{self, native, parameter, provision, run_with_host, state};
+use crate::rig::{Instead, Rig};
+use host_protocol::{
+    AxisParameter, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, StopAction, Value, requests,
+};
+
+const ST_400: &str = "30B#5354000000000190";
+const KNOWN: MotorTimeout = MotorTimeout::Written { timeout_ms: 400 };
+
+fn arm(rig: &mut Rig) -> Result<MotorTimeout, Error> {
+    match rig.ask(Request::Arm(requests::Arm { axis: 0 })) {
+        Ok(Reply::Arm(armed)) => {
+            bench::disarm(rig);
+            run_with_host(rig, 100_000);
+            Ok(armed.motor_timeout)
+        }
+        other => Err(other.unwrap_err()),
+    }
+}
+
+/// What arming says where only an unknown timeout is allowed, and where only none at all is.
+fn arm_allowing(rig: &mut Rig, unknown: bool, none: bool) -> Result<MotorTimeout, Error> {
+    parameter(rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(unknown));
+    parameter(rig, 0, AxisParameter::AllowNoMotorTimeout, Value::Bool(none));
+    arm(rig)
+}
+
+#[test]
+fn off_and_unknown_have_each_a_permission_of_its_own() {
+    let unknown = Err(Error::MotorTimeoutUnknown { axis: 0 });
+    let off = Err(Error::MotorTimeoutOff { axis: 0 });
+    for mut rig in [bench::rmd(StopAction::Hold).0, bench::thruster().0] {
+        assert_eq!(arm_allowing(&mut rig, false, true), unknown);
+        assert_eq!(arm_allowing(&mut rig, true, false), Ok(MotorTimeout::Unknown));
+        provision(&mut rig, 0).unwrap();
+        assert_eq!(arm_allowing(&mut rig, true, false), off);
+        assert_eq!(arm_allowing(&mut rig, false, true), Ok(MotorTimeout::Off));
+        provision(&mut rig, 400).unwrap();
+        assert_eq!(arm_allowing(&mut rig, false, false), Ok(KNOWN));
+    }
+    let (mut rig, _) = bench::d5();
+    assert_eq!(arm_allowing(&mut rig, false, false), Ok(MotorTimeout::Verified));
+    provision(&mut rig, 0).unwrap();
+    assert_eq!(arm_allowing(&mut rig, true, false), off);
+    assert_eq!(arm_allowing(&mut rig, false, true), Ok(MotorTimeout::Off));
+}
+
+#[test]
+fn a_timeout_that_cannot_act_within_60_s_counts_as_off() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    provision(&mut rig, 60_000).unwrap();
+    assert_eq!(arm_allowing(&mut rig, false, false), Ok(MotorTimeout::Written { timeout_ms: 60_000 }));
+    for too_long in [60_001, u32::MAX] {
+        provision(&mut rig, too_long).unwrap();
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+        assert_eq!(arm_allowing(&mut rig, true, false), Err(Error::MotorTimeoutOff { axis: 0 }));
+    }
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+}
+
+#[test]
+fn a_thruster_that_was_silent_for_1_s_is_told_again_when_it_is_armed() {
+    let (mut rig, _) = bench::thruster();
+    provision(&mut rig, 400).unwrap();
+    run_with_host(&mut rig, 990_000);
+    assert_eq!(state(&mut rig).motor_timeout, KNOWN);
+    run_with_host(&mut rig, 1_010_000);
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+    // It has been heard since, which brings nothing back.
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+    let since = rig.now_us;
+    assert_eq!(arm_allowing(&mut rig, false, false), Ok(KNOWN));
+    let sent = rig.sent_since(0, since);
+    assert_eq!(
+        sent[..6],
+        ["30B#45460000", "30B#46520000", "30B#5443000000000000", ST_400, "30B#45460000", "30B#51560000"]
+    );
+    // Not so a motor that keeps the time without power.
+    let (mut rig, _) = bench::rmd_with_timeout(400);
+    run_with_host(&mut rig, 3_000_000);
+    assert_eq!(state(&mut rig).motor_timeout, KNOWN);
+}
+
+#[test]
+fn a_thruster_that_does_not_take_its_timeout_again_is_not_armed() {
+    let answers: [(&'static str, Error); 3] = [
+        // Another value: it acknowledges another request.
+        ("28B#5354000000000064", Error::NoReply { axis: 0, hint: NoReplyHint::None }),
+        ("", Error::NoReply { axis: 0, hint: NoReplyHint::None }),
+        ("28B#535400000000EEEE", Error::Refused { axis: 0, faults: Some(0) }),
+    ];
+    for (answer, error) in answers {
+        let (mut rig, _) = bench::thruster();
+        provision(&mut rig, 400).unwrap();
+        rig.instead(move |text| match (text.starts_with("30B#5354"), answer) {
+            (true, "") => Instead::Nothing,
+            (true, answer) => Instead::Says(answer),
+            _ => Instead::AsUsual,
+        });
+        assert_eq!(arm(&mut rig), Err(error));
+        assert!(matches!(provision(&mut rig, 300), Err(found) if found == error), "{error:?}");
+    }
+}
+
+/// RMD V3.6 §2.30, §2.23, §2.31, §7.3, and the D5 manual, common rows 1 and 7.
+#[test]
+fn what_may_have_changed_the_motor_makes_it_unknown() {
+    for data in ["B300000000000000", "B3000000D0070000", "7600000000000000", "B400000000000001"] {
+        let (mut rig, _) = bench::rmd_with_timeout(400);
+        assert_eq!(state(&mut rig).motor_timeout, KNOWN);
+        let request = native(&rig, 0, data);
+        rig.ask(request).unwrap();
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{data}");
+    }
+    for data in ["5354000000000000", "434900000000000C", "43420000000001F4", "5350000000000001"] {
+        let (mut rig, _) = bench::thruster();
+        provision(&mut rig, 400).unwrap();
+        let request = native(&rig, 0, data);
+        let _ = rig.ask(request);
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{data}");
+        assert_eq!(
+            arm_allowing(&mut rig, false, false),
+            Err(Error::MotorTimeoutUnknown { axis: 0 }),
+            "{data}"
+        );
+    }
+    for data in ["D50B040311000023", "D50B0503030C0022", "D50B040411000024"] {
+        let (mut rig, _) = bench::d5();
+        arm(&mut rig).unwrap();
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Verified);
+        let request = native(&rig, 0, data);
+        let _ = rig.ask(request);
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{data}");
+    }
+}
+
+#[test]
+fn another_address_is_another_motor() {
+    for (changed, value) in [
+        (AxisParameter::Node, Value::Unsigned(2)),
+        (AxisParameter::Bus, Value::Unsigned(1)),
+        (AxisParameter::Protocol, Value::Unsigned(Protocol::Rmd.number().into())),
+    ] {
+        let (mut rig, _) = bench::rmd_with_timeout(400);
+        bench::configure_bus(&mut rig, 1, 1_000_000, &[Protocol::Rmd]);
+        parameter(&mut rig, 0, changed, value);
+        assert_eq!(
+            arm_allowing(&mut rig, false, false),
+            Err(Error::MotorTimeoutUnknown { axis: 0 }),
+            "{changed:?}"
+        );
+    }
+    for changed in [AxisParameter::D5RequestId, AxisParameter::D5ReplyId] {
+        let (mut rig, _) = bench::d5();
+        arm(&mut rig).unwrap();
+        parameter(&mut rig, 0, changed, Value::Unsigned(0x0B));
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{changed:?}");
+    }
+}
+
+#[test]
+fn a_motor_that_was_unreachable_may_be_another_one() {
+    for (rig, after) in [
+        (bench::rmd(StopAction::Hold), Err(Error::MotorTimeoutUnknown { axis: 0 })),
+        // It is told again.
+        (bench::thruster(), Ok(KNOWN)),
+    ] {
+        let (mut rig, play) = rig;
+        provision(&mut rig, 400).unwrap();
+        bench::arm(&mut rig);
+        play.borrow_mut().mute = true;
+        bench::stop(&mut rig);
+        run_with_host(&mut rig, 8_000_000);
+        play.borrow_mut().mute = false;
+        let cleared = rig.ask(Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 }));
+        assert!(cleared.is_ok(), "{cleared:?}");
+        run_with_host(&mut rig, 100_000);
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+        assert_eq!(arm_allowing(&mut rig, false, false), after);
+    }
+}
