@@ -1,9 +1,10 @@
 //! The command line.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::plan::Plan;
 
 /// Where `mgw sim` listens unless told otherwise.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
@@ -286,8 +287,8 @@ pub enum DirectionChoice {
 #[derive(Debug, Args)]
 pub struct ConfigureArgs {
     /// Apply a TOML file with buses, axes and motor timeouts
-    #[arg(long, value_name = "FILE")]
-    pub file: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", value_parser = Plan::read)]
+    pub file: Option<Plan>,
     #[command(subcommand)]
     pub target: Option<ConfigureTarget>,
 }

@@ -17,6 +17,7 @@ mod native_request;
 mod output;
 mod parameters;
 mod plan;
+mod printable;
 mod serve;
 mod session;
 mod states;
@@ -106,6 +107,9 @@ fn run(cli: &Cli) -> Result<(), Failure> {
 fn tell(failure: &Failure, json: bool) {
     use std::io::Write;
     let text = if json { failure.to_json().to_string() } else { format!("mgw: {failure}.") };
-    // With nobody to hear it there is nothing more to do.
-    let _ = writeln!(std::io::stderr(), "{text}");
+    // Some failures take several lines.
+    for line in text.lines() {
+        // With nobody to hear it there is nothing more to do.
+        let _ = writeln!(std::io::stderr(), "{}", printable::printable(line));
+    }
 }

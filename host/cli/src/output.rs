@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::printable::printable;
 use crate::table::Table;
 
 /// Where a command prints.
@@ -68,7 +69,7 @@ impl Output {
 fn print_line(line: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     // Flushed each time: whoever follows a stream wants each line when it is printed.
-    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Failure::Output)
+    writeln!(out, "{}", printable(line)).and_then(|()| out.flush()).map_err(Failure::Output)
 }
 
 /// A type of the wire as JSON, its numbers as short as they are precise.

@@ -3,10 +3,13 @@
 use host_protocol::{AxisParameter, GatewayParameter, Protocol, ProtocolSet, Value};
 use mgw_client::{Client, ClientError, Transport};
 use serde::Deserialize;
+use std::fs;
+use std::io::Read;
 use std::time::Duration;
 
 use crate::failure::Failure;
 use crate::parameters;
+use crate::printable::printable;
 
 /// How long a reply is awaited where the configuration does not say; the default of the gateway.
 pub const DEFAULT_REPLY_WINDOW_US: u32 = 5_000;
@@ -68,7 +71,26 @@ struct AxisEntry {
     parameters: toml::Table,
 }
 
+/// Bytes that a file may have: many times what every axis with every parameter takes.
+const MAX_FILE: u64 = 256 * 1024;
+
 impl Plan {
+    /// Reads a file, or says what is wrong with it.
+    pub fn read(path: &str) -> Result<Self, String> {
+        let mut bytes = Vec::new();
+        let file = fs::File::open(path).map_err(|error| error.to_string())?;
+        file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        if u64::try_from(bytes.len()).is_ok_and(|length| length > MAX_FILE) {
+            return Err(format!("it has more than {MAX_FILE} bytes, too many for a configuration"));
+        }
+        let text = str::from_utf8(&bytes).map_err(|error| format!("it is no text: {error}"))?;
+        let shown = |failure: Failure| {
+            let text = failure.to_string();
+            text.lines().map(printable).collect::<Vec<_>>().join("\n")
+        };
+        Self::parse(text).map_err(shown)
+    }
+
     /// Reads a file's text.
     pub fn parse(text: &str) -> Result<Self, Failure> {
         let file: File =

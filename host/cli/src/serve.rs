@@ -32,6 +32,14 @@ pub fn run(listen: SocketAddr, unconfigured: bool, out: Output) -> Result<(), Fa
         ))?;
     }
     out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;
+    if !address.ip().is_loopback() {
+        out.either(
+            format!(
+                "WARNING: {address} can be reached from other computers, and whoever reaches it may command"
+            ),
+            &json!({ "warning": "reachable from other computers" }),
+        )?;
+    }
     out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
 
     let mut print_failure = None;

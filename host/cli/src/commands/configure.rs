@@ -1,7 +1,5 @@
 //! `mgw configure`
 
-use std::path::Path;
-
 use host_protocol::AxisParameter;
 use serde_json::json;
 
@@ -9,15 +7,16 @@ use crate::args::{ConfigureArgs, ConfigureTarget};
 use crate::failure::Failure;
 use crate::output::to_json;
 use crate::parameters;
-use crate::plan::{BusPlan, Plan};
+use crate::plan::BusPlan;
 use crate::session::Session;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
 /// Configures what the arguments say.
 pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failure> {
-    if let Some(path) = &arguments.file {
-        return from_file(session, path);
+    if let Some(plan) = &arguments.file {
+        plan.apply(&mut session.client)?;
+        return done(session, format!("configured {} buses and {} axes", plan.buses.len(), plan.axes.len()));
     }
     match &arguments.target {
         None => {
@@ -45,14 +44,6 @@ pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failu
 
 fn done(session: &Session, line: String) -> Result<(), Failure> {
     session.out.either(line, &json!({ "done": true }))
-}
-
-fn from_file(session: &mut Session, path: &Path) -> Result<(), Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| Failure::File { path: path.display().to_string(), source })?;
-    let plan = Plan::parse(&text)?;
-    plan.apply(&mut session.client)?;
-    done(session, format!("configured {} buses and {} axes", plan.buses.len(), plan.axes.len()))
 }
 
 fn axis_parameters(session: &mut Session, axis: u8, assignments: &[String]) -> Result<(), Failure> {

@@ -8,6 +8,7 @@ use host_protocol::CanFrame;
 
 use super::line::Origin;
 use super::number::{push_hex, push_id, push_integer, push_physical};
+use crate::printable::printable;
 
 /// Columns of the text form: as wide as an RS485 frame, `thruster 127`, the longest direction and command.
 const FRAME_WIDTH: usize = 26;
@@ -222,8 +223,9 @@ impl<W: Write> Record<W> {
             let used = self.line.trim_ascii_end().len();
             self.line.truncate(used);
         }
-        self.line.push(b'\n');
-        self.out.write_all(&self.line)
+        let line = String::from_utf8_lossy(&self.line);
+        self.out.write_all(printable(&line).as_bytes())?;
+        self.out.write_all(b"\n")
     }
 
     /// The line by itself, without its end.
@@ -259,8 +261,6 @@ impl<W: Write> Record<W> {
             self.key(name);
             push_json_string(&mut self.line, &text);
         } else {
-            // Whatever came must not command the terminal.
-            let text = text.replace(char::is_control, "?");
             self.cell(width, |line| line.extend_from_slice(text.as_bytes()));
         }
     }
@@ -417,7 +417,7 @@ mod tests {
         assert_eq!(
             line(false),
             "000.250  can\"0  141#9A00                    rmd 1         reply    read                       \
-             current_a=-0.5 faults=low|high(0x8003) none=none(0x0000) data=AB model=a\\\u{1} on=true\n"
+             current_a=-0.5 faults=low|high(0x8003) none=none(0x0000) data=AB model=a\\\\u0001 on=true\n"
         );
     }
 

@@ -111,8 +111,21 @@ fn slips_of_the_pen_are_answered_with_what_is_allowed() {
     assert!(text.contains("--speed-limit"), "{text}");
     let text = sim.mgw(&["raw", "0", "send", "141"]).failure(2);
     assert!(text.contains("141#9A00000000000000"), "{text}");
-    let text = sim.mgw(&["configure", "--file", "/no/such/file.toml"]).failure(1);
-    assert!(text.contains("/no/such/file.toml"), "{text}");
+}
+
+#[test]
+fn a_file_is_read_before_anything_connects_and_only_so_far() {
+    let nobody = ["--port", "tcp:127.0.0.1:1", "configure", "--file"];
+    let text = mgw(&[&nobody[..], &["/no/such/file.toml"]].concat()).failure(2);
+    assert!(text.contains("/no/such/file.toml") && text.contains("No such file"), "{text}");
+    // A file without end.
+    let text = mgw(&[&nobody[..], &["/dev/zero"]].concat()).failure(2);
+    assert!(text.contains("more than 262144 bytes"), "{text}");
+    let path = std::env::temp_dir().join(format!("mgw-{}.toml", std::process::id()));
+    std::fs::write(&path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
+    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    std::fs::remove_file(&path).unwrap();
+    assert!(text.contains("not a configuration") && !text.contains('\u{1b}'), "{text:?}");
 }
 
 #[test]
@@ -245,4 +258,10 @@ fn an_axis_that_is_not_configured_is_not_removed() {
     let error = error(sim.mgw(&["--json", "configure", "remove", "9"]), 1);
     assert_eq!(error["name"], "NotConfigured");
     assert!(error["message"].as_str().unwrap().contains("axis 9 is not configured"), "{error}");
+}
+
+#[test]
+fn a_simulation_that_others_can_reach_says_so() {
+    let sim = Process::start(&["sim", "--listen", "0.0.0.0:0"]);
+    sim.wait_for("the warning", |line| line.starts_with("WARNING: 0.0.0.0:").then_some(()));
 }
