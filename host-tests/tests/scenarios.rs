@@ -147,8 +147,10 @@ scenarios! {
     pings_do_not_feed_a_setpoint
     pings_of_another_host_keep_nobody_in_command
     raw_access_and_armed_axes_exclude_each_other
+    raw_access_ends_with_a_stop_or_a_change
     raw_access_that_is_left_open_ends_with_its_host
     readings_of_standstill_follow_each_other
+    raw_frames_pass_only_if_they_read
     rmd_and_thruster_share_a_bus
     rounding_pushes_no_value_beyond_its_limit
     stop_and_disarm_go_through_stopping_to_idle
@@ -166,6 +168,7 @@ scenarios! {
     unsolicited_frames_inside_an_exchange_are_no_replies
     what_held_goes_on_holding_after_a_reset
     what_may_have_changed_a_motor_makes_its_timeout_unknown
+    unsafe_raw_access_needs_a_bus_without_axes
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }
 

@@ -64,6 +64,7 @@ impl Gateway {
             }
         }
         check_load(bus, &config, here().filter(|axis| axis.state != AxisState::Unconfigured))?;
+        self.end_raw(now, request.bus);
         self.on_bus(now, request.bus, |bus, axes, out| bus.configure(now, config, axes, out));
         self.retention.bus_changed(request.bus);
         Ok(())
@@ -87,6 +88,12 @@ impl Gateway {
         config.set(parameter, request.value)?;
         let complete = config.missing().is_none();
         self.check_axis(request.axis, &config)?;
+        let buses = [axis.config.bus(), config.bus()];
+        if let Some(bus) = config.bus()
+            && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
+        {
+            return Err(Error::RawOpen { bus });
+        }
         let previous = core::mem::replace(&mut self.axis_mut(request.axis)?.config, config);
         if let Err(error) = self.check_axis_load(request.axis) {
             self.axis_mut(request.axis)?.config = previous;
@@ -96,6 +103,9 @@ impl Gateway {
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
             let same = axis.config.address() == previous.address();
             axis.configured(parameter, same, complete, &mut Outbox::new(now, links));
+        }
+        for bus in buses.into_iter().flatten() {
+            self.end_raw(now, bus);
         }
         self.retention.axis_changed(request.axis);
         Ok(())
@@ -114,12 +124,16 @@ impl Gateway {
         axis.timeout_written_before_reset(timeout_ms);
     }
 
-    pub(crate) fn remove_axis(&mut self, axis: u8) -> Result<(), Error> {
+    pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {
         let removed = self.axis(axis)?;
         if !removed.is_at_rest() {
             return Err(Error::NotIdle { axis, state: removed.state });
         }
+        let bus = removed.config.bus();
         *self.axis_mut(axis)? = Axis::new(axis);
+        if let Some(bus) = bus {
+            self.end_raw(now, bus);
+        }
         self.retention.axis_changed(axis);
         Ok(())
     }

@@ -120,6 +120,7 @@ impl Gateway {
             Event::Tick => {}
         }
         self.spread_trips(now);
+        self.close_barred_raw(now);
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
         self.save_states(store);

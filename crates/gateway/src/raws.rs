@@ -1,94 +1,86 @@
-//! The requests of raw access to a bus: what may be sent there, and when (GUARANTEES G2).
+//! The requests of raw access to a bus: when it may be open, and what may be sent there (GUARANTEES G10).
 
-use crate::axis::Axis;
-use crate::bus::Raw;
 use crate::gateway::Gateway;
-use crate::motor::{self, Touch};
+use crate::motor;
 use crate::requests::Result;
-use heapless::Vec;
-use host_protocol::{AxisState, BusKind, Error, Quantity, RawFrame, requests};
+use crate::time::Instant;
+use host_protocol::{BusKind, Error, Quantity, RawFrame, requests};
 
 impl Gateway {
-    pub(crate) fn raw_open(&mut self, bus: u8) -> Result<()> {
+    pub(crate) fn raw_open(&mut self, now: Instant, request: requests::RawOpen) -> Result<()> {
+        let requests::RawOpen { bus, unsafe_access } = request;
         if self.bus(bus)?.config().is_none() {
             return Err(Error::BusNotConfigured { bus });
         }
-        let moving = |axis: &&Axis| {
-            axis.config.bus() == Some(bus)
-                && matches!(
-                    axis.state,
-                    AxisState::Arming
-                        | AxisState::Armed
-                        | AxisState::Active
-                        | AxisState::Stopping
-                        | AxisState::Tripped { confirmed: false }
-                )
-        };
-        if let Some(axis) = self.axes.iter().find(moving) {
-            return Err(Error::AxisArmed { axis: axis.index });
-        }
-        let holds = |axis: &&Axis| axis.config.bus() == Some(bus) && axis.state == AxisState::Holding;
-        if let Some(axis) = self.axes.iter().find(holds) {
-            return Err(Error::NotIdle { axis: axis.index, state: axis.state });
-        }
-        self.bus_mut(bus)?.raw.get_or_insert_with(Raw::new);
+        self.refuse_raw(bus, unsafe_access)?;
+        self.on_bus(now, bus, |bus, axes, out| bus.open_raw(now, unsafe_access, axes, out));
         Ok(())
     }
 
     pub(crate) fn raw_send(&mut self, request: &requests::RawSend) -> Result<()> {
         let index = request.bus;
-        let unknown = self.unknown_bus(index);
-        let bus = self.buses.get_mut(usize::from(index)).ok_or(unknown)?;
+        let bus = self.bus_mut(index)?;
         let kind = bus.kind();
+        let protocols = bus.config().map(|config| config.protocols).unwrap_or_default();
         let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
-        match (&request.frame, kind) {
-            (RawFrame::Can(_), BusKind::Can) | (RawFrame::Serial(_), BusKind::Rs485) => {}
-            _ => return Err(Error::WrongBusKind { bus: index, kind }),
-        }
-        if matches!(&request.frame, RawFrame::Serial(bytes) if bytes.is_empty()) {
-            #[allow(clippy::cast_precision_loss)]
-            let max = host_protocol::MAX_SERIAL_FRAME as f32;
-            return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
-        }
-        let completed = match &request.frame {
-            RawFrame::Serial(bytes) => raw.completed_by(bytes.as_slice()),
-            RawFrame::Can(_) => Vec::new(),
-        };
-        let touches = |axis: &Axis, is: fn(Touch) -> bool| {
-            axis.config.bus() == Some(index)
-                && match &request.frame {
-                    RawFrame::Can(frame) => motor::touched_by_can(frame, &axis.config).is_some_and(is),
-                    RawFrame::Serial(_) => {
-                        let mut touches = completed
-                            .iter()
-                            .filter_map(|frame| motor::touched_by_serial(frame, &axis.config));
-                        touches.any(is)
-                    }
-                }
-        };
-        // The rules of native commands; nothing on a bus with raw access is armed.
-        if let Some(axis) = self.axes.iter().find(|axis| touches(axis, |touch| touch == Touch::Moves)) {
-            return Err(Error::NotArmed { axis: axis.index, state: axis.state });
-        }
-        let is_tripped = |axis: &Axis| matches!(axis.state, AxisState::Tripped { .. });
-        let changed = |axis: &&Axis| is_tripped(axis) && touches(axis, |_| true);
-        if let Some(axis) = self.axes.iter().find(changed) {
-            return Err(Error::NotIdle { axis: axis.index, state: axis.state });
-        }
-        if !raw.send(request.frame.clone()) {
-            return Err(Error::QueueFull { bus: index });
-        }
-        for axis in &mut self.axes {
-            if touches(axis, |touch| touch == Touch::Changes { timeout: true }) {
-                axis.forget_motor_timeout();
+        let harmless = match (&request.frame, kind) {
+            (RawFrame::Can(frame), BusKind::Can) => motor::is_harmless_on_can(frame, protocols),
+            (RawFrame::Serial(bytes), BusKind::Rs485) if bytes.is_empty() => {
+                #[allow(clippy::cast_precision_loss)]
+                let max = host_protocol::MAX_SERIAL_FRAME as f32;
+                return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
             }
+            (RawFrame::Serial(bytes), BusKind::Rs485) => motor::is_harmless_on_serial(bytes),
+            _ => return Err(Error::WrongBusKind { bus: index, kind }),
+        };
+        if !harmless && !raw.is_unsafe() {
+            return Err(Error::RawNotHarmless { bus: index });
+        }
+        if raw.send(request.frame.clone()) { Ok(()) } else { Err(Error::QueueFull { bus: index }) }
+    }
+
+    pub(crate) fn raw_close(&mut self, now: Instant, index: u8) -> Result<()> {
+        self.bus(index)?.raw.as_ref().ok_or(Error::RawNotOpen { bus: index })?;
+        self.end_raw(now, index);
+        Ok(())
+    }
+
+    /// Why raw frames may not be sent on a bus.
+    fn refuse_raw(&self, bus: u8, unsafe_access: bool) -> Result<()> {
+        if self.e_stopped || self.e_stop_input_open {
+            return Err(Error::EStopped {});
+        }
+        let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(bus));
+        if unsafe_access && let Some(axis) = here().next() {
+            return Err(Error::AxisOnBus { bus, axis: axis.index });
+        }
+        if let Some(axis) = here().find(|axis| axis.is_in_use()) {
+            return Err(Error::NotIdle { axis: axis.index, state: axis.state });
         }
         Ok(())
     }
 
-    pub(crate) fn close_raw(&mut self) {
-        for bus in &mut self.buses {
-            bus.raw = None;
+    /// Closes each bus that may not be open any more: after an e-stop, and where an axis is no longer idle.
+    pub(crate) fn close_barred_raw(&mut self, now: Instant) {
+        self.close_raw(now, |gateway, bus, unsafe_access| gateway.refuse_raw(bus, unsafe_access).is_err());
+    }
+
+    pub(crate) fn close_all_raw(&mut self, now: Instant) {
+        self.close_raw(now, |_, _, _| true);
+    }
+
+    fn close_raw(&mut self, now: Instant, closes: impl Fn(&Self, u8, bool) -> bool) {
+        for index in (0u8..).take(self.buses.len()) {
+            let open = self.bus(index).ok().and_then(|bus| bus.raw.as_ref());
+            let unsafe_access = open.map(|raw| raw.is_unsafe());
+            if unsafe_access.is_some_and(|unsafe_access| closes(self, index, unsafe_access)) {
+                self.end_raw(now, index);
+            }
         }
+    }
+
+    /// Closes a bus for raw frames if it is open.
+    pub(crate) fn end_raw(&mut self, now: Instant, bus: u8) {
+        self.on_bus(now, bus, |bus, axes, out| bus.close_raw(now, axes, out));
     }
 }

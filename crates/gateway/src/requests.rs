@@ -35,6 +35,8 @@ impl Gateway {
             Ok(request) => self.dispatch(now, ticket, &request),
             Err(error) => Err(error),
         };
+        // Not only when all requests are done: one may latch the e-stop, the next clear it.
+        self.close_barred_raw(now);
         let result = match result {
             Ok(Outcome::Later) => return,
             Ok(Outcome::Now(reply)) => Ok(reply),
@@ -90,7 +92,7 @@ impl Gateway {
             }
             Request::ListAxes(request) => Reply::ListAxes(self.list_axes(request.first)),
             Request::RemoveAxis(request) => {
-                self.remove_axis(request.axis)?;
+                self.remove_axis(now, request.axis)?;
                 self.watch();
                 Reply::RemoveAxis(done)
             }
@@ -137,7 +139,7 @@ impl Gateway {
                 Reply::Subscribe(done)
             }
             Request::RawOpen(request) => {
-                self.raw_open(request.bus)?;
+                self.raw_open(now, *request)?;
                 Reply::RawOpen(done)
             }
             Request::RawSend(request) => {
@@ -150,8 +152,7 @@ impl Gateway {
                 Reply::RawReceive(raw.read())
             }
             Request::RawClose(request) => {
-                let bus = request.bus;
-                self.bus_mut(bus)?.raw.take().ok_or(Error::RawNotOpen { bus })?;
+                self.raw_close(now, request.bus)?;
                 Reply::RawClose(done)
             }
             Request::ReadIncidents(request) => {
@@ -385,7 +386,7 @@ impl Gateway {
     /// Authority given back: what is armed is stopped and disarmed.
     fn release_authority(&mut self, now: Instant) {
         self.authority.release();
-        self.close_raw();
+        self.close_all_raw(now);
         self.each_axis(now, |axis, out| axis.disarm(now, out));
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
     }
@@ -393,7 +394,7 @@ impl Gateway {
     /// Authority lost by silence: what moves trips, what is armed is disarmed.
     pub(crate) fn lose_authority(&mut self, now: Instant) {
         self.authority.release();
-        self.close_raw();
+        self.close_all_raw(now);
         self.each_axis(now, |axis, out| {
             if axis.state == AxisState::Active {
                 axis.trip(now, TripReason::HostSilent, out);

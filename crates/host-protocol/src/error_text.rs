@@ -160,10 +160,7 @@ impl fmt::Display for Error {
                 write!(f, "bus {bus} is not open for raw frames; open it first")
             }
             Self::RawOpen { bus } => {
-                write!(f, "bus {bus} is open for raw frames; close it before arming")
-            }
-            Self::AxisArmed { axis } => {
-                write!(f, "axis {axis} on this bus is armed; disarm it first")
+                write!(f, "bus {bus} is open for raw frames; close it first")
             }
             Self::NotHolding { axis, state } => {
                 write!(f, "axis {axis} is {state}; only the output of a holding motor can be switched off")
@@ -253,6 +250,17 @@ impl fmt::Display for Error {
                 "axis {axis} would be sent frames on CAN id 0x{id:03X}, on which the motor of axis {other} acts or \
                  answers; choose another node or d5_request_id, or another bus"
             ),
+            Self::RawNotHarmless { bus } => write!(
+                f,
+                "the frame may do more than read a motor of bus {bus}; use an axis, or remove the axes of this bus and \
+                 open it for unsafe access"
+            ),
+            Self::AxisOnBus { bus, axis } => {
+                write!(
+                    f,
+                    "axis {axis} is configured on bus {bus}; unsafe raw access needs a bus without axes"
+                )
+            }
             Self::CannotMeasure { axis, parameter } => write!(
                 f,
                 "{} would limit nothing on axis {axis}: its motor does not measure that, and takes no such \

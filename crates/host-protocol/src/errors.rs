@@ -255,15 +255,10 @@ errors! {
         /// The bus.
         bus: u8,
     }
-    /// The bus is open for raw frames, so nothing on it can be armed.
+    /// The bus is open for raw frames, so nothing on it can be armed, or configured there while it is open for unsafe access.
     27 RawOpen {
         /// The bus.
         bus: u8,
-    }
-    /// An axis on the bus is armed, so the bus cannot be opened for raw frames.
-    28 AxisArmed {
-        /// That axis.
-        axis: u8,
     }
     /// This needs the axis to be idle.
     29 NotIdle {
@@ -385,6 +380,18 @@ errors! {
         id: u16,
         /// The axis whose motor uses it.
         other: u8,
+    }
+    /// The raw frame may do more than read a motor, and the bus is not open for unsafe access.
+    49 RawNotHarmless {
+        /// The bus.
+        bus: u8,
+    }
+    /// An axis is configured on the bus, so it cannot be opened for unsafe raw access.
+    50 AxisOnBus {
+        /// The bus.
+        bus: u8,
+        /// That axis.
+        axis: u8,
     }
     /// Nothing on this axis measures what the parameter limits, nor does a setpoint carry it.
     53 CannotMeasure {

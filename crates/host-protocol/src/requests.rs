@@ -224,12 +224,14 @@ wire! {
         pub period_us: u32,
     }
 
-    /// Opens a bus for raw frames. Refused while an axis on it is armed; while it is open arming there is
+    /// Opens a bus for raw frames. Refused unless every axis on it is idle; while it is open arming there is
     /// refused.
     #[derive(Copy, Eq)]
     pub struct RawOpen {
         /// Number of the bus, from 0.
         pub bus: u8,
+        /// Frames that may move motors are sent too. Refused while an axis is configured on the bus.
+        pub unsafe_access: bool,
     }
 
     /// Sends a raw frame on an open bus.

@@ -96,7 +96,7 @@ fn largest_requests() -> Vec<(Request, usize)> {
         }),
         row(Native { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, data: full(0xFF) }),
         row(Subscribe { axes: u32::MAX, fields: StateFields::from_bits(u8::MAX), period_us: u32::MAX }),
-        row(RawOpen { bus: u8::MAX }),
+        row(RawOpen { bus: u8::MAX, unsafe_access: true }),
         row(RawSend { bus: u8::MAX, frame: serial }),
         row(RawReceive { bus: u8::MAX }),
         row(RawClose { bus: u8::MAX }),

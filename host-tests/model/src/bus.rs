@@ -49,6 +49,8 @@ pub(crate) struct Bus {
     /// Since when the controller cannot send at all.
     pub off_since: Option<u64>,
     pub raw_open: bool,
+    /// When it was closed last.
+    pub raw_closed_us: Option<u64>,
     /// Raw frames that were accepted and not yet handed over.
     pub raw: VecDeque<(Option<u32>, Vec<u8>)>,
     /// Time so far that frames waited for others, or the bus was off.
@@ -89,6 +91,7 @@ impl Bus {
             held: Vec::new(),
             off_since: None,
             raw_open: false,
+            raw_closed_us: None,
             raw: VecDeque::new(),
             outside_us: 0,
             first_since_us: 0,
@@ -190,12 +193,18 @@ impl Bus {
         self.off_since = off.then_some(now);
     }
 
+    /// Nothing raw may leave any more.
+    pub fn close_raw(&mut self, now: u64) {
+        self.raw_open = false;
+        self.raw_closed_us = Some(now);
+        self.raw.clear();
+    }
+
     /// What a reset leaves of it: the configuration.
     pub fn restarted(&mut self, now: u64) {
         self.set_off(now, false);
         self.held.clear();
-        self.raw_open = false;
-        self.raw.clear();
+        self.close_raw(now);
         self.echo.clear();
         self.heard.clear();
         self.tally = Tally::default();

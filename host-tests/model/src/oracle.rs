@@ -256,6 +256,7 @@ impl Oracle {
     /// A stop of this axis is due since `at`; permission to move has ended.
     pub(crate) fn owe_stop(&mut self, index: usize, cause: Cause, at: u64) {
         let Some(bus) = self.axes[index].bus().filter(|bus| *bus < self.buses.len()) else { return };
+        self.buses[bus].close_raw(at);
         let axis = &mut self.axes[index];
         axis.armed = false;
         axis.epoch = None;

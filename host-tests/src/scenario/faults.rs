@@ -159,9 +159,17 @@ fn turning(words: &[&str]) -> Result<Option<Turning>, String> {
     Ok(Some(Turning { speed, turns, holds }))
 }
 
+/// Digits of a standard id; an extended one has more.
+const STANDARD_DIGITS: usize = 3;
+
 /// A CAN frame in candump's form, `None` for plain hexadecimal.
 pub fn can_frame(text: &str) -> Result<Option<CanFrame>, String> {
     let Some((id, data)) = text.split_once('#') else { return Ok(None) };
-    let id = u16::from_str_radix(id, 16).map_err(|e| e.to_string())?;
-    CanFrame::standard(id, &hex(data)?).map(Some).ok_or_else(|| format!("{text} is no CAN frame"))
+    let data = hex(data)?;
+    let frame = if id.len() <= STANDARD_DIGITS {
+        u16::from_str_radix(id, 16).ok().and_then(|id| CanFrame::standard(id, &data))
+    } else {
+        u32::from_str_radix(id, 16).ok().and_then(|id| CanFrame::extended(id, &data))
+    };
+    frame.map(Some).ok_or_else(|| format!("{text} is no CAN frame"))
 }

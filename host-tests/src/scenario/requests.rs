@@ -168,7 +168,8 @@ impl Bench {
         let bus = parse(words, 0, "bus")?;
         match verb {
             "raw-open" => {
-                self.ask(&requests::RawOpen { bus })?;
+                let unsafe_access = words.get(1) == Some(&"unsafe");
+                self.ask(&requests::RawOpen { bus, unsafe_access })?;
             }
             "raw-close" => {
                 self.ask(&requests::RawClose { bus })?;

@@ -180,12 +180,18 @@ pub enum Command {
         bus: Option<u8>,
     },
 
-    /// Send and receive raw frames on a bus that has no armed axis
+    /// Send and receive raw frames on a bus whose axes are all idle
+    ///
+    /// What may do more than read a motor is refused. An e-stop, a stop or a change of the configuration there ends it.
     #[command(after_help = "Examples:\n  mgw raw 0 send 141#9A00000000000000\n  \
-            mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen --for 2")]
+            mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen --for 2\n  \
+            mgw raw --unsafe 1 send 141#A200000010270000")]
     Raw {
         /// The bus
         bus: u8,
+        /// Send any frame, also one that moves a motor, which nothing stops; only on a bus without axes
+        #[arg(long = "unsafe")]
+        unsafe_access: bool,
         #[command(subcommand)]
         action: RawAction,
     },

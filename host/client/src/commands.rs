@@ -388,12 +388,20 @@ impl<T: Transport> Client<T> {
         self.read_state(axis)
     }
 
-    /// Opens a bus for raw frames.
+    /// Opens a bus for raw frames that only read a motor.
     ///
     /// # Errors
     /// As [`request`](Self::request).
     pub fn raw_open(&mut self, bus: u8) -> Result<(), ClientError> {
-        self.request(&ask::RawOpen { bus }).map(drop)
+        self.request(&ask::RawOpen { bus, unsafe_access: false }).map(drop)
+    }
+
+    /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing stops them.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn raw_open_unsafe(&mut self, bus: u8) -> Result<(), ClientError> {
+        self.request(&ask::RawOpen { bus, unsafe_access: true }).map(drop)
     }
 
     /// Sends a raw frame on an open bus.

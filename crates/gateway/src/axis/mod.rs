@@ -153,6 +153,11 @@ impl Axis {
         matches!(self.state, AxisState::Idle | AxisState::Holding)
     }
 
+    /// Whether the axis needs its motor as it is: it holds, may move or moves, or has yet to be stopped or cleared.
+    pub fn is_in_use(&self) -> bool {
+        !matches!(self.state, AxisState::Unconfigured | AxisState::Idle)
+    }
+
     /// Whether there is a stop, under way or confirmed.
     pub fn has_stop(&self) -> bool {
         self.stop.is_some()

@@ -148,6 +148,23 @@ impl Bus {
         self.empty(now, axes, out);
     }
 
+    /// Opens the bus for raw frames, unless it is open in this manner already.
+    pub fn open_raw(&mut self, now: Instant, unsafe_access: bool, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        if self.raw.as_ref().is_some_and(|raw| raw.is_unsafe() == unsafe_access) {
+            return;
+        }
+        self.close_raw(now, axes, out);
+        self.raw = Some(Raw::new(unsafe_access));
+    }
+
+    /// Closes the bus for raw frames; those that wait are dropped. After unsafe access it is started again, so that nothing of it leaves
+    /// any more, when its motors may already be axes.
+    pub fn close_raw(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        if self.raw.take().is_some_and(|raw| raw.is_unsafe()) {
+            self.restart(now, axes, out);
+        }
+    }
+
     /// Starts a bus again that has been off for long enough.
     pub fn recover(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         if self.restart_at.is_some_and(|at| at <= now) {

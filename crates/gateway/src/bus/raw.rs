@@ -4,21 +4,17 @@ use crate::time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
 use host_protocol::{Bytes, RawFrame, ReceivedFrame};
-use rmd::rs485::{Deframer, FRAME_LEN};
 
 /// Frames waiting to be sent.
 const SEND_QUEUE: usize = 2;
 /// Frames waiting to be read by the host.
 const RECEIVE_QUEUE: usize = 8;
 
-/// Frames that the bytes of one request can complete.
-const MAX_COMPLETED: usize = host_protocol::MAX_SERIAL_FRAME / FRAME_LEN + 1;
-
 /// An open raw access.
 #[derive(Debug, Clone)]
 pub(crate) struct Raw {
-    /// Finds the frames in what is sent on a serial line, which may come in pieces.
-    deframer: Deframer,
+    /// Frames that may do more than read a motor are sent too.
+    unsafe_access: bool,
     to_send: Deque<RawFrame, SEND_QUEUE>,
     received: Deque<ReceivedFrame, RECEIVE_QUEUE>,
     dropped: u32,
@@ -27,9 +23,9 @@ pub(crate) struct Raw {
 }
 
 impl Raw {
-    pub const fn new() -> Self {
+    pub const fn new(unsafe_access: bool) -> Self {
         Self {
-            deframer: Deframer::new(),
+            unsafe_access,
             to_send: Deque::new(),
             received: Deque::new(),
             dropped: 0,
@@ -37,22 +33,13 @@ impl Raw {
         }
     }
 
-    /// Queues a frame; `false` if the queue is full.
-    pub fn send(&mut self, frame: RawFrame) -> bool {
-        if let RawFrame::Serial(bytes) = &frame
-            && !self.to_send.is_full()
-        {
-            for byte in bytes.as_slice() {
-                self.deframer.push(*byte);
-            }
-        }
-        self.to_send.push_back(frame).is_ok()
+    pub fn is_unsafe(&self) -> bool {
+        self.unsafe_access
     }
 
-    /// The motors' frames that these bytes would complete on the line, behind those sent before.
-    pub fn completed_by(&self, bytes: &[u8]) -> Vec<[u8; FRAME_LEN], MAX_COMPLETED> {
-        let mut deframer = self.deframer.clone();
-        bytes.iter().filter_map(|byte| deframer.push(*byte)).collect()
+    /// Queues a frame; `false` if the queue is full.
+    pub fn send(&mut self, frame: RawFrame) -> bool {
+        self.to_send.push_back(frame).is_ok()
     }
 
     /// What waits to be sent is dropped.

@@ -44,8 +44,7 @@ impl Bus {
         {
             return self.hand_over(now, axis, want, out);
         }
-        let stops_wait = || self.axes_here(axes).any(Axis::stop_has_not_left);
-        if self.raw.is_none() || stops_wait() { None } else { self.raw_frame(now) }
+        self.raw_frame(now)
     }
 
     /// The port has sent the frame in `slot`.

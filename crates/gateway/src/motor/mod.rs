@@ -17,7 +17,7 @@ use counts::{fit, position, turned};
 pub(crate) use exchange::Exchange;
 pub(crate) use ids::sent_on_an_id_of;
 pub(crate) use native::{Demand, Effect, Native, native};
-pub(crate) use raw::{Touch, touched_by_can, touched_by_serial};
+pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
 
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;

@@ -101,7 +101,9 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         | Request::ReadPower
         | Request::ReadRunTime
         | Request::ReadVersionDate
-        | Request::ReadModel => Effect::Asks,
+        | Request::ReadModel
+        | Request::ReadCanId
+        | Request::ReadRs485Id => Effect::Asks,
         Request::Shutdown | Request::Stop => Effect::Stops,
         Request::TorqueCurrent { current } => {
             let current_a = sign * convert::from_hundredths(i32::from(current.0));

@@ -223,7 +223,7 @@ fn a_bus_that_cannot_carry_its_axes_is_refused_with_the_numbers() {
 #[test]
 fn an_empty_raw_frame_is_refused() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2 })).unwrap();
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2, unsafe_access: false })).unwrap();
     let empty = RawFrame::Serial(Bytes::new());
     let refused = Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max: 64.0 };
     assert_eq!(rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame: empty })), Err(refused));

@@ -115,12 +115,11 @@ fn what_was_given_up_does_not_leave_when_nobody_expects_it_any_more() {
 #[test]
 fn a_raw_frame_does_not_outlive_the_raw_access() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
-    rig.ask(Request::RawOpen(requests::RawOpen { bus: 0 })).unwrap();
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 0, unsafe_access: false })).unwrap();
     rig.cut();
-    // Node 9 is no axis.
-    let frame = CanFrame::standard(0x149, &crate::text::unhex("A200000010270000")).unwrap();
+    let frame = CanFrame::standard(0x149, &crate::text::unhex("9C00000000000000")).unwrap();
     rig.ask(Request::RawSend(requests::RawSend { bus: 0, frame: RawFrame::Can(frame) })).unwrap();
-    assert_eq!(rig.held_texts(), ["149#A200000010270000"]);
+    assert_eq!(rig.held_texts(), ["149#9C00000000000000"]);
     rig.run(1_000_000); // the host is silent: its authority is lost, and with it the raw access
     assert_eq!(rig.held_texts(), Vec::<&str>::new());
 }

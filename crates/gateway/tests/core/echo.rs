@@ -28,7 +28,7 @@ fn a_line_without_echo_never_confirms_a_stop_and_its_axis_ends_unreachable() {
 #[test]
 fn raw_access_hears_the_motor_and_not_our_own_bytes() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2 })).unwrap();
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 2, unsafe_access: false })).unwrap();
     let bytes = crate::text::unhex("3E01089C00000000000000F230"); // PROTOCOL-NOTES R1
     let frame = RawFrame::Serial(bytes.into_iter().collect());
     rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame })).unwrap();

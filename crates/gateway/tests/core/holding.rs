@@ -175,7 +175,7 @@ fn an_arming_that_fails_under_a_locked_brake_leaves_the_motor_holding() {
 #[test]
 fn raw_access_is_refused_where_a_motor_holds() {
     let mut rig = held();
-    let open = Request::RawOpen(requests::RawOpen { bus: 0 });
+    let open = Request::RawOpen(requests::RawOpen { bus: 0, unsafe_access: false });
     assert_eq!(rig.ask(open.clone()), Err(Error::NotIdle { axis: 0, state: AxisState::Holding }));
     output_off(&mut rig).unwrap();
     assert_eq!(rig.ask(open), Ok(Reply::RawOpen(replies::Done {})));

@@ -28,6 +28,8 @@ mod obedience;
 mod pins;
 mod random;
 mod raw_access;
+mod raw_frames;
+mod raw_matrix;
 mod relative_moves;
 mod rest;
 mod rig;

@@ -1,93 +1,273 @@
-//! Raw frames: what would move or change the motor of an axis obeys the rules of axes (GUARANTEES G2).
+//! Raw access fails closed: it is open only beside idle axes, what ends it ends what waits, and unsafe access is for buses without axes
+//! (GUARANTEES G10).
 
-use crate::bench::{self, VELOCITY, assert_tripped, move_axis, run_with_host};
+use crate::bench::{self, VELOCITY, arm, clear, disarm, e_stop, move_axis, run_with_host, stop};
 use crate::rig::Rig;
 use crate::text::unhex;
 use host_protocol::{
-    AxisParameter, AxisState, CanFrame, Error, RawFrame, Reply, Request, StopAction, TripReason, Value,
+    AxisParameter, AxisState, CanFrame, Error, Protocol, RawFrame, Reply, Request, StopAction, Value,
     requests,
 };
 
-fn open(rig: &mut Rig, bus: u8) -> Result<Reply, Error> {
-    rig.ask(Request::RawOpen(requests::RawOpen { bus }))
+pub fn open(rig: &mut Rig, bus: u8) -> Result<Reply, Error> {
+    rig.ask(Request::RawOpen(requests::RawOpen { bus, unsafe_access: false }))
 }
 
-fn send_can(rig: &mut Rig, id: u16, data: &str) -> Result<Reply, Error> {
-    let frame = RawFrame::Can(CanFrame::standard(id, &unhex(data)).unwrap());
-    rig.ask(Request::RawSend(requests::RawSend { bus: 0, frame }))
+fn open_unsafe(rig: &mut Rig, bus: u8) -> Result<Reply, Error> {
+    rig.ask(Request::RawOpen(requests::RawOpen { bus, unsafe_access: true }))
 }
 
-fn send_serial(rig: &mut Rig, bytes: &str) -> Result<Reply, Error> {
-    let frame = RawFrame::Serial(unhex(bytes).into_iter().collect());
-    let sent = rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame }));
-    rig.run(10_000);
-    sent
+fn close(rig: &mut Rig, bus: u8) {
+    rig.ask(Request::RawClose(requests::RawClose { bus })).unwrap();
 }
 
-const NOT_ARMED: Result<Reply, Error> = Err(Error::NotArmed { axis: 0, state: AxisState::Idle });
-
-/// 0xA2, 100 °/s, to RMD node 1 and to all, with checksums computed apart from the codec.
-fn motion(id: &str) -> String {
-    let mut frame = unhex(&format!("3E{id}08A200000010270000"));
-    frame.extend(crate::motors::crc16_modbus(&frame).to_le_bytes());
-    crate::text::hex(&frame)
+fn send(rig: &mut Rig, bus: u8, frame: RawFrame) -> Result<Reply, Error> {
+    rig.ask(Request::RawSend(requests::RawSend { bus, frame }))
 }
 
+/// A frame as `ID#HEX`, or bytes of a serial line in hex.
+pub fn send_text(rig: &mut Rig, bus: u8, text: &str) -> Result<Reply, Error> {
+    let frame = match text.split_once('#') {
+        Some((id, data)) => {
+            let id = u16::from_str_radix(id, 16).unwrap();
+            RawFrame::Can(CanFrame::standard(id, &unhex(data)).unwrap())
+        }
+        None => RawFrame::Serial(unhex(text).into_iter().collect()),
+    };
+    send(rig, bus, frame)
+}
+
+fn not_harmless(bus: u8) -> Result<Reply, Error> {
+    Err(Error::RawNotHarmless { bus })
+}
+
+fn not_idle(state: AxisState) -> Result<Reply, Error> {
+    Err(Error::NotIdle { axis: 0, state })
+}
+
+const NOT_OPEN: Result<Reply, Error> = Err(Error::RawNotOpen { bus: 0 });
+
+/// 0xA2 with this checksum to RMD node 1: 100 °/s.
+const MOTION: &str = "3E0108A200000010270000";
+
+/// A bus without axes, as a host configures it before anything else.
+fn bare() -> Rig {
+    let mut rig = Rig::new();
+    bench::hello(&mut rig);
+    bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd, Protocol::Thruster]);
+    rig
+}
+
+/// The first of the two is unfinished; its checksum is the beginning of the second, and the motor reframes after the pause.
 #[test]
-fn motion_on_rs485_is_refused_also_in_pieces_and_behind_other_bytes() {
+fn an_unfinished_serial_frame_is_refused_and_so_is_what_would_finish_it() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     open(&mut rig, 2).unwrap();
+    let mut whole = unhex(MOTION);
+    whole.extend(crate::motors::crc16_modbus(&whole).to_le_bytes());
+    let whole = crate::text::hex(&whole);
+    let (first, second) = whole.split_at(22);
     let since = rig.now_us;
-    for id in ["01", "CD"] {
-        let bytes = motion(id);
-        assert_eq!(send_serial(&mut rig, &bytes), NOT_ARMED);
-        assert_eq!(send_serial(&mut rig, &format!("FFFF{bytes}00")), NOT_ARMED);
-        let (first, second) = bytes.split_at(12);
-        send_serial(&mut rig, first).unwrap();
-        assert_eq!(send_serial(&mut rig, second), NOT_ARMED);
-        assert_eq!(send_serial(&mut rig, second), NOT_ARMED);
-        send_serial(&mut rig, "0000000000000000000000000000").unwrap();
+    for text in [&whole, first, second, &format!("FFFF{whole}00"), "3E", "00", "3E01089C00000000000000"] {
+        assert_eq!(send_text(&mut rig, 2, text), not_harmless(2), "{text}");
+        rig.run(10_000);
     }
-    let other = motion("02");
-    send_serial(&mut rig, &other).unwrap();
-    assert_eq!(rig.sent_since(2, since).iter().filter(|text| text.contains("A20000001027")).count(), 1);
+    assert_eq!(rig.sent_since(2, since), Vec::<&str>::new());
+    send_text(&mut rig, 2, "3E01089C00000000000000F230").unwrap();
+    rig.run(10_000);
+    assert_eq!(rig.sent_since(2, since), ["3E01089C00000000000000F230"]);
 }
 
 #[test]
-fn motion_that_is_cut_short_or_unknown_is_refused_too() {
+fn what_our_codecs_reject_and_a_lenient_motor_obeys_is_refused() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     open(&mut rig, 0).unwrap();
-    assert_eq!(send_can(&mut rig, 0x141, "A20000001027"), NOT_ARMED);
-    assert_eq!(send_can(&mut rig, 0x141, "A600000010270000"), NOT_ARMED);
-    assert_eq!(send_can(&mut rig, 0x141, "A800640010270000"), NOT_ARMED);
-    assert!(send_can(&mut rig, 0x141, "9C00000000000000").is_ok());
+    // TC 10 % with bytes that are not used, short, or to a node that is no axis; RMD motion cut short, and to node 9.
+    let thruster =
+        ["30B#544301000000000A", "30B#544300000100000A", "30B#54430000000A", "30C#544300000000000A"];
+    let rmd = [
+        "141#A20000001027",
+        "149#A200000010270000",
+        "141#A600000010270000",
+        "141#9C00000000000001",
+        "141#9C",
+        "409#8000800000000800",
+    ];
+    for text in thruster.into_iter().chain(rmd) {
+        assert_eq!(send_text(&mut rig, 0, text), not_harmless(0), "{text}");
+    }
+    let (mut rig, _) = bench::d5();
+    open(&mut rig, 1).unwrap();
+    // The speed by a byte, by a word that begins before it, with a wrong checksum, to all, by an asynchronous write, on other ids.
+    let speeds = [
+        "00B#D50B04032158008B",
+        "00B#D50B05031F00588A",
+        "00B#D50B0503205802FF",
+        "0FE#D5FE050320580280",
+        "00B#D50B05042058028E",
+        "00B#D5FE0505000000FF",
+        "123#D50B05032058028D",
+        "00B#D50B05032058",
+    ];
+    for text in speeds {
+        assert_eq!(send_text(&mut rig, 1, text), not_harmless(1), "{text}");
+    }
+    let extended = |data: &str| RawFrame::Can(CanFrame::extended(0x0A, &unhex(data)).unwrap());
+    assert_eq!(send(&mut rig, 1, extended("D50B05032058028D")), not_harmless(1));
+    send(&mut rig, 1, extended("D50B050226000038")).unwrap();
 }
 
+/// A node may match an extended id by its first or its last 11 bits, and take a remote frame for one of zeros.
 #[test]
-fn a_timeout_that_was_written_raw_is_not_the_one_we_wrote() {
+fn extended_and_remote_frames_are_refused_on_the_ids_of_motors_and_pass_on_others() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
-    bench::parameter(&mut rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(false));
-    bench::provision(&mut rig, 500).unwrap();
     open(&mut rig, 0).unwrap();
-    send_can(&mut rig, 0x141, "B300000000000000").unwrap();
-    rig.ask(Request::RawClose(requests::RawClose { bus: 0 })).unwrap();
-    let arming = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
-    assert_eq!(arming, Err(Error::MotorTimeoutUnknown { axis: 0 }));
+    let data = unhex("9C00000000000000");
+    for id in [0x141, 0x141 << 18, 0x0123_0401, 0x401 << 18 | 0x3FFFF, 0x30B] {
+        assert_eq!(
+            send(&mut rig, 0, RawFrame::Can(CanFrame::extended(id, &data).unwrap())),
+            not_harmless(0),
+            "{id:08X}"
+        );
+    }
+    let remote = |id| {
+        RawFrame::Can(
+            <CanFrame as embedded_can::Frame>::new_remote(embedded_can::StandardId::new(id).unwrap(), 8)
+                .unwrap(),
+        )
+    };
+    assert_eq!(send(&mut rig, 0, remote(0x401)), not_harmless(0));
+    assert_eq!(send(&mut rig, 0, remote(0x141)), not_harmless(0));
+    send(&mut rig, 0, RawFrame::Can(CanFrame::extended(0x700 << 18 | 0x7FF, &data).unwrap())).unwrap();
+    send(&mut rig, 0, remote(0x7FF)).unwrap();
+}
+
+/// What ends raw access.
+type End = fn(&mut Rig);
+
+#[test]
+fn a_stop_an_e_stop_and_a_change_close_it() {
+    let ends: [(&str, End); 6] = [
+        ("stop", stop),
+        ("e-stop", e_stop),
+        ("a parameter", |rig| bench::parameter(rig, 0, AxisParameter::TtlUs, Value::Unsigned(50_000))),
+        ("another axis", |rig| bench::parameter(rig, 5, AxisParameter::Bus, Value::Unsigned(0))),
+        ("the bus", |rig| bench::configure_bus(rig, 0, 1_000_000, &[Protocol::Rmd])),
+        ("removal", |rig| drop(rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })).unwrap())),
+    ];
+    for (name, end) in ends {
+        let (mut rig, _) = bench::rmd(StopAction::Coast);
+        open(&mut rig, 0).unwrap();
+        send_text(&mut rig, 0, "141#9C00000000000000").unwrap();
+        end(&mut rig);
+        assert_eq!(send_text(&mut rig, 0, "141#9C00000000000000"), NOT_OPEN, "{name}");
+    }
+}
+
+/// What waits in the queue and in the controller is gone when the bus is back.
+#[test]
+fn an_e_stop_drops_what_waits() {
+    let mut rig = bare();
+    open_unsafe(&mut rig, 0).unwrap();
+    rig.cut();
+    for _ in 0..3 {
+        send_text(&mut rig, 0, "149#A200000010270000").unwrap(); // one in the controller, two behind it
+    }
+    assert_eq!(rig.held_texts().len(), 1);
+    e_stop(&mut rig);
+    assert_eq!(rig.held_texts(), Vec::<&str>::new());
+    rig.mend();
+    let since = rig.now_us + 1;
+    run_with_host(&mut rig, 200_000);
+    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+    assert_eq!(open(&mut rig, 0), Err(Error::EStopped {}));
+    assert_eq!(open_unsafe(&mut rig, 0), Err(Error::EStopped {}));
+}
+
+/// Both come in one delivery.
+#[test]
+fn an_e_stop_that_is_cleared_at_once_has_closed_it() {
+    let mut rig = bare();
+    open_unsafe(&mut rig, 0).unwrap();
+    rig.cut();
+    send_text(&mut rig, 0, "149#A200000010270000").unwrap();
+    let both = [
+        Request::EStop(requests::EStop {}),
+        Request::Clear(requests::Clear { target: host_protocol::ClearTarget::Gateway }),
+    ];
+    let bytes: Vec<u8> = both
+        .iter()
+        .zip(1_000..)
+        .flat_map(|(request, sequence)| {
+            let mut out = [0; host_protocol::MAX_FRAME];
+            let length = request.encode_frame(sequence, &mut out).unwrap();
+            out[..length].to_vec()
+        })
+        .collect();
+    rig.bytes(&bytes);
+    assert_eq!(rig.held_texts(), Vec::<&str>::new());
+    assert_eq!(send_text(&mut rig, 0, "149#9C00000000000000"), NOT_OPEN);
 }
 
 #[test]
-fn a_tripped_axis_is_not_changed_and_its_bus_not_opened_before_its_stop_is_confirmed() {
+fn motion_of_an_unsafe_access_does_not_leave_when_its_node_is_an_axis() {
+    let mut rig = bare();
+    open_unsafe(&mut rig, 0).unwrap();
+    rig.cut();
+    for _ in 0..3 {
+        send_text(&mut rig, 0, "141#A200000010270000").unwrap();
+    }
+    let bus = requests::ConfigureAxis {
+        axis: 0,
+        parameter: AxisParameter::Bus.number(),
+        value: Value::Unsigned(0),
+    };
+    assert_eq!(rig.ask(Request::ConfigureAxis(bus)), Err(Error::RawOpen { bus: 0 }));
+    close(&mut rig, 0);
+    bench::configure_axis(&mut rig, 0, 0, Protocol::Rmd, 1, StopAction::Coast);
+    rig.mend();
+    open(&mut rig, 0).unwrap();
+    let since = rig.now_us + 1;
+    run_with_host(&mut rig, 100_000);
+    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+}
+
+#[test]
+fn unsafe_access_is_for_a_bus_that_no_axis_names() {
+    let mut rig = bare();
+    bench::parameter(&mut rig, 3, AxisParameter::Bus, Value::Unsigned(0)); // not even complete
+    assert_eq!(open_unsafe(&mut rig, 0), Err(Error::AxisOnBus { bus: 0, axis: 3 }));
+    rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 3 })).unwrap();
+    open_unsafe(&mut rig, 0).unwrap();
+    let since = rig.now_us;
+    send_text(&mut rig, 0, "149#A200000010270000").unwrap();
+    rig.run(1_000);
+    assert_eq!(rig.sent_since(0, since), ["149#A200000010270000"]);
+    // Opened anew it only reads.
+    open(&mut rig, 0).unwrap();
+    assert_eq!(send_text(&mut rig, 0, "149#A200000010270000"), not_harmless(0));
+}
+
+#[test]
+fn a_motor_that_holds_bars_it_and_so_does_a_trip_until_it_is_cleared() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    open(&mut rig, 0).unwrap();
+    close(&mut rig, 0);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 200_000);
+    assert!(open(&mut rig, 0).is_err());
     let (mut rig, play) = bench::rmd(StopAction::Brake);
     move_axis(&mut rig, VELOCITY);
     play.borrow_mut().mute = true;
     run_with_host(&mut rig, 200_000);
-    assert_eq!(open(&mut rig, 0), Err(Error::AxisArmed { axis: 0 }));
+    assert_eq!(open(&mut rig, 0), not_idle(AxisState::Tripped { confirmed: false }));
     play.borrow_mut().mute = false;
     run_with_host(&mut rig, 2_000_000);
-    assert_tripped(&mut rig, TripReason::MotorSilent, true);
+    assert_eq!(open(&mut rig, 0), not_idle(AxisState::Tripped { confirmed: true }));
+    clear(&mut rig).unwrap();
     open(&mut rig, 0).unwrap();
-    let state = AxisState::Tripped { confirmed: true };
-    assert_eq!(send_can(&mut rig, 0x141, "7700000000000000"), Err(Error::NotIdle { axis: 0, state }));
+    assert_eq!(send_text(&mut rig, 0, "141#7700000000000000"), not_harmless(0));
 }
 
 #[test]
@@ -96,7 +276,7 @@ fn what_waits_to_be_sent_is_dropped_with_the_bus() {
     open(&mut rig, 0).unwrap();
     rig.cut();
     for _ in 0..3 {
-        send_can(&mut rig, 0x149, "A200000010270000").unwrap(); // one in the controller, two behind it
+        send_text(&mut rig, 0, "149#9C00000000000000").unwrap();
     }
     rig.bus_off(0);
     rig.mend();

@@ -91,7 +91,7 @@ fn a_period_out_of_range_is_refused_and_the_subscription_stays() {
 fn watching_keeps_out_of_the_way_of_raw_access() {
     let (mut rig, _) = bench::rmd(StopAction::Coast);
     subscribe(&mut rig, 1, 20_000).unwrap();
-    rig.ask(Request::RawOpen(requests::RawOpen { bus: 0 })).unwrap();
+    rig.ask(Request::RawOpen(requests::RawOpen { bus: 0, unsafe_access: false })).unwrap();
     rig.run(10_000);
     let since = rig.now_us;
     run_with_host(&mut rig, 300_000);

@@ -22,14 +22,18 @@ impl Oracle {
                     bus.bitrate = bitrate;
                     bus.wholly_ours = wholly_ours;
                     bus.window_us = reply_window_us.into();
+                    bus.close_raw(now);
                 }
             }
             Request::ConfigureAxis { axis, parameter, value } => {
+                self.close_raw_of(axis, now);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.set(parameter, value);
                 }
+                self.close_raw_of(axis, now);
             }
             Request::RemoveAxis(axis) => {
+                self.close_raw_of(axis, now);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     *axis = Axis::default();
                 }
@@ -68,17 +72,16 @@ impl Oracle {
                 // A motion was granted when it was not refused; a stop says so by its events.
                 self.fulfil(link, sequence, axis);
             }
-            Request::RawOpen(bus) => {
-                let armed = self.axes.iter().any(|axis| axis.bus() == Some(usize::from(bus)) && axis.armed);
-                if armed {
-                    self.broken(
-                        Check::RawUnopened,
-                        now,
-                        format!("bus {bus} is opened with an armed axis on it"),
-                    );
+            Request::RawOpen { bus, unsafe_access } => {
+                let here = |axis: &&Axis| axis.bus() == Some(usize::from(bus));
+                if self.axes.iter().filter(here).any(|axis| axis.armed || unsafe_access) {
+                    self.broken(Check::RawUnopened, now, format!("bus {bus} is opened with an axis on it"));
                 }
+                // What closed it may have come before its host read that it was open.
+                let records = &self.links[usize::from(link)].records;
+                let at = records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-                    bus.raw_open = true;
+                    bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at > closed));
                 }
             }
             Request::RawSend { bus, id, ref data } => {
@@ -88,11 +91,25 @@ impl Oracle {
             }
             Request::RawClose(bus) => {
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-                    bus.raw_open = false;
-                    bus.raw.clear();
+                    bus.close_raw(now);
                 }
             }
             _ => {}
+        }
+    }
+
+    /// The bus of an axis is no longer open for raw frames.
+    fn close_raw_of(&mut self, axis: u8, now: u64) {
+        let bus = self.axes.get(usize::from(axis)).and_then(Axis::bus);
+        if let Some(bus) = bus.and_then(|bus| self.buses.get_mut(bus)) {
+            bus.close_raw(now);
+        }
+    }
+
+    /// No bus is open for raw frames any more.
+    pub(crate) fn close_all_raw(&mut self, now: u64) {
+        for bus in &mut self.buses {
+            bus.close_raw(now);
         }
     }
 

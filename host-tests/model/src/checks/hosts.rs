@@ -165,6 +165,7 @@ impl Oracle {
             Request::EStop => {
                 self.e_stopped = true;
                 self.e_stop_asked_us = Some(now);
+                self.close_all_raw(now);
                 (None, Cause::EStop)
             }
             _ => return,
@@ -187,10 +188,7 @@ impl Oracle {
     /// Nobody is in command any more, since `at`.
     pub(crate) fn lose_authority(&mut self, at: u64) {
         self.holder = None;
-        for bus in &mut self.buses {
-            bus.raw_open = false;
-            bus.raw.clear();
-        }
+        self.close_all_raw(at);
         for axis in 0..self.axes.len() {
             if self.axes[axis].armed {
                 self.owe_stop(axis, Cause::Host, at);

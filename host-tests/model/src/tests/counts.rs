@@ -97,7 +97,7 @@ fn a_bus_that_goes_off_and_trips_nothing() {
 #[test]
 fn a_raw_frame_that_a_bus_off_should_have_purged() {
     let mut trace = Trace::new(HOLD);
-    trace.done(0, 0x50, &[0]);
+    trace.done(0, 0x50, &[0, 0]);
     trace.done(0, 0x51, &[[0, 0, 0x80, 0x0E, 2].as_slice(), &[1, 2]].concat());
     trace.oracle.bus_state(trace.now, 0, true);
     trace.oracle.bus_state(trace.now, 0, false);

@@ -40,7 +40,7 @@ fn a_setpoint_that_expires_later_than_the_axis_allows() {
 #[test]
 fn a_link_that_is_not_in_command_is_obeyed() {
     let mut trace = Trace::armed();
-    trace.done(1, 0x50, &[0]);
+    trace.done(1, 0x50, &[0, 0]);
     assert_eq!(trace.oracle.violations()[0].check, Check::AuthorityIgnored);
 }
 

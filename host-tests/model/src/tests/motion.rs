@@ -12,7 +12,7 @@ fn motion_of_an_axis_that_was_never_armed() {
 #[test]
 fn raw_motion_to_an_axis_that_is_not_armed() {
     let mut trace = Trace::new(HOLD);
-    trace.done(0, 0x50, &[0]);
+    trace.done(0, 0x50, &[0, 0]);
     trace.done(0, 0x51, &[[0, 0, 0xC1, 0x02, 8].as_slice(), VELOCITY].concat());
     trace.send(VELOCITY);
     trace.breaks(Check::MotionUnarmed);

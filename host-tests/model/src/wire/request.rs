@@ -43,7 +43,7 @@ pub enum Request {
     /// 0x0043
     Native { axis: u8, epoch: u32, expires_at_us: u32, data: Vec<u8> },
     /// 0x0050
-    RawOpen(u8),
+    RawOpen { bus: u8, unsafe_access: bool },
     /// 0x0051: an arbitration id with its flags and data, or bytes.
     RawSend { bus: u8, id: Option<u32>, data: Vec<u8> },
     /// 0x0053
@@ -143,7 +143,7 @@ impl Request {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
                 Self::Native { axis, epoch, expires_at_us, data: b.bytes(8)?.to_vec() }
             }
-            0x0050 => Self::RawOpen(b.byte()?),
+            0x0050 => Self::RawOpen { bus: b.byte()?, unsafe_access: b.bool()? },
             0x0051 => {
                 let bus = b.byte()?;
                 match b.varint(32)? {
@@ -179,7 +179,7 @@ impl Request {
             | Self::OutputOff(_)
             | Self::Setpoint { .. }
             | Self::MoveRelative { .. }
-            | Self::RawOpen(_)
+            | Self::RawOpen { .. }
             | Self::RawSend { .. }
             | Self::RawClose(_) => true,
             Self::Hello

@@ -78,6 +78,13 @@ fn live(
     configure(client)?;
     client.list_axes()?;
     client.subscribe(&[0, 1, 2, 3], StateFields::from_bits(u8::MAX), SAMPLE_PERIOD)?;
+    // Before a motor holds.
+    client.raw_open(2)?;
+    client.raw_send(2, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
+    stay(client, TTL)?;
+    client.raw_receive(2)?;
+    client.raw_close(2)?;
+
     move_all(client)?;
     client.stop(StopTarget::All)?;
     stay(client, SETTLED)?;
@@ -88,12 +95,6 @@ fn live(
     // The setpoint expires: a trip, and its stop.
     stay(client, SETTLED)?;
     client.clear(ClearTarget::Axis(0))?;
-
-    client.raw_open(2)?;
-    client.raw_send(2, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
-    stay(client, TTL)?;
-    client.raw_receive(2)?;
-    client.raw_close(2)?;
 
     let epoch = client.arm(0)?.epoch;
     machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Shorted);

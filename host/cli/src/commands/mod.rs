@@ -67,6 +67,6 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         }
         Command::Watch(arguments) => watch::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
-        Command::Raw { bus, action } => raw::run(session, *bus, action),
+        Command::Raw { bus, unsafe_access, action } => raw::run(session, *bus, *unsafe_access, action),
     }
 }

@@ -19,14 +19,18 @@ const STANDARD_DIGITS: usize = 3;
 const FETCH_EVERY: Duration = Duration::from_millis(20);
 
 /// Opens the bus, sends and listens, and closes it.
-pub fn run(session: &mut Session, bus: u8, action: &RawAction) -> Result<(), Failure> {
+pub fn run(session: &mut Session, bus: u8, unsafe_access: bool, action: &RawAction) -> Result<(), Failure> {
     let (frame, duration) = match action {
         RawAction::Send { frame, wait } => (Some(RawFrame::Can(can_frame(frame)?)), *wait),
         RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
         RawAction::Listen { duration } => (None, duration.unwrap_or(Duration::MAX)),
     };
     session.note_interrupts();
-    session.client.raw_open(bus)?;
+    if unsafe_access {
+        session.client.raw_open_unsafe(bus)?;
+    } else {
+        session.client.raw_open(bus)?;
+    }
     let result = send_and_listen(session, bus, frame, duration);
     // An open bus refuses arming, so it is closed whatever happened.
     let closed = session.client.raw_close(bus);

@@ -234,7 +234,7 @@ fn raw_frames_go_out_and_answers_come_back() {
     let sim = Sim::patient();
     let text = sim.mgw(&["raw", "0", "send", "141#9A00000000000000"]).success();
     assert!(text.contains("241#9A"), "{text}");
-    let lines = sim.mgw(&["--json", "raw", "0", "send", "30B#5156"]).json_lines();
+    let lines = sim.mgw(&["--json", "raw", "0", "send", "30B#51560000"]).json_lines();
     assert!(lines.iter().all(|line| line["bus"] == 0), "{lines:?}");
     // RMD V3.6 §2.13 over RS485, whose bytes may come in pieces.
     let lines = sim.mgw(&["--json", "raw", "2", "send-hex", "3E01089C00000000000000F230"]).json_lines();

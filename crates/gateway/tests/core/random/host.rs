@@ -207,7 +207,10 @@ pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Reque
             let timeout_ms = dice.pick(&[0, 1, 99, 100, 1_000]);
             Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis, timeout_ms })
         }
-        51 if dice.percent(5) => Request::RawOpen(requests::RawOpen { bus: dice.pick(&[0, 1, 2, 3]) }),
+        51 if dice.percent(5) => Request::RawOpen(requests::RawOpen {
+            bus: dice.pick(&[0, 1, 2, 3]),
+            unsafe_access: dice.percent(50),
+        }),
         52 => {
             let frame = if bus == 2 {
                 RawFrame::Serial(dice.bytes(5).into_iter().collect::<Bytes<_>>())
