@@ -8,6 +8,8 @@ mod hostile_text;
 mod killed_host;
 mod moving;
 mod native;
+#[cfg(target_os = "linux")]
+mod pty;
 mod refusals;
 mod support;
 mod vectors;

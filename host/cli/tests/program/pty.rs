@@ -1,0 +1,135 @@
+//! The program on a serial device whose bytes arrive changed now and then: a pseudo terminal of this system, with a simulated
+//! gateway at its other end in wall-clock time. What a motor did is asserted by the simulator's clock.
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::{ErrorKind, Read, Write};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use host_protocol::Incident;
+use mgw_cli::run_on;
+use mgw_client::{Client, Interrupt};
+use mgw_sim::{MotorEvent, SimTransport, Wiring, World};
+use serialport::{SerialPort, TTYPort};
+
+use crate::support::{Process, mgw};
+
+/// The link of the device, and that by which the gateway is configured and asked.
+const LINK: u8 = 0;
+const CLEAN_LINK: u8 = 1;
+/// Of a thousand bytes so many arrive changed: one frame in ten or so.
+const CHANGED_OF_1000: u32 = 3;
+/// How long the thread waits for bytes.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
+const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+/// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is shown in virtual time.
+const PATIENT: [&[&str]; 2] =
+    [&["configure", "gateway", "link_silence_us=10000000"], &["configure", "axis", "0", "ttl_us=10000000"]];
+
+/// What the simulator says at the end.
+struct Seen {
+    moved: bool,
+    speed_rad_s: f64,
+    trips: usize,
+}
+
+/// A gateway behind a device.
+struct Device {
+    name: String,
+    ends: Arc<AtomicBool>,
+    server: JoinHandle<Seen>,
+}
+
+impl Device {
+    fn open() -> Self {
+        let (gateway_end, program_end) = TTYPort::pair().expect("a pseudo terminal");
+        let name = program_end.name().expect("it has a name");
+        // Kept open, or the device hangs up between two runs of the program; without the lock that keeps the program out.
+        let kept = File::options().read(true).write(true).open(&name).expect("it is there");
+        drop(program_end);
+        let ends = Arc::new(AtomicBool::new(false));
+        let until = ends.clone();
+        let server = std::thread::spawn(move || {
+            let seen = serve(gateway_end, &until);
+            drop(kept);
+            seen
+        });
+        Self { name, ends, server }
+    }
+
+    fn close(self) -> Seen {
+        self.ends.store(true, Ordering::Relaxed);
+        self.server.join().expect("the simulation goes on")
+    }
+}
+
+fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
+    let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
+    for arguments in [&["configure", "--file", CONFIGURATION][..]].iter().chain(&PATIENT) {
+        let transport = SimTransport::new(world.clone(), CLEAN_LINK);
+        assert_eq!(
+            run_on(Box::new(transport), Interrupt::default(), arguments).exit_code,
+            0,
+            "{arguments:?}"
+        );
+    }
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut spoil = |bytes: &mut [u8]| {
+        for byte in bytes {
+            if random.u32(..1_000) < CHANGED_OF_1000 {
+                *byte ^= random.u8(1..);
+            }
+        }
+    };
+    device.set_timeout(LOOK_EVERY).expect("a timeout");
+    let (configured, start) = (world.borrow().now(), Instant::now());
+    while !until.load(Ordering::Relaxed) {
+        let mut buffer = [0; 512];
+        let count = match device.read(&mut buffer) {
+            Ok(count) => count,
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => 0,
+            Err(error) => panic!("{error}"),
+        };
+        let bytes = &mut buffer[..count];
+        spoil(bytes);
+        let elapsed = u64::try_from(start.elapsed().as_micros()).expect("not so long");
+        let mut world = world.borrow_mut();
+        world.host_send(LINK, bytes);
+        world.run_until(configured + gateway::Duration::from_micros(elapsed));
+        let mut answers = world.host_receive(LINK);
+        spoil(&mut answers);
+        device.write_all(&answers).expect("it is read");
+    }
+    let mut client = Client::connect(SimTransport::new(world.clone(), CLEAN_LINK)).expect("a clean line");
+    let trips = client.incidents().expect("they are told");
+    let trips = trips.iter().filter(|incident| matches!(incident, Incident::Tripped { .. })).count();
+    let world = world.borrow();
+    let moved = world.motor(0).log().entries().any(|entry| matches!(entry.what, MotorEvent::Moving { .. }));
+    Seen { moved, speed_rad_s: world.motor(0).speed_rad_s(), trips }
+}
+
+#[test]
+fn a_motion_on_a_serial_line_with_errors_trips_nothing_and_ends_in_a_stop() {
+    let device = Device::open();
+    let outcome = mgw(&["--port", &device.name, "set", "0", "velocity", "2", "--for", "1"]);
+    let seen = device.close();
+    outcome.success();
+    assert!(seen.moved && seen.speed_rad_s.abs() < 0.05, "{} rad/s", seen.speed_rad_s);
+    assert_eq!(seen.trips, 0);
+}
+
+#[test]
+fn ctrl_c_and_stop_on_a_serial_line_with_errors_stop_the_motor() {
+    let device = Device::open();
+    let mut host = Process::start(&["--port", &device.name, "set", "0", "velocity", "2"]);
+    host.wait_for("motion", |line| line.contains("active").then_some(()));
+    assert_eq!(host.interrupt(), Some(0));
+    mgw(&["--port", &device.name, "stop", "0"]).success();
+    let seen = device.close();
+    assert!(seen.moved && seen.speed_rad_s.abs() < 0.05, "{} rad/s", seen.speed_rad_s);
+    assert_eq!(seen.trips, 0);
+}
