@@ -154,9 +154,9 @@ fn options_of_a_setpoint_belong_to_its_kind() {
     }
 }
 
-/// Whoever has no link hears so, and so does the simulator.
+/// Who has no link hears so, and so does the simulator.
 #[test]
-fn when_all_links_are_taken_the_next_host_is_told() {
+fn when_all_links_are_taken_the_next_host_is_told_and_may_stop() {
     let sim = Sim::start();
     let watching = [(); gateway::MAX_LINKS].map(|()| {
         let watch = Process::start(&["--port", &sim.port, "watch", "0"]);
@@ -168,6 +168,8 @@ fn when_all_links_are_taken_the_next_host_is_told() {
     assert!(error["message"].as_str().unwrap().contains("all host links are taken"), "{error}");
     let refused = format!("refused: all {} host links are taken", watching.len());
     sim.process.wait_for("the refusal", |line| line.contains(&refused).then_some(()));
+    // But nobody keeps others from stopping.
+    assert!(sim.mgw(&["stop"]).success().contains("holding"));
 }
 
 #[test]
