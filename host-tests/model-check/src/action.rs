@@ -28,8 +28,8 @@ pub enum Action {
     Cut { bus: u8, for_us: u64 },
     /// A CAN bus is shorted for a while: its controller goes off, again after each start.
     Short { bus: u8, for_us: u64 },
-    /// Other nodes load a CAN bus for a while with frames of this id, with so much of a frame time between them.
-    Foreign { bus: u8, id: u16, pause_us: u64, for_us: u64 },
+    /// Another node loads a CAN bus for a while with frames of this id and length: so long after one has left it has the next.
+    Foreign { bus: u8, id: u16, length: u8, pause_us: u64, for_us: u64 },
     /// A frame that nobody asked for comes in at the end of what is on the bus.
     Stray { bus: u8, id: u16, data: Vec<u8> },
     /// Bytes that nobody asked for come in on a serial line.
@@ -40,6 +40,8 @@ pub enum Action {
     Overflow { bus: u8 },
     /// The watchdog resets the gateway.
     Reset,
+    /// It does, and so many of the words that the last e-stop wrote to what outlives a reset are damaged.
+    DamagingReset { words: u8 },
     /// It does so when the gateway has stored so many more words of what outlives a reset: the last of them is whole, or garbage.
     /// What was going to be said or sent behind that is not.
     ResetWhileSaving { words: u32, garbles: bool },
@@ -69,6 +71,8 @@ pub enum Does {
     Faults { word: u16 },
     /// It is switched off and on.
     Restarts,
+    /// It has no power for a while.
+    Off { for_us: u64 },
     /// It answers and does not obey for a while.
     Disobeys { for_us: u64 },
     /// Something turns its shaft for a while, degrees a second.
@@ -84,7 +88,7 @@ pub enum Ask {
     Take,
     Release,
     Silence { us: u32 },
-    Bus { bus: u8, window_us: u32 },
+    Bus { bus: u8, window_us: u32, protocols: u8 },
     Set { axis: u8, parameter: u16, value: Number },
     Remove { axis: u8 },
     Provision { axis: u8, timeout_ms: u32 },

@@ -4,7 +4,7 @@
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
 use crate::dice::Dice;
 use crate::generate;
-use crate::plant::{BUSES, LINKS, LISTENER, MACHINE, MOTORS};
+use crate::plant::{BUS_SETUP, BUSES, LINKS, LISTENER, MACHINE, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, REQUESTS, StopAction};
 use promise_model::{Told, frame};
@@ -87,7 +87,11 @@ pub fn run(seed: u64, frames: u64) -> Result<Outcome, String> {
 /// Arms and moves the axes whose stop needs more than an acknowledgement.
 fn moving(world: &mut World) -> Result<Vec<u8>, String> {
     let mut steps: Vec<Ask> = vec![Ask::Hello];
-    steps.extend((0..BUSES).map(|bus| Ask::Bus { bus, window_us: 3_000 }));
+    steps.extend((0..BUSES).map(|bus| Ask::Bus {
+        bus,
+        window_us: 3_000,
+        protocols: BUS_SETUP[usize::from(bus)].1,
+    }));
     let mut axes = Vec::new();
     for (axis, motor) in (0u8..).zip(&MOTORS[..MACHINE]) {
         let mut set = |parameter: AxisParameter, value| {

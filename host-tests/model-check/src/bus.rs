@@ -1,7 +1,7 @@
 //! One bus: the controller that holds our frames, the wire, and who else sends on it.
 
 use crate::motor::Answer;
-use crate::plant::{BUS_SETUP, KINDS, MOTORS};
+use crate::plant::{BUS_SETUP, KINDS, Wired};
 use embedded_can::Id;
 use gateway::{Outgoing, Transmit};
 use promise_model::BusKind;
@@ -24,13 +24,22 @@ struct Coming {
     what: OnWire,
 }
 
-/// A load of foreign frames.
+/// Another node that loads the bus.
 #[derive(Debug, Clone)]
 struct Foreign {
     id: u16,
+    length: usize,
     pause_us: u64,
     next_us: u64,
     until_us: u64,
+}
+
+/// Who wins the arbitration: with one id, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Sender {
+    Load(usize),
+    Motor(usize),
+    Ours(usize),
 }
 
 /// One bus.
@@ -41,7 +50,7 @@ pub struct Bus {
     held: Vec<Transmit>,
     sending: Option<(u64, OnWire)>,
     coming: Vec<Coming>,
-    foreign: Option<Foreign>,
+    foreign: Vec<Foreign>,
     cut_until: u64,
     pub short_until: u64,
     pub stubborn_until: u64,
@@ -56,7 +65,7 @@ impl Bus {
             held: Vec::new(),
             sending: None,
             coming: Vec::new(),
-            foreign: None,
+            foreign: Vec::new(),
             cut_until: 0,
             short_until: 0,
             stubborn_until: 0,
@@ -118,8 +127,9 @@ impl Bus {
         self.coming.clear();
     }
 
-    pub fn load(&mut self, now: u64, id: u16, pause_us: u64, for_us: u64) {
-        self.foreign = Some(Foreign { id, pause_us, next_us: now, until_us: now + for_us });
+    pub fn load(&mut self, now: u64, id: u16, length: u8, (pause_us, for_us): (u64, u64)) {
+        let length = usize::from(length).min(8);
+        self.foreign.push(Foreign { id, length, pause_us, next_us: now, until_us: now + for_us });
     }
 
     /// Somebody sends something, as soon as the bus lets it.
@@ -128,10 +138,10 @@ impl Bus {
     }
 
     /// A motor answers.
-    pub fn answer(&mut self, now: u64, motor: usize, answer: Answer) {
-        let node = MOTORS[motor].node;
+    pub fn answer(&mut self, now: u64, motor: Wired, answer: Answer) {
+        let Wired { node, protocol, .. } = motor;
         let what = if self.is_can {
-            let base = match MOTORS[motor].protocol {
+            let base = match protocol {
                 host_protocol::Protocol::Rmd if answer.motion_mode => 0x500,
                 host_protocol::Protocol::Rmd => 0x240,
                 host_protocol::Protocol::Thruster => 0x280,
@@ -149,7 +159,7 @@ impl Bus {
 
     /// Begins what can begin now.
     pub fn begin(&mut self, now: u64) {
-        self.begin_foreign(now);
+        self.foreign.retain(|foreign| now < foreign.until_us);
         if now < self.cut_until || now < self.short_until {
             // Who answers into a cut cable is not heard.
             self.coming.retain(|coming| coming.at_us > now);
@@ -163,34 +173,34 @@ impl Bus {
         }
         let ours = self.held.iter().enumerate().filter_map(|(index, held)| match &held.frame {
             Outgoing::Can(frame) => match frame.id() {
-                Id::Standard(id) => Some((id.as_raw(), true, index)),
-                Id::Extended(_) => Some((u16::MAX, true, index)),
+                Id::Standard(id) => Some((id.as_raw(), index)),
+                Id::Extended(_) => Some((u16::MAX, index)),
             },
             Outgoing::Serial(_) => None,
         });
         let others = self.coming.iter().enumerate().filter_map(|(index, coming)| match &coming.what {
-            OnWire::Can { id, .. } if coming.at_us <= now => Some((*id, false, index)),
+            OnWire::Can { id, .. } if coming.at_us <= now => Some((*id, index)),
             _ => None,
         });
-        let Some((_, is_ours, index)) = ours.chain(others).min() else { return };
-        let what = if is_ours {
-            let Transmit { slot, frame } = self.held[index].clone();
-            OnWire::Ours { slot, frame, garbled: false }
-        } else {
-            self.coming.remove(index).what
+        let ready = self.foreign.iter().enumerate().filter(|(_, foreign)| foreign.next_us <= now);
+        let loads = ready.map(|(index, foreign)| (foreign.id, Sender::Load(index)));
+        let ours = ours.map(|(id, index)| (id, Sender::Ours(index)));
+        let others = others.map(|(id, index)| (id, Sender::Motor(index)));
+        let Some((_, sender)) = ours.chain(others).chain(loads).min() else { return };
+        let what = match sender {
+            Sender::Ours(index) => {
+                let Transmit { slot, frame } = self.held[index].clone();
+                OnWire::Ours { slot, frame, garbled: false }
+            }
+            Sender::Motor(index) => self.coming.remove(index).what,
+            Sender::Load(index) => {
+                let Foreign { id, length, .. } = self.foreign[index];
+                let what = OnWire::Can { id, data: vec![0x55; length] };
+                self.foreign[index].next_us = now + self.length_us(&what) + self.foreign[index].pause_us;
+                what
+            }
         };
         self.sending = Some((now + self.length_us(&what), what));
-    }
-
-    fn begin_foreign(&mut self, now: u64) {
-        let Some(foreign) = self.foreign.as_mut().filter(|foreign| foreign.next_us <= now) else { return };
-        foreign.next_us = now + foreign.pause_us.max(50);
-        let (id, is_over) = (foreign.id, now >= foreign.until_us);
-        if is_over {
-            self.foreign = None;
-        } else if self.coming.len() < 4 {
-            self.coming.push(Coming { at_us: now, what: OnWire::Can { id, data: vec![0x55; 8] } });
-        }
     }
 
     fn begin_serial(&mut self, now: u64) {
@@ -233,7 +243,7 @@ impl Bus {
     pub fn next_us(&self, now: u64) -> Option<u64> {
         let ends = self.sending.as_ref().map(|(ends_us, _)| *ends_us);
         let begins = self.coming.iter().map(|coming| coming.at_us).filter(|at| *at > now).min();
-        let foreign = self.foreign.as_ref().map(|foreign| foreign.next_us.max(now + 1));
+        let foreign = self.foreign.iter().map(|foreign| foreign.next_us).filter(|at| *at > now).min();
         let mended = [self.cut_until, self.short_until].into_iter().filter(|at| *at > now).min();
         [ends, begins, foreign, mended].into_iter().flatten().min()
     }

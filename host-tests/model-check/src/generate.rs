@@ -1,6 +1,8 @@
 //! Random steps, mostly of the kind that leads to motion and out of it again.
 
 mod asks;
+mod moves;
+mod raw;
 mod setup;
 mod trouble;
 
@@ -8,7 +10,7 @@ pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
 use crate::dice::Dice;
-use crate::plant::{BUSES, LISTENER};
+use crate::plant::{ALL_OF_CAN, BUS_SETUP, BUSES, LISTENER, MOTORS};
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
@@ -28,6 +30,16 @@ pub struct Generator {
     silent_until_us: u64,
     /// How much goes wrong: actions in a thousand.
     trouble: u64,
+    /// Axes that nobody sets in motion when they are armed. Bit 0 is axis 0.
+    left_armed: u16,
+    /// Axes that are seldom armed.
+    left_idle: u16,
+    /// A bus whose axes are mostly at rest, and which is opened for raw frames.
+    raw_bus: Option<u8>,
+    /// How often an axis is moved to another motor, in a thousand.
+    moves: u64,
+    /// D5 speaks on each CAN bus, and everything else too.
+    protocols: [u8; BUSES as usize],
 }
 
 impl Generator {
@@ -35,9 +47,26 @@ impl Generator {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut dice = Dice::Seeded(seed);
-        let first = configuration(&mut dice).into();
+        let protocols =
+            if dice.percent(40) { [ALL_OF_CAN, ALL_OF_CAN, 1] } else { BUS_SETUP.map(|(_, spoken)| spoken) };
+        let first = configuration(&mut dice, protocols).into();
         let trouble = dice.pick(&[5, 20, 60]);
-        Self { dice, first, commander: 0, silent_until_us: 0, trouble }
+        let left_armed = if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
+        let raw_bus = dice.percent(30).then(|| dice.byte() % BUSES);
+        let moves = dice.pick(&[0, 0, 4, 15]);
+        let left_idle = if moves > 0 { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
+        Self {
+            dice,
+            first,
+            commander: 0,
+            silent_until_us: 0,
+            trouble,
+            left_armed,
+            left_idle,
+            raw_bus,
+            moves,
+            protocols,
+        }
     }
 
     /// Steps that a fuzzer chooses, behind the configuration of the first seed.
@@ -92,11 +121,15 @@ impl Generator {
     pub fn next(&mut self, world: &World) -> Step {
         let now = world.since_start_us();
         if let Some(action) = self.first.pop_front() {
-            return Step { at_us: now + 60, action };
+            let pause = if self.moves > 0 { self.dice.pick(&[60, 60, 60, 400]) } else { 60 };
+            return Step { at_us: now + pause, action };
         }
         let at_us = now + self.dice.below(500);
         if self.dice.below(1_000) < self.trouble {
             return Step { at_us, action: self.trouble(now) };
+        }
+        if self.dice.below(1_000) < self.moves && world.reads(self.commander) && now >= self.silent_until_us {
+            return Step { at_us, action: self.moves(world) };
         }
         if now < self.silent_until_us {
             // The others go on.
@@ -118,7 +151,12 @@ impl Generator {
     /// What a host does that wants an axis to move.
     fn drive(&mut self, world: &World) -> Action {
         let axis = self.axis();
+        let on_raw_bus = self.raw_bus == Some(MOTORS[usize::from(axis)].bus);
+        if on_raw_bus && self.dice.percent(90) && world.reads(self.commander) {
+            return self.raw(world, axis);
+        }
         let ask = match world.oracle().told(axis) {
+            Told::Armed if self.left_armed >> axis & 1 == 1 && self.dice.percent(98) => Ask::Ping,
             Told::Armed | Told::Active => match self.dice.below(100) {
                 0..88 => {
                     Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) }
@@ -134,6 +172,13 @@ impl Generator {
                 _ => Ask::Disarm { axis },
             },
             Told::Holding if self.dice.percent(3) => Ask::OutputOff { axis },
+            Told::Unconfigured if world.reads(self.commander) && self.dice.percent(10) => {
+                return self.moves_back(axis);
+            }
+            Told::Idle if self.moves > 0 && world.reads(self.commander) && self.dice.percent(2) => {
+                return self.moves_back(axis);
+            }
+            Told::Idle if self.left_idle >> axis & 1 == 1 && self.dice.percent(98) => Ask::Ping,
             Told::Idle | Told::Holding => {
                 if self.dice.percent(97) {
                     Ask::Arm { axis }

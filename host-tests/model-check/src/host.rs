@@ -3,7 +3,7 @@
 use crate::action::{Ask, Goal, Number, Permit};
 use crate::plant::BUS_SETUP;
 use host_protocol::{
-    Bytes, CanFrame, ClearTarget, MAX_FRAME, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
+    Bytes, CanFrame, ClearTarget, MAX_FRAME, Protocol, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
     StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
@@ -52,12 +52,15 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
             parameter: host_protocol::GatewayParameter::LinkSilenceUs.number(),
             value: Value::Unsigned(us),
         }),
-        Ask::Bus { bus, window_us } => {
-            let (bitrate, protocols) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
+        Ask::Bus { bus, window_us, protocols } => {
+            let (bitrate, _) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
+            let all = [Protocol::Rmd, Protocol::Thruster, Protocol::D5].into_iter().enumerate();
+            let spoken: Vec<Protocol> =
+                all.filter(|(bit, _)| protocols >> bit & 1 == 1).map(|(_, protocol)| protocol).collect();
             Request::ConfigureBus(requests::ConfigureBus {
                 bus,
                 bitrate,
-                protocols: ProtocolSet::of(protocols),
+                protocols: ProtocolSet::of(&spoken),
                 wholly_ours: false,
                 reply_window_us: window_us,
             })

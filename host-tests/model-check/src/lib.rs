@@ -18,5 +18,5 @@ pub mod text;
 mod world;
 
 pub use action::Step;
-pub use shrink::{broken_by, shrink};
+pub use shrink::{broken_by, broken_with, shrink};
 pub use world::{Counts, World};

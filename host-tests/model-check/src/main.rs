@@ -1,9 +1,10 @@
 //! `model-check run [EVENTS [FIRST_SEED]]` runs random events until there were so many, on two threads;
 //! `model-check bad-host` sends a million random frames between a trip and its confirmation;
-//! `model-check replay FILE` runs a counterexample again and prints what was on the wires.
+//! `model-check survey EVENTS FIRST_SEED [CHECK...]` goes on, and prints the first counterexample of each promise but these;
+//! `model-check replay FILE [CHECK...]` runs a counterexample again, up to a broken promise other than these, and prints what was on the wires.
 
 use model_check::exhaust::{self, Limits};
-use model_check::{Counts, Step, World, bad_host, broken_by, generate::Generator, shrink, text};
+use model_check::{Counts, Step, World, bad_host, broken_with, generate::Generator, shrink, text};
 use promise_model::Violation;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -43,9 +44,12 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let number = |word: &str| word.replace('_', "").parse::<u64>().ok();
     match words.as_slice() {
-        ["replay", file] => replay(file),
+        ["replay", file, known @ ..] => replay(file, known),
         ["bad-host"] => bad_host(),
         ["exhaust", limits @ ..] => exhaust(limits),
+        ["survey", events, seed, known @ ..] if number(events).and(number(seed)).is_some() => {
+            survey(number(events).unwrap_or(EVENTS), number(seed).unwrap_or(1), known)
+        }
         ["run"] => run(EVENTS, 1),
         ["run", events] if number(events).is_some() => run(number(events).unwrap_or(EVENTS), 1),
         ["run", events, seed] if number(events).and(number(seed)).is_some() => {
@@ -57,7 +61,8 @@ fn main() -> ExitCode {
 
 fn usage() -> ExitCode {
     eprintln!(
-        "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | exhaust [--depth N] [--seconds N] | replay FILE"
+        "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | exhaust [--depth N] [--seconds N] | \
+         survey EVENTS FIRST_SEED [CHECK...] | replay FILE [CHECK...]"
     );
     ExitCode::FAILURE
 }
@@ -77,7 +82,7 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
             scope.spawn(|| {
                 while !stop.load(Ordering::Relaxed) {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
-                    let (counts, broken) = run_seed(seed);
+                    let (counts, broken) = run_seed(seed, &[]);
                     let Ok(mut total) = total.lock() else { return };
                     *total = total.plus(counts);
                     let is_broken = broken.is_some();
@@ -109,21 +114,46 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Runs one seed.
-fn run_seed(seed: u64) -> (Counts, Option<Counterexample>) {
+/// Runs seeds until there were so many events, and prints the first counterexample of each promise that is not known to be broken.
+fn survey(events: u64, first_seed: u64, known: &[&str]) -> ExitCode {
+    let mut known: Vec<String> = known.iter().map(|check| (*check).to_owned()).collect();
+    let mut total = Counts::default();
+    for seed in first_seed.. {
+        if total.events >= events {
+            break;
+        }
+        let (counts, broken) = run_seed(seed, &known);
+        total = total.plus(counts);
+        if let Some(counterexample) = broken {
+            println!("# after {} events", total.events);
+            known.push(format!("{:?}", counterexample.violation.check));
+            report(counterexample);
+        }
+    }
+    println!("# {} events", total.events);
+    ExitCode::SUCCESS
+}
+
+/// Runs one seed, up to the first broken promise that is not a known one.
+fn run_seed(seed: u64, known: &[String]) -> (Counts, Option<Counterexample>) {
     let start_us = start_of(seed);
     let _told = ToldOnPanic(seed);
     let mut world = World::new(start_us);
     let mut generator = Generator::new(seed);
-    let mut steps = Vec::new();
+    let (mut steps, mut judged) = (Vec::new(), 0);
     for _ in 0..STEPS {
         let step = generator.next(&world);
         world.step(&step);
         steps.push(step);
-        if let Some(violation) = world.broken() {
+        let is_new = |violation: &&Violation| {
+            !known.iter().any(|known| violation.to_string().contains(known.as_str()))
+        };
+        let violations = world.oracle().violations();
+        if let Some(violation) = violations.iter().skip(judged).find(is_new) {
             let violation = violation.clone();
             return (world.counts(), Some(Counterexample { seed, start_us, steps, violation }));
         }
+        judged = violations.len();
     }
     (world.counts(), None)
 }
@@ -143,8 +173,9 @@ impl Drop for ToldOnPanic {
 fn report(counterexample: Counterexample) -> ExitCode {
     let Counterexample { seed, start_us, steps, violation } = counterexample;
     println!("# seed {seed}, {} steps: {violation}", steps.len());
-    let steps = shrink(start_us, steps, violation.check, SETTLE_US, SHRINK_RUNS);
-    if let Some((violation, _)) = broken_by(start_us, &steps, SETTLE_US) {
+    let check = violation.check;
+    let steps = shrink(start_us, steps, check, SETTLE_US, SHRINK_RUNS);
+    if let Some((violation, _)) = broken_with(start_us, &steps, SETTLE_US, Some(check)) {
         println!("# {violation}");
     }
     print!("{}", text::write(start_us, &steps));
@@ -193,7 +224,7 @@ fn exhaust(words: &[&str]) -> ExitCode {
     if exhaust::run(limits) { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-fn replay(file: &str) -> ExitCode {
+fn replay(file: &str, known: &[&str]) -> ExitCode {
     let read = std::fs::read_to_string(file).map_err(|error| error.to_string());
     let (start_us, steps) = match read.and_then(|content| text::read(&content)) {
         Ok(read) => read,
@@ -204,19 +235,21 @@ fn replay(file: &str) -> ExitCode {
     };
     let mut world = World::new(start_us);
     world.keep_trace();
+    let is_new = |violation: &&Violation| !known.iter().any(|known| violation.to_string().contains(known));
+    let broken = |world: &World| world.oracle().violations().iter().find(is_new).cloned();
     for step in &steps {
         world.step(step);
-        if world.broken().is_some() {
+        if broken(&world).is_some() {
             break;
         }
     }
     let end = world.since_start_us() + SETTLE_US;
-    while world.broken().is_none() && world.since_start_us() < end {
+    while broken(&world).is_none() && world.since_start_us() < end {
         world.run_to(world.since_start_us() + 100);
     }
     let trace = world.trace();
     trace[trace.len().saturating_sub(TRACE_LINES)..].iter().for_each(|line| println!("{line}"));
-    match world.broken() {
+    match broken(&world) {
         Some(violation) => {
             println!("{violation}");
             ExitCode::FAILURE

@@ -69,6 +69,10 @@ impl Motor {
             Does::Refuses => self.refuses = true,
             Does::Faults { word } => self.faults = *word,
             Does::Restarts => *self = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) },
+            Does::Off { for_us } => {
+                let restarted = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) };
+                *self = Self { mute_until: now + for_us, deaf_until: now + for_us, ..restarted };
+            }
             Does::Disobeys { for_us } => self.disobeys_until = now + for_us,
             Does::Turns { speed, for_us } => {
                 self.speed = (*speed).into();

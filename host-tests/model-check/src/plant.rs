@@ -37,12 +37,10 @@ pub static BOARD_AGAIN: Board =
 /// The buses as the model knows them.
 pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }];
 
-/// Bitrate and protocols of each bus.
-pub const BUS_SETUP: [(u32, &[Protocol]); BUSES as usize] = [
-    (1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
-    (210_526, &[Protocol::Rmd, Protocol::Thruster, Protocol::D5]),
-    (2_000_000, &[Protocol::Rmd]),
-];
+/// Bitrate of each bus, and the protocols of its motors: bits 0 to 2 are RMD, thruster, D5.
+pub const BUS_SETUP: [(u32, u8); BUSES as usize] = [(1_000_000, 0b011), (210_526, 0b111), (2_000_000, 0b001)];
+/// All protocols of CAN.
+pub const ALL_OF_CAN: u8 = 0b111;
 
 /// A motor, and how its axis stops it.
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +77,21 @@ pub const MOTORS: [Wired; MACHINE + 2] = [
     wired(1, Protocol::Rmd, 4, StopAction::Hold),
     wired(1, Protocol::Thruster, 0x11, StopAction::Coast),
 ];
+
+/// Motors that no axis is configured for at first: an axis that is moved finds them.
+pub const SPARES: [Wired; 6] = [
+    wired(0, Protocol::D5, 0x26, StopAction::Hold),
+    wired(0, Protocol::Rmd, 20, StopAction::Hold),
+    wired(1, Protocol::Rmd, 1, StopAction::Coast),
+    wired(1, Protocol::Thruster, 0x0E, StopAction::Coast),
+    wired(1, Protocol::D5, 0x28, StopAction::Hold),
+    wired(2, Protocol::Rmd, 3, StopAction::Hold),
+];
+
+/// Every motor: those of the axes first.
+pub fn all_motors() -> impl Iterator<Item = Wired> {
+    MOTORS.into_iter().chain(SPARES)
+}
 
 /// The thruster with an encoder.
 pub const POSITION_DEVICE: u8 = 5;

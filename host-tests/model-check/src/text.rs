@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! start 4293967296
-//! 240 host 0 bus 1 window 2000
+//! 240 host 0 bus 1 window 2000 protocols 4
 //! 3180 host 0 configure 6 bus = 1
 //! 74928 host 0 setpoint 6 epoch 0 lead 48000 velocity 0.5
 //! 94138 motor 3 mute 5000

@@ -9,10 +9,10 @@ mod steps;
 pub use counts::Counts;
 
 use crate::action::{Action, Ask, Step};
-use crate::bus::{Bus, OnWire};
+use crate::bus::{Bus, OnWire, crc16};
 use crate::host::Host;
 use crate::motor::Motor;
-use crate::plant::{BOARD, BUSES, KINDS, LINKS, LISTENER, MOTORS};
+use crate::plant::{BOARD, BUSES, KINDS, LINKS, LISTENER, MOTORS, all_motors};
 use embedded_can::Id;
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
 use host_protocol::Protocol;
@@ -23,6 +23,10 @@ use std::collections::VecDeque;
 
 /// The firmware looks at its deadlines late by less than this, µs: within g of G5.
 const LATE_US: u64 = 90;
+/// Bytes of a frame on a serial line.
+const SERIAL_FRAME: usize = 13;
+/// Id of a request to every RMD motor.
+const RMD_ALL: u16 = 0x280;
 /// Events that may be due one after another at one moment.
 const MAX_AT_ONCE: u32 = 1_000;
 
@@ -36,6 +40,8 @@ pub struct World {
     hosts: Vec<Host>,
     buses: Vec<Bus>,
     motors: Vec<Motor>,
+    /// The latest bytes that the motors of the serial line heard of the gateway.
+    line: Vec<u8>,
     inputs: VecDeque<Input>,
     epochs: [u32; MOTORS.len()],
     told: [Told; MOTORS.len()],
@@ -56,10 +62,11 @@ impl World {
             start_us,
             now_us: start_us,
             gateway: Box::new(Gateway::new(&BOARD)),
-            oracle: Oracle::new(&KINDS, LINKS.into(), LISTENER, MAX_AXES),
+            oracle: Oracle::new(&KINDS, LINKS.into(), LISTENER, MAX_AXES).with_motors(present()),
             hosts: (0..LINKS).map(|_| Host::default()).collect(),
             buses: (0..usize::from(BUSES)).map(Bus::new).collect(),
-            motors: MOTORS.iter().map(|wired| Motor::new(*wired)).collect(),
+            motors: all_motors().map(Motor::new).collect(),
+            line: Vec::new(),
             inputs: VecDeque::new(),
             epochs: [0; MOTORS.len()],
             told: [Told::Unconfigured; MOTORS.len()],
@@ -199,10 +206,8 @@ impl World {
                 }
                 self.feed(Input::Serial { bus, bytes: echo });
                 self.feed(Input::Transmitted { bus, slot });
-                if let [0x3E, node, 8, data @ .., _, _] = bytes.as_slice()
-                    && !garbled
-                {
-                    self.hear(bus, u16::from(*node), data);
+                if !garbled {
+                    self.hear_bytes(bus, &bytes);
                 }
             }
             OnWire::Can { id, data } => self.feed(Input::Can { bus, id, data }),
@@ -210,22 +215,43 @@ impl World {
         }
     }
 
+    /// The motors of a serial line hear bytes: wherever a frame begins in them, they find it.
+    fn hear_bytes(&mut self, bus: u8, bytes: &[u8]) {
+        for byte in bytes {
+            self.line.push(*byte);
+            let start = self.line.len().saturating_sub(SERIAL_FRAME);
+            self.line.drain(..start);
+            let [0x3E, node, 8, data @ .., low, high] = self.line.as_slice() else { continue };
+            let sum = crc16(&self.line[..self.line.len() - 2]).to_le_bytes();
+            if data.len() == 8 && sum == [*low, *high] {
+                let (node, data) = (u16::from(*node), data.to_vec());
+                self.hear(bus, node, &data);
+            }
+        }
+    }
+
     /// The motors of a bus hear a frame.
     fn hear(&mut self, bus: u8, id: u16, data: &[u8]) {
-        for (index, wired) in MOTORS.iter().enumerate().filter(|(_, wired)| wired.bus == bus) {
+        let is_serial = usize::from(bus) == KINDS.len() - 1;
+        for (index, wired) in all_motors().enumerate().filter(|(_, wired)| wired.bus == bus) {
             let node = u16::from(wired.node);
-            let is_serial = usize::from(bus) == KINDS.len() - 1;
             let motion_mode = wired.protocol == Protocol::Rmd && !is_serial && id == 0x400 + node;
-            let base = match wired.protocol {
-                Protocol::Rmd if !is_serial => 0x140,
-                Protocol::Thruster => 0x300,
-                Protocol::Rmd | Protocol::D5 => 0,
+            let is_for_it = match wired.protocol {
+                Protocol::Rmd if is_serial => id == node,
+                Protocol::Rmd => id == 0x140 + node || id == RMD_ALL,
+                Protocol::Thruster => id == 0x300 + node,
+                Protocol::D5 => id == node && data.get(..2) == Some(&[0xD5, wired.node]),
             };
-            if motion_mode || id == base + node {
+            if motion_mode || is_for_it {
                 for answer in self.motors[index].hear(self.now_us, data, motion_mode) {
-                    self.buses[usize::from(bus)].answer(self.now_us, index, answer);
+                    self.buses[usize::from(bus)].answer(self.now_us, wired, answer);
                 }
             }
         }
     }
+}
+
+/// The motors as the model is told of them.
+fn present() -> impl Iterator<Item = (u8, u8, u8)> {
+    all_motors().map(|wired| (wired.bus, wired.protocol.number(), wired.node))
 }

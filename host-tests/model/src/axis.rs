@@ -5,6 +5,7 @@ mod parameters;
 pub(crate) use parameters::StopAction;
 
 use crate::checks::Arming;
+use crate::motor::{Protocol, Timeout};
 use crate::wire::Told;
 use std::collections::BTreeMap;
 
@@ -53,6 +54,8 @@ pub(crate) enum Cause {
     NotAcknowledged,
     /// The bus went off.
     BusOff,
+    /// Nobody had set it in motion, and it turned.
+    Uncommanded,
     /// Another axis of the trip group tripped.
     Group,
     /// The gateway was reset.
@@ -121,12 +124,20 @@ pub(crate) struct Axis {
     pub unreachable: bool,
     /// Programmed by provisioning.
     pub motor_timeout_ms: Option<u32>,
-    /// The motor has acknowledged a timeout of its own, and nothing has touched it since.
-    pub timeout_written: bool,
+    /// What is known of its motor's own timeout.
+    pub timeout: Timeout,
     pub arming: Option<Arming>,
     pub asked: Vec<Asked>,
     /// When its motor was last heard, and the time of others then.
     pub heard: (u64, u64),
+    /// Time on the bus of frames of others that go before its requests, and before those of motion mode.
+    pub outranked_us: u64,
+    /// Since when a setpoint that was accepted has not been sent, and the time of others then.
+    pub undelivered: Option<(u64, u64)>,
+    /// When its faults were asked for last, and the time of others then.
+    pub faults_asked: (u64, u64),
+    /// Armed and without a setpoint, it was first seen to turn at this time.
+    pub turns_since: Option<u64>,
     /// Requests to clear it that are under way, and when one had its result.
     pub clearing: u32,
     pub cleared_us: Option<u64>,
@@ -142,10 +153,14 @@ impl Axis {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)
     }
 
-    /// What a reset leaves of it: the parameters, whether it is unreachable, and what is known of its motor's own timeout.
+    /// What a reset leaves of it: the parameters, whether it is unreachable, and what an RMD motor keeps of its own timeout.
     pub fn restarted(&mut self) -> Self {
         let parameters = std::mem::take(&mut self.parameters);
-        let Self { unreachable, motor_timeout_ms, timeout_written, .. } = *self;
-        Self { parameters, unreachable, motor_timeout_ms, timeout_written, ..Self::default() }
+        let Self { unreachable, motor_timeout_ms, timeout, heard, .. } = *self;
+        let mut restarted = Self { parameters, unreachable, motor_timeout_ms, heard, ..Self::default() };
+        if restarted.protocol() == Some(Protocol::Rmd) && timeout == Timeout::On {
+            restarted.timeout = timeout;
+        }
+        restarted
     }
 }

@@ -31,6 +31,18 @@ pub(crate) struct Held {
     /// A later step of a stop: it goes where stops go.
     pub is_step: bool,
     pub asked_back: bool,
+    /// When it was.
+    pub asked_back_us: Option<u64>,
+    /// A raw frame of a host.
+    pub is_raw: bool,
+    /// Its id on CAN.
+    pub id: Option<u32>,
+    /// It moves or changes its motor.
+    pub is_harmful: bool,
+    /// The setpoint, be it zero.
+    pub is_setpoint: bool,
+    /// Its axis was moved to another motor since.
+    pub is_left_behind: bool,
     /// From then on it counts as not acknowledged.
     pub acknowledged_by: u64,
     /// When it was counted as such.
@@ -44,15 +56,29 @@ pub(crate) struct Bus {
     /// 0 while it is not configured.
     pub bitrate: u32,
     pub wholly_ours: bool,
+    /// Bits 0 to 2: RMD, thruster, D5 (PROTOCOL.md, `ProtocolSet`).
+    pub protocols: u8,
     pub window_us: u64,
     pub held: Vec<Held>,
     /// Since when the controller cannot send at all.
     pub off_since: Option<u64>,
+    /// Until when its cable is cut: nothing is acknowledged, and nothing comes in.
+    cut_until: u64,
+    /// Time so far that the controller was off, the cable cut, or a frame not given back that was asked for.
+    dead_us: u64,
+    /// Up to when the cut is in it.
+    cut_counted_us: u64,
     pub raw_open: bool,
     /// When it was closed last.
     pub raw_closed_us: Option<u64>,
     /// Raw frames that were accepted and not yet handed over.
     pub raw: VecDeque<(Option<u32>, Vec<u8>)>,
+    /// For everything: no axis is configured there.
+    pub raw_unsafe: bool,
+    /// It was opened at this instant.
+    pub raw_opened_us: Option<u64>,
+    /// The latest bytes of ours on a serial line.
+    pub line: Vec<u8>,
     /// Time so far that frames waited for others, or the bus was off.
     outside_us: u64,
     /// When the frame that is first in the controller could begin.
@@ -64,12 +90,16 @@ pub(crate) struct Bus {
     pub tally: Tally,
     /// It has gone off at this instant.
     pub off_noticed_us: Option<u64>,
+    /// When the latest frame left.
+    pub left_us: Option<u64>,
     /// Until when the frame had to be acknowledged that was given back last.
     pub carried_us: Option<u64>,
 }
 
 /// Longest stuffed standard frame with intermission, bits (G5).
 const FRAME_BITS: u64 = 135;
+/// The same without data; each byte adds eight bits and two stuff bits.
+const SHORTEST_FRAME_BITS: u64 = 55;
 /// A frame of 13 bytes on RS485, bits (G5).
 const SERIAL_BITS: u64 = 130;
 /// Idle time before a serial frame, bits (G5).
@@ -87,18 +117,26 @@ impl Bus {
             kind,
             bitrate: 0,
             wholly_ours: false,
+            protocols: 0,
             window_us: 0,
             held: Vec::new(),
             off_since: None,
+            cut_until: 0,
+            dead_us: 0,
+            cut_counted_us: 0,
             raw_open: false,
             raw_closed_us: None,
             raw: VecDeque::new(),
+            raw_unsafe: false,
+            raw_opened_us: None,
+            line: Vec::new(),
             outside_us: 0,
             first_since_us: 0,
             echo: VecDeque::new(),
             heard: Vec::new(),
             tally: Tally::default(),
             off_noticed_us: None,
+            left_us: None,
             carried_us: None,
         }
     }
@@ -150,7 +188,40 @@ impl Bus {
             + frame
     }
 
-    /// Time of others up to `at`: what the gateway's bounds do not count.
+    /// Time up to `at` that the gateway's bounds do not count for whoever has been outranked on CAN for so long.
+    pub fn not_ours_us(&self, at: u64, outranked_us: u64) -> u64 {
+        if !self.is_can() {
+            return self.outside_us(at);
+        }
+        let off = self.off_since.map_or(0, |since| at.saturating_sub(since));
+        let cut = self.cut_us(at);
+        let kept = self.held.iter().filter_map(|held| held.asked_back_us);
+        let stuck: u64 = kept.map(|asked| self.stuck_us(asked, at)).sum();
+        self.dead_us + off + cut + stuck + outranked_us
+    }
+
+    /// How long the controller has kept a frame that it was to give back: that takes it no longer than what is on the wire.
+    fn stuck_us(&self, asked_us: u64, at: u64) -> u64 {
+        at.saturating_sub(asked_us + self.frame_us())
+    }
+
+    fn cut_us(&self, at: u64) -> u64 {
+        at.min(self.cut_until).saturating_sub(self.cut_counted_us)
+    }
+
+    /// The cable is cut until a time. What was on the wire was sent for nothing.
+    pub fn cut(&mut self, now: u64, until: u64) {
+        self.dead_us += self.cut_us(now) + self.frame_us();
+        self.cut_counted_us = now;
+        self.cut_until = until;
+    }
+
+    /// How long a foreign frame with so many bytes of data is on the wire at most.
+    pub fn foreign_us(&self, data: usize) -> u64 {
+        self.bits_us(SHORTEST_FRAME_BITS + 10 * u64::try_from(data).unwrap_or(0))
+    }
+
+    /// Time of others up to `at`: what the gateway's bounds do not count on a serial line, and silence of a motor on any.
     pub fn outside_us(&self, at: u64) -> u64 {
         let waits = match (self.off_since, self.held.is_empty()) {
             (Some(since), _) => at.saturating_sub(since),
@@ -173,9 +244,12 @@ impl Bus {
         self.outside_us = self.outside_us(now);
         self.first_since_us = now;
         if let Some(since) = &mut self.off_since {
+            self.dead_us += now.saturating_sub(*since);
             *since = now;
         }
-        Some(self.held.remove(index))
+        let taken = self.held.remove(index);
+        self.dead_us += taken.asked_back_us.map_or(0, |asked| self.stuck_us(asked, now));
+        Some(taken)
     }
 
     /// Takes a frame out that was not sent: the time of the attempt was for nothing.
@@ -190,6 +264,7 @@ impl Bus {
     pub fn set_off(&mut self, now: u64, off: bool) {
         self.outside_us = self.outside_us(now);
         self.first_since_us = now;
+        self.dead_us += self.off_since.map_or(0, |since| now.saturating_sub(since));
         self.off_since = off.then_some(now);
     }
 

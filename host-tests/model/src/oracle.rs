@@ -2,10 +2,11 @@
 
 use crate::axis::{Axis, Cause, Duty};
 use crate::bus::{Bus, BusKind, Held};
-use crate::checks::{History, Unlisted};
+use crate::checks::{History, Present, Unlisted};
 use crate::link::Link;
 use crate::violation::{Check, Violation};
 use crate::wire::{Request, Told};
+use std::collections::BTreeSet;
 
 /// A frame on a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,6 +36,10 @@ pub(crate) const LINK_SILENCE_US: u64 = 250_000;
 pub struct Oracle {
     pub(crate) axes: Vec<Axis>,
     pub(crate) buses: Vec<Bus>,
+    /// Motors that are there, whether an axis is configured for them or not.
+    pub(crate) present: Vec<Present>,
+    /// Epochs that were given, with their axes.
+    pub(crate) epochs: BTreeSet<(u8, u32)>,
     pub(crate) links: Vec<Link>,
     /// The link whose host reads everything at once: its events are the news.
     pub(crate) listener: u8,
@@ -63,6 +68,8 @@ impl Oracle {
         Self {
             axes: (0..axes).map(|_| Axis::default()).collect(),
             buses: buses.iter().map(|kind| Bus::new(*kind)).collect(),
+            present: Vec::new(),
+            epochs: BTreeSet::new(),
             links: (0..links).map(|_| Link::default()).collect(),
             listener,
             holder: None,
@@ -94,6 +101,12 @@ impl Oracle {
     #[must_use]
     pub fn is_busy(&self) -> bool {
         self.axes.iter().any(Axis::is_busy)
+    }
+
+    /// Whether the e-stop was asked for at this instant.
+    #[must_use]
+    pub fn latches(&self, now: u64) -> bool {
+        self.e_stopped && self.e_stop_asked_us == Some(now)
     }
 
     /// The state of an axis, as the gateway told it last.
@@ -163,6 +176,7 @@ impl Oracle {
             self.buses.get_mut(usize::from(bus)).and_then(|b| b.held.iter_mut().find(|h| h.slot == slot));
         if let Some(held) = held {
             held.asked_back = true;
+            held.asked_back_us.get_or_insert(now);
         }
     }
 
@@ -172,7 +186,9 @@ impl Oracle {
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
         let Some(held) = state.take(now, slot) else { return };
         state.tally.sent += 1;
+        state.left_us = Some(now);
         state.carried_us = None;
+        self.outrank_stops(now, usize::from(bus), &held);
         self.count_left(now, usize::from(bus), held);
     }
 
@@ -215,11 +231,20 @@ impl Oracle {
         permits.iter_mut().filter(|p| p.data.as_ref() == Some(&data)).for_each(|p| p.sent = false);
     }
 
+    /// The cable of a bus is cut until a time: nothing is acknowledged, and nothing comes in.
+    pub fn cut(&mut self, now: u64, bus: u8, until: u64) {
+        self.advance(now);
+        if let Some(state) = self.buses.get_mut(usize::from(bus)) {
+            state.cut(now, until);
+        }
+    }
+
     /// A controller has gone off, or sends again. What it held is reported by [`dropped`](Self::dropped) before.
     pub fn bus_state(&mut self, now: u64, bus: u8, off: bool) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
         let was_off = state.off_since.is_some();
+        state.tally.sent_or_not += u32::from(state.left_us.take() == Some(now));
         state.set_off(now, off);
         if off && !was_off {
             state.tally.bus_offs += 1;
@@ -251,6 +276,7 @@ impl Oracle {
             self.broken(Check::HistoryWrong, now, seen);
         }
         self.check_due(now);
+        self.check_delivery(now);
     }
 
     /// A stop of this axis is due since `at`; permission to move has ended.
@@ -261,6 +287,8 @@ impl Oracle {
         axis.armed = false;
         axis.epoch = None;
         axis.permits.clear();
+        axis.undelivered = None;
+        axis.turns_since = None;
         axis.revoked = Some((cause, at));
         if axis.duty.is_some() {
             return;
@@ -277,7 +305,7 @@ impl Oracle {
         self.axes[index].duty = Some(Duty {
             cause,
             since_us: at,
-            outside_us: self.buses[bus].outside_us(at),
+            outside_us: self.buses[bus].not_ours_us(at, self.axes[index].outranked_us),
             k: 1 + before,
             rests: false,
             left: 0,

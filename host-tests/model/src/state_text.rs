@@ -32,6 +32,8 @@ impl Oracle {
             unlisted,
             violations: _,
             motions: _,
+            present: _,
+            epochs: _,
         } = self;
         for axis in all.iter().take(axes) {
             write!(to, "{axis:?}")?;

@@ -52,8 +52,26 @@ pub enum Check {
     ResultMissing,
     /// G9: a repeated request gets the same bytes.
     ResultChanged,
-    /// G2: raw access only where it is open, and not while an axis there is armed.
+    /// G10: raw access only where it is open, while every axis there is at rest and no e-stop is latched.
     RawUnopened,
+    /// G10: a raw frame that a lenient motor might obey is refused.
+    RawHarmful,
+    /// G7: a frame to one axis moves and changes no other's motor.
+    WrongMotor,
+    /// G7: ids on which one axis is sent requests are none on which another's motor acts or answers.
+    IdShared,
+    /// G7: an axis that is moved leaves nothing behind.
+    LeftBehind,
+    /// G2: an accepted setpoint is sent in time, or the axis trips.
+    NotDelivered,
+    /// G3: the fault words of armed axes are read in time.
+    FaultsUnread,
+    /// G2: what is sent exceeds no limit, by rounding either.
+    LimitOnWire,
+    /// G2: a limit that nothing can measure is refused.
+    LimitBlind,
+    /// G1: an epoch is not given twice, nor after a loss of power.
+    EpochRepeated,
     /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the axis says so, and changes nothing
     /// else (G1).
     ChangedWhileArmed,

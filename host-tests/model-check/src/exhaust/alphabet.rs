@@ -6,7 +6,7 @@ use super::bytes::{
 use super::pairs::Pair;
 use super::prepared::WINDOW_US;
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
-use crate::plant::{MOTORS, Wired};
+use crate::plant::{BUS_SETUP, MOTORS, Wired};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol};
 
@@ -48,8 +48,6 @@ const OTHER: u8 = 1;
 const LEAD_US: i32 = 48_000;
 /// A node that no axis has.
 const FREE_NODE: u32 = 9;
-/// Pause between the frames of a saturating load, µs.
-const SATURATED_US: u64 = 130;
 
 fn permit(axis: u8, epoch: i32, lead_us: i32) -> Permit {
     Permit { axis, epoch, lead_us }
@@ -121,7 +119,7 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         set(second, AxisParameter::Bus, if beside.bus == 2 { 0 } else { 2 }),
         Ask::Remove { axis: second },
         Ask::Provision { axis: first, timeout_ms: 100 },
-        Ask::Bus { bus, window_us: WINDOW_US + 1_000 },
+        Ask::Bus { bus, window_us: WINDOW_US + 1_000, protocols: BUS_SETUP[usize::from(bus)].1 },
         // Raw access: a question, motions.
         Ask::RawOpen { bus },
         raw(motor, read(motor)),
@@ -208,7 +206,7 @@ fn of_bus(first: u8, second: u8) -> Vec<Action> {
         actions.push(Action::Noise { bus, bytes: serial(motor, read(motor)) });
         return actions;
     }
-    let load = |id, for_us| Action::Foreign { bus, id, pause_us: SATURATED_US, for_us };
+    let load = |id, for_us| Action::Foreign { bus, id, length: 8, pause_us: 0, for_us };
     actions.extend([
         Action::Cut { bus, for_us: 30_000 },
         Action::Short { bus, for_us: 5_000 },

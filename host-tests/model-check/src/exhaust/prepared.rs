@@ -3,7 +3,7 @@
 use super::alphabet::fresh;
 use super::pairs::Pair;
 use crate::action::{Action, Ask, Number, Step};
-use crate::plant::{BUSES, MOTORS};
+use crate::plant::{BUS_SETUP, BUSES, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol};
 use promise_model::Told;
@@ -117,7 +117,7 @@ impl Preparation {
         self.world.step(&hello);
         self.steps.push(hello);
         for bus in 0..BUSES {
-            self.ask(Ask::Bus { bus, window_us: WINDOW_US });
+            self.ask(Ask::Bus { bus, window_us: WINDOW_US, protocols: BUS_SETUP[usize::from(bus)].1 });
         }
         for axis in pair.axes {
             let motor = &MOTORS[usize::from(axis)];

@@ -1,8 +1,10 @@
 //! What hosts ask for: requests of every kind, mostly ones that make sense.
 
+use super::raw::raw_send;
+use super::setup::LIMITS;
 use crate::action::{Ask, Goal, Number, Permit};
 use crate::dice::Dice;
-use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{ALL_OF_CAN, BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE};
 use host_protocol::Protocol;
 
 /// A request of any kind.
@@ -20,19 +22,27 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         10..12 => Ask::Stop { axis },
         12..14 => Ask::Setpoint { permit: permit(dice, axis), goal: goal(dice, axis) },
         14..20 => native(dice, axis),
-        20 => Ask::Provision { axis, timeout_ms: dice.pick(&[0, 1, 99, 100, 300]) },
+        20 => {
+            let timeout_ms = dice.pick(&[0, 1, 99, 100, 300, 300, 60_000, 60_001, 4_233_600_000]);
+            Ask::Provision { axis, timeout_ms }
+        }
         21 => Ask::Set { axis, parameter: dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) },
-        22 => Ask::Set { axis, parameter: 14, value: Number::Float(dice.fraction() * 20.0) },
-        23 => Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]) },
+        22 => {
+            let (parameter, scale) =
+                dice.pick(&[(14, 20.0), (14, 0.1), (15, 5.0), (16, -9.0), (17, 9.0), (28, 3.0)]);
+            Ask::Set { axis, parameter, value: Number::Float(dice.fraction() * scale) }
+        }
+        23 => {
+            let protocols = BUS_SETUP.get(usize::from(bus)).map_or(ALL_OF_CAN, |(_, spoken)| *spoken);
+            let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
+            Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]), protocols }
+        }
         24 => Ask::Remove { axis: 31 },
         25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
         26..28 => Ask::Read { axis },
         28 => dice.pick(&[Ask::Status, Ask::List]),
         29 => Ask::RawOpen { bus },
-        30..33 => {
-            let id = dice.pick(&[0x700, 0x141, 0x30E, 0x26, 0x7FF]);
-            Ask::RawSend { bus, id, data: raw_data(dice) }
-        }
+        30..33 => raw_send(dice, bus),
         33 => Ask::RawReceive { bus },
         34..36 => Ask::RawClose { bus },
         36 => Ask::ClearUnreachable { axis },
@@ -58,8 +68,10 @@ pub(super) fn goal(dice: &mut Dice, axis: u8) -> Goal {
         0 => f32::NAN,
         1 => 1e30,
         2 => 0.0,
+        3..9 => dice.pick(&LIMITS) * dice.pick(&[1.0, -1.0]),
         _ => dice.fraction() * 4.0,
     };
+    let speed = dice.pick(&LIMITS);
     match MOTORS[usize::from(axis)].protocol {
         _ if dice.percent(3) => Goal::Current(value),
         Protocol::Thruster if axis == POSITION_DEVICE && dice.percent(30) => Goal::Position(value, 10.0),
@@ -69,7 +81,7 @@ pub(super) fn goal(dice: &mut Dice, axis: u8) -> Goal {
             Goal::Velocity(value),
             Goal::Velocity(value),
             Goal::Current(value),
-            Goal::Position(value, 1.0),
+            Goal::Position(value, speed),
             Goal::Impedance(value),
         ]),
     }
@@ -102,13 +114,4 @@ pub(super) fn native(dice: &mut Dice, axis: u8) -> Ask {
         }
     };
     Ask::Native { permit: permit(dice, axis), data }
-}
-
-/// Data of a raw frame, which move no motor.
-fn raw_data(dice: &mut Dice) -> Vec<u8> {
-    let mut data = dice.bytes(9);
-    if let Some(first) = data.first_mut() {
-        *first = dice.pick(&[0x9A, 0x9C, 0x81, 0x3E, 0x51]);
-    }
-    data
 }

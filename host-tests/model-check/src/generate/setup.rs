@@ -4,11 +4,19 @@ use crate::action::{Action, Ask, Number};
 use crate::dice::Dice;
 use crate::plant::{BUSES, MACHINE, MOTORS, POSITION_DEVICE};
 use host_protocol::AxisParameter;
+use host_protocol::Protocol;
+
+/// Speeds, rad/s, that are no whole number of the unit of some motor: limits, and what is asked for.
+pub(super) const LIMITS: [f32; 6] = [3.0, 0.009, 0.026_2, 1.234, 0.5, 2.0];
 
 /// The steps of a host that finds nothing configured.
-pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
+pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) -> Vec<Action> {
     let mut asks = vec![Ask::Hello, Ask::Silence { us: dice.pick(&[100_000, 250_000]) }];
-    asks.extend((0..BUSES).map(|bus| Ask::Bus { bus, window_us: dice.pick(&[2_000, 3_000, 5_000]) }));
+    asks.extend((0..BUSES).zip(protocols).map(|(bus, protocols)| Ask::Bus {
+        bus,
+        window_us: dice.pick(&[2_000, 3_000, 5_000]),
+        protocols,
+    }));
     let grouped = dice.percent(30);
     let provisioned = dice.percent(40);
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
@@ -28,15 +36,17 @@ pub(super) fn configuration(dice: &mut Dice) -> Vec<Action> {
             set(AxisParameter::PositionDevice, Number::Bool(true));
         }
         if dice.percent(20) {
-            set(AxisParameter::VelocityLimitRadS, Number::Float(3.0));
+            set(AxisParameter::VelocityLimitRadS, Number::Float(dice.pick(&LIMITS)));
         }
-        if dice.percent(15) {
+        // Nothing tells the current of a D5.
+        if motor.protocol != Protocol::D5 && dice.percent(15) {
             set(AxisParameter::CurrentLimitA, Number::Float(2.0));
         }
         if dice.percent(15) {
             set(AxisParameter::TemperatureLimitC, Number::Float(60.0));
         }
-        if dice.percent(8) {
+        let tells_position = motor.protocol != Protocol::Thruster || axis == POSITION_DEVICE;
+        if tells_position && dice.percent(8) {
             set(AxisParameter::PositionMinRad, Number::Float(-20.0));
             set(AxisParameter::PositionMaxRad, Number::Float(20.0));
         }

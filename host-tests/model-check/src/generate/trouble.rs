@@ -41,13 +41,10 @@ impl Generator {
                 }
                 Action::Ask { link: self.commander, ask: Ask::Ping }
             }
+            0 => self.load(bus),
             1 if self.dice.percent(40) => Action::Cut { bus, for_us: self.span() },
             2 if self.dice.percent(30) => Action::Short { bus, for_us: self.span() },
-            3 => {
-                let id = self.dice.pick(&[0x001, 0x250, 0x7FF]);
-                let pause_us = self.dice.pick(&[140, 200, 700, 1_500]);
-                Action::Foreign { bus, id, pause_us, for_us: self.dice.below(30_000) }
-            }
+            3 => self.load(bus),
             4 => Action::Stubborn { bus, for_us: self.dice.below(50_000) },
             5 => Action::Overflow { bus: self.dice.byte() % BUSES },
             6 => {
@@ -65,13 +62,18 @@ impl Generator {
     fn start(&mut self) -> Action {
         match self.dice.below(8) {
             0 => {
-                self.first = configuration(&mut self.dice).into();
+                self.first = configuration(&mut self.dice, self.protocols).into();
                 Action::PowerLoss
             }
-            1..3 => Action::Reset,
+            1 => {
+                let words = 1 + self.dice.byte() % 3;
+                self.first.push_back(Action::DamagingReset { words });
+                Action::Ask { link: self.commander, ask: Ask::EStop }
+            }
+            2 => Action::Reset,
             3..6 => Action::ResetAfter { steps: u32::from(self.dice.byte() % 24) },
             _ => Action::ResetWhileSaving {
-                words: self.dice.pick(&[1, 2, 6, 7, 8, 14, 20]),
+                words: 1 + u32::from(self.dice.byte()) % 40,
                 garbles: self.dice.percent(50),
             },
         }
@@ -96,13 +98,50 @@ impl Generator {
             9..11 => Does::Refuses,
             11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40]) },
             12 | 13 => Does::Faults { word: 0 },
-            14 => self.dice.pick(&[Does::Restarts, turns]),
+            14 => self.dice.pick(&[Does::Restarts, turns.clone(), turns, Does::Off { for_us: 1_500_000 }]),
             _ => Does::Disobeys { for_us: self.span() },
         }
+    }
+
+    /// Other nodes load a CAN bus: with an id below all of ours, above, or between two of them, in frames of any length, with pauses or
+    /// without, one node or two.
+    fn load(&mut self, bus: u8) -> Action {
+        let mut ids: Vec<u16> =
+            MOTORS.iter().filter(|motor| motor.bus == bus).flat_map(ids_of).chain([0, 0x7FE]).collect();
+        ids.sort_unstable();
+        let beside: Vec<u16> = ids[..ids.len() - 1].to_vec();
+        let id = self.dice.pick(&beside) + 1;
+        let pause_us = self.dice.pick(&[0, 0, 20, 140, 700, 1_500]);
+        let longest = self.dice.pick(&[3_000, 30_000, 300_000]);
+        let action = Action::Foreign {
+            bus,
+            id,
+            length: self.dice.byte() % 9,
+            pause_us,
+            for_us: self.dice.below(longest),
+        };
+        if self.dice.percent(25) {
+            self.first.push_back(action.clone());
+        }
+        if self.dice.percent(30) {
+            let ask = self.dice.pick(&[Ask::EStop, Ask::StopAll]);
+            self.first.push_back(Action::Ask { link: self.commander, ask });
+        }
+        action
     }
 
     fn span(&mut self) -> u64 {
         let longest = self.dice.pick(&[5_000, 60_000, 300_000, 2_000_000]);
         self.dice.below(longest)
+    }
+}
+
+/// The ids of a motor's requests and replies.
+fn ids_of(motor: &crate::plant::Wired) -> Vec<u16> {
+    let node = u16::from(motor.node);
+    match motor.protocol {
+        Protocol::Rmd => vec![0x140 + node, 0x240 + node, 0x400 + node],
+        Protocol::Thruster => vec![0x300 + node, 0x280 + node],
+        Protocol::D5 => vec![node],
     }
 }

@@ -61,14 +61,16 @@ impl Words<'_> {
             "foreign" => Action::Foreign {
                 bus: self.number()?,
                 id: self.number()?,
-                pause_us: self.number()?,
-                for_us: self.number()?,
+                length: self.after("length")?,
+                pause_us: self.after("pause")?,
+                for_us: self.after("for")?,
             },
             "stray" => Action::Stray { bus: self.number()?, id: self.number()?, data: self.hex()? },
             "noise" => Action::Noise { bus: self.number()?, bytes: self.hex()? },
             "stubborn" => Action::Stubborn { bus: self.number()?, for_us: self.number()? },
             "overflow" => Action::Overflow { bus: self.number()? },
             "reset" => Action::Reset,
+            "damaging-reset" => Action::DamagingReset { words: self.number()? },
             "reset-while-saving" => {
                 Action::ResetWhileSaving { words: self.number()?, garbles: self.0.next()? == "garbled" }
             }
@@ -88,6 +90,7 @@ impl Words<'_> {
             "refuses" => Does::Refuses,
             "faults" => Does::Faults { word: self.number()? },
             "restarts" => Does::Restarts,
+            "off" => Does::Off { for_us: self.number()? },
             "disobeys" => Does::Disobeys { for_us: self.number()? },
             "turns" => Does::Turns { speed: self.number()?, for_us: self.number()? },
             _ => return None,
@@ -105,7 +108,11 @@ impl Words<'_> {
             "take" => Ask::Take,
             "release" => Ask::Release,
             "silence" => Ask::Silence { us: self.number()? },
-            "bus" => Ask::Bus { bus: self.number()?, window_us: self.after("window")? },
+            "bus" => Ask::Bus {
+                bus: self.number()?,
+                window_us: self.after("window")?,
+                protocols: self.after("protocols")?,
+            },
             "configure" => {
                 let (axis, parameter) = (self.number()?, self.number()?);
                 let value = match self.0.next()? {

@@ -32,12 +32,15 @@ fn action(action: &Action) -> String {
         Action::Motor { motor, does } => format!("motor {motor} {}", deed(does)),
         Action::Cut { bus, for_us } => format!("cut {bus} {for_us}"),
         Action::Short { bus, for_us } => format!("short {bus} {for_us}"),
-        Action::Foreign { bus, id, pause_us, for_us } => format!("foreign {bus} {id} {pause_us} {for_us}"),
+        Action::Foreign { bus, id, length, pause_us, for_us } => {
+            format!("foreign {bus} {id} length {length} pause {pause_us} for {for_us}")
+        }
         Action::Stray { bus, id, data } => format!("stray {bus} {id} {}", hex(data)),
         Action::Noise { bus, bytes } => format!("noise {bus} {}", hex(bytes)),
         Action::Stubborn { bus, for_us } => format!("stubborn {bus} {for_us}"),
         Action::Overflow { bus } => format!("overflow {bus}"),
         Action::Reset => "reset".into(),
+        Action::DamagingReset { words } => format!("damaging-reset {words}"),
         Action::ResetWhileSaving { words, garbles } => {
             format!("reset-while-saving {words} {}", if *garbles { "garbled" } else { "whole" })
         }
@@ -56,6 +59,7 @@ fn deed(does: &Does) -> String {
         Does::Refuses => "refuses".into(),
         Does::Faults { word } => format!("faults {word}"),
         Does::Restarts => "restarts".into(),
+        Does::Off { for_us } => format!("off {for_us}"),
         Does::Disobeys { for_us } => format!("disobeys {for_us}"),
         Does::Turns { speed, for_us } => format!("turns {speed:?} {for_us}"),
     }
@@ -72,7 +76,9 @@ fn asks(ask: &Ask) -> String {
         Ask::Take => "take".into(),
         Ask::Release => "release".into(),
         Ask::Silence { us } => format!("silence {us}"),
-        Ask::Bus { bus, window_us } => format!("bus {bus} window {window_us}"),
+        Ask::Bus { bus, window_us, protocols } => {
+            format!("bus {bus} window {window_us} protocols {protocols}")
+        }
         Ask::Set { axis, parameter, value } => {
             let value = match value {
                 Number::Bool(value) => format!("bool {value}"),

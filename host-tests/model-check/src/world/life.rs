@@ -31,6 +31,9 @@ pub struct Life {
     countdown: Option<Countdown>,
     is_suspended: bool,
     e_stop_open: bool,
+    /// The words that the latest event has stored, and those of the latest e-stop.
+    stored: Vec<usize>,
+    latched: Vec<usize>,
 }
 
 impl Life {
@@ -41,6 +44,8 @@ impl Life {
             countdown: None,
             is_suspended: false,
             e_stop_open: false,
+            stored: Vec::new(),
+            latched: Vec::new(),
         }
     }
 
@@ -51,8 +56,9 @@ impl Life {
 
     /// Writes all but the [memory](Self::memory).
     pub fn write_state(&self, to: &mut impl Write) -> Result {
-        let Self { memory: _, links_open_by, countdown, is_suspended, e_stop_open } = self;
-        write!(to, "{links_open_by:?} {countdown:?} {is_suspended} {e_stop_open}")
+        let Self { memory: _, links_open_by, countdown, is_suspended, e_stop_open, stored: _, latched } =
+            self;
+        write!(to, "{links_open_by:?} {countdown:?} {is_suspended} {e_stop_open} {latched:?}")
     }
 
     pub fn links_open_by(&self) -> Option<u64> {
@@ -74,6 +80,7 @@ impl Life {
         |index, word| {
             let is_garbled = matches!(self.countdown, Some(Countdown::Words { left: 1, garbles: true }));
             if self.takes_step(true) {
+                self.stored.push(index);
                 self.memory[index] = if is_garbled && !self.is_suspended { !word } else { word };
             }
         }
@@ -105,6 +112,21 @@ impl Life {
     pub fn set_e_stop(&mut self, open: bool) {
         self.e_stop_open = open;
     }
+
+    /// The words that were stored with the latest event are those of an e-stop, or not.
+    pub fn stored(&mut self, latches: bool) {
+        let stored = std::mem::take(&mut self.stored);
+        if !stored.is_empty() {
+            self.latched = if latches { stored } else { Vec::new() };
+        }
+    }
+
+    /// Damages so many words of those that the latest e-stop stored: whether there were any.
+    pub fn damage(&mut self, words: u8) -> bool {
+        let damaged = self.latched.iter().rev().take(words.max(1).into());
+        damaged.clone().for_each(|index| self.memory[*index] ^= 1 << 7);
+        damaged.count() > 0
+    }
 }
 
 impl World {
@@ -112,6 +134,13 @@ impl World {
     pub(super) fn reset(&mut self, interrupted: bool) {
         self.note(|| "the watchdog resets the gateway".into());
         self.oracle.reset(self.now_us, interrupted);
+        self.start(&BOARD_AGAIN, true);
+    }
+
+    /// The watchdog resets the gateway, and what the latest e-stop has written is damaged or not.
+    pub(super) fn reset_damaged(&mut self, damaged: bool) {
+        self.note(|| format!("the watchdog resets the gateway, its memory damaged: {damaged}"));
+        self.oracle.reset(self.now_us, false);
         self.start(&BOARD_AGAIN, true);
     }
 

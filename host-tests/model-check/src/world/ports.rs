@@ -103,6 +103,7 @@ impl World {
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.life.suspend_reset(self.oracle.is_configuring());
         self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
+        self.life.stored(self.oracle.latches(now));
     }
 
     /// Everything that the gateway has to say to its hosts, when the buses have had their frames.

@@ -21,6 +21,7 @@ impl World {
             hosts,
             buses,
             motors,
+            line,
             inputs,
             epochs,
             // What the model knows too.
@@ -36,7 +37,7 @@ impl World {
         let written = gateway
             .write_state(axes, text)
             .and_then(|()| oracle.write_state(axes, text))
-            .and_then(|()| write!(text, "{now_us} {buses:?} {motors:?} {epochs:?}"))
+            .and_then(|()| write!(text, "{now_us} {buses:?} {motors:?} {line:?} {epochs:?}"))
             .and_then(|()| life.write_state(text));
         // Writing to a string does not fail.
         assert!(written.is_ok());

@@ -49,9 +49,12 @@ impl World {
             Action::Noise { bus, bytes } => {
                 self.on_bus(*bus, |bus| bus.stray(now, OnWire::Serial(bytes.clone())));
             }
-            Action::Cut { bus, for_us } => self.on_bus(*bus, |bus| bus.cut(now + for_us)),
-            Action::Foreign { bus, id, pause_us, for_us } => {
-                self.on_bus(*bus, |bus| bus.load(now, *id, *pause_us, *for_us));
+            Action::Cut { bus, for_us } => {
+                self.oracle.cut(now, *bus, now + for_us);
+                self.on_bus(*bus, |bus| bus.cut(now + for_us));
+            }
+            Action::Foreign { bus, id, length, pause_us, for_us } => {
+                self.on_bus(*bus, |bus| bus.load(now, *id, *length, (*pause_us, *for_us)));
             }
             Action::Stubborn { bus, for_us } => self.on_bus(*bus, |bus| bus.stubborn_until = now + for_us),
             Action::Short { bus, for_us } => {
@@ -65,6 +68,11 @@ impl World {
                 self.life.reset_after(Countdown::Steps { left: 0 })
             }
             Action::Reset => self.reset(false),
+            Action::DamagingReset { .. } if self.oracle.is_configuring() => {}
+            Action::DamagingReset { words } => {
+                let damaged = self.life.damage(*words);
+                self.reset_damaged(damaged);
+            }
             Action::ResetWhileSaving { words, garbles } => {
                 self.life.reset_after(Countdown::Words { left: (*words).max(1), garbles: *garbles });
             }

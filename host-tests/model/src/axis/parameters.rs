@@ -1,7 +1,7 @@
 //! What the hosts have configured of an axis.
 
 use super::Axis;
-use crate::motor::{Protocol, Reading};
+use crate::motor::{Goal, Protocol, Reading, Timeout};
 
 /// Axis parameters (PROTOCOL.md, Axis parameters) with their defaults.
 mod parameter {
@@ -11,6 +11,8 @@ mod parameter {
     pub const DIRECTION: u16 = 4;
     pub const STOP_ACTION: u16 = 5;
     pub const TTL_US: (u16, u32) = (6, 100_000);
+    pub const REFRESH_US: (u16, u32) = (7, 20_000);
+    pub const FAULT_POLL_US: (u16, u32) = (8, 100_000);
     pub const MISSED_REPLIES: (u16, u32) = (10, 3);
     pub const STANDSTILL: (u16, f32) = (11, 0.105);
     pub const STOP_REPEAT_US: (u16, u32) = (13, 500_000);
@@ -18,16 +20,21 @@ mod parameter {
     pub const CURRENT_LIMIT: u16 = 15;
     pub const POSITION_MIN: u16 = 16;
     pub const POSITION_MAX: u16 = 17;
+    pub const SIGNAL_LIMIT: u16 = 18;
     pub const TEMPERATURE_LIMIT: u16 = 19;
     pub const LIMIT_MARGIN: (u16, f64) = (20, 0.1);
     pub const ALLOW_UNKNOWN_TIMEOUT: (u16, u32) = (21, 0);
     pub const D5_ACK_LEVEL: (u16, u32) = (22, 2);
     pub const D5_REQUEST_ID: u16 = 23;
     pub const D5_REPLY_ID: u16 = 24;
+    pub const POSITION_DEVICE: (u16, u32) = (25, 0);
     pub const RELEASE_BRAKE: (u16, u32) = (26, 0);
     pub const INFINITE_TTL: u16 = 27;
+    pub const TORQUE_LIMIT: u16 = 28;
     pub const TRIP_GROUP: u16 = 34;
     pub const ALLOW_NO_TIMEOUT: (u16, u32) = (35, 0);
+    pub const UNCOMMANDED: u16 = 36;
+    pub const ALLOW_UNCOMMANDED: (u16, u32) = (37, 0);
 }
 
 /// −1 as it comes, zigzag.
@@ -44,11 +51,23 @@ pub(crate) enum StopAction {
 impl Axis {
     pub fn set(&mut self, number: u16, bits: u32) {
         self.parameters.insert(number, bits);
-        if matches!(number, parameter::BUS | parameter::PROTOCOL | parameter::NODE) {
+        if Self::is_address(number) {
             self.motor_timeout_ms = None;
-            self.timeout_written = false;
+            self.timeout = Timeout::Unknown;
             self.asked.clear();
+            // It is another motor, which owes nothing.
+            self.duty = None;
         }
+    }
+
+    /// Whether a parameter says which motor it is.
+    pub fn is_address(number: u16) -> bool {
+        use parameter::{BUS, D5_REPLY_ID, D5_REQUEST_ID, NODE, PROTOCOL};
+        matches!(number, BUS | PROTOCOL | NODE | D5_REQUEST_ID | D5_REPLY_ID)
+    }
+
+    fn float(&self, number: u16) -> Option<f64> {
+        self.parameters.get(&number).map(|bits| f64::from(f32::from_bits(*bits)))
     }
 
     fn get(&self, (number, default): (u16, u32)) -> u32 {
@@ -80,6 +99,17 @@ impl Axis {
         self.get(parameter::TTL_US).into()
     }
 
+    /// How often a setpoint is sent again at least (G2): as configured, 20 ms where the motor's timeout is not known, a third of it
+    /// where it is.
+    pub fn refresh_us(&self) -> u64 {
+        let third = self.motor_timeout_ms.map_or(20_000, |ms| u64::from(ms) * 1_000 / 3);
+        u64::from(self.get(parameter::REFRESH_US)).min(third)
+    }
+
+    pub fn fault_poll_us(&self) -> u64 {
+        self.get(parameter::FAULT_POLL_US).into()
+    }
+
     pub fn missed_replies(&self) -> u64 {
         self.get(parameter::MISSED_REPLIES).into()
     }
@@ -94,17 +124,55 @@ impl Axis {
         f64::from(f32::from_bits(self.get((number, default.to_bits())))) * (1.0 + 1e-3) + 1e-6
     }
 
-    pub fn allows_unknown_timeout(&self) -> bool {
-        self.get(parameter::ALLOW_UNKNOWN_TIMEOUT) != 0
+    /// Above this speed, rad/s, a motor turns that nobody has set in motion (G1).
+    pub fn uncommanded(&self) -> Option<f64> {
+        let (number, default) = parameter::STANDSTILL;
+        let still = self.float(number).unwrap_or(default.into());
+        let threshold = self.float(parameter::UNCOMMANDED).unwrap_or(5.0 * still);
+        (self.get(parameter::ALLOW_UNCOMMANDED) == 0).then_some(threshold * (1.0 + 1e-3) + 1e-6)
     }
 
-    /// Whether it may be armed though no timeout counts: the gateway knows whether it is off or unknown.
-    pub fn allows_without_timeout(&self) -> bool {
-        self.allows_unknown_timeout() || self.allows_no_timeout()
+    /// Whether the axis may be armed with a motor whose own timeout is this.
+    pub fn allows(&self, timeout: Timeout) -> bool {
+        match timeout {
+            Timeout::On => true,
+            Timeout::Unknown => self.get(parameter::ALLOW_UNKNOWN_TIMEOUT) != 0,
+            Timeout::Off => self.get(parameter::ALLOW_NO_TIMEOUT) != 0,
+        }
     }
 
-    pub fn allows_no_timeout(&self) -> bool {
-        self.get(parameter::ALLOW_NO_TIMEOUT) != 0
+    /// A limit that nothing can measure there (G2): its parameter.
+    pub fn unmeasurable_limit(&self) -> Option<u16> {
+        let torque = self.protocol()? != Protocol::Rmd;
+        let current = self.protocol()? == Protocol::D5;
+        let position = self.protocol()? == Protocol::Thruster && self.get(parameter::POSITION_DEVICE) == 0;
+        [
+            (parameter::CURRENT_LIMIT, current),
+            (parameter::POSITION_MIN, position),
+            (parameter::POSITION_MAX, position),
+            (parameter::TORQUE_LIMIT, torque),
+        ]
+        .into_iter()
+        .find_map(|(number, blind)| (blind && self.parameters.contains_key(&number)).then_some(number))
+    }
+
+    /// The limit that what is sent exceeds (G2). Allowance: limits are f32.
+    pub fn limit_exceeded_by(&self, goal: &Goal) -> Option<u16> {
+        let sign = if self.parameters.get(&parameter::DIRECTION) == Some(&MINUS_ONE) { -1.0 } else { 1.0 };
+        let position = goal.position.map(|position| position * sign);
+        let lowest = self.float(parameter::POSITION_MIN).map(|limit| -limit);
+        [
+            (parameter::VELOCITY_LIMIT, goal.speed, self.float(parameter::VELOCITY_LIMIT)),
+            (parameter::CURRENT_LIMIT, goal.current, self.float(parameter::CURRENT_LIMIT)),
+            (parameter::SIGNAL_LIMIT, goal.signal, self.float(parameter::SIGNAL_LIMIT)),
+            (parameter::POSITION_MAX, position, self.float(parameter::POSITION_MAX)),
+            (parameter::POSITION_MIN, position.map(|position| -position), lowest),
+        ]
+        .into_iter()
+        .find_map(|(number, value, limit)| {
+            let (value, limit) = (value?, limit?);
+            (value > limit + limit.abs() * 1e-6 + 1e-9).then_some(number)
+        })
     }
 
     pub fn releases_brake(&self) -> bool {
@@ -121,6 +189,16 @@ impl Axis {
 
     pub fn d5_reply_id(&self) -> Option<u32> {
         self.parameters.get(&parameter::D5_REPLY_ID).copied()
+    }
+
+    /// The CAN id of requests to its motor.
+    pub fn request_id(&self) -> Option<u32> {
+        let node = u32::from(self.node()?);
+        Some(match self.protocol()? {
+            Protocol::Rmd => 0x140 + node,
+            Protocol::Thruster => 0x300 + node,
+            Protocol::D5 => self.d5_request_id().unwrap_or(node),
+        })
     }
 
     pub fn is_without_expiry(&self) -> bool {
@@ -140,7 +218,7 @@ impl Axis {
     /// Whether a measured value is beyond a limit and its margin (G3; PROTOCOL.md, `limit_margin`). The torque of motion mode is not
     /// looked at. Allowance: the gateway reckons in f32.
     pub fn is_exceeded_by(&self, reading: &Reading) -> bool {
-        let float = |number| self.parameters.get(&number).map(|bits| f64::from(f32::from_bits(*bits)));
+        let float = |number| self.float(number);
         let margin = float(parameter::LIMIT_MARGIN.0).unwrap_or(parameter::LIMIT_MARGIN.1);
         let beyond = |value: Option<f64>, limit: Option<f64>, slack: f64| {
             let (Some(value), Some(limit)) = (value, limit) else { return false };

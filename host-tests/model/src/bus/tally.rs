@@ -10,6 +10,8 @@ pub(crate) const ACKNOWLEDGE_FRAMES: u64 = 4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Tally {
     pub sent: u32,
+    /// Allowance: frames that left at the very instant at which the controller was started anew.
+    pub sent_or_not: u32,
     /// CAN: frames that came in.
     pub received: u32,
     pub overflows: u32,

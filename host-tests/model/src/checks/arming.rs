@@ -1,7 +1,7 @@
 //! Arming: what the motor must have been asked, and how it must have answered (G1).
 
 use crate::axis::Axis;
-use crate::motor::{Protocol, Question};
+use crate::motor::{Protocol, Question, Timeout};
 
 /// What an arming under way has asked and been told. Allowance: a reply answers every request that it can be the answer to, and one good
 /// answer is enough, whatever else comes: which of two identical requests a reply belongs to, nobody can tell.
@@ -85,7 +85,7 @@ impl Arming {
                 (self.stopped >= 2, "two stops"),
                 (self.stands, "standstill"),
                 (self.faultless, "no fault"),
-                (axis.timeout_written, "the motor's timeout"),
+                (axis.allows(axis.timeout), "the motor's timeout"),
             ],
             Protocol::Thruster => &[
                 (self.faults_read, "the faults"),
@@ -93,7 +93,7 @@ impl Arming {
                 (self.stopped >= 1, "a stop"),
                 (self.faultless, "no fault"),
                 (self.stands, "standstill"),
-                (axis.timeout_written, "the motor's timeout"),
+                (axis.allows(axis.timeout), "the motor's timeout"),
             ],
             Protocol::D5 => &[
                 (level > 0 && read(ACK_LEVEL, &|value| u32::from(value) == level), "the acknowledge level"),
@@ -102,15 +102,12 @@ impl Arming {
                 (read(WRITE_WAITS, &|value| value == 0 || self.overwritten), "what waits"),
                 (self.stops >= 1 && (self.stopped >= 1 || level < 2), "a stop"),
                 (self.stands, "standstill"),
-                (read(TIMEOUT_SWITCH, &|value| value != 0), "the motor's timeout"),
+                (
+                    read(TIMEOUT_SWITCH, &|value| value != 0) || axis.allows(Timeout::Off),
+                    "the motor's timeout",
+                ),
             ],
         };
-        // The timeout is the last of each.
-        let (timeout, others) = wanted.split_last()?;
-        // Off and unknown have each a permission of its own; that a D5's is off it tells itself.
-        let is_off = axis.protocol() == Some(Protocol::D5);
-        let allowed = if is_off { axis.allows_no_timeout() } else { axis.allows_without_timeout() };
-        let timeout = (timeout.0 || allowed, timeout.1);
-        others.iter().chain([&timeout]).find(|(there, _)| !there).map(|(_, what)| *what)
+        wanted.iter().find(|(there, _)| !there).map(|(_, what)| *what)
     }
 }

@@ -10,7 +10,7 @@ impl Oracle {
         let [sent, received, _unmatched, _late, _rejected, overflows, missed, cancelled, bus_offs] = counters;
         let tally = state.tally;
         let is_right = [
-            (sent, tally.sent),
+            (sent.clamp(tally.sent - tally.sent_or_not, tally.sent), sent),
             // After a collision on a serial line, which bytes are a frame of a motor is the gateway's view too.
             (if state.is_can() { received } else { tally.received }, tally.received),
             (overflows, tally.overflows),

@@ -85,6 +85,7 @@ impl Oracle {
         }
         self.check_kept(now);
         self.check_bus_off(now);
+        self.check_raw_open(now);
         for index in 0..self.links.len() {
             let link = &mut self.links[index];
             if link.drained_us == Some(now) {
@@ -105,15 +106,17 @@ impl Oracle {
         let axis = &self.axes[index];
         let (Some(duty), Some(bus)) = (&axis.duty, axis.bus()) else { return };
         let axes = self.axes_on(bus);
+        let outside = self.not_ours_us(now, axis);
         let bus = &self.buses[bus];
-        let outside = bus.outside_us(now);
         let used = |from: u64, before: u64| (now - from).saturating_sub(outside.saturating_sub(before));
         let Some((last_us, outside_then)) = duty.last else {
             let used = used(duty.since_us, duty.outside_us);
-            // What has been handed over leaves by itself.
+            // What is on the wire now and goes before it is counted when it has ended.
             let number = u8::try_from(index).ok();
             let handed = bus.held.iter().any(|held| held.is_stop && held.axis == number);
-            if used > bus.stop_bound_us(duty.k, axis.protocol(), axes) && !handed && !duty.rests {
+            let on_the_wire = if handed { bus.frame_us() } else { 0 };
+            let bound = bus.stop_bound_us(duty.k, axis.protocol(), axes) + on_the_wire;
+            if used > bound && !duty.rests {
                 let seen =
                     format!("axis {index}: no stop after {used} µs, {:?} at {}", duty.cause, duty.since_us);
                 self.broken(Check::StopLate, now, seen);
@@ -151,6 +154,18 @@ impl Oracle {
             if let Some(axis) = self.axes.iter().position(on) {
                 let seen = format!("bus {index} is off, axis {axis} is {:?}", self.axes[axis].told);
                 self.broken(Check::BusOffIgnored, now, seen);
+            }
+        }
+    }
+
+    /// A bus that was opened for raw frames.
+    fn check_raw_open(&mut self, now: u64) {
+        for index in 0..self.buses.len() {
+            let opened = self.buses[index].raw_opened_us.take() == Some(now);
+            if opened && self.buses[index].raw_open && !self.may_be_raw(index) {
+                let seen =
+                    format!("bus {index} is opened while an axis is not at rest, or the e-stop latched");
+                self.broken(Check::RawUnopened, now, seen);
             }
         }
     }

@@ -80,7 +80,9 @@ impl Oracle {
                 }
                 self.armed(now, index);
             }
-            (_, Told::Stopping) => self.owe_stop(index, Cause::Told, now),
+            (_, Told::Stopping) => {
+                self.owe_stop(index, Cause::Told, now);
+            }
             (Told::Tripped { confirmed: true }, Told::Tripped { confirmed: false }) => {
                 // It turns again: the stop begins anew.
                 let before = axis.duty.take().map_or(0, |duty| duty.left);
@@ -129,7 +131,11 @@ impl Oracle {
             self.broken(Check::RawUnopened, now, format!("axis {index} is armed on a bus with raw access"));
         }
         let outside = bus.and_then(|bus| self.buses.get(bus)).map_or(0, |bus| bus.outside_us(now));
+        let not_ours = self.not_ours_us(now, &self.axes[index]);
         let axis = &mut self.axes[index];
+        axis.faults_asked = (now, not_ours);
+        axis.undelivered = None;
+        axis.turns_since = None;
         axis.armed = true;
         axis.armed_us = now;
         axis.heard = (now, outside);

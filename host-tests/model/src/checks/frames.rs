@@ -2,7 +2,7 @@
 
 use crate::axis::{Asked, Axis, Cause, StopAction};
 use crate::bus::{Held, SOFTWARE_US};
-use crate::motor::{Protocol, Purpose, serial_frame};
+use crate::motor::{Protocol, Purpose, Timeout, serial_frame};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
 use crate::wire::Told;
@@ -39,11 +39,25 @@ impl Oracle {
             is_stop: false,
             is_step: false,
             asked_back: false,
+            asked_back_us: None,
+            is_raw: false,
+            id: if let Frame::Can(id, _) = frame { Some(id) } else { None },
+            is_harmful: false,
+            is_setpoint: false,
+            is_left_behind: false,
             acknowledged_by: 0,
             missed_us: None,
         };
+        held.is_raw = raw;
         if raw {
-            self.judge_raw(now, bus, frame, found.as_ref());
+            self.judge_raw(now, bus, frame);
+        }
+        held.axis = found.as_ref().filter(|_| !raw).and_then(|(axis, _)| u8::try_from(*axis).ok());
+        if !moves_all(frame) {
+            self.judge_bystanders(now, bus, frame, &held);
+        }
+        if let Frame::Serial(bytes) = frame {
+            self.judge_serial(now, bus, bytes, &held);
         }
         let Some((axis, data)) = found.filter(|_| !raw) else {
             if !raw {
@@ -52,10 +66,11 @@ impl Oracle {
             self.judge_order(now, bus, &held, frame);
             return held;
         };
-        held.axis = u8::try_from(axis).ok();
         let purpose = self.axes[axis].protocol().map_or(Purpose::Change, |p| p.purpose(&data));
         held.is_motion = matches!(purpose, Purpose::Motion { .. });
         held.is_stop = purpose == Purpose::Stop;
+        held.is_harmful = held.is_motion || purpose == Purpose::Change;
+        held.is_setpoint = matches!(purpose, Purpose::Motion { .. } | Purpose::Stop | Purpose::Rest);
         match purpose {
             Purpose::Motion { once } => self.judge_motion(now, axis, once, &data, frame),
             Purpose::Stop => self.judge_stop(now, axis, &data),
@@ -114,22 +129,6 @@ impl Oracle {
         };
         let place = bus.raw.iter().position(|(id, data)| (*id, data.as_slice()) == wanted);
         place.is_some_and(|place| bus.raw.remove(place).is_some())
-    }
-
-    fn judge_raw(&mut self, now: u64, bus: u8, frame: Frame<'_>, found: Option<&(usize, Vec<u8>)>) {
-        let armed = self.axes.iter().any(|axis| axis.bus() == Some(usize::from(bus)) && axis.armed);
-        if armed || !self.buses[usize::from(bus)].raw_open {
-            self.broken(Check::RawUnopened, now, format!("bus {bus}: {}", frame.text()));
-        }
-        if let Some((axis, data)) = found {
-            let moves = self.axes[*axis].protocol().map(|protocol| protocol.purpose(data));
-            if let Some(Purpose::Motion { .. }) = moves {
-                self.broken(Check::MotionUnarmed, now, format!("axis {axis}, raw: {}", frame.text()));
-            }
-        }
-        if moves_all(frame) {
-            self.broken(Check::Broadcast, now, format!("bus {bus}, raw: {}", frame.text()));
-        }
     }
 
     /// A frame to no axis: a stop to all of them, where the bus is wholly ours, or the motor of an axis that was changed.
@@ -209,6 +208,12 @@ impl Oracle {
         if !permit.is_relative {
             permit.data = Some(data.to_vec());
         }
+        let axis = &self.axes[index];
+        let limit = protocol.and_then(|protocol| axis.limit_exceeded_by(&protocol.goal(data)));
+        if let Some(parameter) = limit {
+            let seen = format!("axis {index}: {} exceeds parameter {parameter}", frame.text());
+            self.broken(Check::LimitOnWire, now, seen);
+        }
     }
 
     /// The stop must be the configured one; what a native command asks of an axis at rest is its host's affair.
@@ -232,12 +237,27 @@ impl Oracle {
         }
     }
 
+    /// A frame of ours has left. One that stops another axis may have waited for it, if its own id is a higher one: behind 4 F a stop
+    /// does not keep the repeats and readings of others any more (G4).
+    pub(crate) fn outrank_stops(&mut self, now: u64, bus: usize, held: &Held) {
+        let (Some(id), Some(state)) = (held.id, self.buses.get(bus)) else { return };
+        let (waits, length) = (PATIENCE_FRAMES * state.frame_us(), state.foreign_us(held.data.len().max(8)));
+        for axis in self.axes.iter_mut().filter(|axis| axis.bus() == Some(bus)) {
+            let waits = axis.duty.as_ref().is_some_and(|d| d.is_first_due() && d.since_us + waits < now);
+            if waits && axis.request_id().is_some_and(|own| id < own) {
+                axis.outranked_us += length;
+            }
+        }
+    }
+
     /// A frame has left: what its motor may answer from now on, and what it was to a stop.
     pub(crate) fn count_left(&mut self, now: u64, bus: usize, held: Held) {
-        let outside = self.buses[bus].outside_us(now);
         let axes = self.axes_on(bus);
+        self.judge_left_behind(now, &held);
         let Some(index) = held.axis.map(usize::from) else { return };
         let window = self.buses[bus].window_us;
+        let outside = self.not_ours_us(now, &self.axes[index]);
+        self.delivered(now, index, &held.data, held.is_setpoint, held.handed_us);
         let axis = &mut self.axes[index];
         // The software may take g to see that time is up.
         let revoked = axis.revoked.is_some_and(|(_, at)| !axis.armed && at + SOFTWARE_US < now);
@@ -250,7 +270,10 @@ impl Oracle {
         if let (Some(arming), Some(protocol)) = (&mut axis.arming, protocol) {
             arming.left(protocol, held.handed_us, &held.data);
         }
-        axis.timeout_written &= protocol.and_then(|p| p.timeout_touched(&held.data)) != Some(false);
+        // What it is then, the motor has to say.
+        if protocol.and_then(|p| p.timeout_touched(&held.data)).is_some() {
+            axis.timeout = Timeout::Unknown;
+        }
         axis.asked.retain(|asked| {
             let slow = protocol.is_some_and(|protocol| protocol.is_slow(&asked.data));
             asked.left_us + 2 * window.max(if slow { SLOW_US } else { 0 }) > now
@@ -280,6 +303,8 @@ impl Oracle {
     }
 }
 
+/// A first stop that has waited longer than so many frames bars only motion (G4).
+const PATIENCE_FRAMES: u64 = 4;
 /// A reply that takes its motor long may come so late, µs: freeing and locking a brake (PROTOCOL-NOTES R20).
 const SLOW_US: u64 = 250_000;
 

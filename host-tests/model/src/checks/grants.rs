@@ -1,6 +1,7 @@
 //! What follows from a request that was carried out, or refused (G1, G2).
 
 use crate::axis::Axis;
+use crate::motor::Timeout;
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::{Body, Clears, Message, Request};
@@ -17,26 +18,32 @@ impl Oracle {
     ) {
         match *request {
             Request::LinkSilence(us) => self.silence_us = us.into(),
-            Request::ConfigureBus { bus, bitrate, wholly_ours, reply_window_us } => {
+            Request::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us } => {
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
                     bus.bitrate = bitrate;
+                    bus.protocols = protocols;
                     bus.wholly_ours = wholly_ours;
                     bus.window_us = reply_window_us.into();
                     bus.close_raw(now);
                 }
             }
-            Request::ConfigureAxis { axis, parameter, value } => {
-                self.close_raw_of(axis, now);
-                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
-                    axis.set(parameter, value);
+            Request::ConfigureAxis { axis: index, parameter, value } => {
+                let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
+                let before = axis.bus();
+                axis.set(parameter, value);
+                let after = axis.bus();
+                self.close_raw(before, now);
+                self.close_raw(after, now);
+                if Axis::is_address(parameter) {
+                    self.orphan(index);
                 }
-                self.close_raw_of(axis, now);
+                self.judge_configuration(now, index.into());
             }
-            Request::RemoveAxis(axis) => {
-                self.close_raw_of(axis, now);
-                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
-                    *axis = Axis::default();
-                }
+            Request::RemoveAxis(index) => {
+                let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
+                let before = std::mem::take(axis).bus();
+                self.close_raw(before, now);
+                self.orphan(index);
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
@@ -45,6 +52,9 @@ impl Oracle {
             }
             Request::Arm(axis) => {
                 let epoch = Body(message.body()).u32();
+                if let Some(epoch) = epoch.filter(|epoch| !self.epochs.insert((axis, *epoch))) {
+                    self.broken(Check::EpochRepeated, now, format!("axis {axis}: {epoch}"));
+                }
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)).filter(|axis| axis.armed) {
                     axis.epoch = epoch;
                 }
@@ -57,8 +67,7 @@ impl Oracle {
                         // Unsafe, and named so: nothing is owed any more.
                         axis.duty = None;
                         axis.unreachable = false;
-                        // Nobody knows what has become of its motor.
-                        axis.timeout_written = false;
+                        axis.timeout = Timeout::Unknown;
                     }
                 }
             }
@@ -70,7 +79,7 @@ impl Oracle {
             }
             Request::Native { axis, .. } => {
                 // A motion was granted when it was not refused; a stop says so by its events.
-                self.fulfil(link, sequence, axis);
+                self.fulfil(now, link, sequence, axis);
             }
             Request::RawOpen { bus, unsafe_access } => {
                 let here = |axis: &&Axis| axis.bus() == Some(usize::from(bus));
@@ -82,6 +91,8 @@ impl Oracle {
                 let at = records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
                     bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at > closed));
+                    bus.raw_unsafe = unsafe_access;
+                    bus.raw_opened_us = Some(now);
                 }
             }
             Request::RawSend { bus, id, ref data } => {
@@ -98,14 +109,6 @@ impl Oracle {
         }
     }
 
-    /// The bus of an axis is no longer open for raw frames.
-    fn close_raw_of(&mut self, axis: u8, now: u64) {
-        let bus = self.axes.get(usize::from(axis)).and_then(Axis::bus);
-        if let Some(bus) = bus.and_then(|bus| self.buses.get_mut(bus)) {
-            bus.close_raw(now);
-        }
-    }
-
     /// No bus is open for raw frames any more.
     pub(crate) fn close_all_raw(&mut self, now: u64) {
         for bus in &mut self.buses {
@@ -119,6 +122,7 @@ impl Oracle {
         let offered = axis.permits.iter().rposition(|p| (p.link, p.sequence) == (link, sequence));
         if let Some(offered) = offered {
             in_force(axis, offered);
+            self.deliver(now, index.into());
             return;
         }
         // The axis may have been stopped since, or the host may read late.
@@ -140,11 +144,12 @@ impl Oracle {
     }
 
     /// A permission whose result is there: in force if it was not before.
-    fn fulfil(&mut self, link: u8, sequence: u16, axis: u8) {
-        let Some(axis) = self.axes.get_mut(usize::from(axis)) else { return };
+    fn fulfil(&mut self, now: u64, link: u8, sequence: u16, index: u8) {
+        let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
         let offered = |p: &crate::axis::Permit| (p.link, p.sequence) == (link, sequence) && !p.in_force;
         if let Some(offered) = axis.permits.iter().rposition(offered) {
             in_force(axis, offered);
+            self.deliver(now, index.into());
         }
     }
 

@@ -173,10 +173,8 @@ impl Oracle {
         for index in 0..self.axes.len() {
             let axis = &self.axes[index];
             let meant = one.is_none_or(|one| one == index);
-            let runs = axis
-                .bus()
-                .and_then(|bus| self.buses.get(bus))
-                .is_some_and(|bus| bus.bitrate > 0 && bus.off_since.is_none());
+            // On a bus that is off it is owed until the bus is back.
+            let runs = axis.bus().and_then(|bus| self.buses.get(bus)).is_some_and(|bus| bus.bitrate > 0);
             // All of them: those at rest too, where something else may have set the motor in motion.
             let at_rest = one.is_none() && axis.told.is_at_rest() && axis.is_complete() && runs;
             if meant && (axis.armed || axis.told == Told::Arming || at_rest) {

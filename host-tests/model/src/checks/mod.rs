@@ -1,7 +1,10 @@
 //! What follows from what was seen: one file for each side of it.
 
 mod arming;
+mod bystanders;
+mod configured;
 mod counts;
+mod delivery;
 mod due;
 mod events;
 mod frames;
@@ -13,5 +16,6 @@ mod results;
 mod starts;
 
 pub(crate) use arming::Arming;
+pub(crate) use bystanders::Present;
 pub(crate) use history::History;
 pub(crate) use starts::Unlisted;

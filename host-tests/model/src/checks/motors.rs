@@ -2,13 +2,13 @@
 
 use crate::axis::{Asked, Cause};
 use crate::bus::BusKind;
-use crate::motor::{Protocol, Purpose, Reading, serial_frame};
+use crate::motor::{Protocol, Purpose, Reading, Timeout, serial_frame};
 use crate::oracle::{Frame, Oracle};
 
+/// A thruster that was silent for so long may have been without power (G1).
+const THRUSTER_SILENCE_US: u64 = 1_000_000;
 /// Bytes of a serial frame.
 const SERIAL_FRAME: usize = 13;
-/// After so long a silence a thruster may have lost what it was told (G1).
-const THRUSTER_FORGETS_US: u64 = 1_000_000;
 
 impl Oracle {
     /// A frame has come in.
@@ -19,10 +19,15 @@ impl Oracle {
                 if let Some(state) = self.buses.get_mut(usize::from(bus)) {
                     state.tally.received += 1;
                 }
+                let length = self.buses.get(usize::from(bus)).map_or(0, |bus| bus.foreign_us(data.len()));
                 for index in 0..self.axes.len() {
-                    let axis = &self.axes[index];
+                    let axis = &mut self.axes[index];
                     if axis.bus() != Some(usize::from(bus)) {
                         continue;
+                    }
+                    // With the same id they destroy each other.
+                    if axis.request_id().is_some_and(|own| id <= own) {
+                        axis.outranked_us += length;
                     }
                     let (Some(protocol), Some(node)) = (axis.protocol(), axis.node()) else { continue };
                     if let Some(data) = protocol.reply_of(node, axis.d5_reply_id(), id, data) {
@@ -74,18 +79,21 @@ impl Oracle {
         let Some(bus) = self.buses.get(bus) else { return };
         let (outside, window) = (bus.outside_us(now), bus.window_us);
         let axis = &mut self.axes[index];
-        // It may have been without power.
-        axis.timeout_written &= protocol != Protocol::Thruster || now - axis.heard.0 < THRUSTER_FORGETS_US;
+        // Its power may have been off.
+        if protocol == Protocol::Thruster && axis.heard.0 + THRUSTER_SILENCE_US < now {
+            axis.timeout = Timeout::Unknown;
+        }
         axis.heard = (now, outside);
         let still = axis.still();
         if let Some(arming) = &mut axis.arming {
             arming.answered(protocol, data, still);
         }
         let written = |asked: &Asked| {
-            protocol.timeout_touched(&asked.data) == Some(true)
-                && protocol.answer(&asked.data, data).is_some()
+            let touched =
+                protocol.timeout_touched(&asked.data).filter(|touched| *touched != Timeout::Unknown);
+            touched.filter(|_| protocol.answer(&asked.data, data).is_some())
         };
-        axis.timeout_written |= axis.asked.iter().any(written);
+        axis.timeout = axis.asked.iter().rev().find_map(written).unwrap_or(axis.timeout);
         let answers = |asked: &Asked| protocol.answer(&asked.data, data);
         let is_slow = |asked: &Asked| protocol.is_slow(&asked.data);
         let in_window = |asked: &Asked| is_slow(asked) || now < asked.left_us + window;
@@ -109,6 +117,8 @@ impl Oracle {
             self.owe_stop(index, Cause::Limit, now);
         } else if reading.refused && moved {
             self.owe_stop(index, Cause::Refused, now);
+        } else if let Some(speed) = reading.speed {
+            self.watch_speed(now, index, speed);
         }
     }
 

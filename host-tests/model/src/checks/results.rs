@@ -39,10 +39,12 @@ impl Oracle {
         port.records.iter_mut().for_each(|record| record.again = false);
         port.records
             .retain(|record| record.result.is_some() || !record.may_be_dropped || record.at_us == now);
-        for axis in &mut self.axes {
+        for index in 0..self.axes.len() {
+            let axis = &mut self.axes[index];
             let accepted = |p: &crate::axis::Permit| p.link == link && !p.in_force && !p.is_relative;
-            if let Some(index) = axis.permits.iter().rposition(accepted) {
-                in_force(axis, index);
+            if let Some(accepted) = axis.permits.iter().rposition(accepted) {
+                in_force(axis, accepted);
+                self.deliver(now, index);
             }
         }
     }

@@ -1,10 +1,14 @@
 //! What the bytes of the three manuals do to a motor, and what a motor's bytes tell.
 
 mod d5;
+mod lenient;
 mod rmd;
+mod setpoint;
 mod thruster;
 
+pub use lenient::{Deed, RMD_SERIAL_ALL, rmd as obeyed_by_rmd};
 pub use rmd::serial_frame;
+pub use setpoint::Goal;
 
 /// What speaks on a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +54,28 @@ pub enum Question {
     Register(u8),
     /// D5: a speed that waits becomes 0.
     Overwrite,
+}
+
+/// A motor's own timeout, as far as it is known (G1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Timeout {
+    /// Nobody knows.
+    #[default]
+    Unknown,
+    /// It does not act, or not within [`LONGEST_TIMEOUT_MS`].
+    Off,
+    /// It acts.
+    On,
+}
+
+/// A timeout that cannot act within this counts as off (G1).
+const LONGEST_TIMEOUT_MS: u32 = 60_000;
+
+impl Timeout {
+    /// One that was set to so many milliseconds.
+    fn of_ms(ms: u32) -> Self {
+        if (1..=LONGEST_TIMEOUT_MS).contains(&ms) { Self::On } else { Self::Off }
+    }
 }
 
 /// What a reply tells.
@@ -133,8 +159,8 @@ impl Protocol {
         }
     }
 
-    /// Whether a request touches the motor's own timeout: what it is then, on or not; where nobody knows, not.
-    pub fn timeout_touched(self, data: &[u8]) -> Option<bool> {
+    /// What a request that the motor carries out makes of its own timeout, if it touches it.
+    pub fn timeout_touched(self, data: &[u8]) -> Option<Timeout> {
         match self {
             Self::Rmd => rmd::timeout_touched(data),
             Self::Thruster => thruster::timeout_touched(data),

@@ -1,6 +1,6 @@
 //! RMD V3.6.
 
-use super::{Purpose, Question, Reading};
+use super::{Purpose, Question, Reading, Timeout};
 use std::f64::consts::PI;
 
 /// Put before the data of motion mode, whose CAN ids say what it is (§5): no command of §2 has this number.
@@ -34,11 +34,11 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     }
 }
 
-/// §2.30 (0xB3) with its milliseconds, of which more than 60 s count as off; a reset, another baud rate.
-pub(super) fn timeout_touched(data: &[u8]) -> Option<bool> {
+/// §2.30 (0xB3) with its milliseconds; a reset, another baud rate.
+pub(super) fn timeout_touched(data: &[u8]) -> Option<Timeout> {
     match data.first()? {
-        0xB3 => Some((1..=60_000).contains(&u32::from_le_bytes(data.get(4..8)?.try_into().ok()?))),
-        0x76 | 0xB4 => Some(false),
+        0xB3 => Some(Timeout::of_ms(u32::from_le_bytes(data.get(4..8)?.try_into().ok()?))),
+        0x76 | 0x79 | 0xB4 => Some(Timeout::Unknown),
         _ => None,
     }
 }

@@ -1,6 +1,6 @@
 //! Thruster manual.
 
-use super::{Purpose, Question, Reading};
+use super::{Purpose, Question, Reading, Timeout};
 use std::f64::consts::PI;
 
 /// What the data of a refusal end in (T6).
@@ -32,10 +32,10 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
 }
 
 /// ST with its milliseconds; another id or bitrate.
-pub(super) fn timeout_touched(data: &[u8]) -> Option<bool> {
+pub(super) fn timeout_touched(data: &[u8]) -> Option<Timeout> {
     match data.get(..2)? {
-        b"ST" => Some(data.get(4..8)? != [0; 4]),
-        b"CI" | b"CB" => Some(false),
+        b"ST" => Some(Timeout::of_ms(u32::from_be_bytes(data.get(4..8)?.try_into().ok()?))),
+        b"CI" | b"CB" => Some(Timeout::Unknown),
         _ => None,
     }
 }

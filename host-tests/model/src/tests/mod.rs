@@ -9,6 +9,7 @@ mod history;
 mod hosts;
 mod limits;
 mod motion;
+mod others;
 mod starts;
 mod stops;
 

@@ -15,7 +15,7 @@ fn raw_motion_to_an_axis_that_is_not_armed() {
     trace.done(0, 0x50, &[0, 0]);
     trace.done(0, 0x51, &[[0, 0, 0xC1, 0x02, 8].as_slice(), VELOCITY].concat());
     trace.send(VELOCITY);
-    trace.breaks(Check::MotionUnarmed);
+    trace.breaks(Check::RawHarmful);
 }
 
 #[test]

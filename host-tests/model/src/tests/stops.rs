@@ -14,9 +14,11 @@ fn a_stop_that_comes_late() {
 #[test]
 fn the_silence_of_the_host_and_no_stop() {
     let mut trace = Trace::armed();
-    trace.exchange(READ_SPEED, STILL);
-    trace.now += 240_000;
-    trace.exchange(READ_SPEED, STILL);
+    for _ in 0..2 {
+        trace.exchange(READ_FAULTS, FAULTLESS);
+        trace.now += 120_000;
+    }
+    trace.exchange(READ_FAULTS, FAULTLESS);
     trace.breaks_nothing();
     trace.wait(10_000);
     trace.breaks(Check::StopLate);
@@ -58,7 +60,7 @@ fn a_bus_that_goes_off_and_no_stop_when_it_is_back() {
 fn a_mute_motor_and_no_stop() {
     let mut trace = Trace::armed();
     for _ in 0..40 {
-        trace.send(READ_SPEED);
+        trace.send(READ_FAULTS);
         trace.now += 20_000;
         trace.done(0, 0x03, &[]);
     }

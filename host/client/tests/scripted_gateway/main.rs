@@ -1,7 +1,6 @@
 //! The client against a gateway that is a script, in virtual time.
 
 mod hold;
-mod hostile;
 mod line;
 mod natives;
 mod session;

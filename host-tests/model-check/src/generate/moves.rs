@@ -1,0 +1,97 @@
+//! Axes that are moved to other motors: another bus, node, protocol, other ids, in any state and with requests under way.
+
+use super::Generator;
+use super::asks::native;
+use crate::action::{Action, Ask, Number};
+use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use crate::world::World;
+use host_protocol::AxisParameter;
+use promise_model::Told;
+
+/// Ids for D5 motors: their own, and those of others.
+const D5_IDS: [u32; 16] = [
+    0x26, 0x27, 0x28, 0x141, 0x142, 0x241, 0x242, 0x30E, 0x28E, 0x401, 0x402, 0x403, 0x501, 0x280, 0x300,
+    0x7FF,
+];
+
+impl Generator {
+    /// An axis is asked something, and moved before it has been answered; its old bus is loaded meanwhile, starts again, or goes off.
+    pub(super) fn moves(&mut self, world: &World) -> Action {
+        let idle: Vec<u8> = (0..10).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
+        let axis = if idle.is_empty() || self.dice.percent(10) { self.axis() } else { self.dice.pick(&idle) };
+        let old = MOTORS[usize::from(axis)].bus;
+        let link = self.commander;
+        let mut actions = Vec::new();
+        if self.dice.percent(40) {
+            let (length, for_us) = (self.dice.byte() % 9, self.dice.pick(&[1_000, 6_000]));
+            actions.push(Action::Foreign { bus: old, id: 1, length, pause_us: 0, for_us });
+        }
+        let mut asks = Vec::new();
+        if self.dice.percent(70) {
+            asks.push(match self.dice.below(6) {
+                0 => native(&mut self.dice, axis),
+                1 => Ask::Provision { axis, timeout_ms: 300 },
+                2 => Ask::Arm { axis },
+                3 => self.dice.pick(&[Ask::Stop { axis }, Ask::EStop]),
+                _ => Ask::Subscribe { axes: 0x3FF, period_us: 1_000 },
+            });
+        }
+        if self.dice.percent(10) {
+            asks.push(Ask::Remove { axis });
+        }
+        for _ in 0..=self.dice.below(3) {
+            let (parameter, value) = self.new_address();
+            asks.push(Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) });
+        }
+        actions.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
+        if self.dice.percent(50) {
+            actions.push(if self.dice.percent(40) {
+                let protocols = self.protocols[usize::from(old)];
+                Action::Ask { link, ask: Ask::Bus { bus: old, window_us: 3_000, protocols } }
+            } else {
+                Action::Short { bus: old, for_us: self.dice.below(3_000) }
+            });
+        }
+        if self.dice.percent(40) {
+            let ask =
+                self.dice.pick(&[Ask::StopAll, Ask::Stop { axis }, Ask::Stop { axis }, Ask::Arm { axis }]);
+            actions.push(Action::Ask { link, ask });
+        }
+        self.first.extend(actions);
+        Action::Ask { link, ask: Ask::Ping }
+    }
+
+    fn new_address(&mut self) -> (AxisParameter, u32) {
+        match self.dice.below(8) {
+            0..3 => (AxisParameter::Bus, (self.dice.byte() % BUSES).into()),
+            3 => (AxisParameter::Protocol, self.dice.pick(&[1, 2, 3])),
+            4 => (AxisParameter::Node, self.dice.pick(&[1, 2, 3, 4, 0x0E, 0x0F, 20, 0x26, 0x27, 0x28])),
+            5 => (AxisParameter::StopAction, self.dice.pick(&[1, 2, 3])),
+            6 => (AxisParameter::D5RequestId, self.dice.pick(&D5_IDS)),
+            _ => (AxisParameter::D5ReplyId, self.dice.pick(&D5_IDS)),
+        }
+    }
+
+    /// An axis is that of its own motor again.
+    pub(super) fn moves_back(&mut self, axis: u8) -> Action {
+        let motor = &MOTORS[usize::from(axis)];
+        let protocols = self.protocols[usize::from(motor.bus)];
+        let mut asks = vec![Ask::Remove { axis }, Ask::Bus { bus: motor.bus, window_us: 3_000, protocols }];
+        for (parameter, value) in [
+            (AxisParameter::Bus, motor.bus.into()),
+            (AxisParameter::Protocol, motor.protocol.number().into()),
+            (AxisParameter::Node, motor.node.into()),
+            (AxisParameter::StopAction, motor.stop.number().into()),
+        ] {
+            asks.push(Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) });
+        }
+        let allow = AxisParameter::AllowUnknownMotorTimeout.number();
+        asks.push(Ask::Set { axis, parameter: allow, value: Number::Bool(true) });
+        if axis == POSITION_DEVICE {
+            let parameter = AxisParameter::PositionDevice.number();
+            asks.push(Ask::Set { axis, parameter, value: Number::Bool(true) });
+        }
+        self.first.extend(asks.into_iter().map(|ask| Action::Ask { link: self.commander, ask }));
+        Action::Ask { link: self.commander, ask: Ask::Ping }
+    }
+}
