@@ -40,7 +40,7 @@ impl Bench {
 
     /// `state AXIS unconfigured|idle|holding|arming|armed|active|stopping|tripped|tripped-confirmed`
     fn expect_state(&mut self, words: &[&str]) -> Result<(), String> {
-        let axis = parse(words, 0, "axis")?;
+        let axis: u8 = parse(words, 0, "axis")?;
         let wanted = match words.get(1) {
             Some(&"unconfigured") => AxisState::Unconfigured,
             Some(&"idle") => AxisState::Idle,

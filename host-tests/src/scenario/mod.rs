@@ -13,7 +13,7 @@ mod hosts;
 mod report;
 mod requests;
 mod steps;
-mod words;
+pub(crate) mod words;
 
 use bench::Bench;
 use mgw_sim::Wiring;

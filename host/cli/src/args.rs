@@ -44,7 +44,8 @@ Examples:
   candump -L can0 | mgw decode                     captured frames in words; needs no gateway
 
 Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal; counter-clockwise is positive.
-Exit codes: 0 done; 1 refused or failed, a value out of its range too; 2 wrong usage.";
+Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage; 3 a stop was sent and is
+not confirmed.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {

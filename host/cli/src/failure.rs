@@ -14,6 +14,8 @@ use crate::words;
 const FAILED: u8 = 1;
 /// Exit code of wrong usage; clap uses the same.
 const WRONG_USAGE: u8 = 2;
+/// Exit code of a stop that was sent and is not confirmed.
+const NOT_CONFIRMED: u8 = 3;
 
 /// Why a command failed.
 #[derive(Debug)]
@@ -42,6 +44,8 @@ pub enum Failure {
     NotArrived { axis: u8, place: String, target_rad: f32 },
     /// The motor did not confirm its stop in time.
     StopNotConfirmed { axis: u8 },
+    /// The gateway took the stop, and could not be asked what came of it.
+    StopTaken { cause: String },
     /// The demonstration did not end as it must.
     Demonstration(String),
     /// The server of the simulation could not start or go on.
@@ -56,6 +60,8 @@ impl Failure {
         match self {
             Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => error.name(),
             Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
+            Self::Client(ClientError::StopUnanswered { .. }) => "StopUnanswered",
+            Self::Client(ClientError::Interrupted) => "Interrupted",
             Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
             Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
             Self::Client(ClientError::TooLong { .. }) => "TooLong",
@@ -69,7 +75,7 @@ impl Failure {
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
             Self::NotArrived { .. } => "NotArrived",
-            Self::StopNotConfirmed { .. } => "StopNotConfirmed",
+            Self::StopNotConfirmed { .. } | Self::StopTaken { .. } => "StopNotConfirmed",
             Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
             Self::Output(_) => "Output",
@@ -103,6 +109,9 @@ impl Failure {
         match self {
             Self::Usage(_) => WRONG_USAGE,
             Self::Client(ClientError::Connect(error)) if is_no_port(error) => WRONG_USAGE,
+            Self::StopNotConfirmed { .. }
+            | Self::StopTaken { .. }
+            | Self::Client(ClientError::StopUnanswered { .. }) => NOT_CONFIRMED,
             // The reader of a pipe has seen enough: `mgw watch | head` is no failure.
             Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => 0,
             _ => FAILED,
@@ -172,6 +181,10 @@ impl fmt::Display for Failure {
             Self::StopNotConfirmed { axis } => write!(
                 f,
                 "axis {axis} has not confirmed its stop; the gateway goes on stopping it. Cut its power if it turns, then look at `mgw state {axis}`"
+            ),
+            Self::StopTaken { cause } => write!(
+                f,
+                "the gateway took the stop; whether the motors are at rest is not known ({cause}). Look at `mgw state`, and cut their power if they turn"
             ),
             Self::Server { address, source } => {
                 write!(f, "cannot serve on {address} ({source}). Choose another port, or 0 for a free one")

@@ -27,12 +27,15 @@ mod words;
 use std::process::ExitCode;
 
 use clap::Parser;
-use mgw_client::{Interrupt, Transport};
+use mgw_client::{Interrupt, Transport, open};
 
 use args::{Cli, Command};
 use failure::Failure;
 use output::Output;
-use session::Session;
+
+/// Said when no port is named.
+const WHICH_GATEWAY: &str = "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set MGW_PORT. `mgw sim` starts a \
+                             simulated one";
 
 /// Runs the command of this process's arguments, and prints.
 pub fn main() -> ExitCode {
@@ -65,8 +68,9 @@ pub struct Outcome {
 /// Runs one command on `transport`, in the transport's time, and prints nothing. `interrupt` is its Ctrl-C.
 pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[&str]) -> Outcome {
     let result = match Cli::try_parse_from(["mgw"].iter().chain(arguments)) {
-        Ok(Cli { command: Some(command), .. }) => Session::on(transport, interrupt, Output::none())
-            .and_then(|mut session| commands::run(&mut session, &command)),
+        Ok(Cli { command: Some(command), .. }) => {
+            commands::run(transport, Some(interrupt), Output::none(), &command)
+        }
         Ok(_) => Err(Failure::Usage("which command?".to_owned())),
         Err(error) => Err(Failure::Usage(error.to_string())),
     };
@@ -100,7 +104,10 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Sim { listen, unconfigured }) => serve::run(*listen, *unconfigured, out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
-        Some(command) => commands::run(&mut Session::open(cli.port.as_deref(), out)?, command),
+        Some(command) => {
+            let port = cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
+            commands::run(Box::new(open(port)?), None, out, command)
+        }
     }
 }
 

@@ -1,11 +1,10 @@
 //! A command's session with the gateway, and the output it prints to.
 
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage};
-use mgw_client::{Client, ClientError, Interrupt, Transport, open};
+use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
@@ -17,6 +16,8 @@ use crate::words;
 
 /// How long a motor may take to confirm its stop before the command gives up waiting. The gateway does not.
 const STOP_PATIENCE: Duration = Duration::from_secs(5);
+/// Events that are printed in one go.
+const EVENTS_AT_ONCE: usize = 64;
 /// Between two looks at an axis that is stopping.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
@@ -29,23 +30,16 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens the port that the user named.
-    pub fn open(port: Option<&str>, out: Output) -> Result<Self, Failure> {
-        let port = port.ok_or_else(|| {
-            Failure::Usage(
-                "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set MGW_PORT. `mgw sim` starts a simulated one"
-                    .to_owned(),
-            )
-        })?;
-        let session = Self::on(Box::new(open(port)?), Interrupt::default(), out)?;
-        Ok(Self { hears_signals: true, ..session })
-    }
-
-    /// Connects over `transport`; `interrupt` is what ends commands early.
-    pub fn on(transport: Box<dyn Transport>, interrupt: Interrupt, out: Output) -> Result<Self, Failure> {
+    /// Connects over `transport`; `interrupt` is what ends commands early, or else signals are.
+    pub fn on(
+        transport: Box<dyn Transport>,
+        interrupt: Option<Interrupt>,
+        out: Output,
+    ) -> Result<Self, Failure> {
         let mut client = Client::connect(transport)?;
-        client.heed(interrupt);
-        Ok(Self { client, out, hears_signals: false })
+        let hears_signals = interrupt.is_none();
+        client.heed(interrupt.unwrap_or_default());
+        Ok(Self { client, out, hears_signals })
     }
 
     /// From here on Ctrl-C is noted instead of ending the process.
@@ -81,11 +75,6 @@ impl Session {
         Ok(())
     }
 
-    /// Prints the events that wait, and returns the trip of one of `axes`, if there is one among them.
-    pub fn print_events(&mut self, axes: &[u8]) -> Result<Option<Failure>, Failure> {
-        print_events(&mut self.client, axes, self.out)
-    }
-
     /// Prints the states of these axes. Of several one that cannot be read, half configured for example, hides no other.
     pub fn print_states(&mut self, axes: &[u8]) -> Result<(), Failure> {
         let (mut reports, mut unread) = (Vec::new(), Vec::new());
@@ -108,14 +97,20 @@ impl Session {
     pub fn await_stop(&mut self, axis: u8) -> Result<AxisReport, Failure> {
         let end = self.client.now() + STOP_PATIENCE;
         loop {
-            let report = self.client.read_state_when_free(axis)?;
-            if !is_stopping(report.state) {
-                return Ok(report);
+            match self.client.read_state(axis) {
+                Ok(report) if !is_stopping(report.state) => return Ok(report),
+                // Another host is asking it.
+                Ok(_) | Err(ClientError::Gateway(Error::Busy { .. })) => {}
+                // The stop was taken, and nothing is heard of it.
+                Err(ClientError::NoAnswer { .. } | ClientError::Transport(_)) => {
+                    return Err(Failure::StopNotConfirmed { axis });
+                }
+                Err(error) => return Err(error.into()),
             }
             if self.client.now() >= end {
                 return Err(Failure::StopNotConfirmed { axis });
             }
-            self.client.transport_mut().sleep(LOOK_AGAIN);
+            self.client.pause(LOOK_AGAIN)?;
         }
     }
 }
@@ -132,30 +127,26 @@ pub fn print_events<T: Transport>(
     out: Output,
 ) -> Result<Option<Failure>, Failure> {
     let mut tripped = None;
-    while let Some(event) = client.poll_event(Duration::ZERO)? {
+    // If they come without end, what else is to be done has its turn all the same.
+    for _ in 0..EVENTS_AT_ONCE {
+        let Some(event) = client.poll_event(Duration::ZERO)? else { break };
         print_event(&event, out)?;
-        if let Event::Tripped { axis, trip } = &event.event
-            && axes.contains(axis)
-        {
-            tripped.get_or_insert(Failure::Tripped { axis: *axis, reason: words::trip_reason(&trip.reason) });
-        }
+        tripped = tripped.or(trip_of(&event.event, axes));
     }
     Ok(tripped)
+}
+
+/// The trip of one of `axes`, if this is one.
+pub fn trip_of(event: &Event, axes: &[u8]) -> Option<Failure> {
+    match event {
+        Event::Tripped { axis, trip } if axes.contains(axis) => {
+            Some(Failure::Tripped { axis: *axis, reason: words::trip_reason(&trip.reason) })
+        }
+        _ => None,
+    }
 }
 
 /// Whether the gateway is still at work to stop it.
 fn is_stopping(state: AxisState) -> bool {
     matches!(state, AxisState::Stopping | AxisState::Tripped { confirmed: false })
-}
-
-/// How the rounds of a hold go on: until the user or an earlier failure ends it.
-pub fn go_on<T: Transport>(
-    client: &Client<T>,
-    failure: Option<&Failure>,
-) -> Result<ControlFlow<()>, ClientError> {
-    Ok(if failure.is_some() || client.interrupt().is_raised() {
-        ControlFlow::Break(())
-    } else {
-        ControlFlow::Continue(())
-    })
 }

@@ -5,13 +5,17 @@ use std::time::Duration;
 
 use host_protocol::messages::request_name;
 use host_protocol::replies::HelloReply;
-use host_protocol::requests::{Hello, Ping, Subscribe};
-use host_protocol::{Call, Error, EventMessage, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR};
+use host_protocol::requests::{self as ask, Hello, Ping, Subscribe};
+use host_protocol::{
+    BootReason, Call, Error, EventMessage, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, StopTarget, Text,
+};
 
 use crate::clock::Clock;
 use crate::error::ClientError;
-use crate::inbox::{Answer, Awaited, Inbox, Losses};
+use crate::inbox::{Answer, Inbox, Losses};
 use crate::interrupt::Interrupt;
+use crate::stopping::{StopRequest, until_answered};
+use crate::stream::{Motion, Stream};
 use crate::transport::Transport;
 
 /// How long an answer is awaited, repetitions included, unless the caller says otherwise.
@@ -21,8 +25,16 @@ pub const HELLO_DEADLINE: Duration = Duration::from_secs(2);
 /// An unanswered request is sent again after this time. Repetitions keep authority alive, so it is well below the
 /// gateway's default link silence of 250 ms.
 pub const REPEAT_AFTER: Duration = Duration::from_millis(80);
+/// A relative move is sent again sooner: its target must come while it is still permitted.
+pub(crate) const REPEAT_MOVE_AFTER: Duration = Duration::from_millis(20);
 /// [`Client::keep_alive`] pings when nothing was sent for this long: three of them fit into the default link silence.
 pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
+/// An interrupt is looked for at least this often.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// By how much the latest expiry stays below what the gateway takes.
+const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
+/// Requests among which the gateway knows a repeated one.
+const REMEMBERED: u64 = 8;
 
 /// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
@@ -36,21 +48,31 @@ const SUBSCRIPTION_MAY_HAVE_ENDED_AFTER: Duration = Duration::from_secs(4);
 const FIRST_PINGS: usize = 3;
 /// Bytes taken from the transport at once.
 const READ_BUFFER: usize = 512;
+/// So often bytes that have already arrived are read when there is no time to wait for an event.
+const READS_WITHOUT_WAITING: usize = 16;
 
 /// One session with one gateway.
 ///
-/// Every call takes its time from the transport. One request is on its way at a time; events that arrive meanwhile
-/// wait in a queue for [`poll_event`](Self::poll_event).
+/// Every call takes its time from the transport, and whatever it waits for, it waits in one place, where it looks in this
+/// order: an interrupt, which is followed by the stops of the axes that were armed here; setpoints that are due; the request
+/// under way. Events that arrive meanwhile wait in a queue for [`poll_event`](Self::poll_event).
 pub struct Client<T: Transport> {
     transport: T,
     inbox: Inbox,
     clock: Clock,
     hello: HelloReply,
     sequence: u16,
+    /// How many requests have been written.
+    written: u64,
     last_sent: Duration,
     /// What was subscribed to last in this session.
     subscription: Option<Subscribe>,
     interrupt: Interrupt,
+    /// The interrupt has been followed: nothing that moves is sent any more.
+    interrupted: bool,
+    /// Axes whose arming was asked for here.
+    armed: Vec<u8>,
+    pub(crate) stream: Option<Stream>,
 }
 
 impl<T: Transport> Client<T> {
@@ -64,29 +86,29 @@ impl<T: Transport> Client<T> {
         Self::connect_as(transport, fastrand::u32(..), fastrand::u16(..))
     }
 
-    /// As [`connect`](Self::connect), with a given session number and first sequence number: for runs that must be
-    /// the same each time.
+    /// As [`connect`](Self::connect), with a given session number and first sequence number, for runs that must be the same each
+    /// time. The transport's time is mixed into both, so that a session with numbers that were used before takes no old answer for
+    /// its own.
     ///
     /// # Errors
     /// As [`connect`](Self::connect).
-    pub fn connect_as(mut transport: T, session: u32, first_sequence: u16) -> Result<Self, ClientError> {
-        let mut inbox = Inbox::new();
-        let request = hello_request(session);
-        let answer = exchange(&mut transport, &mut inbox, first_sequence, &request, HELLO_DEADLINE);
-        let hello = refuse_other_major(answer).map_err(name_refusal)?;
-        let sequence = first_sequence.wrapping_add(1);
-        let last_sent = transport.now();
-        let clock = Clock::default();
+    pub fn connect_as(transport: T, session: u32, first_sequence: u16) -> Result<Self, ClientError> {
+        let (high, low) = spread(transport.now());
         let mut client = Self {
-            transport,
-            inbox,
-            clock,
-            hello,
-            sequence,
-            last_sent,
+            inbox: Inbox::new(),
+            clock: Clock::default(),
+            hello: no_hello(),
+            sequence: first_sequence.wrapping_add(low),
+            written: 0,
+            last_sent: transport.now(),
             subscription: None,
             interrupt: Interrupt::default(),
+            interrupted: false,
+            armed: Vec::new(),
+            stream: None,
+            transport,
         };
+        client.say_hello_as(session.wrapping_add(high)).map_err(name_refusal)?;
         client.measure_clock()?;
         Ok(client)
     }
@@ -105,10 +127,15 @@ impl<T: Transport> Client<T> {
     }
 
     pub(crate) fn say_hello(&mut self) -> Result<HelloReply, ClientError> {
-        let request = hello_request(fastrand::u32(..));
-        self.subscription = None;
-        self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
+        self.say_hello_as(fastrand::u32(..))?;
         Ok(self.hello.clone())
+    }
+
+    fn say_hello_as(&mut self, session: u32) -> Result<(), ClientError> {
+        self.subscription = None;
+        let request = Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
+        self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
+        Ok(())
     }
 
     fn measure_clock(&mut self) -> Result<(), ClientError> {
@@ -116,16 +143,6 @@ impl<T: Transport> Client<T> {
             self.ping()?;
         }
         Ok(())
-    }
-
-    /// Has `interrupt` end what this client does.
-    pub fn heed(&mut self, interrupt: Interrupt) {
-        self.interrupt = interrupt;
-    }
-
-    /// What ends what this client does.
-    pub fn interrupt(&self) -> Interrupt {
-        self.interrupt.clone()
     }
 
     /// What the gateway said of itself when the session was opened.
@@ -152,22 +169,214 @@ impl<T: Transport> Client<T> {
         request: &C,
         deadline: Duration,
     ) -> Result<C::Reply, ClientError> {
-        let (reply, _) = self.timed_request(request, deadline)?;
-        Ok(reply)
+        self.exchange(request, deadline, REPEAT_AFTER).map(|(reply, _)| reply)
     }
 
-    /// The reply, and when the request was sent for the first time.
-    fn timed_request<C: Call>(
+    /// Sends a request until it is answered or the deadline has passed. Returns the reply, and when the request was sent for the first
+    /// time.
+    pub(crate) fn exchange<C: Call>(
         &mut self,
         request: &C,
         deadline: Duration,
+        repeat_after: Duration,
     ) -> Result<(C::Reply, Duration), ClientError> {
+        let name = request_name(C::NUMBER).unwrap_or("a request");
+        let start = self.transport.now();
+        let (end, mut next_sending) = (start.saturating_add(deadline), start);
+        let mut first = None;
+        let mut frame = [0; MAX_FRAME];
+        loop {
+            self.heed_interrupt(C::NUMBER)?;
+            self.send_due()?;
+            let now = self.transport.now();
+            if now >= end {
+                return Err(ClientError::NoAnswer { request: name, after: deadline });
+            }
+            let (sequence, length, sent, order) = match first {
+                Some(first) => first,
+                None => {
+                    let sequence = self.next_sequence();
+                    let length =
+                        host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
+                            .map_err(|_| ClientError::TooLong { request: name })?;
+                    *first.insert((sequence, length, now, self.written))
+                }
+            };
+            // Among so many others the gateway would take it for a new one.
+            let is_known = self.written - order < REMEMBERED || !acts_each_time(C::NUMBER);
+            if now >= next_sending && is_known {
+                self.write(frame.get(..length).unwrap_or(&frame))?;
+                next_sending = now + repeat_after;
+            }
+            let until = if is_known { next_sending.min(end) } else { end };
+            match self.listen(until, Some((sequence, C::NUMBER)))? {
+                None => {}
+                Some(Answer::Error(error)) => return Err(error.into()),
+                Some(Answer::Reply { number, body }) => {
+                    let unreadable = ClientError::UnreadableReply { request: name, number };
+                    return read_reply::<C>(&body).map(|reply| (reply, sent)).ok_or(unreadable);
+                }
+            }
+        }
+    }
+
+    fn next_sequence(&mut self) -> u16 {
         let sequence = self.sequence;
-        self.sequence = self.sequence.wrapping_add(1);
-        let sent = self.transport.now();
-        let answer = exchange(&mut self.transport, &mut self.inbox, sequence, request, deadline);
-        self.last_sent = sent.max(self.last_sent);
-        Ok((answer?, sent))
+        self.sequence = sequence.wrapping_add(1);
+        sequence
+    }
+
+    fn write(&mut self, frame: &[u8]) -> Result<(), ClientError> {
+        self.transport.send(frame)?;
+        self.written += 1;
+        self.last_sent = self.transport.now();
+        Ok(())
+    }
+
+    /// Writes a request whose answer nobody waits for.
+    fn post<C: Call>(&mut self, request: &C) -> Result<u16, ClientError> {
+        let sequence = self.next_sequence();
+        let mut frame = [0; MAX_FRAME];
+        let length = host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
+            .map_err(|_| ClientError::TooLong { request: request_name(C::NUMBER).unwrap_or("a request") })?;
+        self.write(frame.get(..length).unwrap_or(&frame))?;
+        Ok(sequence)
+    }
+
+    /// Reads once what has arrived, or arrives before something is to be sent, or an interrupt to be looked for.
+    fn listen(
+        &mut self,
+        until: Duration,
+        awaited: Option<(u16, u16)>,
+    ) -> Result<Option<Answer>, ClientError> {
+        let now = self.transport.now();
+        let due = self.stream.as_ref().map_or(until, Stream::due);
+        let wait = until.min(due).min(now + LOOK_EVERY).saturating_sub(now);
+        let mut buffer = [0; READ_BUFFER];
+        let count = self.transport.receive(&mut buffer, wait)?;
+        let now = self.transport.now();
+        let mut found = None;
+        for arrived in self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
+            let is_awaited = awaited.is_some_and(|(sequence, number)| arrived.answers(sequence, number));
+            if is_awaited && found.is_none() {
+                found = Some(arrived.answer);
+            } else if !self.stream.as_mut().is_some_and(|stream| stream.take(now, &arrived, &mut self.clock))
+            {
+                self.inbox.count_late();
+            }
+        }
+        Ok(found)
+    }
+
+    /// Sends the setpoints and the ping that are due.
+    fn send_due(&mut self) -> Result<(), ClientError> {
+        let now = self.transport.now();
+        // Taken out while it is sent from; a failure to write ends it.
+        let Some(mut stream) = self.stream.take() else { return Ok(()) };
+        // First: it measures the clock, and waits behind nothing.
+        if stream.takes_ping(now) {
+            let sequence = self.post(&Ping {})?;
+            stream.pinged(sequence, now);
+        }
+        if stream.takes_turn(now) {
+            for index in 0..stream.flows.len() {
+                let Some(flow) = stream.flows.get(index) else { break };
+                let (axis, epoch, expires_at_us) = (flow.axis, flow.epoch, self.expiry(flow.lead()));
+                let sequence = match &flow.motion {
+                    Motion::Setpoint(setpoint) => {
+                        self.post(&ask::Setpoint { axis, epoch, expires_at_us, setpoint: *setpoint })?
+                    }
+                    Motion::Native(data) => {
+                        self.post(&ask::Native { axis, epoch, expires_at_us, data: data.clone() })?
+                    }
+                };
+                stream.sent(index, sequence);
+            }
+        }
+        self.stream = Some(stream);
+        Ok(())
+    }
+
+    /// Lets time pass, at least one look at what has arrived, and sends meanwhile what is due.
+    pub(crate) fn pass_time(&mut self, until: Duration) -> Result<(), ClientError> {
+        loop {
+            self.heed_interrupt(Ping::NUMBER)?;
+            self.send_due()?;
+            self.listen(until, None)?;
+            if self.transport.now() >= until {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Lets time pass. Setpoints that are held are sent meanwhile, and an interrupt is followed.
+    ///
+    /// # Errors
+    /// [`ClientError::Interrupted`], or the failure of the transport.
+    pub fn pause(&mut self, duration: Duration) -> Result<(), ClientError> {
+        let until = self.transport.now().saturating_add(duration);
+        self.pass_time(until)
+    }
+
+    /// What the motor answered to the native command that is held; `None` before.
+    pub fn native_reply(&self) -> Option<&[u8]> {
+        self.stream.as_ref().and_then(|stream| stream.reply.as_deref())
+    }
+
+    /// Has `interrupt` end what this client does: the next frames written are stops of the axes that were armed here, and
+    /// nothing that moves is sent any more.
+    pub fn heed(&mut self, interrupt: Interrupt) {
+        self.interrupt = interrupt;
+    }
+
+    /// What ends what this client does.
+    pub fn interrupt(&self) -> Interrupt {
+        self.interrupt.clone()
+    }
+
+    /// The first time that the interrupt is seen: stops, before anything else is written. Later: refuses what moves.
+    pub(crate) fn heed_interrupt(&mut self, number: u16) -> Result<(), ClientError> {
+        if !self.interrupt.is_raised() {
+            return Ok(());
+        }
+        if !self.interrupted {
+            self.interrupted = true;
+            self.stop_armed()?;
+            // The stop of somebody who wants it to end is not what is to end.
+            return if stops(number) { Ok(()) } else { Err(ClientError::Interrupted) };
+        }
+        if moves(number) { Err(ClientError::Interrupted) } else { Ok(()) }
+    }
+
+    /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames written are these stops, repeated
+    /// until they are answered. A connection that fails is opened again for them. Each axis is stopped once.
+    ///
+    /// # Errors
+    /// [`ClientError::StopUnanswered`] if nothing answers, [`ClientError::Gateway`] with the first refusal.
+    pub fn stop_armed(&mut self) -> Result<(), ClientError> {
+        self.stream = None;
+        let stop = |axis: u8| StopRequest::Stop(StopTarget::Axis(axis));
+        let requests: Vec<StopRequest> = self.armed.drain(..).map(stop).collect();
+        if requests.is_empty() {
+            return Ok(());
+        }
+        let Self { transport, inbox, sequence, .. } = self;
+        if until_answered(transport, inbox, sequence, &requests)? {
+            // To the gateway this may be another link: what it says by itself comes after a hello.
+            self.clock.reset();
+            self.say_hello()?;
+        }
+        Ok(())
+    }
+
+    /// Arming an axis is about to be asked for: it is stopped with the others.
+    pub(crate) fn note_arming(&mut self, axis: u8) {
+        self.armed.push(axis);
+    }
+
+    /// It was refused, or its stop has been asked for.
+    pub(crate) fn forget_arming(&mut self, axis: u8) {
+        self.armed.retain(|armed| *armed != axis);
     }
 
     /// Asks for the gateway's time, which also keeps authority alive and renews the measure of its clock.
@@ -175,18 +384,9 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request_within`](Self::request_within).
     pub fn ping(&mut self) -> Result<(), ClientError> {
-        let (pong, sent) = self.timed_request(&Ping {}, DEADLINE)?;
+        let (pong, sent) = self.exchange(&Ping {}, DEADLINE, REPEAT_AFTER)?;
         self.clock.measure(sent, self.transport.now(), pong.time_us);
         Ok(())
-    }
-
-    /// Forgets what was known of the gateway's clock, and pings.
-    ///
-    /// # Errors
-    /// As [`request_within`](Self::request_within).
-    pub(crate) fn measure_clock_anew(&mut self) -> Result<(), ClientError> {
-        self.clock.reset();
-        self.ping()
     }
 
     /// Pings if the last measure of the gateway's clock is older than [`CLOCK_VALID_FOR`].
@@ -235,20 +435,25 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// The next event: one that waits, or the first that arrives within `timeout`. Sends nothing.
+    /// The next event: one that waits, or the first that arrives within `timeout`. It ends then, whatever else arrives. Sends nothing
+    /// but setpoints that are held.
     ///
     /// # Errors
-    /// The failure of the transport.
+    /// [`ClientError::Interrupted`], or the failure of the transport.
     pub fn poll_event(&mut self, timeout: Duration) -> Result<Option<EventMessage>, ClientError> {
-        let end = self.transport.now() + timeout;
-        let mut buffer = [0; READ_BUFFER];
+        let end = self.transport.now().saturating_add(timeout);
         // Also with no time to wait: what has already arrived is read.
-        while !self.inbox.has_event() {
-            let left = end.saturating_sub(self.transport.now());
-            let count = self.transport.receive(&mut buffer, left)?;
-            self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer), None);
-            if count == 0 && self.transport.now() >= end {
-                break;
+        let mut reads = 0;
+        while !self.inbox.has_event() && reads < READS_WITHOUT_WAITING {
+            self.heed_interrupt(Ping::NUMBER)?;
+            self.send_due()?;
+            let before = self.inbox.bytes();
+            self.listen(end, None)?;
+            if self.transport.now() >= end {
+                if self.inbox.bytes() == before {
+                    break;
+                }
+                reads += 1;
             }
         }
         Ok(self.inbox.next_event())
@@ -270,11 +475,20 @@ impl<T: Transport> Client<T> {
 
     /// The expiry of a setpoint that is sent now and shall be valid for `ttl`, as the wire carries it.
     ///
-    /// It is derived from the earliest time that the gateway's clock can show, so it is never refused for lying beyond
-    /// the axis's TTL; it may lie short of it by the duration of a ping.
+    /// It is derived from the best guess of the gateway's time, which is wrong by half a round trip at most: on a line that takes as
+    /// long in one direction as in the other, a setpoint is valid for `ttl` from when it is sent. However wrong the guess, the gateway takes
+    /// none that is valid for longer than the axis's TTL from when it arrives.
     pub fn expiry(&self, ttl: Duration) -> u32 {
         let ttl = u64::try_from(ttl.as_micros()).unwrap_or(u64::MAX);
-        low_bits(self.clock.earliest_us(self.transport.now()).wrapping_add(ttl))
+        low_bits(self.gateway_now_us().wrapping_add(ttl))
+    }
+
+    /// The latest expiry that the gateway may take: valid for `ttl` from when it arrives, if it takes as long as the quickest ping. For what
+    /// moves and is not sent again: its answer has to come back, and the next request to arrive, before it expires.
+    pub(crate) fn latest_expiry(&self, ttl: Duration) -> u32 {
+        let latest = self.clock.latest_us(self.transport.now()).unwrap_or(0);
+        let ttl = u64::try_from(ttl.saturating_sub(EXPIRY_MARGIN).as_micros()).unwrap_or(u64::MAX);
+        low_bits(latest.wrapping_add(ttl))
     }
 
     /// What was lost or ignored on the way here.
@@ -298,8 +512,52 @@ impl<T: Transport> Client<T> {
     }
 }
 
-fn hello_request(session: u32) -> Hello {
-    Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session }
+/// What is known of a gateway before it has answered.
+fn no_hello() -> HelloReply {
+    HelloReply {
+        protocol_major: PROTOCOL_MAJOR,
+        protocol_minor: PROTOCOL_MINOR,
+        firmware: Text::new(),
+        build_id: Text::new(),
+        board: Text::new(),
+        boot: BootReason::PowerOn,
+        panic_recorded: false,
+        trips_recorded: 0,
+        max_axes: 0,
+        max_message: 0,
+        buses: host_protocol::Vec::new(),
+        time_us: 0,
+    }
+}
+
+/// Numbers that differ from one time to another; both 0 at time 0.
+#[allow(clippy::cast_possible_truncation)]
+fn spread(now: Duration) -> (u32, u16) {
+    let mixed = (now.as_nanos() as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    ((mixed >> 32) as u32, (mixed >> 16) as u16)
+}
+
+/// Whether a request can set a motor in motion, or make it possible.
+fn moves(number: u16) -> bool {
+    [
+        ask::Arm::NUMBER,
+        ask::Setpoint::NUMBER,
+        ask::MoveRelative::NUMBER,
+        ask::Native::NUMBER,
+        ask::RawSend::NUMBER,
+        ask::ProvisionMotorTimeout::NUMBER,
+    ]
+    .contains(&number)
+}
+
+/// Whether a request stops.
+fn stops(number: u16) -> bool {
+    [ask::Stop::NUMBER, ask::EStop::NUMBER, ask::Disarm::NUMBER].contains(&number)
+}
+
+/// Whether a request that the gateway does not know for a repeated one does something again.
+fn acts_each_time(number: u16) -> bool {
+    moves(number) || number == ask::RawReceive::NUMBER
 }
 
 /// The version may be refused by either side: by the gateway with an error, or here by what it replied.
@@ -322,45 +580,6 @@ fn name_refusal(error: ClientError) -> ClientError {
             ClientError::LinksTaken
         }
         other => other,
-    }
-}
-
-/// Sends a request until it is answered or the deadline has passed.
-fn exchange<T: Transport, C: Call>(
-    transport: &mut T,
-    inbox: &mut Inbox,
-    sequence: u16,
-    request: &C,
-    deadline: Duration,
-) -> Result<C::Reply, ClientError> {
-    let name = request_name(C::NUMBER).unwrap_or("a request");
-    let mut frame = [0; MAX_FRAME];
-    let length = host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
-        .map_err(|_| ClientError::TooLong { request: name })?;
-    let frame = frame.get(..length).unwrap_or(&frame);
-    let awaited = Some(Awaited { sequence, number: C::NUMBER });
-
-    let end = transport.now() + deadline;
-    let mut next_sending = transport.now();
-    let mut buffer = [0; READ_BUFFER];
-    loop {
-        let now = transport.now();
-        if now >= end {
-            return Err(ClientError::NoAnswer { request: name, after: deadline });
-        }
-        if now >= next_sending {
-            transport.send(frame)?;
-            next_sending = now + REPEAT_AFTER;
-        }
-        let wait = next_sending.min(end).saturating_sub(transport.now());
-        let count = transport.receive(&mut buffer, wait)?;
-        match inbox.take_in(buffer.get(..count).unwrap_or(&buffer), awaited) {
-            None => {}
-            Some(Answer::Error(error)) => return Err(error.into()),
-            Some(Answer::Reply { number, body }) => {
-                return read_reply::<C>(&body).ok_or(ClientError::UnreadableReply { request: name, number });
-            }
-        }
     }
 }
 

@@ -29,7 +29,8 @@ impl Clock {
     pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) {
         let sample = Sample { sent_us: micros(sent), received_us: micros(received), gateway_us };
         // The gateway's clock never jumps: an exchange that contradicts the others comes from a gateway that restarted.
-        let possible = self.earliest_us(received) <= gateway_us + (sample.received_us - sample.sent_us)
+        let round_trip = sample.received_us.saturating_sub(sample.sent_us);
+        let possible = self.earliest_us(received) <= gateway_us.saturating_add(round_trip)
             && self.latest_us(received).is_none_or(|latest| gateway_us <= latest);
         if !possible {
             self.samples.clear();
@@ -56,7 +57,7 @@ impl Clock {
         let now = micros(now);
         let bound = |sample: &Sample| {
             let age = now.saturating_sub(sample.received_us);
-            sample.gateway_us + age - drift(age)
+            sample.gateway_us.saturating_add(age - drift(age))
         };
         self.samples.iter().map(bound).max().unwrap_or(0)
     }
@@ -66,7 +67,7 @@ impl Clock {
         let now = micros(now);
         let bound = |sample: &Sample| {
             let age = now.saturating_sub(sample.sent_us);
-            sample.gateway_us + age + drift(age)
+            sample.gateway_us.saturating_add(age.saturating_add(drift(age)))
         };
         self.samples.iter().map(bound).min()
     }
@@ -80,7 +81,7 @@ impl Clock {
 }
 
 fn drift(age_us: u64) -> u64 {
-    age_us.saturating_mul(DRIFT_PPM) / PPM
+    age_us / (PPM / DRIFT_PPM)
 }
 
 fn micros(time: Duration) -> u64 {
@@ -123,6 +124,17 @@ mod tests {
         clock.measure(at(10_000_000), at(10_000_100), 9_991_050);
         assert_eq!(clock.earliest_us(at(10_000_100)), 9_991_050);
         assert_eq!(clock.latest_us(at(10_000_100)), Some(9_991_150));
+    }
+
+    #[test]
+    fn a_time_beyond_all_bounds_overflows_nothing() {
+        let mut clock = Clock::default();
+        for gateway_us in [u64::MAX, 0, u64::MAX - 1] {
+            clock.measure(at(1_000), at(3_000), gateway_us);
+            assert!(clock.earliest_us(at(9_000_000)) >= gateway_us);
+            assert!(clock.latest_us(at(9_000_000)).is_some_and(|latest| latest >= gateway_us));
+            clock.estimate_us(at(u64::MAX));
+        }
     }
 
     #[test]

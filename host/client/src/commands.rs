@@ -7,12 +7,13 @@ use host_protocol::replies::{
 };
 use host_protocol::requests as ask;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Bytes, ClearTarget, Error, GatewayParameter, Incident,
-    MAX_CAN_DATA, MotorTimeout, ProtocolSet, RawFrame, Setpoint, StateFields, StopTarget, Value,
+    AxisParameter, AxisState, AxisSummary, Bytes, Call, ClearTarget, Error, GatewayParameter, Incident,
+    MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame, Setpoint, StateFields, StopTarget, Value,
 };
 
-use crate::client::Client;
+use crate::client::{Client, DEADLINE, REPEAT_MOVE_AFTER};
 use crate::error::ClientError;
+use crate::stopping::REPEAT_STOP_AFTER;
 use crate::transport::Transport;
 
 /// Arming, provisioning and native commands talk with the motor, brake release and its confirmation included.
@@ -199,7 +200,16 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn arm(&mut self, axis: u8) -> Result<Armed, ClientError> {
-        self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE)
+        // Noted before it is asked for: an answer that is lost may have armed it all the same.
+        self.note_arming(axis);
+        let armed = self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE).inspect_err(|error| {
+            if matches!(error, ClientError::Gateway(_)) {
+                self.forget_arming(axis);
+            }
+        })?;
+        // An interrupt may have come with the answer.
+        self.heed_interrupt(ask::Arm::NUMBER)?;
+        Ok(armed)
     }
 
     /// Ends an axis' permission to move, through its stop action. Needs no authority.
@@ -207,7 +217,9 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn disarm(&mut self, axis: u8) -> Result<(), ClientError> {
-        self.request(&ask::Disarm { axis }).map(drop)
+        self.request(&ask::Disarm { axis })?;
+        self.forget_arming(axis);
+        Ok(())
     }
 
     /// Runs the stop action of one axis or of all. Needs no authority.
@@ -215,7 +227,7 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn stop(&mut self, target: StopTarget) -> Result<(), ClientError> {
-        self.request(&ask::Stop { target }).map(drop)
+        self.exchange(&ask::Stop { target }, DEADLINE, REPEAT_STOP_AFTER).map(drop)
     }
 
     /// Emergency stop: trips every axis that may move, stops the others too, and latches the gateway. Needs no authority.
@@ -223,7 +235,7 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn estop(&mut self) -> Result<(), ClientError> {
-        self.request(&ask::EStop {}).map(drop)
+        self.exchange(&ask::EStop {}, DEADLINE, REPEAT_STOP_AFTER).map(drop)
     }
 
     /// Unsafe: leaves the trip of an axis whose motor cannot be reached or does not come to rest. It may still be turning.
@@ -282,10 +294,10 @@ impl<T: Transport> Client<T> {
         speed_limit_rad_s: f32,
         ttl: Duration,
     ) -> Result<MoveTarget, ClientError> {
-        self.refresh_clock()?;
-        let expires_at_us = self.expiry(ttl);
-        let request = ask::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
-        self.request_within(&request, MOTOR_DEADLINE)
+        self.once_permitted(ttl, |client, expires_at_us| {
+            let request = ask::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+            client.exchange(&request, MOTOR_DEADLINE, REPEAT_MOVE_AFTER).map(|(target, _)| target)
+        })
     }
 
     /// Has the motor of an axis carry out a command of its own manual: `data` is the data field there, without CAN id or
@@ -302,9 +314,26 @@ impl<T: Transport> Client<T> {
         data: Bytes<MAX_CAN_DATA>,
         ttl: Duration,
     ) -> Result<Bytes<MAX_CAN_DATA>, ClientError> {
+        self.once_permitted(ttl, |client, expires_at_us| {
+            let request = ask::Native { axis, epoch, expires_at_us, data: data.clone() };
+            client.request_within(&request, MOTOR_DEADLINE).map(|reply| reply.data)
+        })
+    }
+
+    /// Asks with the latest expiry that the gateway may take, and if it lies too far ahead, with one that does not: the gateway has then
+    /// done nothing.
+    fn once_permitted<R>(
+        &mut self,
+        ttl: Duration,
+        mut ask: impl FnMut(&mut Self, u32) -> Result<R, ClientError>,
+    ) -> Result<R, ClientError> {
         self.refresh_clock()?;
-        let request = ask::Native { axis, epoch, expires_at_us: self.expiry(ttl), data };
-        self.request_within(&request, MOTOR_DEADLINE).map(|reply| reply.data)
+        match ask(self, self.latest_expiry(ttl)) {
+            Err(ClientError::Gateway(Error::OutOfRange { quantity: Quantity::Expiry, .. })) => {
+                ask(self, self.expiry(ttl))
+            }
+            answer => answer,
+        }
     }
 
     /// As [`native`](Self::native), asked again a few times while the axis is carrying out another request: a question of
@@ -326,7 +355,7 @@ impl<T: Transport> Client<T> {
                     if matches!(state, AxisState::Arming | AxisState::Stopping) {
                         return Err(busy.into());
                     }
-                    self.transport_mut().sleep(BUSY_PAUSE);
+                    self.pause(BUSY_PAUSE)?;
                 }
                 answer => return answer,
             }
@@ -381,7 +410,7 @@ impl<T: Transport> Client<T> {
     pub fn read_state_when_free(&mut self, axis: u8) -> Result<AxisReport, ClientError> {
         for _ in 1..BUSY_TRIES {
             match self.read_state(axis) {
-                Err(ClientError::Gateway(Error::Busy { .. })) => self.transport_mut().sleep(BUSY_PAUSE),
+                Err(ClientError::Gateway(Error::Busy { .. })) => self.pause(BUSY_PAUSE)?,
                 answer => return answer,
             }
         }

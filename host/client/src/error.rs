@@ -18,6 +18,13 @@ pub enum ClientError {
         /// How long a reply was awaited.
         after: Duration,
     },
+    /// A stop was written again and again, and nothing answered. The gateway may have stopped all the same.
+    StopUnanswered {
+        /// How long an answer was awaited.
+        after: Duration,
+    },
+    /// Somebody wanted it to end: nothing that moves is sent any more, and the axes that were armed here have been stopped.
+    Interrupted,
     /// The gateway and this library speak different major versions of the host protocol.
     Incompatible {
         /// Major version of the gateway.
@@ -59,6 +66,13 @@ impl fmt::Display for ClientError {
                 "the gateway did not answer {request} within {} ms; it may have been executed. Check the cable, then read the state",
                 after.as_millis()
             ),
+            Self::StopUnanswered { after } => write!(
+                f,
+                "the stop was sent, not confirmed: nothing answered within {} ms. The gateway may have stopped the motors all the same, and \
+                 does when it no longer hears this host. Cut their power if they turn",
+                after.as_millis()
+            ),
+            Self::Interrupted => f.write_str("interrupted. What was armed here has been stopped"),
             Self::Incompatible { gateway, host } => {
                 write!(
                     f,

@@ -3,17 +3,15 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use host_protocol::{Bytes, Error, MAX_CAN_DATA, Quantity, Setpoint};
+use host_protocol::{Bytes, MAX_CAN_DATA, Setpoint};
 
-use crate::client::{Client, KEEP_ALIVE_AFTER};
+use crate::client::Client;
 use crate::error::ClientError;
+use crate::stream::{Flow, Motion, RENEW_WITHIN, Stream};
 use crate::transport::Transport;
 
-/// Setpoints are renewed after this part of the shortest TTL: two may get lost.
-const RENEWALS_PER_TTL: u32 = 3;
-/// So many setpoints in a row may miss their time or stay unanswered: this process or the line may have been held up.
-/// Whether the motor goes on meanwhile is the gateway's decision. One more is an error.
-const MISSES: u32 = 3;
+/// The function called in each round of a hold is called this often.
+const ROUND: Duration = RENEW_WITHIN;
 
 /// An axis and what it shall keep doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,56 +43,42 @@ pub struct NativeHold {
 pub type Round = Result<ControlFlow<()>, ClientError>;
 
 impl<T: Transport> Client<T> {
-    /// Keeps the link alive for `duration`. Calls `each_round` at least every [`KEEP_ALIVE_AFTER`]; there the caller
-    /// may read states and take events, and end the hold.
+    /// Keeps the link alive for `duration` with pings that wait for nothing. Calls `each_round` some 40 times a second; there
+    /// the caller may read states and take events, and end the hold.
     ///
     /// # Errors
-    /// Those of the pings, and of `each_round`.
+    /// [`ClientError::NoAnswer`] when no ping has been answered for a second, and those of `each_round`.
     pub fn hold(
         &mut self,
         duration: Duration,
-        mut each_round: impl FnMut(&mut Self) -> Round,
+        each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
-        let end = self.now().saturating_add(duration);
-        while self.now() < end {
-            self.keep_alive()?;
-            if each_round(self)?.is_break() {
-                return Ok(());
-            }
-            let rest = KEEP_ALIVE_AFTER.min(end.saturating_sub(self.now()));
-            self.transport_mut().sleep(rest);
-        }
-        Ok(())
+        self.stream(Vec::new(), duration, each_round)
     }
 
-    /// Keeps setpoints in force for `duration` by sending them again before they expire, and calls `each_round` after
-    /// each time. What `each_round` does has to be done well within the shortest TTL.
+    /// Keeps setpoints in force for `duration`: a new one of each axis every tenth of the shortest TTL (not more often than every
+    /// millisecond for each axis, nor less often than every 25 ms), each with an expiry of its own, whether or not those
+    /// before have been answered. Requests of `each_round`, which is called some 40 times a second, do not delay them; a pause in it that is not
+    /// [`pause`](Self::pause) does.
     ///
     /// When it returns, nothing is sent any more: stop or disarm the axes, or they trip when the last setpoint expires.
     ///
     /// # Errors
-    /// The gateway's refusal of a setpoint, and those of `each_round`. A setpoint that misses its time or stays
-    /// unanswered is followed by the next one; only the fourth in a row is an error.
+    /// The gateway's refusal of a setpoint, and those of `each_round`. Setpoints that miss their time or stay unanswered are
+    /// an error if the gateway has taken none of that axis for twice its TTL, 0.5 s at least and 2 s at most.
     pub fn hold_setpoints(
         &mut self,
         holds: &[Hold],
         duration: Duration,
         each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
-        let ttl = holds.iter().map(|hold| hold.ttl).min().unwrap_or(Duration::MAX);
-        let mut misses = 0;
-        let send = |client: &mut Self| {
-            for hold in holds {
-                let sent = client.set(hold.axis, hold.epoch, hold.setpoint, hold.ttl);
-                client.forgive(sent, &mut misses)?;
-            }
-            Ok(())
-        };
-        self.renew(ttl, duration, send, each_round)
+        let flow = |hold: &Hold| Flow::new(hold.axis, hold.epoch, hold.ttl, Motion::Setpoint(hold.setpoint));
+        self.stream(holds.iter().map(flow).collect(), duration, each_round)
     }
 
-    /// As [`hold_setpoints`](Self::hold_setpoints), for a native command that moves. Not for one that moves by a distance or
-    /// starts what waits in the motor: each time it is sent it moves the motor anew.
+    /// As [`hold_setpoints`](Self::hold_setpoints), for a native command that moves; [`native_reply`](Self::native_reply) is what
+    /// the motor answers. Not for one that moves by a distance or starts what waits in the motor: each time it is sent it moves the
+    /// motor anew.
     ///
     /// # Errors
     /// As [`hold_setpoints`](Self::hold_setpoints).
@@ -104,62 +88,39 @@ impl<T: Transport> Client<T> {
         duration: Duration,
         each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
-        let mut misses = 0;
-        let send = |client: &mut Self| {
-            let sent = client.native(hold.axis, hold.epoch, hold.data.clone(), hold.ttl);
-            client.forgive(sent.map(drop), &mut misses)
-        };
-        self.renew(hold.ttl, duration, send, each_round)
+        let flow = Flow::new(hold.axis, hold.epoch, hold.ttl, Motion::Native(hold.data.clone()));
+        self.stream(vec![flow], duration, each_round)
     }
 
-    /// Sends at least [`RENEWALS_PER_TTL`] times within `ttl`.
-    fn renew(
+    fn stream(
         &mut self,
-        ttl: Duration,
+        flows: Vec<Flow>,
         duration: Duration,
-        mut send: impl FnMut(&mut Self) -> Result<(), ClientError>,
+        each_round: impl FnMut(&mut Self) -> Round,
+    ) -> Result<(), ClientError> {
+        self.stream = Some(Stream::new(self.now(), flows));
+        let held = self.rounds(duration, each_round);
+        self.stream = None;
+        held
+    }
+
+    fn rounds(
+        &mut self,
+        duration: Duration,
         mut each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
         let end = self.now().saturating_add(duration);
-        let period = (ttl / RENEWALS_PER_TTL).min(KEEP_ALIVE_AFTER);
         while self.now() < end {
-            let next_round = self.now() + period;
-            send(self)?;
+            let next_round = self.now() + ROUND;
+            self.pass_time(self.now())?;
             if each_round(self)?.is_break() {
                 return Ok(());
             }
-            let rest = next_round.min(end).saturating_sub(self.now());
-            if !rest.is_zero() {
-                self.transport_mut().sleep(rest);
+            self.pass_time(next_round.min(end))?;
+            if let Some(stream) = &self.stream {
+                stream.check(self.now())?;
             }
         }
         Ok(())
     }
-
-    /// Takes what missed its time for done, unless it is one too many in a row.
-    fn forgive(&mut self, sent: Result<(), ClientError>, misses: &mut u32) -> Result<(), ClientError> {
-        match sent {
-            Ok(()) => *misses = 0,
-            Err(error) if *misses < MISSES && is_miss(&error) => {
-                *misses += 1;
-                self.measure_clock_anew()?;
-            }
-            Err(error) => return Err(error),
-        }
-        Ok(())
-    }
-}
-
-/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock or by what another host had asked
-/// of the motor, or got lost.
-fn is_miss(error: &ClientError) -> bool {
-    matches!(
-        error,
-        ClientError::NoAnswer { .. }
-            | ClientError::Gateway(
-                Error::Stale { .. }
-                    | Error::Busy { .. }
-                    | Error::OutOfRange { quantity: Quantity::Expiry, .. }
-            )
-    )
 }

@@ -1,18 +1,13 @@
-//! What arrived from the gateway: bytes become frames, events wait in order, and the one awaited answer is picked out.
+//! What arrived from the gateway: bytes become frames, events wait in order, answers go to whoever asked.
 
 use std::collections::VecDeque;
 
-use host_protocol::{Deframer, Error, EventMessage, Frame, Kind};
+use host_protocol::{Call, Deframer, Error, EventMessage, Frame, Kind, requests::Hello};
 
 /// Events that wait for the user; later ones are dropped and counted.
 const MAX_EVENTS: usize = 1_024;
-
-/// The request whose answer is awaited.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Awaited {
-    pub(crate) sequence: u16,
-    pub(crate) number: u16,
-}
+/// More than half of what a number of an event can be: it is an old one, or the gateway has begun to count anew.
+const BACKWARDS: u16 = 1 << 15;
 
 /// How the gateway answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,13 +23,34 @@ pub(crate) enum Answer {
     Error(Error),
 }
 
+/// An answer, and the sequence number of the request it belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Arrived {
+    sequence: u16,
+    pub(crate) answer: Answer,
+}
+
+impl Arrived {
+    /// Whether it answers the request `number` of this sequence. Another number under the same sequence belongs to a session before this
+    /// one.
+    pub(crate) fn answers(&self, sequence: u16, number: u16) -> bool {
+        let fits = match &self.answer {
+            Answer::Reply { number: of, .. } => *of == number,
+            Answer::Error(_) => true,
+        };
+        self.sequence == sequence && fits
+    }
+}
+
 /// What was lost or ignored on the way from the gateway.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Losses {
     /// Frames that arrived damaged.
     pub damaged: u64,
-    /// Answers to requests that are no longer awaited: second answers to repeated requests, mostly.
+    /// Answers to requests that are no longer awaited: second answers to repeated requests, mostly; and events that came twice.
     pub late: u64,
+    /// Events that got lost on the way: their numbers are missing.
+    pub events_lost: u64,
     /// Events that did not fit into the queue of this client.
     pub events_dropped: u64,
     /// Messages that this version cannot read.
@@ -44,18 +60,32 @@ pub struct Losses {
 pub(crate) struct Inbox {
     deframer: Deframer,
     events: VecDeque<EventMessage>,
+    /// The number that the next event has if none gets lost; `None` before the first.
+    next_event: Option<u16>,
+    /// The sequence number of the hello that was answered last.
+    hello: Option<u16>,
     losses: Losses,
+    /// How many bytes have arrived.
+    bytes: u64,
 }
 
 impl Inbox {
     pub(crate) fn new() -> Self {
-        Self { deframer: Deframer::new(), events: VecDeque::new(), losses: Losses::default() }
+        Self {
+            deframer: Deframer::new(),
+            events: VecDeque::new(),
+            next_event: None,
+            hello: None,
+            losses: Losses::default(),
+            bytes: 0,
+        }
     }
 
-    /// Takes in bytes and returns the answer to `awaited`, if it is among them.
-    pub(crate) fn take_in(&mut self, bytes: &[u8], awaited: Option<Awaited>) -> Option<Answer> {
-        let Self { deframer, events, losses } = self;
-        let mut answer = None;
+    /// Takes in bytes and returns the answers among them.
+    pub(crate) fn take_in(&mut self, bytes: &[u8]) -> Vec<Arrived> {
+        self.bytes = self.bytes.saturating_add(bytes.len() as u64);
+        let Self { deframer, events, next_event, hello, losses, .. } = self;
+        let mut answers = Vec::new();
         for byte in bytes {
             let frame = match deframer.push(*byte) {
                 None => continue,
@@ -66,16 +96,23 @@ impl Inbox {
                 Some(Ok(frame)) => frame,
             };
             match frame.kind {
-                Kind::Event => keep_event(events, losses, &frame),
-                Kind::Reply | Kind::Error => match answer_to(awaited, &frame) {
-                    Some(found) if answer.is_none() => answer = Some(found),
-                    _ => losses.late += 1,
-                },
+                Kind::Event if is_new(next_event, frame.sequence, losses) => {
+                    keep_event(events, losses, &frame);
+                }
+                Kind::Event => losses.late += 1,
+                Kind::Reply | Kind::Error => {
+                    let is_hello = frame.kind == Kind::Reply && frame.number == Hello::NUMBER;
+                    if is_hello && hello.replace(frame.sequence) != Some(frame.sequence) {
+                        // A session begins, and its events are counted from 0.
+                        *next_event = Some(0);
+                    }
+                    answers.push(arrived(&frame));
+                }
                 // Only a gateway is sent requests: our own ones come back from a loop in the wiring.
                 Kind::Request => losses.unreadable += 1,
             }
         }
-        answer
+        answers
     }
 
     pub(crate) fn next_event(&mut self) -> Option<EventMessage> {
@@ -86,14 +123,38 @@ impl Inbox {
         !self.events.is_empty()
     }
 
+    /// How many bytes have arrived.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
     pub(crate) fn losses(&self) -> Losses {
         self.losses
+    }
+
+    /// Nobody awaits this answer.
+    pub(crate) fn count_late(&mut self) {
+        self.losses.late += 1;
     }
 
     /// Forgets the frame that was arriving; the events stay, they have happened.
     pub(crate) fn restart(&mut self) {
         self.deframer = Deframer::new();
+        self.next_event = None;
     }
+}
+
+/// Whether an event has not come before. Counts those that are missing before it.
+fn is_new(next_event: &mut Option<u16>, sequence: u16, losses: &mut Losses) -> bool {
+    let missing = next_event.map_or(0, |next| sequence.wrapping_sub(next));
+    if missing == u16::MAX {
+        return false;
+    }
+    if missing < BACKWARDS {
+        losses.events_lost += u64::from(missing);
+    }
+    *next_event = Some(sequence.wrapping_add(1));
+    true
 }
 
 fn keep_event(events: &mut VecDeque<EventMessage>, losses: &mut Losses, frame: &Frame<'_>) {
@@ -104,15 +165,14 @@ fn keep_event(events: &mut VecDeque<EventMessage>, losses: &mut Losses, frame: &
     }
 }
 
-fn answer_to(awaited: Option<Awaited>, frame: &Frame<'_>) -> Option<Answer> {
-    let awaited = awaited.filter(|awaited| awaited.sequence == frame.sequence)?;
-    if frame.kind == Kind::Error {
+fn arrived(frame: &Frame<'_>) -> Arrived {
+    let answer = if frame.kind == Kind::Error {
         // Data that cannot be read leaves the number, which says enough.
-        let error =
-            Error::decode(frame.number, frame.body).unwrap_or(Error::Unknown { number: frame.number });
-        return Some(Answer::Error(error));
-    }
-    // Another number under the same sequence belongs to a session before this one.
-    (frame.number == awaited.number)
-        .then(|| Answer::Reply { number: frame.number, body: frame.body.to_vec() })
+        Answer::Error(
+            Error::decode(frame.number, frame.body).unwrap_or(Error::Unknown { number: frame.number }),
+        )
+    } else {
+        Answer::Reply { number: frame.number, body: frame.body.to_vec() }
+    };
+    Arrived { sequence: frame.sequence, answer }
 }

@@ -39,6 +39,8 @@ mod inbox;
 mod interrupt;
 mod port;
 mod serial;
+mod stopping;
+mod stream;
 mod tcp;
 mod transport;
 
@@ -55,5 +57,6 @@ pub use inbox::Losses;
 pub use interrupt::Interrupt;
 pub use port::{ConnectError, open};
 pub use serial::{DEFAULT_BAUD, SerialTransport};
+pub use stopping::{REPEAT_STOP_AFTER, STOP_PATIENCE, StopRequest, stop_before_hello};
 pub use tcp::TcpTransport;
 pub use transport::Transport;

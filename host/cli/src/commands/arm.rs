@@ -1,53 +1,51 @@
 //! `mgw arm`
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
-use host_protocol::Error;
+use host_protocol::{AxisState, Error};
 use mgw_client::{Client, ClientError, Transport};
-use serde_json::json;
 
-use super::drive::no_longer_armed;
+use super::drive::{no_longer_armed, tell_armed};
 use crate::failure::Failure;
-use crate::output::{Output, to_json};
-use crate::session::{Session, go_on, print_events};
+use crate::output::Output;
+use crate::session::{Session, print_events};
 use crate::words;
 
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
     session.note_interrupts();
     let mut armed = Vec::new();
-    let result = arm_and_hold(session, axes, duration, &mut armed);
-    // Whatever happened above: nothing that was armed here stays armed.
-    let disarmed = disarm(session, &armed);
-    result.and(disarmed)
+    let held = arm_and_hold(session, axes, duration, &mut armed);
+    // Whatever happened above: the next frames are the stops of what was armed here, which also disarm.
+    session.client.stop_armed()?;
+    match held {
+        Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) => return Err(error.into()),
+        // Ctrl-C is how it ends.
+        Ok(()) | Err(Failure::Client(ClientError::Interrupted)) => await_stops(session, &armed),
+        Err(failure) => await_stops(session, &armed).and(Err(failure)),
+    }?;
+    if !armed.is_empty() {
+        session.out.text("disarmed")?;
+    }
+    Ok(())
 }
 
 fn arm_and_hold(
     session: &mut Session,
     axes: &[u8],
     duration: Option<Duration>,
-    armed_axes: &mut Vec<u8>,
+    held: &mut Vec<(u8, u32)>,
 ) -> Result<(), Failure> {
-    let mut held = Vec::new();
     for axis in axes {
-        // Noted before it is asked for: an answer that is lost may have armed it all the same.
-        armed_axes.push(*axis);
-        let armed = session.client.arm(*axis).inspect_err(|error| {
-            if matches!(error, ClientError::Gateway(_)) {
-                armed_axes.pop();
-            }
-        })?;
+        let armed = session.client.arm(*axis)?;
         held.push((*axis, armed.epoch));
-        let timeout = words::motor_timeout(armed.motor_timeout);
-        session.out.either(
-            format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
-            &json!({ "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout) }),
-        )?;
+        tell_armed(session, *axis, &armed)?;
     }
     if duration.is_none() {
         session.out.text("Ctrl-C disarms")?;
     }
-    hold_link(session, &held, duration.unwrap_or(Duration::MAX))
+    hold_link(session, held, duration.unwrap_or(Duration::MAX))
 }
 
 /// Keeps the link alive and prints events until the time is over, the user interrupts, or an axis trips.
@@ -55,14 +53,14 @@ fn hold_link(session: &mut Session, held: &[(u8, u32)], duration: Duration) -> R
     let out = session.out;
     let axes: Vec<u8> = held.iter().map(|(axis, _)| *axis).collect();
     let mut failure = None;
-    session.client.hold(duration, |client| {
-        failure = look(client, &axes, held, out).unwrap_or_else(Some);
-        go_on(client, failure.as_ref())
+    session.client.hold(duration, |client| match look(client, &axes, held, out) {
+        Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
+        seen => {
+            failure = seen.unwrap_or_else(Some);
+            Ok(if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        }
     })?;
-    match failure.or(look(&mut session.client, &axes, held, out)?) {
-        Some(failure) => Err(failure),
-        None => Ok(()),
-    }
+    failure.map_or(Ok(()), Err)
 }
 
 /// Prints events, and returns why an axis is no longer armed.
@@ -88,16 +86,17 @@ fn look<T: Transport>(
     Ok(None)
 }
 
-fn disarm(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
+/// Waits for the stop of every axis; the first failure is told, a trip too.
+fn await_stops(session: &mut Session, held: &[(u8, u32)]) -> Result<(), Failure> {
     let mut result = Ok(());
-    for axis in axes {
-        let disarmed = session.client.disarm(*axis).map_err(Failure::from);
-        let stopped = disarmed.and_then(|()| session.await_stop(*axis)).map(drop);
-        // Every axis is tried; the first failure is told.
+    for (axis, _) in held {
+        let stopped = session.await_stop(*axis).and_then(|report| match (report.state, report.trip) {
+            (AxisState::Tripped { .. }, Some(trip)) => {
+                Err(Failure::Tripped { axis: *axis, reason: words::trip_reason(&trip.reason) })
+            }
+            _ => Ok(()),
+        });
         result = result.and(stopped);
-    }
-    if result.is_ok() && !axes.is_empty() {
-        session.out.text("disarmed")?;
     }
     result
 }

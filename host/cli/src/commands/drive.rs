@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use host_protocol::replies::AxisReport;
-use host_protocol::{AxisState, Error, Event, StopTarget};
+use host_protocol::replies::{Armed, AxisReport};
+use host_protocol::{AxisState, Error, Event};
 use mgw_client::{Client, ClientError, Round, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::output::{Output, to_json};
-use crate::session::{Session, go_on, print_event, print_events};
+use crate::session::{Session, print_event, print_events, trip_of};
 use crate::states;
 use crate::words;
 
@@ -29,24 +29,58 @@ pub struct ArmedAxis {
     pub ttl: Duration,
 }
 
-/// Arms an axis, has `act` move it, then stops and disarms it.
-pub fn drive(
+/// Arms an axis, has `act` move it, and stops it. Then what `act` returned tells how it went, from the state at rest.
+pub fn drive<F>(
     session: &mut Session,
     axis: u8,
-    act: impl FnOnce(&mut Session, ArmedAxis) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    act: impl FnOnce(&mut Session, ArmedAxis) -> Result<F, Failure>,
+) -> Result<(), Failure>
+where
+    F: FnOnce(&mut Session, &AxisReport) -> Result<(), Failure>,
+{
     session.note_interrupts();
     let ttl = session.client.axis_ttl(axis)?;
-    let armed = session.client.arm(axis)?;
+    let acted = match session.client.arm(axis) {
+        // Refused: there is nothing to stop, and another host may be moving it.
+        Err(error @ ClientError::Gateway(_)) => return Err(error.into()),
+        Err(error) => Err(error.into()),
+        Ok(armed) => {
+            let armed_axis = ArmedAxis { axis, epoch: armed.epoch, ttl };
+            tell_armed(session, axis, &armed).and_then(|()| act(session, armed_axis))
+        }
+    };
+    // Whatever happened above: the next frame is its stop. An interrupt has been followed by it already.
+    session.client.stop_armed()?;
+    if matches!(acted, Err(Failure::Client(ClientError::StopUnanswered { .. }))) {
+        return acted.map(drop);
+    }
+    let report = session.await_stop(axis)?;
+    let tripped = print_confirmation(session, axis)?;
+    let told = acted.and_then(|tell| tell(session, &report));
+    session.out.either(
+        format!("axis {axis} is {}", words::axis_state(report.state)),
+        &json!({ "axis": axis, "state": to_json(&report.state) }),
+    )?;
+    match (report.state, report.trip) {
+        (AxisState::Tripped { .. }, Some(trip)) => {
+            Err(Failure::Tripped { axis, reason: words::trip_reason(&trip.reason) })
+        }
+        _ => tripped.map_or(told, Err),
+    }
+}
+
+/// Of a motion that ends with its stop.
+pub fn nothing_to_tell(_: &mut Session, _: &AxisReport) -> Result<(), Failure> {
+    Ok(())
+}
+
+/// Says that an axis is armed.
+pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Failure> {
     let timeout = words::motor_timeout(armed.motor_timeout);
     session.out.either(
         format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
         &json!({ "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout) }),
-    )?;
-    let acted = act(session, ArmedAxis { axis, epoch: armed.epoch, ttl });
-    // Whatever happened above: it is stopped here, and not by its deadline.
-    let stopped = stop(session, axis);
-    acted.and(stopped)
+    )
 }
 
 /// The rounds of a hold: events and a table of states that grows with time, until something ends them.
@@ -72,8 +106,20 @@ impl Rounds {
     pub fn turn<T: Transport>(&mut self, client: &mut Client<T>) -> Round {
         let printed = print_events(client, &[self.axis], self.out)
             .and_then(|tripped| self.print_if_due(client).map(|no_longer| tripped.or(no_longer)));
-        self.failure = printed.unwrap_or_else(Some);
-        go_on(client, self.failure.as_ref())
+        match printed {
+            // An interrupt, or a stop that nothing answers: the hold ends as itself.
+            Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
+            printed => {
+                self.failure = printed.unwrap_or_else(Some);
+                Ok(if self.failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+            }
+        }
+    }
+
+    /// Ends the hold with a failure.
+    pub fn fail(&mut self, failure: Failure) -> ControlFlow<()> {
+        self.failure = Some(failure);
+        ControlFlow::Break(())
     }
 
     /// As [`turn`](Self::turn), ending when a state that was just printed is the one wanted.
@@ -87,18 +133,20 @@ impl Rounds {
         Ok(if there { ControlFlow::Break(()) } else { round })
     }
 
-    /// The end of the hold. A command refused because the axis tripped, or was stopped, says less than that.
-    pub fn end(self, session: &mut Session, held: Result<(), ClientError>) -> Result<(), Failure> {
-        if let Some(failure) = self.failure.or(session.print_events(&[self.axis])?) {
+    /// The end of the hold. An interrupt ends it as its time does, and a command refused because the axis was stopped says less
+    /// than that.
+    pub fn end(self, held: Result<(), ClientError>) -> Result<(), Failure> {
+        if let Some(failure) = self.failure {
             return Err(failure);
         }
+        let axis = self.axis;
         match held {
-            Ok(()) | Err(ClientError::Gateway(Error::NotArmed { .. } | Error::StaleEpoch { .. })) => {
-                let report = session.client.read_state_when_free(self.axis)?;
-                match no_longer_armed(&report, self.epoch) {
-                    Some(failure) => Err(failure),
-                    None => Ok(held?),
-                }
+            Ok(()) | Err(ClientError::Interrupted) => Ok(()),
+            Err(ClientError::Gateway(Error::NotArmed { state, .. })) => {
+                Err(Failure::StoppedElsewhere { axis, state })
+            }
+            Err(ClientError::Gateway(Error::StaleEpoch { .. })) => {
+                Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
             }
             Err(error) => Err(error.into()),
         }
@@ -137,31 +185,19 @@ pub fn no_longer_armed(report: &AxisReport, epoch: u32) -> Option<Failure> {
     }
 }
 
-fn stop(session: &mut Session, axis: u8) -> Result<(), Failure> {
-    let before = session.client.read_state_when_free(axis)?.state;
-    if !matches!(before, AxisState::Tripped { .. }) {
-        session.client.stop(StopTarget::Axis(axis))?;
-    }
-    let report = session.await_stop(axis)?;
-    print_confirmation(session, axis)?;
-    if matches!(report.state, AxisState::Armed | AxisState::Active) {
-        session.client.disarm(axis)?;
-        session.await_stop(axis)?;
-    }
-    session.out.either(
-        format!("axis {axis} is {}", words::axis_state(report.state)),
-        &json!({ "axis": axis, "state": to_json(&report.state) }),
-    )
-}
-
-/// The event with the times of the stop may come a little after the reply with the state.
-fn print_confirmation(session: &mut Session, axis: u8) -> Result<(), Failure> {
+/// The event with the times of the stop may come a little after the reply with the state. Returns the trip of the axis, if
+/// there was one.
+fn print_confirmation(session: &mut Session, axis: u8) -> Result<Option<Failure>, Failure> {
     let end = session.client.now() + EVENT_PATIENCE;
-    while let Some(message) = session.client.poll_event(end.saturating_sub(session.client.now()))? {
+    let mut tripped = None;
+    while session.client.now() < end
+        && let Some(message) = session.client.poll_event(end.saturating_sub(session.client.now()))?
+    {
         print_event(&message, session.out)?;
+        tripped = tripped.or(trip_of(&message.event, &[axis]));
         if matches!(message.event, Event::StopConfirmed { axis: of, .. } if of == axis) {
             break;
         }
     }
-    Ok(())
+    Ok(tripped)
 }

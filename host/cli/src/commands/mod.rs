@@ -16,12 +16,27 @@ mod stop_report;
 mod trips;
 mod watch;
 
+use mgw_client::{Interrupt, Transport};
+
 use crate::args::Command;
 use crate::failure::Failure;
+use crate::output::Output;
 use crate::session::Session;
 
-/// Runs a command in an open session, and gives authority back if it may have taken it.
-pub fn run(session: &mut Session, command: &Command) -> Result<(), Failure> {
+/// Runs a command over `transport`, and gives authority back if it may have taken it. A stop is sent before all else.
+/// `interrupt` is what ends the command early; without it signals are.
+pub fn run(
+    transport: Box<dyn Transport>,
+    interrupt: Option<Interrupt>,
+    out: Output,
+    command: &Command,
+) -> Result<(), Failure> {
+    let connect = |transport| Session::on(transport, interrupt, out);
+    let mut session = match stop::asked_for(command) {
+        Some(request) => stop::send_first(transport, request, connect)?,
+        None => connect(transport)?,
+    };
+    let session = &mut session;
     let result = dispatch(session, command);
     let in_command = matches!(
         command,

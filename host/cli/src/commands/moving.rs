@@ -36,13 +36,15 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
         let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, armed);
-        let is_there = |report: &AxisReport| has_arrived(report, target_rad, tolerance);
+        let is_there = move |report: &AxisReport| has_arrived(report, target_rad, tolerance);
         let held = session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
             rounds.turn_until(client, is_there)
         });
         let arrived = rounds.latest.as_ref().is_some_and(is_there);
-        rounds.end(session, held)?;
-        tell(session, axis, target_rad, |report| arrived || is_there(report))
+        rounds.end(held)?;
+        Ok(move |session: &mut Session, report: &AxisReport| {
+            tell(session, report, target_rad, arrived || is_there(report))
+        })
     })
 }
 
@@ -54,15 +56,8 @@ fn has_arrived(report: &AxisReport, target_rad: f32, tolerance_rad: f32) -> bool
         && velocity.value.abs() < SLOW_RAD_S
 }
 
-fn tell(
-    session: &mut Session,
-    axis: u8,
-    target_rad: f32,
-    is_there: impl Fn(&AxisReport) -> bool,
-) -> Result<(), Failure> {
-    let report = session.client.read_state_when_free(axis)?;
-    let arrived = is_there(&report);
-    let position = report.position_rad;
+fn tell(session: &Session, report: &AxisReport, target_rad: f32, arrived: bool) -> Result<(), Failure> {
+    let AxisReport { axis, position_rad: position, .. } = *report;
     let place =
         position.map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
     let text = if arrived { "has arrived" } else { "has not arrived" };

@@ -7,7 +7,7 @@ use host_protocol::{AxisParameter, AxisState, BusKind, Bytes, Error, MAX_CAN_DAT
 use mgw_client::{ClientError, NativeHold};
 use serde_json::json;
 
-use super::drive::{ArmedAxis, Rounds, drive};
+use super::drive::{ArmedAxis, Rounds, drive, nothing_to_tell};
 use super::limits::Limits;
 use super::raw;
 use crate::args::NativeArgs;
@@ -15,6 +15,7 @@ use crate::decode;
 use crate::encode;
 use crate::failure::Failure;
 use crate::native_request::{self, Motor};
+use crate::output::Output;
 use crate::parameters;
 use crate::session::Session;
 
@@ -60,7 +61,7 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
                 let text = format!("axis {axis}: carried out as a stop of the axis");
                 return session.out.either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
             }
-            print(session, &command, &reply)
+            print(session.out, &command, &reply)
         }
     }
 }
@@ -72,7 +73,10 @@ fn move_by(
     act: impl FnOnce(&mut Session, ArmedAxis) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     command.limits.native(&command.data)?;
-    drive(session, command.motor.axis, act)
+    drive(session, command.motor.axis, |session, armed| {
+        act(session, armed)?;
+        Ok(nothing_to_tell)
+    })
 }
 
 fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Failure> {
@@ -143,12 +147,19 @@ fn keep_up(
     duration: Duration,
 ) -> Result<(), Failure> {
     let ArmedAxis { axis, epoch, ttl } = armed;
-    let reply = session.client.native_when_free(axis, epoch, command.data.clone(), ttl)?;
-    print(session, command, &reply)?;
     let hold = NativeHold { axis, epoch, data: command.data.clone(), ttl };
     let mut rounds = Rounds::new(session, armed);
-    let held = session.client.hold_native(&hold, duration, |client| rounds.turn(client));
-    rounds.end(session, held)
+    let (out, mut printed) = (session.out, false);
+    let held = session.client.hold_native(&hold, duration, |client| {
+        if !printed && let Some(reply) = client.native_reply() {
+            printed = true;
+            if let Err(failure) = print(out, command, reply) {
+                return Ok(rounds.fail(failure));
+            }
+        }
+        rounds.turn(client)
+    });
+    rounds.end(held)
 }
 
 /// Sends the command once, and waits nearly as long as it is valid.
@@ -171,21 +182,21 @@ fn once(
     let mut rounds = Rounds::new(session, armed);
     let held = match reply {
         Ok(reply) => {
-            print(session, command, &reply)?;
+            print(session.out, command, &reply)?;
             let left = end.saturating_sub(session.client.now());
             session.client.hold(left, |client| rounds.turn(client))
         }
         Err(error) => Err(error),
     };
-    rounds.end(session, held)
+    rounds.end(held)
 }
 
-fn print(session: &Session, command: &Command, reply: &[u8]) -> Result<(), Failure> {
+fn print(out: Output, command: &Command, reply: &[u8]) -> Result<(), Failure> {
     let Motor { axis, protocol, node, .. } = command.motor;
     if reply.is_empty() {
         let text = format!("axis {axis}: the motor does not answer this command");
-        return session.out.either(text, &json!({ "axis": axis, "frame": "" }));
+        return out.either(text, &json!({ "axis": axis, "frame": "" }));
     }
-    let json = session.out.is_json();
-    session.out.line(&decode::reply(axis, protocol, node, &command.data, reply, json))
+    let json = out.is_json();
+    out.line(&decode::reply(axis, protocol, node, &command.data, reply, json))
 }

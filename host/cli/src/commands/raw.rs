@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use host_protocol::{Bytes, CanFrame, MAX_SERIAL_FRAME, RawFrame, ReceivedFrame};
+use mgw_client::ClientError;
 use serde_json::json;
 
 use crate::args::RawAction;
@@ -31,7 +32,11 @@ pub fn run(session: &mut Session, bus: u8, unsafe_access: bool, action: &RawActi
     } else {
         session.client.raw_open(bus)?;
     }
-    let result = send_and_listen(session, bus, frame, duration);
+    let result = match send_and_listen(session, bus, frame, duration) {
+        // Ctrl-C is how it ends.
+        Err(Failure::Client(ClientError::Interrupted)) => Ok(()),
+        result => result,
+    };
     // An open bus refuses arming, so it is closed whatever happened.
     let closed = session.client.raw_close(bus);
     result.and(closed.map_err(Failure::from))
@@ -58,11 +63,11 @@ fn send_and_listen(
                 &json!({ "dropped": received.dropped }),
             )?;
         }
-        if session.client.now() >= end || session.client.interrupt().is_raised() {
+        if session.client.now() >= end {
             return Ok(());
         }
         if received.frames.is_empty() {
-            session.client.transport_mut().sleep(FETCH_EVERY);
+            session.client.pause(FETCH_EVERY)?;
         }
     }
 }

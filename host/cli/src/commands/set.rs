@@ -5,7 +5,7 @@ use std::time::Duration;
 use host_protocol::Setpoint;
 use mgw_client::Hold;
 
-use super::drive::{Rounds, drive};
+use super::drive::{Rounds, drive, nothing_to_tell};
 use super::limits;
 use crate::args::{Mode, SetArgs};
 use crate::failure::Failure;
@@ -20,7 +20,8 @@ pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
         let mut rounds = Rounds::new(session, armed);
         let duration = arguments.duration.unwrap_or(Duration::MAX);
         let held = session.client.hold_setpoints(&[hold], duration, |client| rounds.turn(client));
-        rounds.end(session, held)
+        rounds.end(held)?;
+        Ok(nothing_to_tell)
     })
 }
 

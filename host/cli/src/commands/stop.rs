@@ -1,15 +1,35 @@
 //! `mgw stop`, `mgw estop`, `mgw clear`, `mgw output-off`
 
 use host_protocol::{ClearTarget, StopTarget};
+use mgw_client::{StopRequest, Transport, stop_before_hello};
 use serde_json::json;
 
+use crate::args::Command;
 use crate::commands::stop_report;
 use crate::failure::Failure;
 use crate::session::Session;
 
-/// Stops and waits for the confirmations.
+/// The stop that a command asks for.
+pub fn asked_for(command: &Command) -> Option<StopRequest> {
+    match command {
+        Command::Stop { target } => Some(StopRequest::Stop(*target)),
+        Command::Estop => Some(StopRequest::EStop),
+        _ => None,
+    }
+}
+
+/// Writes a stop before anything else, and then opens the session that waits for its confirmation.
+pub fn send_first(
+    mut transport: Box<dyn Transport>,
+    request: StopRequest,
+    connect: impl FnOnce(Box<dyn Transport>) -> Result<Session, Failure>,
+) -> Result<Session, Failure> {
+    stop_before_hello(&mut transport, request)?;
+    connect(transport).map_err(|failure| Failure::StopTaken { cause: failure.to_string() })
+}
+
+/// Waits for the confirmations of a stop that the gateway has taken.
 pub fn stop(session: &mut Session, target: StopTarget) -> Result<(), Failure> {
-    session.client.stop(target)?;
     let axes = match target {
         StopTarget::Axis(axis) => vec![axis],
         StopTarget::All => session.axes_or_all(&[])?,
@@ -17,9 +37,8 @@ pub fn stop(session: &mut Session, target: StopTarget) -> Result<(), Failure> {
     stop_report::report(session, &axes)
 }
 
-/// Stops everything, latches the gateway, and waits for the confirmations.
+/// Waits for the confirmations of an e-stop that the gateway has taken.
 pub fn estop(session: &mut Session) -> Result<(), Failure> {
-    session.client.estop()?;
     session.out.text("e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it")?;
     let axes = session.axes_or_all(&[])?;
     stop_report::report(session, &axes)

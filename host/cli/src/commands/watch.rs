@@ -13,7 +13,7 @@ use crate::json;
 use crate::session::{Session, print_event};
 use crate::states;
 
-/// An interrupt is looked for this often.
+/// A motor's silence is looked for this often.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 /// A motor that has told nothing for so long is asked whether it answers.
 const SILENT_AFTER: Duration = Duration::from_secs(2);
@@ -42,6 +42,11 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
         axes.iter().map(|axis| (*axis, Unheard { look_at: now + SILENT_AFTER, told: false })).collect();
     let watched =
         Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
+    let watched = match watched {
+        // Ctrl-C is how it ends.
+        Err(Failure::Client(ClientError::Interrupted)) => Ok(()),
+        watched => watched,
+    };
     let reachable = match &watched {
         Ok(()) => true,
         Err(failure) => failure.is_from_gateway(),
@@ -73,7 +78,7 @@ struct Watch {
 impl Watch {
     fn follow(&mut self, session: &mut Session) -> Result<(), Failure> {
         let mut tell_lost_at = session.client.now() + TELL_LOST_EVERY;
-        while !self.is_complete() && !session.client.interrupt().is_raised() {
+        while !self.is_complete() {
             session.client.keep_subscription()?;
             if let Some(message) = session.client.poll_event(LONGEST_WAIT)? {
                 self.count_lost(session, message.dropped);
@@ -112,12 +117,15 @@ impl Watch {
             }
             unheard.look_at = now + SILENT_AFTER;
             // The fields asked for may be such as this motor has not, so silence alone does not tell.
-            if let Err(ClientError::Gateway(error @ Error::NoReply { .. })) = session.client.read_state(*axis)
-            {
-                unheard.told = true;
-                session
-                    .out
-                    .either(error.to_string(), &object!({ "axis": axis, "silent": error.to_string() }))?;
+            match session.client.read_state(*axis) {
+                Err(ClientError::Gateway(error @ Error::NoReply { .. })) => {
+                    unheard.told = true;
+                    session
+                        .out
+                        .either(error.to_string(), &object!({ "axis": axis, "silent": error.to_string() }))?;
+                }
+                Ok(_) | Err(ClientError::Gateway(_) | ClientError::NoAnswer { .. }) => {}
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(())
@@ -135,10 +143,10 @@ impl Watch {
     }
 
     /// Counts the samples and events that are missing before what comes next: those that the gateway had no room for, and
-    /// those that were damaged or too many on the way.
+    /// those that got lost or were too many on the way.
     fn count_lost(&mut self, session: &Session, dropped: u32) {
         let losses = session.client.losses();
-        let on_the_way = losses.damaged + losses.events_dropped;
+        let on_the_way = losses.events_lost + losses.events_dropped;
         self.lost += u64::from(dropped) + (on_the_way - self.lost_on_the_way);
         self.lost_on_the_way = on_the_way;
     }

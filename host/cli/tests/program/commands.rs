@@ -209,7 +209,7 @@ fn a_stop_that_is_not_confirmed_is_told_beside_those_that_are() {
         (&line["axes"][0]["stop"], &line["axes"][1]["stop"]),
         (&"not_confirmed".into(), &"confirmed".into())
     );
-    assert!(outcome.failure(1).contains("StopNotConfirmed"));
+    assert!(outcome.failure(3).contains("StopNotConfirmed"));
 }
 
 #[test]

@@ -163,7 +163,7 @@ fn when_all_links_are_taken_the_next_host_is_told_and_may_stop() {
         watch.wait_for("a sample", |line| line.contains("idle").then_some(()));
         watch
     });
-    let error = error(sim.mgw(&["--json", "stop"]), 1);
+    let error = error(sim.mgw(&["--json", "info"]), 1);
     assert_eq!(error["name"], "LinksTaken");
     assert!(error["message"].as_str().unwrap().contains("all host links are taken"), "{error}");
     let refused = format!("refused: all {} host links are taken", watching.len());

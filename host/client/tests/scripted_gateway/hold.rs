@@ -61,7 +61,8 @@ fn the_caller_ends_the_hold() {
             Ok(if rounds == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })
         .unwrap();
-    assert_eq!(setpoints.borrow().len(), 5);
+    // Four rounds of 25 ms, and the setpoint before the fifth.
+    assert_eq!((rounds, setpoints.borrow().len()), (5, 11));
 }
 
 #[test]
@@ -86,7 +87,79 @@ fn setpoints_that_are_always_stale_are_an_error() {
     let (mut client, setpoints) = noting(move |_| Some(stale));
     let result = client.hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(result, Err(ClientError::Gateway(Error::Stale { .. }))));
-    assert_eq!(setpoints.borrow().len(), 4);
+    // One every 10 ms, for the half second that nothing may be taken.
+    assert!((50..=55).contains(&setpoints.borrow().len()), "{}", setpoints.borrow().len());
+}
+
+#[test]
+fn an_axis_whose_setpoints_are_all_refused_is_not_hidden_by_another() {
+    let line = Scripted::new(|heard| match &heard.request {
+        Request::Setpoint(setpoint) if setpoint.axis == 0 => {
+            let stale = Error::Stale { now_us: 2, expires_at_us: 1 };
+            vec![(2 * LATENCY, error_bytes(heard.sequence, &stale))]
+        }
+        _ => healthy(heard),
+    });
+    let mut client = Client::connect_as(line, 1, 0).unwrap();
+    let start = client.now();
+    let held =
+        client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
+    assert!(matches!(held, Err(ClientError::Gateway(Error::Stale { .. }))), "{held:?}");
+    assert!(client.now() - start < Duration::from_secs(1));
+}
+
+#[test]
+fn setpoints_wait_for_no_answer_and_each_has_an_expiry_of_its_own() {
+    const ANSWER_AFTER: Duration = Duration::from_millis(80);
+    let expiries = Rc::new(RefCell::new(Vec::new()));
+    let notes = expiries.clone();
+    let line = Scripted::new(move |heard| {
+        let mut said = healthy(heard);
+        if let Request::Setpoint(setpoint) = &heard.request {
+            notes.borrow_mut().push((heard.sequence, setpoint.expires_at_us));
+            said.iter_mut().for_each(|(delay, _)| *delay = ANSWER_AFTER);
+        }
+        said
+    });
+    let mut client = Client::connect_as(line, 1, 0).unwrap();
+    client.hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    let expiries = expiries.borrow();
+    assert!(expiries.len() >= 99, "{}", expiries.len());
+    for pair in expiries.windows(2) {
+        assert_ne!(pair[0].0, pair[1].0);
+        let later = pair[1].1.wrapping_sub(pair[0].1);
+        assert!((9_000..=11_000).contains(&later), "{later} µs");
+    }
+    assert_eq!(client.losses().late, 0);
+}
+
+#[test]
+fn what_the_gateway_no_longer_knows_is_not_asked_for_again_if_it_acts_again() {
+    let line = Scripted::new(|heard| match heard.request {
+        Request::MoveRelative(_) => vec![],
+        _ => healthy(heard),
+    });
+    let mut client = Client::connect_as(line.clone(), 1, 0).unwrap();
+    let mut others = 0;
+    let holds = [hold(0), hold(1), hold(2)];
+    let _ = client.hold_setpoints(&holds, Duration::from_secs(1), |client| {
+        let _ = client.move_relative(3, 9, 1.0, 1.0, TTL);
+        Ok(ControlFlow::Break(()))
+    });
+    let mut moves = Vec::new();
+    for (_, bytes) in line.sent_after_opening() {
+        let mut deframer = host_protocol::Deframer::new();
+        for byte in &bytes {
+            let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+            match Request::decode(frame.number, frame.body) {
+                Ok(Request::MoveRelative(_)) => moves.push(std::mem::take(&mut others)),
+                _ => others += 1,
+            }
+        }
+    }
+    let between: usize = moves.iter().skip(1).sum();
+    assert!(moves.len() >= 2 && between < 8, "{moves:?}");
+    assert!(others > 100, "the setpoints go on: {others}");
 }
 
 #[test]
@@ -95,7 +168,8 @@ fn a_refusal_ends_the_hold_at_once() {
     let (mut client, setpoints) = noting(move |count| (count == 2).then_some(refusal));
     let result = client.hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(result, Err(ClientError::Gateway(error)) if error == refusal));
-    assert_eq!(setpoints.borrow().len(), 2);
+    // The third was on its way before the answer to the second had come.
+    assert!(setpoints.borrow().len() <= 3, "{}", setpoints.borrow().len());
 }
 
 #[test]
@@ -111,4 +185,29 @@ fn holding_the_link_pings_often_enough() {
     let mut client = Client::connect_as(line, 1, 0).unwrap();
     client.hold(Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
     assert!(pings.borrow().windows(2).all(|pair| pair[1] - pair[0] < 125_000), "{:?}", pings.borrow());
+}
+
+#[test]
+fn an_expiry_too_far_ahead_for_the_gateway_is_followed_by_one_that_is_not() {
+    let leads = Rc::new(RefCell::new(Vec::new()));
+    let notes = leads.clone();
+    // A gateway that takes less than is asked for, whatever the reason.
+    let line = Scripted::new(move |heard| match &heard.request {
+        Request::Setpoint(setpoint) => {
+            let lead = setpoint.expires_at_us.wrapping_sub(u32::try_from(heard.time_us).unwrap());
+            notes.borrow_mut().push(lead);
+            if lead > 80_000 {
+                let (quantity, value) = (Quantity::Expiry, lead as f32);
+                let error = Error::OutOfRange { quantity, value, min: 0.0, max: 80_000.0 };
+                return vec![(2 * LATENCY, error_bytes(heard.sequence, &error))];
+            }
+            healthy(heard)
+        }
+        _ => healthy(heard),
+    });
+    let mut client = Client::connect_as(line, 1, 0).unwrap();
+    client.hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    let leads = leads.borrow();
+    let refused = leads.iter().filter(|lead| **lead > 80_000).count();
+    assert!(refused <= 3, "{refused} of {}: {leads:?}", leads.len());
 }

@@ -1,6 +1,7 @@
 //! The client against a gateway that is a script, in virtual time.
 
 mod hold;
+mod hostile;
 mod line;
 mod natives;
 mod session;

@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::line::{LATENCY, Scripted, error_bytes, healthy, reply_bytes};
 use host_protocol::replies::{AxisReport, NativeReply};
 use host_protocol::{AxisState, Bytes, Error, MotorTimeout, Reply, Request};
-use mgw_client::{Client, ClientError, MOTOR_DEADLINE, NativeHold, REPEAT_AFTER};
+use mgw_client::{Client, ClientError, MOTOR_DEADLINE, NativeHold};
 
 const TTL: Duration = Duration::from_millis(100);
 /// 0xA1, 1 A (RMD V3.6 §2.17.4).
@@ -52,7 +52,8 @@ fn a_relative_move_whose_answer_is_lost_is_asked_for_with_the_same_bytes() {
     let sent = line.sent_after_opening();
     assert_eq!(sent.len(), 3);
     assert!(sent.iter().all(|(_, bytes)| *bytes == sent[0].1));
-    assert_eq!(sent[1].0 - sent[0].0, REPEAT_AFTER);
+    // Soon: its target must come while it is still permitted.
+    assert_eq!(sent[1].0 - sent[0].0, Duration::from_millis(20));
 }
 
 #[test]
@@ -90,7 +91,7 @@ fn a_native_motion_is_renewed_well_within_its_time_to_live() {
     let notes = times.clone();
     let line = Scripted::new(move |heard| {
         if let Request::Native(request) = &heard.request {
-            assert!((99_000..=100_000).contains(&lead(request.expires_at_us, heard.time_us)));
+            assert!((94_000..=96_000).contains(&lead(request.expires_at_us, heard.time_us)));
             notes.borrow_mut().push(heard.time_us);
             if notes.borrow().len() == 3 {
                 let stale = Error::Stale { now_us: 2, expires_at_us: 1 };
@@ -120,7 +121,8 @@ fn a_refused_native_motion_ends_its_hold() {
     let hold = NativeHold { axis: 0, epoch: 7, data: data(&CURRENT), ttl: TTL };
     let held = client.hold_native(&hold, Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(held, Err(ClientError::Gateway(Error::StaleEpoch { current: Some(8) }))));
-    assert_eq!(line.sent_after_opening().len(), 1);
+    let sent = line.sent_after_opening().len();
+    assert!(sent <= 4, "the command, and a ping now and then: {sent}");
 }
 
 #[test]

@@ -297,3 +297,50 @@ fn a_gateway_that_restarted_is_known_by_its_clock() {
     client.ping().unwrap();
     assert!((1_000..2_000).contains(&client.gateway_now_us()), "{}", client.gateway_now_us());
 }
+
+#[test]
+fn a_session_with_the_numbers_of_an_earlier_one_takes_none_of_its_answers() {
+    let line = Scripted::new(healthy);
+    Client::connect_as(line.clone(), 7, 1).unwrap();
+    let first = line.0.borrow().sent.clone();
+    line.0.borrow_mut().now += Duration::from_secs(1);
+    Client::connect_as(line.clone(), 7, 1).unwrap();
+    let second = line.0.borrow_mut().sent.split_off(first.len());
+    assert_eq!(first.len(), second.len());
+    for (_, bytes) in &second {
+        assert!(first.iter().all(|(_, earlier)| earlier != bytes), "{bytes:02X?}");
+    }
+}
+
+#[test]
+fn events_that_got_lost_are_counted_by_their_numbers() {
+    let (line, mut client) = connected(healthy);
+    let event = Event::EStopCleared {};
+    // 0, 1, twice 4, 5; the gateway counts anew; 7 of that.
+    for (sequence, delay) in [(0, 1), (1, 2), (4, 3), (4, 4), (5, 5), (0, 6), (7, 7)] {
+        line.say(Duration::from_millis(delay), event_bytes(sequence, 14, &event));
+    }
+    let mut seen = 0;
+    while client.poll_event(Duration::from_millis(10)).unwrap().is_some() {
+        seen += 1;
+    }
+    assert_eq!((seen, client.losses().events_lost, client.losses().late), (6, 2 + 6, 1));
+}
+
+#[test]
+fn waiting_for_an_event_ends_although_bytes_keep_coming() {
+    let (line, mut client) = connected(healthy);
+    for ms in 0..1_000 {
+        line.say(Duration::from_millis(ms), vec![0x55; 600]);
+    }
+    let start = client.now();
+    assert_eq!(client.poll_event(Duration::from_millis(30)).unwrap(), None);
+    assert!(client.now() - start <= Duration::from_millis(31));
+    assert_eq!(client.poll_event(Duration::ZERO).unwrap(), None);
+}
+
+#[test]
+fn a_client_of_any_transport_can_go_to_another_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<Client<Box<dyn mgw_client::Transport + Send>>>();
+}

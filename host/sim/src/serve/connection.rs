@@ -3,6 +3,9 @@
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
+
+use super::requests::Requests;
 
 /// Bytes taken from a connection at once.
 const READ: usize = 4_096;
@@ -13,16 +16,21 @@ pub(super) struct Connection {
     stream: TcpStream,
     pub(super) peer: SocketAddr,
     pub(super) link: u8,
+    /// When it came.
+    pub(super) since: Duration,
+    /// What it has asked for.
+    pub(super) requests: Requests,
     unsent: VecDeque<u8>,
     /// The client has been told of as not reading.
     pub(super) overflowed: bool,
 }
 
 impl Connection {
-    pub(super) fn new(stream: TcpStream, peer: SocketAddr, link: u8) -> io::Result<Self> {
+    pub(super) fn new(stream: TcpStream, peer: SocketAddr, link: u8, since: Duration) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
-        Ok(Self { stream, peer, link, unsent: VecDeque::new(), overflowed: false })
+        let requests = Requests::new();
+        Ok(Self { stream, peer, link, since, requests, unsent: VecDeque::new(), overflowed: false })
     }
 
     /// What the client has sent by now.
@@ -78,7 +86,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
         let (stream, peer) = listener.accept().unwrap();
-        let mut connection = Connection::new(stream, peer, 0).unwrap();
+        let mut connection = Connection::new(stream, peer, 0, Duration::ZERO).unwrap();
         // The system's own buffers take some megabytes before ours fills.
         let written = (0..1_000).take_while(|_| !connection.write(&[7; 100_000]).unwrap()).count();
         assert!((10..1_000).contains(&written), "{written}");

@@ -1,6 +1,8 @@
 //! A simulated gateway that is served over TCP, in real time.
 
 mod connection;
+mod requests;
+mod waiting;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -8,6 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use self::connection::Connection;
+use self::waiting::{PATIENCE, PLACES, Verdict, Waiting};
 use crate::world::World;
 
 /// Longest pause between two looks at the connections.
@@ -18,7 +21,9 @@ const CATCH_UP: Duration = Duration::from_millis(20);
 /// Bytes on their way to the gateway above which a client has to wait, as it would for a serial port.
 const BACKLOG: usize = 4_096;
 
-/// Serves a world until the process ends: the wall clock drives its time, every connection gets a host link.
+/// Serves a world until the process ends: the wall clock drives its time, every connection gets a host link, and keeps it if it says
+/// Hello within 1 s. Where all links are taken, a connection whose first request is a stop gets the link of the client that has not
+/// stopped or commanded anything for longest; the others are refused.
 ///
 /// Each line of the motors' logs, and each coming and going of a client, goes to `log`.
 ///
@@ -40,6 +45,10 @@ pub struct Server {
     /// Time of the world when the server began.
     start: Duration,
     connections: Vec<Connection>,
+    /// Clients that came when all links were taken.
+    waiting: Vec<Waiting>,
+    /// Time since the start.
+    elapsed: Duration,
     /// Lines of each motor's log that have been printed.
     printed: Vec<usize>,
 }
@@ -54,7 +63,8 @@ impl Server {
         world.trace();
         let start = Duration::from_micros(world.now().as_micros());
         let printed = world.motors().iter().map(|motor| motor.log().since(usize::MAX).1).collect();
-        Ok(Self { listener, world, start, connections: Vec::new(), printed })
+        let (connections, waiting) = (Vec::new(), Vec::new());
+        Ok(Self { listener, world, start, connections, waiting, elapsed: Duration::ZERO, printed })
     }
 
     /// Brings the world to `elapsed` after the start and passes bytes on, without waiting for anything.
@@ -62,6 +72,7 @@ impl Server {
     /// # Errors
     /// When the listener fails.
     pub fn turn(&mut self, elapsed: Duration, log: &mut impl FnMut(&str)) -> io::Result<()> {
+        self.elapsed = elapsed;
         let until = self.start + elapsed;
         loop {
             let now = Duration::from_micros(self.world.now().as_micros());
@@ -75,7 +86,9 @@ impl Server {
             }
         }
         // After reading, so that whoever has left has given its link back.
+        self.drop_silent(log);
         self.accept(log)?;
+        self.hear_waiting(log);
         // Nobody asks a served world for it.
         self.world.trace();
         Ok(())
@@ -106,10 +119,9 @@ impl Server {
             self.read(log);
             self.free_link()
         }) else {
-            log(&format!("{peer} refused: all {} host links are taken", self.world.host_links()));
-            return;
+            return self.let_wait(stream, peer, log);
         };
-        match Connection::new(stream, peer, link) {
+        match Connection::new(stream, peer, link, self.elapsed) {
             Ok(connection) => {
                 self.world.host_reset(link);
                 self.connections.push(connection);
@@ -119,19 +131,76 @@ impl Server {
         }
     }
 
+    /// It may still want to stop something.
+    fn let_wait(&mut self, stream: TcpStream, peer: SocketAddr, log: &mut impl FnMut(&str)) {
+        if self.waiting.len() >= PLACES {
+            return self.refused(peer, log);
+        }
+        match Waiting::new(stream, peer, self.elapsed) {
+            Ok(waiting) => self.waiting.push(waiting),
+            Err(error) => log(&format!("{peer} could not connect: {error}")),
+        }
+    }
+
+    fn refused(&self, peer: SocketAddr, log: &mut impl FnMut(&str)) {
+        log(&format!("{peer} refused: all {} host links are taken", self.world.host_links()));
+    }
+
+    fn hear_waiting(&mut self, log: &mut impl FnMut(&str)) {
+        for mut waiting in std::mem::take(&mut self.waiting) {
+            match waiting.listen(self.elapsed) {
+                Verdict::Waits => self.waiting.push(waiting),
+                Verdict::Refused => self.refused(waiting.peer(), log),
+                Verdict::Stops => self.make_room(waiting, log),
+            }
+        }
+    }
+
+    /// Gives a client that stops something the link of the one that has acted least lately.
+    fn make_room(&mut self, waiting: Waiting, log: &mut impl FnMut(&str)) {
+        let link = self.free_link().or_else(|| {
+            let merit = |one: &Connection| (one.requests.greeted, one.requests.acted, one.since);
+            let places = self.connections.iter().enumerate();
+            let (place, _) = places.min_by_key(|(_, one)| merit(one))?;
+            let Connection { peer, link, .. } = self.connections.swap_remove(place);
+            log(&format!("{peer} has lost host link {link}: {} stops something", waiting.peer()));
+            Some(link)
+        });
+        let Some(link) = link else { return };
+        let (connection, said) = waiting.on_link(link);
+        self.world.host_reset(link);
+        self.world.host_send(link, &said);
+        log(&format!("{} connected to host link {link}", connection.peer));
+        self.connections.push(connection);
+    }
+
+    /// A link is for who says Hello.
+    fn drop_silent(&mut self, log: &mut impl FnMut(&str)) {
+        let now = self.elapsed;
+        self.connections.retain(|connection| {
+            let Connection { peer, link, since, requests, .. } = connection;
+            let stays = requests.greeted || now < *since + PATIENCE;
+            if !stays {
+                log(&format!("{peer} has lost host link {link}: it has not said Hello"));
+            }
+            stays
+        });
+    }
+
     fn free_link(&self) -> Option<u8> {
         let taken = |link: &u8| self.connections.iter().any(|connection| connection.link == *link);
         (0..self.world.host_links()).find(|link| !taken(link))
     }
 
     fn read(&mut self, log: &mut impl FnMut(&str)) {
-        let Self { connections, world, .. } = self;
+        let Self { connections, world, elapsed, .. } = self;
         connections.retain_mut(|connection| {
             if world.host_backlog(connection.link) > BACKLOG {
                 return true;
             }
             match connection.read() {
                 Ok(bytes) => {
+                    connection.requests.take(*elapsed, &bytes);
                     world.host_send(connection.link, &bytes);
                     true
                 }

@@ -1,0 +1,152 @@
+//! A stop that somebody asks for: the next frame written, and written again until it is answered.
+
+use std::io;
+use std::time::Duration;
+
+use host_protocol::{Call, Error};
+use host_protocol::{Kind, MAX_FRAME, StopTarget, requests as ask};
+
+use crate::error::ClientError;
+use crate::inbox::{Answer, Inbox};
+use crate::transport::Transport;
+
+/// A stop is written again after this time.
+pub const REPEAT_STOP_AFTER: Duration = Duration::from_millis(25);
+/// How long a stop is written again and again while nothing answers.
+pub const STOP_PATIENCE: Duration = Duration::from_secs(3);
+/// Between two attempts to open a connection again that has failed.
+const REOPEN_EVERY: Duration = Duration::from_millis(50);
+/// Bytes taken from the transport at once.
+const READ_BUFFER: usize = 512;
+
+/// A stop that needs no authority and no session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopRequest {
+    /// Runs the stop action of an axis, or of all.
+    Stop(StopTarget),
+    /// Stops everything and latches the gateway.
+    EStop,
+}
+
+/// One stop, and the sequence numbers under which it has been written.
+struct Pending {
+    request: StopRequest,
+    sequences: Vec<u16>,
+}
+
+impl Pending {
+    fn number(&self) -> u16 {
+        match self.request {
+            StopRequest::Stop(_) => ask::Stop::NUMBER,
+            StopRequest::EStop => ask::EStop::NUMBER,
+        }
+    }
+
+    /// Each time it has a new sequence, so that no memory of an earlier one answers in its place.
+    fn write(&mut self, transport: &mut impl Transport, sequence: &mut u16) -> io::Result<()> {
+        let mut frame = [0; MAX_FRAME];
+        let length = match self.request {
+            StopRequest::Stop(target) => {
+                let stop = ask::Stop { target };
+                host_protocol::encode(Kind::Request, *sequence, ask::Stop::NUMBER, &stop, &mut frame)
+            }
+            StopRequest::EStop => host_protocol::encode(
+                Kind::Request,
+                *sequence,
+                ask::EStop::NUMBER,
+                &ask::EStop {},
+                &mut frame,
+            ),
+        };
+        self.sequences.push(*sequence);
+        *sequence = sequence.wrapping_add(1);
+        transport.send(frame.get(..length.unwrap_or(0)).unwrap_or_default())
+    }
+}
+
+/// How far the stops have come.
+struct Stops {
+    pending: Vec<Pending>,
+    refusal: Option<Error>,
+    written: bool,
+}
+
+impl Stops {
+    /// Writes and listens once.
+    fn turn<T: Transport>(
+        &mut self,
+        transport: &mut T,
+        inbox: &mut Inbox,
+        sequence: &mut u16,
+    ) -> io::Result<()> {
+        for pending in &mut self.pending {
+            pending.write(transport, sequence)?;
+            self.written = true;
+        }
+        let next = transport.now() + REPEAT_STOP_AFTER;
+        let mut buffer = [0; READ_BUFFER];
+        while transport.now() < next && !self.pending.is_empty() {
+            let count = transport.receive(&mut buffer, next.saturating_sub(transport.now()))?;
+            for arrived in inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
+                let number = |pending: &Pending| pending.number();
+                let answered = self.pending.iter().position(|pending| {
+                    pending.sequences.iter().any(|sequence| arrived.answers(*sequence, number(pending)))
+                });
+                match answered {
+                    Some(at) => {
+                        self.pending.remove(at);
+                        if let Answer::Error(error) = arrived.answer {
+                            self.refusal.get_or_insert(error);
+                        }
+                    }
+                    None => inbox.count_late(),
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes stops, and again until each is answered. A connection that fails is opened again; whether it was.
+pub(crate) fn until_answered<T: Transport>(
+    transport: &mut T,
+    inbox: &mut Inbox,
+    sequence: &mut u16,
+    requests: &[StopRequest],
+) -> Result<bool, ClientError> {
+    let pending = requests.iter().map(|request| Pending { request: *request, sequences: Vec::new() });
+    let mut stops = Stops { pending: pending.collect(), refusal: None, written: false };
+    let (mut reopened, mut last_error) = (false, None::<io::Error>);
+    let end = transport.now().saturating_add(STOP_PATIENCE);
+    while !stops.pending.is_empty() {
+        if transport.now() >= end {
+            return Err(match last_error {
+                // The other side has no place for this host, and has not read what it wrote.
+                Some(error) if error.kind() == io::ErrorKind::ConnectionRefused => ClientError::LinksTaken,
+                Some(error) if !stops.written => ClientError::Transport(error),
+                _ => ClientError::StopUnanswered { after: STOP_PATIENCE },
+            });
+        }
+        if let Err(error) = stops.turn(transport, inbox, sequence) {
+            last_error = Some(error);
+            let before = transport.now();
+            match transport.reconnect() {
+                Ok(()) if !reopened => inbox.restart(),
+                Ok(()) | Err(_) => transport.sleep(REOPEN_EVERY.saturating_sub(transport.now() - before)),
+            }
+            reopened = true;
+        }
+    }
+    stops.refusal.map_or(Ok(reopened), |error| Err(error.into()))
+}
+
+/// Writes a stop before anything else, without a session, and again until it is answered. A connection that fails is opened
+/// again meanwhile.
+///
+/// # Errors
+/// [`ClientError::Gateway`] if the gateway refuses it, [`ClientError::StopUnanswered`] if nothing answers within
+/// [`STOP_PATIENCE`], or the failure of the transport if it could never be written.
+pub fn stop_before_hello<T: Transport>(transport: &mut T, request: StopRequest) -> Result<(), ClientError> {
+    let mut sequence = fastrand::u16(..);
+    until_answered(transport, &mut Inbox::new(), &mut sequence, &[request]).map(drop)
+}

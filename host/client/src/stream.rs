@@ -1,0 +1,233 @@
+//! Setpoints in their rhythm: each is new, with an expiry of its own, and none waits for the answer to another.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use host_protocol::replies::{NativeReply, Pong};
+use host_protocol::requests as ask;
+use host_protocol::{Bytes, Call, Error, MAX_CAN_DATA, Quantity, Setpoint};
+
+use crate::clock::Clock;
+use crate::error::ClientError;
+use crate::inbox::{Answer, Arrived};
+
+/// Setpoints are renewed after this part of the shortest TTL: eight in a row may get lost on a line without delay, four behind a
+/// delay of 40 ms at a TTL of 100 ms.
+const RENEWALS_PER_TTL: u32 = 10;
+/// They are renewed at least this often, whatever the TTL: this keeps authority alive, too.
+pub(crate) const RENEW_WITHIN: Duration = Duration::from_millis(25);
+/// No more than one setpoint in this time, of all axes together: a third of what a link of 921600 bit/s carries.
+const SHORTEST_SPACE: Duration = Duration::from_millis(1);
+/// The gateway's clock is asked for this often.
+const PING_EVERY: Duration = Duration::from_millis(50);
+/// The part of its TTL by which a setpoint expires sooner.
+const MARGIN_PART: u32 = 20;
+/// Requests of one kind whose answers are still looked for. Older ones are lost.
+const AWAITED: usize = 256;
+/// A stream ends when the gateway has taken nothing of an axis for twice its TTL, but not sooner or later than this.
+const PATIENCE: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
+/// Without any setpoint it ends when no ping has been answered for so long.
+const PONG_PATIENCE: Duration = Duration::from_secs(1);
+
+/// What an axis shall keep doing.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Motion {
+    Setpoint(Setpoint),
+    Native(Bytes<MAX_CAN_DATA>),
+}
+
+/// One axis of a stream.
+#[derive(Debug)]
+pub(crate) struct Flow {
+    pub(crate) axis: u8,
+    pub(crate) epoch: u32,
+    pub(crate) ttl: Duration,
+    pub(crate) motion: Motion,
+    awaited: VecDeque<u16>,
+    /// When the gateway took one last, or the stream began.
+    taken: Duration,
+    /// It has come at the wrong time since.
+    miss: Option<Error>,
+    /// By how much the expiries of earlier setpoints lay too far ahead for the gateway.
+    excess: Duration,
+    /// Why it has ended.
+    refusal: Option<Error>,
+}
+
+impl Flow {
+    pub(crate) fn new(axis: u8, epoch: u32, ttl: Duration, motion: Motion) -> Self {
+        Self {
+            axis,
+            epoch,
+            ttl,
+            motion,
+            awaited: VecDeque::new(),
+            taken: Duration::ZERO,
+            miss: None,
+            excess: Duration::ZERO,
+            refusal: None,
+        }
+    }
+
+    fn take(&mut self, now: Duration, answer: &Answer, reply: &mut Option<Bytes<MAX_CAN_DATA>>) {
+        match answer {
+            Answer::Reply { body, .. } => {
+                (self.taken, self.miss) = (now, None);
+                if let Motion::Native(_) = self.motion
+                    && let Ok((native, _)) = postcard::take_from_bytes::<NativeReply>(body)
+                {
+                    *reply = Some(native.data);
+                }
+            }
+            // It was taken, and the next one came before the motor had answered.
+            Answer::Error(Error::Superseded { .. }) => (self.taken, self.miss) = (now, None),
+            Answer::Error(error) if is_miss(error) => {
+                self.miss = Some(*error);
+                if let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error {
+                    self.stay_below(f64::from(*value) - f64::from(*max));
+                }
+            }
+            Answer::Error(error) => {
+                self.refusal.get_or_insert(*error);
+            }
+        }
+    }
+
+    /// For how long the next one is valid: a little less than the TTL, because some setpoints arrive sooner than the pings that the
+    /// gateway's clock was measured by.
+    pub(crate) fn lead(&self) -> Duration {
+        (self.ttl - self.ttl / MARGIN_PART).saturating_sub(self.excess)
+    }
+
+    /// The gateway has found an expiry too far ahead, by so many µs.
+    fn stay_below(&mut self, excess_us: f64) {
+        let excess = Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default();
+        self.excess = self.excess.saturating_add(excess).min(self.ttl / 2);
+    }
+
+    fn check(&self, now: Duration) -> Result<(), ClientError> {
+        if let Some(error) = self.refusal {
+            return Err(error.into());
+        }
+        let patience = self.ttl.saturating_mul(2).clamp(PATIENCE.0, PATIENCE.1);
+        if now.saturating_sub(self.taken) <= patience {
+            return Ok(());
+        }
+        let request = match self.motion {
+            Motion::Setpoint(_) => "Setpoint",
+            Motion::Native(_) => "Native",
+        };
+        Err(self.miss.map_or(ClientError::NoAnswer { request, after: patience }, ClientError::Gateway))
+    }
+}
+
+/// What is sent in its rhythm while a client holds axes, or only its link.
+#[derive(Debug)]
+pub(crate) struct Stream {
+    pub(crate) flows: Vec<Flow>,
+    period: Duration,
+    next: Duration,
+    next_ping: Duration,
+    pings: VecDeque<(u16, Duration)>,
+    ponged: Duration,
+    /// What a motor answered to a native command, last.
+    pub(crate) reply: Option<Bytes<MAX_CAN_DATA>>,
+}
+
+impl Stream {
+    /// A stream that begins now.
+    pub(crate) fn new(now: Duration, mut flows: Vec<Flow>) -> Self {
+        let ttl = flows.iter().map(|flow| flow.ttl).min().unwrap_or(Duration::MAX);
+        let axes = u32::try_from(flows.len()).unwrap_or(u32::MAX).max(1);
+        let period = (ttl / RENEWALS_PER_TTL).min(RENEW_WITHIN).max(SHORTEST_SPACE.saturating_mul(axes));
+        flows.iter_mut().for_each(|flow| flow.taken = now);
+        Self { flows, period, next: now, next_ping: now, pings: VecDeque::new(), ponged: now, reply: None }
+    }
+
+    /// When something is to be sent next.
+    pub(crate) fn due(&self) -> Duration {
+        let flows = self.flows.iter().any(|flow| flow.refusal.is_none());
+        if flows { self.next.min(self.next_ping) } else { self.next_ping }
+    }
+
+    /// Whether the setpoints are due now. What was missed is not made up for, and after a refusal nothing is due.
+    pub(crate) fn takes_turn(&mut self, now: Duration) -> bool {
+        let is_refused = self.flows.iter().any(|flow| flow.refusal.is_some());
+        let is_due = !self.flows.is_empty() && !is_refused && now >= self.next;
+        if now >= self.next {
+            self.next = (self.next + self.period).max(now);
+        }
+        is_due
+    }
+
+    /// Whether a ping is due now.
+    pub(crate) fn takes_ping(&mut self, now: Duration) -> bool {
+        let is_due = now >= self.next_ping;
+        if is_due {
+            let period = if self.flows.is_empty() { RENEW_WITHIN } else { PING_EVERY };
+            self.next_ping = (self.next_ping + period).max(now);
+        }
+        is_due
+    }
+
+    pub(crate) fn pinged(&mut self, sequence: u16, now: Duration) {
+        if self.pings.len() == AWAITED {
+            self.pings.pop_front();
+        }
+        self.pings.push_back((sequence, now));
+    }
+
+    pub(crate) fn sent(&mut self, flow: usize, sequence: u16) {
+        let Some(flow) = self.flows.get_mut(flow) else { return };
+        if flow.awaited.len() == AWAITED {
+            flow.awaited.pop_front();
+        }
+        flow.awaited.push_back(sequence);
+    }
+
+    /// Takes an answer if it is one to this stream.
+    pub(crate) fn take(&mut self, now: Duration, arrived: &Arrived, clock: &mut Clock) -> bool {
+        if let Some(at) =
+            self.pings.iter().position(|(sequence, _)| arrived.answers(*sequence, ask::Ping::NUMBER))
+        {
+            if let Some((_, sent)) = self.pings.remove(at)
+                && let Answer::Reply { body, .. } = &arrived.answer
+                && let Ok((pong, _)) = postcard::take_from_bytes::<Pong>(body)
+            {
+                clock.measure(sent, now, pong.time_us);
+                self.ponged = now;
+            }
+            return true;
+        }
+        for flow in &mut self.flows {
+            let number = match flow.motion {
+                Motion::Setpoint(_) => ask::Setpoint::NUMBER,
+                Motion::Native(_) => ask::Native::NUMBER,
+            };
+            if let Some(at) = flow.awaited.iter().position(|sequence| arrived.answers(*sequence, number)) {
+                flow.awaited.remove(at);
+                flow.take(now, &arrived.answer, &mut self.reply);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Whether it may go on: every axis by itself.
+    pub(crate) fn check(&self, now: Duration) -> Result<(), ClientError> {
+        self.flows.iter().try_for_each(|flow| flow.check(now))?;
+        if self.flows.is_empty() && now.saturating_sub(self.ponged) > PONG_PATIENCE {
+            return Err(ClientError::NoAnswer { request: "Ping", after: PONG_PATIENCE });
+        }
+        Ok(())
+    }
+}
+
+/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock or by what another host had asked
+/// of the motor.
+fn is_miss(error: &Error) -> bool {
+    matches!(
+        error,
+        Error::Stale { .. } | Error::Busy { .. } | Error::OutOfRange { quantity: Quantity::Expiry, .. }
+    )
+}
