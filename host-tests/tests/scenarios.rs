@@ -60,8 +60,8 @@ scenarios! {
     a_host_that_never_reads_blocks_nothing_and_may_stop
     a_late_reply_after_retry_is_ignored
     a_late_reply_to_a_setpoint_of_0_does_not_acknowledge_the_stop
-    a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
     a_limit_that_nothing_measures_is_refused
+    a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
     a_measured_value_beyond_the_limit_trips
     a_motor_that_answers_all_but_its_fault_word_trips
@@ -85,6 +85,7 @@ scenarios! {
     a_reset_while_arming_runs_the_stop_action
     a_setpoint_is_taken_just_inside_the_ttl_and_refused_just_outside
     a_setpoint_of_another_epoch_feeds_nothing
+    a_setpoint_that_noise_keeps_from_the_line_trips_as_not_delivered
     a_shorted_bus_trips_as_bus_off_and_is_stopped_when_it_is_back
     a_silent_host_trips_every_moving_axis_and_each_stop_is_confirmed
     a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_trips
@@ -96,8 +97,8 @@ scenarios! {
     a_stop_while_clearing_ends_the_clearing
     a_stuck_d5_that_ignores_the_stop_is_never_confirmed
     a_subscription_streams_and_ends_with_its_host
-    a_thruster_that_has_timed_out_is_armed
     a_thruster_is_told_its_timeout_again_whenever_it_is_armed
+    a_thruster_that_has_timed_out_is_armed
     a_thruster_that_refuses_a_signal_trips_and_its_refused_stop_is_repeated
     a_thruster_that_refuses_is_not_stopped_by_its_refusal
     a_thruster_that_restarts_in_motion_refuses_and_trips
@@ -110,10 +111,11 @@ scenarios! {
     after_a_hang_and_a_reset_the_stops_go_first
     after_an_e_stop_each_axis_is_cleared_when_its_own_stop_is_confirmed
     an_armed_axis_is_disarmed_by_silence_and_does_not_trip
-    an_axis_on_an_id_of_another_axis_is_refused
-    an_idle_axis_on_a_bus_that_is_off_gets_the_stop_of_an_e_stop_when_it_is_back
     an_armed_motor_that_turns_without_a_setpoint_trips
+    an_axis_on_an_id_of_another_axis_is_refused
+    an_axis_that_gets_another_motor_leaves_no_request_behind
     an_echo_with_another_value_acknowledges_nothing
+    an_idle_axis_on_a_bus_that_is_off_gets_the_stop_of_an_e_stop_when_it_is_back
     an_impedance_setpoint_holds_like_a_spring
     an_old_reading_shows_no_standstill
     an_open_e_stop_input_bars_clearing_over_a_reset

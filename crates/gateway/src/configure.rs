@@ -99,7 +99,10 @@ impl Gateway {
             self.axis_mut(request.axis)?.config = previous;
             return Err(error);
         }
-        let Self { axes, links, .. } = self;
+        let Self { axes, buses, links, .. } = self;
+        if is_of_address(parameter) {
+            buses.iter_mut().for_each(|bus| bus.disown(request.axis));
+        }
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
             let same = axis.config.address() == previous.address();
             axis.configured(parameter, same, complete, &mut Outbox::new(now, links));
@@ -131,6 +134,7 @@ impl Gateway {
         }
         let bus = removed.config.bus();
         *self.axis_mut(axis)? = Axis::new(axis);
+        self.buses.iter_mut().for_each(|bus| bus.disown(axis));
         if let Some(bus) = bus {
             self.end_raw(now, bus);
         }
@@ -200,6 +204,18 @@ impl Gateway {
             .filter(|other| other.config.bus() == Some(bus_index) && other.config.missing().is_none());
         check_load(bus, bus_config, here)
     }
+}
+
+/// Whether a parameter says by which frames the motor is reached.
+pub(crate) fn is_of_address(parameter: AxisParameter) -> bool {
+    matches!(
+        parameter,
+        AxisParameter::Bus
+            | AxisParameter::Protocol
+            | AxisParameter::Node
+            | AxisParameter::D5RequestId
+            | AxisParameter::D5ReplyId
+    )
 }
 
 /// Which protocol runs on which kind of bus (DESIGN, Buses).

@@ -226,6 +226,7 @@ impl Gateway {
             }
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
+            bus.expire_deliveries(now, axes, &mut out);
             bus.report_delayed_stops(now, axes, &mut out);
         }
     }

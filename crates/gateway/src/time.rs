@@ -13,6 +13,9 @@ pub struct Instant(u64);
 pub struct Duration(u64);
 
 impl Instant {
+    /// Later than all that happens.
+    pub(crate) const NEVER: Self = Self(u64::MAX);
+
     /// The instant `us` microseconds after start.
     pub const fn from_micros(us: u64) -> Self {
         Self(us)

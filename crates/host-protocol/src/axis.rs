@@ -122,6 +122,8 @@ wire! {
         },
         /// The motor turned although the axis had no setpoint.
         Uncommanded,
+        /// A setpoint was accepted and not sent in time.
+        NotDelivered,
     }
 
     /// A trip: why, when, and the last values before it.
@@ -251,6 +253,7 @@ impl fmt::Display for TripReason {
             Self::StopUnconfirmed => f.write_str("a stop was not confirmed"),
             Self::Group { axis } => write!(f, "axis {axis} of its trip group tripped"),
             Self::Uncommanded => f.write_str("the motor turned without a setpoint"),
+            Self::NotDelivered => f.write_str("a setpoint was not sent in time"),
         }
     }
 }

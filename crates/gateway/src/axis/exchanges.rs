@@ -24,6 +24,8 @@ pub(super) struct Pending {
     once: bool,
     /// Which motion of the axis it is, if it is one.
     pub motion: u32,
+    /// Since when it has waited, if it is a motion.
+    undelivered_since: Instant,
     /// The bus had taken it when the job under way began.
     pub predates_job: bool,
 }
@@ -40,6 +42,12 @@ impl Pending {
 
     pub fn deadline(&self) -> Option<Instant> {
         self.until
+    }
+
+    /// Since when the motion in it has waited, if it is one that has not left.
+    pub fn undelivered_since(&self) -> Option<Instant> {
+        let waits = self.exchange == Exchange::Motion && self.until.is_none();
+        waits.then_some(self.undelivered_since)
     }
 }
 
@@ -124,6 +132,7 @@ impl Axis {
             unambiguous,
             once: motion.is_some_and(Motion::is_once),
             motion: motion.map_or(0, |motion| motion.number),
+            undelivered_since: self.undelivered_since,
             predates_job: false,
         });
         self.note_handed(now, exchange);
@@ -200,6 +209,7 @@ impl Axis {
         if self.displaced.as_ref().is_some_and(|d| d.slot == slot && d.until.is_none()) {
             self.displaced = None;
         } else if let Some(pending) = self.pending.take_if(|p| p.slot == slot && p.until.is_none()) {
+            self.not_delivered(&pending);
             self.send_again(now, pending.exchange);
         }
     }
@@ -298,8 +308,19 @@ impl Axis {
         }
     }
 
+    /// The axis is reached otherwise from now on: what is under way, or was, belongs to the motor that it had.
+    pub(super) fn leave_bus(&mut self) {
+        self.pending = None;
+        self.displaced = None;
+        self.unanswered_since = None;
+        self.silence = Silence::NONE;
+        self.quiet = Quiet::NONE;
+        self.state_poll_at = FIRST_OF_ALL;
+    }
+
     fn give_up_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(pending) = self.pending.take() else { return };
+        self.not_delivered(&pending);
         // A late reply must find nothing identical under way: the next request waits another window, and what a stop may be
         // mistaken for is remembered as long.
         let until = now + pending.window;

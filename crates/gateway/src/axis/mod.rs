@@ -4,6 +4,7 @@
 //! one request of an axis is under way at a time, and a stop displaces it.
 
 mod config;
+mod delivery;
 mod exchanges;
 mod jobs;
 mod limits;
@@ -23,6 +24,7 @@ pub(crate) use motion::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
+use crate::configure::is_of_address;
 use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Earliest, Instant};
@@ -65,6 +67,8 @@ pub(crate) struct Axis {
     motion: Option<Motion>,
     /// Motions so far.
     motions: u32,
+    /// Since when the first setpoint, or the first refresh of one, waits that the bus has not taken; later than now where none does.
+    undelivered_since: Instant,
     stop: Option<Stop>,
     job: Option<Job>,
     pending: Option<Pending>,
@@ -112,6 +116,7 @@ impl Axis {
             epoch: 0,
             motion: None,
             motions: 0,
+            undelivered_since: Instant::from_micros(0),
             stop: None,
             job: None,
             pending: None,
@@ -216,6 +221,9 @@ impl Axis {
 
     /// A parameter has been set. Another motor is another motor: nothing is known of it. The `same` motor goes on holding.
     pub fn configured(&mut self, parameter: AxisParameter, same: bool, complete: bool, out: &mut Outbox<'_>) {
+        if is_of_address(parameter) {
+            self.leave_bus();
+        }
         if matches!(
             parameter,
             AxisParameter::Bus

@@ -167,6 +167,7 @@ impl Axis {
     ) {
         self.in_doubt &= self.is_in_force(&command);
         self.motions = self.motions.wrapping_add(1);
+        self.owe_delivery(now);
         self.motion = Some(Motion { command, number: self.motions, expires, due: Some(now), once });
         if self.state == AxisState::Armed {
             self.enter(AxisState::Active, out);
@@ -246,6 +247,7 @@ impl Axis {
             Exchange::Motion => {
                 if let Some(motion) = &mut self.motion {
                     motion.due = (!motion.once).then_some(now + refresh);
+                    self.undelivered_since = motion.due.unwrap_or(Instant::NEVER);
                 }
             }
             Exchange::Faults => self.fault_poll_at = now + self.config.fault_poll(),

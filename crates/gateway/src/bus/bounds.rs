@@ -6,8 +6,11 @@ use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
-use host_protocol::{BusKind, Event, Protocol};
+use core::num::NonZeroU64;
+use host_protocol::{BusKind, Event, Protocol, TripReason};
 
+/// [`MAX_OUTSTANDING`] as a divisor.
+const OUTSTANDING: NonZeroU64 = NonZeroU64::new(MAX_OUTSTANDING as u64).unwrap();
 /// What our software takes, g of the bounds.
 const SOFTWARE: Duration = Duration::from_micros(100);
 /// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the port has to report the frame.
@@ -27,6 +30,44 @@ impl Bus {
                 SOFTWARE + wait + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
+        }
+    }
+
+    /// Within what time a frame that is no stop has left after it was due, if nobody else talks: behind the stop of each axis here, behind two requests
+    /// of each, as every other one of an axis is a poll, with what their replies may take, and behind the own one before: the window of its
+    /// reply, and as long again where that may come late.
+    fn ordinary_bound(&self, axes: &[Axis]) -> Duration {
+        let axes = self.axes_here(axes).count() as u64;
+        let window = self.reply_window();
+        let exchange = match self.kind() {
+            // A request and its reply, and what a D5's reply may wait for; of thrusters so many share a window.
+            BusKind::Can => {
+                let thrusters = self.carries(Protocol::Thruster);
+                self.bit_time(LONGEST_FRAME_BITS).times(3)
+                    + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
+            }
+            BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
+        };
+        self.bound(axes) + window.times(2) + exchange.times(2 * axes)
+    }
+
+    /// When the next setpoint counts as not delivered.
+    pub(super) fn delivery_ends_at(&self, axes: &[Axis]) -> Option<Instant> {
+        let due = self.axes_here(axes).filter_map(Axis::delivery_due_at).min()?;
+        Some(due + self.ordinary_bound(axes))
+    }
+
+    /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).
+    pub fn expire_deliveries(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+        let late = |axis: &Axis, by: Duration| axis.delivery_due_at().is_some_and(|due| due + by <= now);
+        if !self.axes_here(axes).any(|axis| late(axis, Duration::ZERO)) {
+            return;
+        }
+        let within = if self.config.is_some() { self.ordinary_bound(axes) } else { Duration::ZERO };
+        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+            if late(axis, within) {
+                axis.trip(now, TripReason::NotDelivered, out);
+            }
         }
     }
 

@@ -78,6 +78,8 @@ struct InFlight {
     is_first_stop: bool,
     /// Asked back from the controller, which must report by then.
     cancel_by: Option<Instant>,
+    /// Its axis has left the bus or got another address: it must come back.
+    is_disowned: bool,
     /// When it counts as destroyed by a reply with its own id, which was due and had not come when it was handed over.
     collided_at: Option<Instant>,
 }
@@ -162,6 +164,15 @@ impl Bus {
     pub fn close_raw(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         if self.raw.take().is_some_and(|raw| raw.is_unsafe()) {
             self.restart(now, axes, out);
+        }
+    }
+
+    /// An axis leaves the bus or gets another address: what is under way for it belongs to nobody, and is asked back.
+    pub fn disown(&mut self, axis: u8) {
+        for in_flight in self.in_flight.iter_mut().flatten().filter(|f| f.axis == Some(axis)) {
+            in_flight.axis = None;
+            in_flight.is_first_stop = false;
+            in_flight.is_disowned = true;
         }
     }
 

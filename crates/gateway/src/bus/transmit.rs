@@ -84,7 +84,7 @@ impl Bus {
                         || axis.has_replaced(slot)
                         || in_flight.overdue && !in_flight.is_stop && !axis.has_pending(slot)
                 }
-                None => self.raw.is_none(),
+                None => in_flight.is_disowned || self.raw.is_none(),
             };
             if unwanted {
                 in_flight.cancel_by = Some(now + within);
@@ -160,6 +160,7 @@ impl Bus {
             .chain(self.first_stops_bar_until(axes))
             .chain(self.stop_is_delayed_at(axes))
             .chain(unsent)
+            .chain(self.delivery_ends_at(axes))
             .filter(|at| *at > after)
             .min()
     }
@@ -271,6 +272,7 @@ impl Bus {
                 overdue: false,
                 is_stop: false,
                 is_first_stop: false,
+                is_disowned: false,
                 cancel_by: None,
                 collided_at: None,
             });

@@ -261,6 +261,11 @@ impl Rig {
         self.held.iter().map(|(.., text)| text.as_str()).collect()
     }
 
+    /// What waits in the controller of one bus.
+    pub fn held_on(&self, bus: u8) -> Vec<&str> {
+        self.held.iter().filter(|(on, ..)| *on == bus).map(|(.., text)| text.as_str()).collect()
+    }
+
     /// Joins the cables again: what waits in the controllers leaves.
     pub fn mend(&mut self) {
         self.cut = false;
