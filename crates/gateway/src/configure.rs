@@ -88,7 +88,7 @@ impl Gateway {
         config.set(parameter, request.value)?;
         let complete = config.missing().is_none();
         self.check_axis(request.axis, &config)?;
-        let buses = [axis.config.bus(), config.bus()];
+        let touched = [axis.config.bus(), config.bus()];
         if let Some(bus) = config.bus()
             && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
         {
@@ -107,7 +107,7 @@ impl Gateway {
             let same = axis.config.address() == previous.address();
             axis.configured(parameter, same, complete, &mut Outbox::new(now, links));
         }
-        for bus in buses.into_iter().flatten() {
+        for bus in touched.into_iter().flatten() {
             self.end_raw(now, bus);
         }
         self.retention.axis_changed(request.axis);
