@@ -8,6 +8,12 @@ pub fn write(entry: LogEntry) {
     match entry {
         LogEntry::Hello { link } => defmt::info!("host link {=u8}: hello", link),
         LogEntry::InCommand { link } => defmt::info!("host link {=u8}: in command", link),
+        LogEntry::NoRandomNumber => {
+            defmt::error!("the random generator of the chip gave no number: nothing can be armed");
+        }
+        LogEntry::MemoryDamaged => {
+            defmt::error!("retained memory was damaged: the e-stop is latched, every axis trips");
+        }
         LogEntry::Dropped { count } => defmt::warn!("{=u32} lines are missing here", count),
         LogEntry::Event(event) => write_event(event),
     }

@@ -16,6 +16,8 @@ mod line;
 #[cfg(target_os = "none")]
 mod log;
 #[cfg(target_os = "none")]
+mod random;
+#[cfg(target_os = "none")]
 mod retained;
 #[cfg(target_os = "none")]
 mod shared_gateway;
@@ -52,7 +54,8 @@ async fn main(spawner: embassy_executor::Spawner) {
     if !last_words.is_empty() {
         defmt::error!("the run before this one ended: {=str}", last_words);
     }
-    let gateway = SharedGateway::place(description, words);
+    // Where there is none, nothing is armed, and the core says so.
+    let gateway = SharedGateway::place(description, random::number(), words);
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
     spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));

@@ -45,12 +45,12 @@ pub struct SharedGateway {
 impl SharedGateway {
     /// Puts the gateway of this board in its place, with what the run before has left; once.
     #[inline(never)]
-    pub fn place(board: Board, kept: CoreWords) -> &'static Self {
+    pub fn place(board: Board, random_number: Option<u32>, kept: CoreWords) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
-            core: Mutex::new(RefCell::new(Gateway::unequipped(board))),
+            core: Mutex::new(RefCell::new(Gateway::unequipped(board, random_number))),
             kept: Mutex::new(RefCell::new(kept)),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],

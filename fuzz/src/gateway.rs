@@ -75,7 +75,7 @@ struct Bench {
 impl Bench {
     fn new() -> Bench {
         Bench {
-            gateway: Gateway::new(&BOARD),
+            gateway: Gateway::new(&BOARD, Some(0)),
             now_us: 1_000,
             sequence: 0,
             held: [const { VecDeque::new() }; BUSES as usize],

@@ -5,7 +5,7 @@ use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
 use crate::link::Link;
-use crate::log::Links;
+use crate::log::{Links, LogEntry};
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Event, Store, Transmit};
 use crate::retained::Retention;
@@ -22,8 +22,9 @@ pub struct Gateway {
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
     pub(crate) links: Links,
     pub(crate) authority: Authority,
-    /// The epoch of the latest arming of any axis.
-    pub(crate) epoch: u32,
+    /// The epoch of the latest arming of any axis; before the first the number from which they count. Without one nothing is
+    /// armed.
+    pub(crate) epoch: Option<u32>,
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
     pub(crate) e_stop_input_open: bool,
@@ -39,9 +40,10 @@ pub struct Gateway {
 }
 
 impl Gateway {
-    /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out.
-    pub fn new(board: &'static Board) -> Self {
-        let mut gateway = Self::unequipped(board);
+    /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out. `seed`: a random number, another one at each start, from
+    /// which epochs count, so that none comes back; nothing if the chip gave none in time.
+    pub fn new(board: &'static Board, seed: Option<u32>) -> Self {
+        let mut gateway = Self::unequipped(board, seed);
         gateway.equip();
         gateway
     }
@@ -49,14 +51,14 @@ impl Gateway {
     /// A gateway without axes, buses and links, to be put where it stays before it is [equipped](Self::equip): complete, it
     /// is too large for the stack of a board.
     #[inline(always)]
-    pub const fn unequipped(board: &'static Board) -> Self {
+    pub const fn unequipped(board: &'static Board, seed: Option<u32>) -> Self {
         Self {
             board,
             axes: Vec::new(),
             buses: Vec::new(),
             links: Links::new(),
             authority: Authority::new(),
-            epoch: 0,
+            epoch: seed,
             e_stopped: false,
             // Until it has been read it may be anything.
             e_stop_input_open: board.e_stop_input,
@@ -73,6 +75,9 @@ impl Gateway {
     /// nothing.
     #[inline(never)]
     pub fn equip(&mut self) {
+        if self.epoch.is_none() && self.axes.is_empty() {
+            self.links.log(LogEntry::NoRandomNumber);
+        }
         while !self.axes.is_full() {
             let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
             let _ = self.axes.push(Axis::new(index));

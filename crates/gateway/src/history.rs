@@ -63,6 +63,14 @@ impl History {
         Some((index, to_words(self.ordinal_of(index), incident)))
     }
 
+    /// Has those of these places saved that hold something, and returns which these are. Bit 0 is place 0.
+    pub fn save_again(&mut self, places: u32) -> u32 {
+        let held = |index: &usize| self.incidents.get(*index).is_some_and(Option::is_some);
+        let again = (0..INCIDENTS).filter(held).fold(0, |again, index| again | 1 << index) & places;
+        self.unsaved |= u16::try_from(again).unwrap_or(0);
+        again
+    }
+
     /// Whether there is more to save.
     pub fn has_unsaved(&self) -> bool {
         self.unsaved != 0

@@ -31,6 +31,10 @@ pub enum LogEntry {
         /// On this link.
         link: u8,
     },
+    /// The chip's random generator gave no number from which epochs could count: nothing is armed.
+    NoRandomNumber,
+    /// A word of the memory that a reset leaves alone had changed at this start: the e-stop is latched, and every axis trips.
+    MemoryDamaged,
     /// More happened than could wait.
     Dropped {
         /// How many entries are missing here.

@@ -243,8 +243,9 @@ impl Gateway {
         }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
         self.check_axis_load(index)?;
-        self.epoch = self.epoch.wrapping_add(1);
-        self.start(now, index, JobKind::Arm { epoch: self.epoch }, ticket)
+        let epoch = self.epoch.ok_or(Error::NoRandomNumber {})?.wrapping_add(1);
+        self.epoch = Some(epoch);
+        self.start(now, index, JobKind::Arm { epoch }, ticket)
     }
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {

@@ -18,13 +18,15 @@ use core::mem::take;
 
 use crate::axis::{Axis, AxisConfig};
 use crate::gateway::Gateway;
-use crate::history::History;
+use crate::history::{History, INCIDENTS};
+use crate::log::LogEntry;
 use crate::outbox::Outbox;
 use crate::port::Store;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{AxisState, BusConfig, Incident, ProtocolSet, TripReason, requests};
-use layout::{Place, SLOTS};
+use layout::{Place, SLOTS, WRITING_AT};
+use slot::{Condition, Found};
 use states::{E_STOPPED, States};
 
 /// Words of an axis: its configuration, then the timeout last written to its motor, ms.
@@ -36,13 +38,10 @@ const BUS_WORDS: usize = 4;
 /// Incidents of one part: each takes some µs for its checksum.
 const INCIDENTS_AT_ONCE: usize = 2;
 
-/// Epochs that each start has for itself: the first one counts from 0.
-const EPOCHS_OF_A_START: u32 = 1 << 20;
-
 /// What has been saved, and what has changed since.
 #[derive(Debug, Clone)]
 pub(crate) struct Retention {
-    /// The generation last written of each slot; its parity says which copy.
+    /// The generation last written of each slot.
     generations: [u32; SLOTS],
     /// Axes configured anew, or whose motor was. Bit 0 is axis 0.
     axes: u32,
@@ -51,11 +50,37 @@ pub(crate) struct Retention {
     states: States,
     /// Nothing is left to save: the history has every trip, and the states say so.
     is_complete: bool,
+    /// What the memory is: unknown before it is restored or written.
+    memory: Memory,
+    /// A word of what a reset should have left alone has changed.
+    is_damaged: bool,
+    /// Places of the history that hold nothing readable. Bit 0 is place 0.
+    lost_incidents: u32,
+}
+
+/// What is in the memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Memory {
+    /// Anything: the power was off, or another firmware wrote it.
+    Foreign,
+    /// What a run before has left, the slot that it was writing with it.
+    Restored { writing: u32 },
+    /// What this run has written, and what it needs of the run before.
+    Ours,
 }
 
 impl Retention {
     pub const fn new() -> Self {
-        Self { generations: [0; SLOTS], axes: 0, buses: 0, states: States::NONE, is_complete: false }
+        Self {
+            generations: [0; SLOTS],
+            axes: 0,
+            buses: 0,
+            states: States::NONE,
+            is_complete: false,
+            memory: Memory::Foreign,
+            is_damaged: false,
+            lost_incidents: 0,
+        }
     }
 
     /// An axis has been configured or removed.
@@ -71,8 +96,28 @@ impl Retention {
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
         if let Some(generation) = self.generations.get_mut(place.index()) {
             *generation = generation.wrapping_add(1);
+            store(WRITING_AT, place.writing());
             place.slot().write(*generation, payload, store);
+            store(WRITING_AT, 0);
         }
+    }
+
+    /// Makes the memory such that what is written to it can be read again: once, before the first word.
+    fn prepare(&mut self, store: Store<'_>) {
+        match self.memory {
+            Memory::Foreign => layout::make_ours(store),
+            Memory::Restored { .. } => {
+                layout::mark(store);
+                for index in (0..INCIDENTS).filter(|index| self.lost_incidents & bit(*index) != 0) {
+                    let place = Place::Incident(index);
+                    store(WRITING_AT, place.writing());
+                    place.slot().erase(store);
+                }
+                store(WRITING_AT, 0);
+            }
+            Memory::Ours => return,
+        }
+        self.memory = Memory::Ours;
     }
 
     fn write_states(&mut self, states: States, store: Store<'_>) {
@@ -82,9 +127,21 @@ impl Retention {
         }
     }
 
-    /// The payload of a slot, whose generation is taken over.
+    /// The payload of a slot, whose generation is taken over. One whose copies are not both as they should be is to be written again.
     fn read<'a>(&mut self, place: Place, words: &'a [u32]) -> Option<&'a [u32]> {
-        let (generation, payload) = place.slot().read(words)?;
+        let torn = self.memory == Memory::Restored { writing: place.writing() };
+        let Found { newest, condition } = place.slot().read(words, torn);
+        self.is_damaged |= condition == Condition::Damaged;
+        if condition != Condition::Sound {
+            match place {
+                // Each start counts itself there.
+                Place::States => {}
+                Place::Axis(axis) => self.axes |= bit(axis),
+                Place::Bus(bus) => self.buses |= bit(bus),
+                Place::Incident(index) => self.lost_incidents |= bit(index),
+            }
+        }
+        let (generation, payload) = newest?;
         *self.generations.get_mut(place.index())? = generation;
         Some(payload)
     }
@@ -95,6 +152,7 @@ impl Gateway {
     /// e-stop, and who may move. A trip is short of its place in the history then, so what has tripped counts as in motion until
     /// [`save_some`](Self::save_some) has stored that too.
     pub(crate) fn save_states(&mut self, store: Store<'_>) {
+        self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
         let is_news = |(index, axis): (usize, &Axis)| axis.trip.is_some() && states.tripped & bit(index) == 0;
@@ -175,23 +233,46 @@ impl Gateway {
     /// power came on. Every configured axis is stopped: what may have been in motion trips with [`TripReason::Reset`], what was tripped
     /// stays so, and unreachable if it was; the others are stopped to be sure. What the memory holds is believed only where its
     /// checksum is right and it would be accepted as a configuration.
+    ///
+    /// | what is found | e-stop | axes |
+    /// |---|---|---|
+    /// | no words, as the power was off | not latched | none |
+    /// | words without the mark of this layout: power was off unnoticed, or another firmware wrote them | not latched | none |
+    /// | every slot sound, or cut short by the reset | as it was | as they were |
+    /// | a damaged copy of any slot ([`slot`]) | latched | all that are configured trip |
+    ///
+    /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where both are, the axis or bus is lost, and
+    /// the latched e-stop says that something is.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
-        let states =
-            self.retention.read(Place::States, words).and_then(States::from_words).unwrap_or(States::NONE);
+        let words = if layout::is_ours(words) { words } else { &[] };
+        if let Some(writing) = words.get(WRITING_AT) {
+            self.retention.memory = Memory::Restored { writing: *writing };
+        }
+        let states = self.retention.read(Place::States, words).and_then(States::from_words);
+        let mut states = states.unwrap_or(States::NONE);
         self.history = History::restored(|index| self.retention.read(Place::Incident(index), words));
+        self.retention.lost_incidents &= !self.history.save_again(self.retention.lost_incidents);
         self.restore_buses(now, words);
         self.restore_axes(words);
+        if self.retention.is_damaged {
+            self.links.log(LogEntry::MemoryDamaged);
+            states.flags |= E_STOPPED;
+            states.moving |= !states.tripped;
+        }
         if states.silence_us != 0 {
             self.authority.set_silence(Duration::from_micros(u64::from(states.silence_us)));
         }
         self.e_stopped = states.flags & E_STOPPED != 0;
         self.starts = states.starts.saturating_add(1);
-        // An epoch from before the reset belongs to no arming after it.
-        self.epoch = self.starts.wrapping_sub(1).wrapping_mul(EPOCHS_OF_A_START);
         let (start, boot) = (self.starts, self.board.boot);
         self.history.push(Incident::Started { start, boot, last_words: !self.board.last_words.is_empty() });
         self.stop_after_reset(now, states);
         self.remember_trips();
+    }
+
+    /// Whether a word that a reset should have left alone had changed at this start.
+    pub(crate) fn memory_is_damaged(&self) -> bool {
+        self.retention.is_damaged
     }
 
     fn restore_buses(&mut self, now: Instant, words: &[u32]) {

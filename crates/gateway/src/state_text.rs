@@ -42,6 +42,6 @@ impl Gateway {
             link.write_state(to)?;
         }
         write!(to, "{authority:?}{history:?}{retention:?}")?;
-        write!(to, "{epoch} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
+        write!(to, "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
     }
 }

@@ -267,6 +267,10 @@ impl fmt::Display for Error {
                  setpoint; leave it out (a thruster measures positions as a position_device, an RMD torque on CAN)",
                 Quantity::Parameter(parameter)
             ),
+            Self::NoRandomNumber {} => f.write_str(
+                "the chip's random generator gave no number at the start, so epochs could repeat and nothing is armed; \
+                 start the gateway again, and replace its board if that does not help",
+            ),
             Self::Unknown { number } => write!(f, "the gateway answers with error {number}; {OTHER_VERSION}"),
         }
     }

@@ -400,6 +400,8 @@ errors! {
         /// Number of the limit.
         parameter: u16,
     }
+    /// The chip's random generator gave no number, so epochs could repeat.
+    58 NoRandomNumber {}
     /// This needs an axis whose motor holds.
     60 NotHolding {
         /// The axis.

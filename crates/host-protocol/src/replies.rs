@@ -94,6 +94,11 @@ wire! {
         pub e_stop_input_open: Option<bool>,
         /// Whether the enable output is active. Nothing where the board has no such output.
         pub enable_output: Option<bool>,
+        /// Whether the chip's random generator gave the number from which epochs count. Without it nothing is armed.
+        pub random_number: bool,
+        /// Whether a word that a reset should have left alone had changed at this start: the e-stop was latched and every axis
+        /// tripped.
+        pub memory_damaged: bool,
     }
 
     /// The value of a parameter.

@@ -157,6 +157,8 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         e_stop_latched: true,
         e_stop_input_open: Some(true),
         enable_output: Some(true),
+        random_number: true,
+        memory_damaged: true,
     };
     let incident = Incident::Tripped { start: u32::MAX, axis: u8::MAX, trip: TRIP };
     let summary = AxisSummary {

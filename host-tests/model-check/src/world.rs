@@ -16,7 +16,7 @@ use crate::plant::{BOARD, BUSES, KINDS, LINKS, LISTENER, MOTORS, all_motors};
 use embedded_can::Id;
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
 use host_protocol::Protocol;
-use life::Life;
+use life::{FIRST_RANDOM_NUMBER, Life};
 use ports::Input;
 use promise_model::{Oracle, Told, Violation};
 use std::collections::VecDeque;
@@ -61,7 +61,7 @@ impl World {
         let mut world = Self {
             start_us,
             now_us: start_us,
-            gateway: Box::new(Gateway::new(&BOARD)),
+            gateway: Box::new(Gateway::new(&BOARD, Some(FIRST_RANDOM_NUMBER))),
             oracle: Oracle::new(&KINDS, LINKS.into(), LISTENER, MAX_AXES).with_motors(present()),
             hosts: (0..LINKS).map(|_| Host::default()).collect(),
             buses: (0..usize::from(BUSES)).map(Bus::new).collect(),

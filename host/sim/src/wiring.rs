@@ -60,6 +60,9 @@ pub struct Wiring {
     pub motors: Vec<MotorWiring>,
     /// Two worlds with the same wiring, seed and input run alike.
     pub seed: u64,
+    /// What the board's random generator gives at the first start, from which epochs count; each later start gets another
+    /// number. Nothing: it fails.
+    pub random_number: Option<u32>,
 }
 
 /// A motor that cannot be connected as asked.
@@ -89,7 +92,7 @@ pub enum WiringError {
 impl Wiring {
     /// A board without motors.
     pub fn on(board: &'static Board) -> Self {
-        Self { board, motors: Vec::new(), seed: 1 }
+        Self { board, motors: Vec::new(), seed: 1, random_number: Some(0) }
     }
 
     /// Connects a motor, at the bitrate usual for it.

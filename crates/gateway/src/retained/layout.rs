@@ -1,5 +1,7 @@
-//! Where each slot lies among the retained words.
+//! Where everything lies among the retained words: a mark by which they are known to be ours, the number of the slot that is being
+//! written, the slots.
 
+use super::Store;
 use super::slot::Slot;
 use super::states::STATES_WORDS;
 use super::{AXIS_WORDS, BUS_WORDS};
@@ -9,7 +11,16 @@ use crate::{MAX_AXES, MAX_BUSES};
 /// Slots in all.
 pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
 
-const AXES_AT: usize = Slot::words(STATES_WORDS);
+/// What memory begins with that this layout was written to. The last word is to be changed with the layout, so that another firmware's words count
+/// as none. One word may be damaged: memory that has lost its power does not have two of them by chance.
+const MARK: [u32; 3] = [0x4D47_5752, 0xB2B8_A8AD, 3];
+/// Words of [`MARK`] that must be right.
+const MARK_QUORUM: usize = 2;
+/// Where the number of the slot that is being written lies, from 1; 0 while none is.
+pub(super) const WRITING_AT: usize = MARK.len();
+
+const STATES_AT: usize = WRITING_AT + 1;
+const AXES_AT: usize = STATES_AT + Slot::words(STATES_WORDS);
 const BUSES_AT: usize = AXES_AT + MAX_AXES * Slot::words(AXIS_WORDS);
 const INCIDENTS_AT: usize = BUSES_AT + MAX_BUSES * Slot::words(BUS_WORDS);
 
@@ -40,10 +51,15 @@ impl Place {
         }
     }
 
+    /// Its number while it is written.
+    pub fn writing(self) -> u32 {
+        u32::try_from(self.index() + 1).unwrap_or(u32::MAX)
+    }
+
     /// Where it lies.
     pub const fn slot(self) -> Slot {
         let (first, nth, payload) = match self {
-            Self::States => (0, 0, STATES_WORDS),
+            Self::States => (STATES_AT, 0, STATES_WORDS),
             Self::Axis(axis) => (AXES_AT, axis, AXIS_WORDS),
             Self::Bus(bus) => (BUSES_AT, bus, BUS_WORDS),
             Self::Incident(place) => (INCIDENTS_AT, place, INCIDENT_WORDS),
@@ -52,9 +68,44 @@ impl Place {
     }
 }
 
+/// Whether words were written in this layout.
+pub(super) fn is_ours(words: &[u32]) -> bool {
+    words.len() == RETAINED_WORDS
+        && words.iter().zip(MARK).filter(|(word, mark)| **word == *mark).count() >= MARK_QUORUM
+}
+
+/// Makes words of any memory ours: nothing is in them, and the mark comes last.
+pub(super) fn make_ours(store: Store<'_>) {
+    (0..RETAINED_WORDS).for_each(|index| store(index, 0));
+    mark(store);
+}
+
+/// Writes the mark.
+pub(super) fn mark(store: Store<'_>) {
+    MARK.iter().enumerate().for_each(|(index, word)| store(index, *word));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_word_of_the_mark_may_be_damaged() {
+        let mut words = [7; RETAINED_WORDS];
+        assert!(!is_ours(&words));
+        make_ours(&mut |index, word| words[index] = word);
+        assert!(is_ours(&words));
+        assert_eq!(words[..4], [0x4D47_5752, 0xB2B8_A8AD, 3, 0]);
+        for index in 0..3 {
+            let mut damaged = words;
+            damaged[index] ^= 1 << 9;
+            assert!(is_ours(&damaged), "{index}");
+            damaged[(index + 1) % 3] ^= 1;
+            assert!(!is_ours(&damaged), "{index}");
+        }
+        assert!(!is_ours(&words[1..]));
+        assert!(!is_ours(&[]));
+    }
 
     #[test]
     fn slots_lie_side_by_side_and_fill_the_memory() {
@@ -62,7 +113,7 @@ mod tests {
             .chain((0..MAX_AXES).map(Place::Axis))
             .chain((0..MAX_BUSES).map(Place::Bus))
             .chain((0..INCIDENTS).map(Place::Incident));
-        let mut next = 0;
+        let mut next = STATES_AT;
         for (index, place) in places.enumerate() {
             assert_eq!((place.index(), place.slot().at), (index, next));
             next += Slot::words(place.slot().payload);

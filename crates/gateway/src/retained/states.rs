@@ -52,13 +52,15 @@ mod tests {
     #[test]
     fn the_words_of_the_states_are_these() {
         let slot = Place::States.slot();
-        let mut words = [0; 16];
+        let mut words = [0; 20];
         slot.write(1, &STATES.words(), &mut |index, word| words[index] = word);
-        // CRC-32C of the words 2 (layout), 0 (place), 1 (generation) and the payload, little-endian.
-        let odd = [1, 3, 0b0010, 0b1101, 0b1000, 1, 250_000, 0x5361_7A68];
-        assert_eq!(words[..8], [0; 8]);
-        assert_eq!(words[8..], odd);
-        assert_eq!(slot.read(&words).and_then(|(_, payload)| States::from_words(payload)), Some(STATES));
+        // CRC-32C of the words 4 (place), 1 (generation) and the payload, little-endian.
+        let copy = [1, 3, 0b0010, 0b1101, 0b1000, 1, 250_000, 0xB2D4_5E44];
+        assert_eq!(words[..4], [0; 4]);
+        assert_eq!(words[4..12], copy);
+        assert_eq!(words[12..], copy);
+        let found = slot.read(&words, false);
+        assert_eq!(found.newest.and_then(|(_, payload)| States::from_words(payload)), Some(STATES));
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod cancellation;
 mod capabilities;
 mod clearing;
 mod d5;
+mod damaged_memory;
 mod dead_bus;
 mod delayed_stops;
 mod delivery;

@@ -42,7 +42,7 @@ impl Run {
     fn new(seed: u64, now_us: u64) -> Self {
         let hellos = [(0, host::hello(1)), (1, host::hello(2))];
         let configuration = host::configuration().into_iter().map(|request| (0, request));
-        let mut gateway = Gateway::new(&BOARD);
+        let mut gateway = Gateway::new(&BOARD, Some(0));
         gateway.handle(Instant::from_micros(now_us), Event::EStopInput { open: false }, &mut |_, _| {});
         Self {
             seed,

@@ -29,7 +29,7 @@ const BOARD_VALUES: Board = Board {
 };
 
 /// The same board after its watchdog has reset it.
-static BOARD_AGAIN: Board =
+pub static BOARD_AGAIN: Board =
     Board { boot: BootReason::Watchdog, last_words: "no life from bus 1", ..BOARD_VALUES };
 
 const BUSES: usize = 3;
@@ -117,7 +117,7 @@ pub const MOTOR_US: u64 = 100;
 impl Rig {
     pub fn new() -> Self {
         let mut rig = Self {
-            gateway: Gateway::new(&BOARD),
+            gateway: Gateway::new(&BOARD, Some(0)),
             memory: vec![0xA5A5_A5A5; RETAINED_WORDS],
             now_us: 1_000,
             wire: Vec::new(),
@@ -142,7 +142,7 @@ impl Rig {
 
     /// The watchdog resets the gateway: the motors go on, time begins anew, and what was saved is all that is left.
     pub fn reset(&mut self) {
-        self.gateway = Gateway::new(&BOARD_AGAIN);
+        self.gateway = Gateway::new(&BOARD_AGAIN, Some(0x8000_0000));
         self.now_us = 500;
         self.due.clear();
         self.held.clear();

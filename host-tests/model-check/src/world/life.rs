@@ -12,6 +12,10 @@ const LINKS_OPEN_AFTER_US: u64 = 100_000;
 /// What is in memory that was never written.
 const NEVER_WRITTEN: u32 = 0xA5A5_A5A5;
 
+/// What the random generator gives at the first start, shortly before epochs wrap around, and from one start to the next.
+pub const FIRST_RANDOM_NUMBER: u32 = u32::MAX - 40;
+const RANDOM_STEP: u32 = 0x9E37_79B9;
+
 /// To a reset of the processor.
 #[derive(Debug, Clone, Copy)]
 pub enum Countdown {
@@ -28,6 +32,8 @@ pub struct Life {
     memory: Vec<u32>,
     /// When the host links are opened at the latest, as long as they are closed.
     links_open_by: Option<u64>,
+    /// What the random generator gave at the latest start.
+    random_number: u32,
     countdown: Option<Countdown>,
     is_suspended: bool,
     e_stop_open: bool,
@@ -41,6 +47,7 @@ impl Life {
         Self {
             memory: vec![NEVER_WRITTEN; RETAINED_WORDS],
             links_open_by: None,
+            random_number: FIRST_RANDOM_NUMBER,
             countdown: None,
             is_suspended: false,
             e_stop_open: false,
@@ -56,9 +63,17 @@ impl Life {
 
     /// Writes all but the [memory](Self::memory).
     pub fn write_state(&self, to: &mut impl Write) -> Result {
-        let Self { memory: _, links_open_by, countdown, is_suspended, e_stop_open, stored: _, latched } =
-            self;
-        write!(to, "{links_open_by:?} {countdown:?} {is_suspended} {e_stop_open} {latched:?}")
+        let Self {
+            memory: _,
+            links_open_by,
+            random_number,
+            countdown,
+            is_suspended,
+            e_stop_open,
+            stored: _,
+            latched,
+        } = self;
+        write!(to, "{links_open_by:?} {random_number} {countdown:?} {is_suspended} {e_stop_open} {latched:?}")
     }
 
     pub fn links_open_by(&self) -> Option<u64> {
@@ -154,7 +169,8 @@ impl World {
 
     /// The gateway starts. The motors go on; what they answer meanwhile is not heard.
     fn start(&mut self, board: &'static Board, keeps: bool) {
-        *self.gateway = Gateway::new(board);
+        self.life.random_number = self.life.random_number.wrapping_add(RANDOM_STEP);
+        *self.gateway = Gateway::new(board, Some(self.life.random_number));
         self.inputs.clear();
         for bus in &mut self.buses {
             bus.forget();

@@ -50,6 +50,15 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
                 None => "no output".to_owned(),
             },
         ),
+        (
+            "self-test",
+            match (status.random_number, status.memory_damaged) {
+                (true, false) => "passed".to_owned(),
+                (false, false) => NO_RANDOM_NUMBER.to_owned(),
+                (true, true) => MEMORY_DAMAGED.to_owned(),
+                (false, true) => format!("{NO_RANDOM_NUMBER}; {MEMORY_DAMAGED}"),
+            },
+        ),
     ];
     for (name, text) in lines {
         out.text(format!("{name:<10}{text}"))?;
@@ -65,6 +74,10 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     }
     out.table(&table)
 }
+
+const NO_RANDOM_NUMBER: &str = "the random generator gave no number: nothing can be armed";
+const MEMORY_DAMAGED: &str =
+    "the memory that outlives a reset was damaged: the e-stop was latched and every axis tripped";
 
 fn e_stop(status: &GatewayReport) -> String {
     let latched = if status.e_stop_latched { "latched" } else { "not latched" };

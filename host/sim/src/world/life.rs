@@ -10,6 +10,8 @@ use super::{HostLink, World};
 
 /// The host links are opened when the stops after a start have left, or after this time.
 const LINKS_OPEN_AFTER: Duration = Duration::from_millis(100);
+/// From what the random generator gives at one start to what it gives at the next.
+const RANDOM_STEP: u32 = 0x9E37_79B9;
 
 /// What belongs to the board and not to the core that runs on it.
 pub(super) struct Life {
@@ -20,14 +22,24 @@ pub(super) struct Life {
     hangs: bool,
     /// The memory that a reset leaves alone.
     words: Vec<u32>,
+    /// What the random generator gives at the next start.
+    random_number: Option<u32>,
     links_are_open: bool,
     e_stop_input_open: bool,
 }
 
 impl Life {
-    pub(super) fn new(board: &'static Board) -> Self {
+    pub(super) fn new(board: &'static Board, random_number: Option<u32>) -> Self {
         let (started, words) = (Duration::ZERO, Vec::new());
-        Self { board, started, hangs: false, words, links_are_open: false, e_stop_input_open: false }
+        let (hangs, links_are_open, e_stop_input_open) = (false, false, false);
+        Self { board, started, hangs, words, random_number, links_are_open, e_stop_input_open }
+    }
+
+    /// What the random generator gives.
+    pub(super) fn take_random_number(&mut self) -> Option<u32> {
+        let number = self.random_number;
+        self.random_number = number.map(|number| number.wrapping_add(RANDOM_STEP));
+        number
     }
 
     /// Puts words into the memory.
@@ -64,7 +76,7 @@ impl World {
         self.links.iter_mut().for_each(HostLink::reset);
         // A core keeps its board for ever; one more is what a start of this simulation costs.
         let board = Box::leak(Box::new(Board { boot, last_words, ..*self.life.board }));
-        *self.gateway = Gateway::new(board);
+        *self.gateway = Gateway::new(board, self.life.take_random_number());
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;
         self.start_gateway();

@@ -57,7 +57,7 @@ impl World {
     /// # Errors
     /// If a motor cannot be connected as the wiring asks.
     pub fn try_new(wiring: Wiring) -> Result<Self, WiringError> {
-        let Wiring { board, motors: wired, seed } = wiring;
+        let Wiring { board, motors: wired, seed, random_number } = wiring;
         let mut ports: Vec<Port> = board.buses.iter().map(|bus| Port::new(bus.kind)).collect();
         let mut motors = Vec::new();
         for (index, motor) in wired.into_iter().enumerate() {
@@ -68,8 +68,9 @@ impl World {
             motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
         }
         let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
-        let gateway = Box::new(Gateway::new(board));
-        let (trace, not_before, life) = (Trace::default(), Duration::ZERO, Life::new(board));
+        let mut life = Life::new(board, random_number);
+        let gateway = Box::new(Gateway::new(board, life.take_random_number()));
+        let (trace, not_before) = (Trace::default(), Duration::ZERO);
         let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, life, not_before };
         world.start_gateway();
         Ok(world)

@@ -1,0 +1,184 @@
+//! Memory that a reset should have left alone, and that is not as it was left (GUARANTEES G8).
+
+use crate::bench::{self, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
+use crate::rig::{BOARD_AGAIN, Instead, Rig};
+use gateway::{Event, Gateway, Light};
+use host_protocol::{
+    AxisParameter, AxisState, ClearTarget, Error, Reply, Request, Value, replies::GatewayReport, requests,
+};
+
+/// Words that say nothing of the gateway: the mark of the layout, and the slot that is being written.
+const MARK_WORDS: usize = 4;
+/// Behind the two copies of the states.
+const STATES_END: usize = MARK_WORDS + 16;
+
+fn status(rig: &mut Rig) -> GatewayReport {
+    match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
+        Ok(Reply::GatewayStatus(report)) => report,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// What a gateway is like that has just taken over such words.
+fn restored(words: &[u32]) -> Gateway {
+    let mut gateway = Gateway::new(&BOARD_AGAIN, Some(7));
+    gateway.restore(gateway::Instant::from_micros(500), words);
+    gateway
+}
+
+/// The memory of a gateway with an axis in each of its states, and with the e-stop latched.
+fn memories() -> Vec<(&'static str, Vec<u32>)> {
+    let configured = || {
+        let mut rig = bench::rmd_axes(1);
+        // More than one write of each slot.
+        bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(3.5));
+        rig
+    };
+    let active = || {
+        let mut rig = configured();
+        let epoch = arm_axis(&mut rig, 0);
+        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 30_000);
+        rig
+    };
+    let mut memories = Vec::new();
+    let mut keep = |rig: &mut Rig, wanted: fn(AxisState) -> bool, name| {
+        assert!(wanted(listed(rig, 0)), "{name}: {:?}", listed(rig, 0));
+        memories.push((name, rig.memory.clone()));
+    };
+    keep(&mut configured(), |state| state == AxisState::Idle, "idle");
+    let mut rig = configured();
+    rig.instead(|_| Instead::Nothing);
+    rig.send(&Request::Arm(requests::Arm { axis: 0 }));
+    keep(&mut rig, |state| state == AxisState::Arming, "arming");
+    let mut rig = configured();
+    arm_axis(&mut rig, 0);
+    keep(&mut rig, |state| state == AxisState::Armed, "armed");
+    keep(&mut active(), |state| state == AxisState::Active, "active");
+    let mut rig = active();
+    rig.instead(|_| Instead::Nothing);
+    rig.send(&Request::Stop(requests::Stop { target: host_protocol::StopTarget::Axis(0) }));
+    keep(&mut rig, |state| state == AxisState::Stopping, "stopping");
+    let mut rig = active();
+    run_with_host(&mut rig, 200_000);
+    keep(&mut rig, |state| state == AxisState::Tripped { confirmed: true }, "tripped");
+    let mut rig = active();
+    rig.instead(|_| Instead::Nothing);
+    run_with_host(&mut rig, 800_000);
+    keep(&mut rig, |state| state == AxisState::Tripped { confirmed: false }, "unreachable");
+    let mut rig = active();
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    keep(&mut rig, |state| state == AxisState::Tripped { confirmed: true }, "after an e-stop");
+    memories
+}
+
+/// The bits of a word that are tried: of one that is in use all where the states lie, else another one in each word. With `MGW_ALL_BITS`
+/// every bit of every word.
+fn bits(index: usize, word: u32) -> std::ops::Range<u32> {
+    let some = u32::try_from(index).unwrap() % u32::BITS;
+    match index {
+        _ if std::env::var_os("MGW_ALL_BITS").is_some() => 0..u32::BITS,
+        MARK_WORDS..STATES_END => 0..u32::BITS,
+        _ if word != 0 || index.is_multiple_of(16) => some..some + 1,
+        _ => 0..0,
+    }
+}
+
+#[test]
+fn a_flipped_bit_of_any_word_in_any_state_latches_the_e_stop_and_trips_every_axis() {
+    for (name, mut words) in memories() {
+        for index in MARK_WORDS..words.len() {
+            for bit in bits(index, words[index]) {
+                words[index] ^= 1 << bit;
+                let gateway = restored(&words);
+                words[index] ^= 1 << bit;
+                assert_eq!(gateway.light(), Light::EStopped, "{name}: word {index}, bit {bit}");
+                assert!(!gateway.all_at_rest(), "{name}: word {index}, bit {bit}");
+                assert!(gateway.stops_under_way(), "{name}: word {index}, bit {bit}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_of_the_mark_costs_nothing() {
+    for (name, mut words) in memories() {
+        let before = restored(&words).light();
+        for index in 0..MARK_WORDS {
+            for bit in 0..u32::BITS {
+                words[index] ^= 1 << bit;
+                let gateway = restored(&words);
+                words[index] ^= 1 << bit;
+                assert_eq!(gateway.light(), before, "{name}: word {index}, bit {bit}");
+                assert!(gateway.stops_under_way(), "{name}: word {index}, bit {bit}");
+            }
+        }
+    }
+}
+
+#[test]
+fn damage_is_told_cleared_by_a_person_and_mended_in_the_memory() {
+    let mut rig = bench::rmd_axes(2);
+    rig.memory[MARK_WORDS + 3] ^= 1 << 20;
+    rig.reset();
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    let report = status(&mut rig);
+    assert_eq!((report.memory_damaged, report.e_stop_latched, report.starts), (true, true, 2));
+    for axis in 0..2 {
+        assert_eq!(listed(&mut rig, axis), AxisState::Tripped { confirmed: true });
+    }
+    for target in [ClearTarget::Gateway, ClearTarget::Axis(0), ClearTarget::Axis(1)] {
+        rig.ask(Request::Clear(requests::Clear { target })).unwrap();
+    }
+    arm_axis(&mut rig, 0);
+    rig.ask(Request::Disarm(requests::Disarm { axis: 0 })).unwrap();
+    run_with_host(&mut rig, 50_000);
+    rig.reset();
+    bench::hello(&mut rig);
+    let report = status(&mut rig);
+    assert_eq!((report.memory_damaged, report.e_stop_latched, report.starts), (false, false, 3));
+}
+
+#[test]
+fn where_both_copies_of_an_axis_are_damaged_the_e_stop_says_that_something_is_lost() {
+    let mut rig = bench::rmd_axes(1);
+    // The configuration of axis 0 is all that holds its node in this place: every word of it that is not 0, in both copies.
+    let states_and_axis = MARK_WORDS + 16..MARK_WORDS + 16 + 60;
+    for word in rig.memory[states_and_axis].iter_mut().filter(|word| **word != 0) {
+        *word ^= 1;
+    }
+    rig.reset();
+    bench::hello(&mut rig);
+    let report = status(&mut rig);
+    assert_eq!((report.memory_damaged, report.e_stop_latched), (true, true));
+}
+
+#[test]
+fn a_gateway_without_a_random_number_arms_nothing_and_says_so() {
+    let mut rig = bench::rmd_axes(1);
+    rig.gateway = Gateway::new(&BOARD_AGAIN, None);
+    rig.gateway.restore(rig.now(), &rig.memory);
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello_again(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert!(!status(&mut rig).random_number);
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::NoRandomNumber {}));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    assert_eq!(rig.gateway.take_log(), Some(gateway::LogEntry::NoRandomNumber));
+}
+
+#[test]
+fn epochs_count_from_the_random_number_over_the_end_of_their_range() {
+    let mut rig = bench::rmd_axes(1);
+    rig.gateway = Gateway::new(&BOARD_AGAIN, Some(u32::MAX - 1));
+    rig.gateway.restore(rig.now(), &rig.memory);
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello_again(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    for expected in [u32::MAX, 0, 1] {
+        assert_eq!(arm_axis(&mut rig, 0), expected);
+        rig.ask(Request::Disarm(requests::Disarm { axis: 0 })).unwrap();
+        run_with_host(&mut rig, 50_000);
+    }
+}
