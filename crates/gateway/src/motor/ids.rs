@@ -33,27 +33,22 @@ fn sent(config: &AxisConfig) -> Vec<u16, MAX_SENT> {
 /// Whether the motor of an axis acts on an id or answers with it. `same_protocol`: the frame on it is one of its own protocol.
 fn uses(config: &AxisConfig, id: u16, same_protocol: bool) -> bool {
     let is = |own: Option<StandardId>| own.is_some_and(|own| own.as_raw() == id);
-    match config.protocol() {
+    let more = match config.protocol() {
         Some(Protocol::Rmd) => {
             let node = rmd_node(config);
-            is(node.map(::rmd::can::request_id))
-                || is(node.map(::rmd::can::reply_id))
-                || is(node.map(::rmd::can::motion_request_id))
+            is(node.map(::rmd::can::reply_id))
                 || is(node.map(::rmd::can::motion_reply_id))
                 || [BROADCAST_ID, CAN_ID_ID].contains(&id)
         }
         // Streams come on the id of replies.
-        Some(Protocol::Thruster) => {
-            let node = thruster_node(config);
-            is(node.map(::thruster::can::request_id)) || is(node.map(::thruster::can::reply_id))
-        }
+        Some(Protocol::Thruster) => is(thruster_node(config).map(::thruster::can::reply_id)),
         // A motor of its own protocol tells replies from requests, and motors apart, by the bytes of the frame.
         Some(Protocol::D5) => {
-            let reply = config.unsigned(AxisParameter::D5ReplyId);
-            is(d5::request_id(config)) || !same_protocol && reply == Some(u32::from(id))
+            !same_protocol && config.unsigned(AxisParameter::D5ReplyId) == Some(u32::from(id))
         }
         None => false,
-    }
+    };
+    more || sent(config).contains(&id)
 }
 
 fn rmd_node(config: &AxisConfig) -> Option<::rmd::Node> {

@@ -241,6 +241,11 @@ fn raw_frames_go_out_and_answers_come_back() {
     let received: String = lines.iter().filter_map(|line| line["data"].as_str()).collect();
     assert!(received.starts_with("3E01089C"), "{lines:?}");
     sim.mgw(&["raw", "1", "listen", "--for", "0.1"]).success();
+    // Unsafe access needs a bus without axes, and the other one only passes what reads.
+    let text = sim.mgw(&["raw", "--unsafe", "0", "send", "141#A200000010270000"]).failure(1);
+    assert!(text.contains("axis 0 is configured on bus 0"), "{text}");
+    let text = sim.mgw(&["raw", "0", "send", "142#A200000010270000"]).failure(1);
+    assert!(text.contains("may do more than read a motor"), "{text}");
     // The bus is closed again: arming works.
     sim.mgw(&["arm", "0", "--for", "0.1"]).success();
 }
