@@ -127,11 +127,12 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         raw(motor, moves_leniently(motor)),
         Ask::RawClose { bus },
     ];
-    if motor.protocol == Protocol::D5 {
+    if motor.protocol == Protocol::D5 && beside.bus == bus {
         // To where the other motor hears motion.
         let id = if beside.protocol == Protocol::Rmd { 0x400 } else { 0x300 } + u32::from(beside.node);
         asks.push(set(first, AxisParameter::D5RequestId, id));
-    } else {
+    }
+    if motor.protocol != Protocol::D5 {
         asks.push(Ask::Native { permit: permit(first, 0, LEAD_US), data: native(motor) });
     }
     if motor.protocol == Protocol::Rmd {

@@ -86,11 +86,12 @@ impl Oracle {
                 if self.axes.iter().filter(here).any(|axis| axis.armed || unsafe_access) {
                     self.broken(Check::RawUnopened, now, format!("bus {bus} is opened with an axis on it"));
                 }
-                // What closed it may have come before its host read that it was open.
+                // What closed it may have come before its host read that it was open. Allowance: what closed it at the instant of the request
+                // came before that.
                 let records = &self.links[usize::from(link)].records;
                 let at = records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-                    bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at > closed));
+                    bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at >= closed));
                     bus.raw_unsafe = unsafe_access;
                     bus.raw_opened_us = Some(now);
                 }
