@@ -28,7 +28,7 @@ const SHRINK_RUNS: u32 = 2_000;
 const TRACE_LINES: usize = 60;
 
 /// Letters of the longest sequences that are judged exhaustively, and how long that may take.
-const DEPTH: u8 = 3;
+const DEPTH: u8 = 4;
 const SECONDS: u64 = 240;
 
 /// A list of steps that breaks a promise.
