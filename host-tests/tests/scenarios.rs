@@ -164,6 +164,7 @@ scenarios! {
     the_enable_output_drops_when_a_motor_is_unreachable
     the_last_16_trips_and_starts_are_remembered
     the_latest_setpoint_takes_the_place_of_those_before
+    the_link_silence_that_trips_outlives_a_reset
     the_manuals_bytes_come_out_for_host_commands
     three_replies_lost_in_a_row_trip_and_two_do_not
     two_motors_with_one_id_are_both_stopped
