@@ -209,6 +209,11 @@ impl Bus {
         at.min(self.cut_until).saturating_sub(self.cut_counted_us)
     }
 
+    /// The gateway has lost its power: nothing is left but a cable that is cut.
+    pub fn lose_power(&mut self) {
+        *self = Self { cut_until: self.cut_until, ..Self::new(self.kind) };
+    }
+
     /// The cable is cut until a time. What was on the wire was sent for nothing.
     pub fn cut(&mut self, now: u64, until: u64) {
         self.dead_us += self.cut_us(now) + self.frame_us();

@@ -74,7 +74,7 @@ impl Oracle {
         self.sessions_end();
         self.silence_us = LINK_SILENCE_US;
         self.e_stopped = self.e_stop_open;
-        self.buses.iter_mut().for_each(|bus| *bus = Bus::new(bus.kind));
+        self.buses.iter_mut().for_each(Bus::lose_power);
         self.axes.iter_mut().for_each(|axis| *axis = Axis::default());
         let moved = vec![false; self.axes.len()];
         self.history = History::blank();
