@@ -45,7 +45,7 @@ pub(crate) enum Arrival {
     /// To be executed: its record is the first.
     New,
     /// It was there before.
-    Repeated,
+    Repeated(Request),
     /// No place for its result.
     NoPlace(Request),
 }
@@ -61,7 +61,7 @@ impl Link {
             if record.result.is_some() {
                 record.again = true;
             }
-            return Arrival::Repeated;
+            return Arrival::Repeated(request);
         }
         if request == Request::Hello {
             self.records.clear();

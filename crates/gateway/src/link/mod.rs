@@ -30,8 +30,8 @@ const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 pub struct Incoming {
     /// What to do, or why it could not be read, which is then its result.
     pub request: Result<Request, Error>,
-    /// Where the result goes. `None` only for stop, e-stop, disarm and native commands, of which those that stop are
-    /// executed even if there is no place left for their result.
+    /// Where the result goes. `None` for a stop, e-stop or disarm that is repeated, and for them and native commands where no
+    /// place is left for their result: of the native commands those that stop are executed even so.
     pub slot: Option<Slot>,
 }
 
@@ -87,16 +87,17 @@ impl Link {
             self.events.start_session(speaks_our_version(hello));
             self.subscription = None;
         }
+        let unanswered = |request| Incoming { request: Ok(request), slot: None };
         match self.replies.reserve(&frame) {
-            Reserved::Repeated => None,
+            Reserved::Repeated => request.ok().filter(stops_each_time).map(unanswered),
             Reserved::Forgotten => {
                 self.events.request_dropped(now_us);
-                None
+                request.ok().filter(stops_each_time).map(unanswered)
             }
             Reserved::Slot(slot) => Some(Incoming { request, slot: Some(slot) }),
             Reserved::Full => {
                 self.events.request_dropped(now_us);
-                request.ok().filter(stops).map(|request| Incoming { request: Ok(request), slot: None })
+                request.ok().filter(stops).map(unanswered)
             }
         }
     }
@@ -190,10 +191,15 @@ impl Link {
     }
 }
 
+/// Requests that are executed each time they come, as repetitions too: their result is repeated as well (GUARANTEES G9).
+fn stops_each_time(request: &Request) -> bool {
+    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
+}
+
 /// Requests that make things safer: executed whether or not their result has a place. Whether a native command is one of
 /// them only its bytes tell, which the link does not know.
 fn stops(request: &Request) -> bool {
-    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) | Request::Native(_))
+    stops_each_time(request) || matches!(request, Request::Native(_))
 }
 
 fn speaks_our_version(hello: &Hello) -> bool {

@@ -108,6 +108,24 @@ fn a_repeated_request_gets_the_same_bytes_and_is_not_executed() {
 }
 
 #[test]
+fn what_stops_is_executed_each_time_and_its_result_repeated() {
+    for stop in [
+        Request::from(Stop { target: StopTarget::All }),
+        Request::from(EStop {}),
+        Request::from(Disarm { axis: 2 }),
+    ] {
+        let mut link = Link::new();
+        let slot = request(&mut link, stop.clone(), 1);
+        let again = Some(Incoming { request: Ok(stop.clone()), slot: None });
+        assert_eq!(feed(&mut link, 1, &bytes(stop.clone(), 1)), again, "while it is executed");
+        link.reply(slot, &pong(9));
+        let first = sent(&mut link).unwrap();
+        assert_eq!(feed(&mut link, 2, &bytes(stop, 1)), again);
+        assert_eq!(sent(&mut link).unwrap(), first);
+    }
+}
+
+#[test]
 fn the_same_sequence_with_another_request_is_executed() {
     let mut link = Link::new();
     request(&mut link, Arm { axis: 1 }, 5);

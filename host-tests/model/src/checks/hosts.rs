@@ -24,7 +24,11 @@ impl Oracle {
             }
             match port.arrive(now, message) {
                 Arrival::New => self.execute(now, link),
-                Arrival::Repeated => {}
+                Arrival::Repeated(request) => {
+                    if matches!(request, Request::Stop(_) | Request::EStop | Request::Disarm(_)) {
+                        self.stop_on_request(now, &request);
+                    }
+                }
                 // Stops are executed all the same.
                 Arrival::NoPlace(request) => self.stop_on_request(now, &request),
             }
