@@ -92,4 +92,8 @@ scenarios! {
     watch_ends_although_events_keep_coming
     watch_ends_although_noise_keeps_coming
     watch_on_a_bad_line_goes_on
+    ctrl_c_before_hello_is_answered_arms_nothing
+    ctrl_c_just_before_arming_arms_nothing
+    ctrl_c_at_a_setpoint_is_followed_by_a_stop
+    a_stop_whose_connection_ends_is_not_confirmed
 }

@@ -61,7 +61,7 @@ impl Failure {
             Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => error.name(),
             Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
             Self::Client(ClientError::StopUnanswered { .. }) => "StopUnanswered",
-            Self::Client(ClientError::Interrupted) => "Interrupted",
+            Self::Client(ClientError::Interrupted { .. }) => "Interrupted",
             Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
             Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
             Self::Client(ClientError::TooLong { .. }) => "TooLong",

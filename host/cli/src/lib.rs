@@ -69,7 +69,7 @@ pub struct Outcome {
 pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[&str]) -> Outcome {
     let result = match Cli::try_parse_from(["mgw"].iter().chain(arguments)) {
         Ok(Cli { command: Some(command), .. }) => {
-            commands::run(transport, Some(interrupt), Output::none(), &command)
+            commands::run(transport, interrupt, Output::none(), &command)
         }
         Ok(_) => Err(Failure::Usage("which command?".to_owned())),
         Err(error) => Err(Failure::Usage(error.to_string())),
@@ -106,7 +106,9 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(command) => {
             let port = cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
-            commands::run(Box::new(open(port)?), None, out, command)
+            // Before anything connects. What is itself a stop has nothing to stop when a signal ends it.
+            let interrupt = if commands::is_stop(command) { Interrupt::default() } else { interrupt::note() };
+            commands::run(Box::new(open(port)?), interrupt, out, command)
         }
     }
 }

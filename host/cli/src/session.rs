@@ -8,7 +8,6 @@ use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::interrupt;
 use crate::json;
 use crate::output::{Output, to_json};
 use crate::states;
@@ -25,28 +24,12 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub struct Session {
     pub client: Client<Box<dyn Transport>>,
     pub out: Output,
-    /// Whether signals raise the interrupt of the client.
-    hears_signals: bool,
 }
 
 impl Session {
-    /// Connects over `transport`; `interrupt` is what ends commands early, or else signals are.
-    pub fn on(
-        transport: Box<dyn Transport>,
-        interrupt: Option<Interrupt>,
-        out: Output,
-    ) -> Result<Self, Failure> {
-        let mut client = Client::connect(transport)?;
-        let hears_signals = interrupt.is_none();
-        client.heed(interrupt.unwrap_or_default());
-        Ok(Self { client, out, hears_signals })
-    }
-
-    /// From here on Ctrl-C is noted instead of ending the process.
-    pub fn note_interrupts(&self) {
-        if self.hears_signals {
-            interrupt::note(self.client.interrupt());
-        }
+    /// Connects over `transport`; `interrupt` is what ends commands early.
+    pub fn on(transport: Box<dyn Transport>, interrupt: Interrupt, out: Output) -> Result<Self, Failure> {
+        Ok(Self { client: Client::connect_heeding(transport, interrupt)?, out })
     }
 
     /// The axes that were named, or all configured ones.

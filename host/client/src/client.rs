@@ -14,6 +14,7 @@ use crate::clock::Clock;
 use crate::error::ClientError;
 use crate::inbox::{Answer, Inbox, Losses};
 use crate::interrupt::Interrupt;
+use crate::kinds::{acts_each_time, moves, stops};
 use crate::stopping::{StopRequest, until_answered};
 use crate::stream::{Motion, Stream};
 use crate::transport::Transport;
@@ -72,6 +73,8 @@ pub struct Client<T: Transport> {
     interrupted: bool,
     /// Axes whose arming was asked for here.
     armed: Vec<u8>,
+    /// An axis that was armed here has been stopped.
+    has_stopped: bool,
     pub(crate) stream: Option<Stream>,
 }
 
@@ -86,6 +89,15 @@ impl<T: Transport> Client<T> {
         Self::connect_as(transport, fastrand::u32(..), fastrand::u16(..))
     }
 
+    /// As [`connect`](Self::connect), and has `interrupt` end what this client does, from its first frame on: the next frames written are
+    /// stops of the axes that were armed here, and nothing that moves is sent any more.
+    ///
+    /// # Errors
+    /// As [`connect`](Self::connect), and [`ClientError::Interrupted`].
+    pub fn connect_heeding(transport: T, interrupt: Interrupt) -> Result<Self, ClientError> {
+        Self::start(transport, interrupt, fastrand::u32(..), fastrand::u16(..))
+    }
+
     /// As [`connect`](Self::connect), with a given session number and first sequence number, for runs that must be the same each
     /// time. The transport's time is mixed into both, so that a session with numbers that were used before takes no old answer for
     /// its own.
@@ -93,6 +105,15 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`connect`](Self::connect).
     pub fn connect_as(transport: T, session: u32, first_sequence: u16) -> Result<Self, ClientError> {
+        Self::start(transport, Interrupt::default(), session, first_sequence)
+    }
+
+    fn start(
+        transport: T,
+        interrupt: Interrupt,
+        session: u32,
+        first_sequence: u16,
+    ) -> Result<Self, ClientError> {
         let (high, low) = spread(transport.now());
         let mut client = Self {
             inbox: Inbox::new(),
@@ -102,9 +123,10 @@ impl<T: Transport> Client<T> {
             written: 0,
             last_sent: transport.now(),
             subscription: None,
-            interrupt: Interrupt::default(),
+            interrupt,
             interrupted: false,
             armed: Vec::new(),
+            has_stopped: false,
             stream: None,
             transport,
         };
@@ -205,7 +227,7 @@ impl<T: Transport> Client<T> {
             // Among so many others the gateway would take it for a new one.
             let is_known = self.written - order < REMEMBERED || !acts_each_time(C::NUMBER);
             if now >= next_sending && is_known {
-                self.write(frame.get(..length).unwrap_or(&frame))?;
+                self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
                 next_sending = now + repeat_after;
             }
             let until = if is_known { next_sending.min(end) } else { end };
@@ -226,7 +248,10 @@ impl<T: Transport> Client<T> {
         sequence
     }
 
-    fn write(&mut self, frame: &[u8]) -> Result<(), ClientError> {
+    /// The one place where requests are written; the stops that follow an interrupt are written by themselves.
+    fn write(&mut self, number: u16, frame: &[u8]) -> Result<(), ClientError> {
+        // Right before each frame: it may have come since the loop looked, and among several frames that are due.
+        self.heed_interrupt(number)?;
         self.transport.send(frame)?;
         self.written += 1;
         self.last_sent = self.transport.now();
@@ -239,7 +264,7 @@ impl<T: Transport> Client<T> {
         let mut frame = [0; MAX_FRAME];
         let length = host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
             .map_err(|_| ClientError::TooLong { request: request_name(C::NUMBER).unwrap_or("a request") })?;
-        self.write(frame.get(..length).unwrap_or(&frame))?;
+        self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
         Ok(sequence)
     }
 
@@ -323,17 +348,6 @@ impl<T: Transport> Client<T> {
         self.stream.as_ref().and_then(|stream| stream.reply.as_deref())
     }
 
-    /// Has `interrupt` end what this client does: the next frames written are stops of the axes that were armed here, and
-    /// nothing that moves is sent any more.
-    pub fn heed(&mut self, interrupt: Interrupt) {
-        self.interrupt = interrupt;
-    }
-
-    /// What ends what this client does.
-    pub fn interrupt(&self) -> Interrupt {
-        self.interrupt.clone()
-    }
-
     /// The first time that the interrupt is seen: stops, before anything else is written. Later: refuses what moves.
     pub(crate) fn heed_interrupt(&mut self, number: u16) -> Result<(), ClientError> {
         if !self.interrupt.is_raised() {
@@ -343,9 +357,13 @@ impl<T: Transport> Client<T> {
             self.interrupted = true;
             self.stop_armed()?;
             // The stop of somebody who wants it to end is not what is to end.
-            return if stops(number) { Ok(()) } else { Err(ClientError::Interrupted) };
+            return if stops(number) { Ok(()) } else { Err(self.ended_early()) };
         }
-        if moves(number) { Err(ClientError::Interrupted) } else { Ok(()) }
+        if moves(number) { Err(self.ended_early()) } else { Ok(()) }
+    }
+
+    fn ended_early(&self) -> ClientError {
+        ClientError::Interrupted { armed: self.has_stopped }
     }
 
     /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames written are these stops, repeated
@@ -360,6 +378,7 @@ impl<T: Transport> Client<T> {
         if requests.is_empty() {
             return Ok(());
         }
+        self.has_stopped = true;
         let Self { transport, inbox, sequence, .. } = self;
         if until_answered(transport, inbox, sequence, &requests)? {
             // To the gateway this may be another link: what it says by itself comes after a hello.
@@ -374,9 +393,15 @@ impl<T: Transport> Client<T> {
         self.armed.push(axis);
     }
 
-    /// It was refused, or its stop has been asked for.
+    /// It was refused.
     pub(crate) fn forget_arming(&mut self, axis: u8) {
         self.armed.retain(|armed| *armed != axis);
+    }
+
+    /// Its stop was taken.
+    pub(crate) fn note_stopped(&mut self, axis: u8) {
+        self.has_stopped |= self.armed.contains(&axis);
+        self.forget_arming(axis);
     }
 
     /// Asks for the gateway's time, which also keeps authority alive and renews the measure of its clock.
@@ -535,29 +560,6 @@ fn no_hello() -> HelloReply {
 fn spread(now: Duration) -> (u32, u16) {
     let mixed = (now.as_nanos() as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     ((mixed >> 32) as u32, (mixed >> 16) as u16)
-}
-
-/// Whether a request can set a motor in motion, or make it possible.
-fn moves(number: u16) -> bool {
-    [
-        ask::Arm::NUMBER,
-        ask::Setpoint::NUMBER,
-        ask::MoveRelative::NUMBER,
-        ask::Native::NUMBER,
-        ask::RawSend::NUMBER,
-        ask::ProvisionMotorTimeout::NUMBER,
-    ]
-    .contains(&number)
-}
-
-/// Whether a request stops.
-fn stops(number: u16) -> bool {
-    [ask::Stop::NUMBER, ask::EStop::NUMBER, ask::Disarm::NUMBER].contains(&number)
-}
-
-/// Whether a request that the gateway does not know for a repeated one does something again.
-fn acts_each_time(number: u16) -> bool {
-    moves(number) || number == ask::RawReceive::NUMBER
 }
 
 /// The version may be refused by either side: by the gateway with an error, or here by what it replied.

@@ -200,6 +200,8 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn arm(&mut self, axis: u8) -> Result<Armed, ClientError> {
+        // An interrupt that came before has nothing to stop here, and another host may be moving the axis.
+        self.heed_interrupt(ask::Arm::NUMBER)?;
         // Noted before it is asked for: an answer that is lost may have armed it all the same.
         self.note_arming(axis);
         let armed = self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE).inspect_err(|error| {
@@ -218,7 +220,7 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request).
     pub fn disarm(&mut self, axis: u8) -> Result<(), ClientError> {
         self.request(&ask::Disarm { axis })?;
-        self.forget_arming(axis);
+        self.note_stopped(axis);
         Ok(())
     }
 

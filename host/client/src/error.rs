@@ -24,7 +24,10 @@ pub enum ClientError {
         after: Duration,
     },
     /// Somebody wanted it to end: nothing that moves is sent any more, and the axes that were armed here have been stopped.
-    Interrupted,
+    Interrupted {
+        /// Whether an axis was armed here.
+        armed: bool,
+    },
     /// The gateway and this library speak different major versions of the host protocol.
     Incompatible {
         /// Major version of the gateway.
@@ -72,7 +75,10 @@ impl fmt::Display for ClientError {
                  does when it no longer hears this host. Cut their power if they turn",
                 after.as_millis()
             ),
-            Self::Interrupted => f.write_str("interrupted. What was armed here has been stopped"),
+            Self::Interrupted { armed: true } => {
+                f.write_str("interrupted. What was armed here has been stopped")
+            }
+            Self::Interrupted { armed: false } => f.write_str("interrupted; nothing was armed"),
             Self::Incompatible { gateway, host } => {
                 write!(
                     f,

@@ -37,6 +37,7 @@ mod error;
 mod hold;
 mod inbox;
 mod interrupt;
+mod kinds;
 mod port;
 mod serial;
 mod stopping;

@@ -121,9 +121,12 @@ pub(crate) fn until_answered<T: Transport>(
     while !stops.pending.is_empty() {
         if transport.now() >= end {
             return Err(match last_error {
-                // The other side has no place for this host, and has not read what it wrote.
-                Some(error) if error.kind() == io::ErrorKind::ConnectionRefused => ClientError::LinksTaken,
+                // The other side has no place for this host.
+                Some(error) if !stops.written && error.kind() == io::ErrorKind::ConnectionRefused => {
+                    ClientError::LinksTaken
+                }
                 Some(error) if !stops.written => ClientError::Transport(error),
+                // What was written may have been read, however the connection ended.
                 _ => ClientError::StopUnanswered { after: STOP_PATIENCE },
             });
         }

@@ -14,7 +14,6 @@ use crate::words;
 
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
-    session.note_interrupts();
     let mut armed = Vec::new();
     let held = arm_and_hold(session, axes, duration, &mut armed);
     // Whatever happened above: the next frames are the stops of what was armed here, which also disarm.
@@ -22,7 +21,9 @@ pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Re
     match held {
         Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) => return Err(error.into()),
         // Ctrl-C is how it ends.
-        Ok(()) | Err(Failure::Client(ClientError::Interrupted)) => await_stops(session, &armed),
+        Ok(()) | Err(Failure::Client(ClientError::Interrupted { armed: true })) => {
+            await_stops(session, &armed)
+        }
         Err(failure) => await_stops(session, &armed).and(Err(failure)),
     }?;
     if !armed.is_empty() {

@@ -38,7 +38,6 @@ pub fn drive<F>(
 where
     F: FnOnce(&mut Session, &AxisReport) -> Result<(), Failure>,
 {
-    session.note_interrupts();
     let ttl = session.client.axis_ttl(axis)?;
     let acted = match session.client.arm(axis) {
         // Refused: there is nothing to stop, and another host may be moving it.
@@ -141,7 +140,7 @@ impl Rounds {
         }
         let axis = self.axis;
         match held {
-            Ok(()) | Err(ClientError::Interrupted) => Ok(()),
+            Ok(()) | Err(ClientError::Interrupted { .. }) => Ok(()),
             Err(ClientError::Gateway(Error::NotArmed { state, .. })) => {
                 Err(Failure::StoppedElsewhere { axis, state })
             }

@@ -23,11 +23,16 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
 
+/// Whether it stops, before all else.
+pub fn is_stop(command: &Command) -> bool {
+    stop::asked_for(command).is_some()
+}
+
 /// Runs a command over `transport`, and gives authority back if it may have taken it. A stop is sent before all else.
-/// `interrupt` is what ends the command early; without it signals are.
+/// `interrupt` is what ends the command early.
 pub fn run(
     transport: Box<dyn Transport>,
-    interrupt: Option<Interrupt>,
+    interrupt: Interrupt,
     out: Output,
     command: &Command,
 ) -> Result<(), Failure> {

@@ -26,31 +26,23 @@ pub fn run(session: &mut Session, bus: u8, unsafe_access: bool, action: &RawActi
         RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
         RawAction::Listen { duration } => (None, duration.unwrap_or(Duration::MAX)),
     };
-    session.note_interrupts();
     if unsafe_access {
         session.client.raw_open_unsafe(bus)?;
     } else {
         session.client.raw_open(bus)?;
     }
-    let result = match send_and_listen(session, bus, frame, duration) {
+    let sent = frame.map_or(Ok(()), |frame| session.client.raw_send(bus, frame).map_err(Failure::from));
+    let result = sent.and_then(|()| match listen(session, bus, duration) {
         // Ctrl-C is how it ends.
-        Err(Failure::Client(ClientError::Interrupted)) => Ok(()),
+        Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
         result => result,
-    };
+    });
     // An open bus refuses arming, so it is closed whatever happened.
     let closed = session.client.raw_close(bus);
     result.and(closed.map_err(Failure::from))
 }
 
-fn send_and_listen(
-    session: &mut Session,
-    bus: u8,
-    frame: Option<RawFrame>,
-    duration: Duration,
-) -> Result<(), Failure> {
-    if let Some(frame) = frame {
-        session.client.raw_send(bus, frame)?;
-    }
+fn listen(session: &mut Session, bus: u8, duration: Duration) -> Result<(), Failure> {
     let end = session.client.now().saturating_add(duration);
     loop {
         let received = session.client.raw_receive(bus)?;

@@ -1,7 +1,7 @@
 //! `mgw stop`, `mgw estop`, `mgw clear`, `mgw output-off`
 
-use host_protocol::{ClearTarget, StopTarget};
-use mgw_client::{StopRequest, Transport, stop_before_hello};
+use host_protocol::{ClearTarget, Error, StopTarget};
+use mgw_client::{ClientError, StopRequest, Transport, stop_before_hello};
 use serde_json::json;
 
 use crate::args::Command;
@@ -24,8 +24,21 @@ pub fn send_first(
     request: StopRequest,
     connect: impl FnOnce(Box<dyn Transport>) -> Result<Session, Failure>,
 ) -> Result<Session, Failure> {
-    stop_before_hello(&mut transport, request)?;
-    connect(transport).map_err(|failure| Failure::StopTaken { cause: failure.to_string() })
+    match (stop_before_hello(&mut transport, request), request) {
+        (Ok(()), _) => {
+            connect(transport).map_err(|failure| Failure::StopTaken { cause: failure.to_string() })
+        }
+        // An axis that is configured in part, or whose bus is not, was never armed: its report tells that there is nothing to stop.
+        (
+            Err(error @ ClientError::Gateway(Error::NotConfigured { .. } | Error::BusNotConfigured { .. })),
+            StopRequest::Stop(StopTarget::Axis(axis)),
+        ) => {
+            let mut session = connect(transport)?;
+            let is_known = session.client.list_axes()?.iter().any(|known| known.axis == axis);
+            if is_known { Ok(session) } else { Err(error.into()) }
+        }
+        (Err(error), _) => Err(error.into()),
+    }
 }
 
 /// Waits for the confirmations of a stop that the gateway has taken.

@@ -22,7 +22,6 @@ const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints samples at the rhythm of the subscription and events as they come.
 pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
-    session.note_interrupts();
     let mut axes = session.axes_or_all(&arguments.axes)?;
     let mut seen = BTreeSet::new();
     axes.retain(|axis| seen.insert(*axis));
@@ -44,7 +43,7 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
         Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
     let watched = match watched {
         // Ctrl-C is how it ends.
-        Err(Failure::Client(ClientError::Interrupted)) => Ok(()),
+        Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
         watched => watched,
     };
     let reachable = match &watched {

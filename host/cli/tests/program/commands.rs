@@ -187,6 +187,9 @@ fn an_axis_that_was_never_armed_makes_no_stop_fail() {
         assert_eq!(told, ["confirmed", "confirmed", "confirmed", "confirmed", "not_configured"], "{axes}");
         assert_eq!((&axes[4]["axis"], &axes[4]["missing"]), (&5.into(), &"stop_action".into()));
     }
+    let text = sim.mgw(&["stop", "5"]).success();
+    assert!(text.contains("axis 5: nothing to stop, it was never armed: stop_action is not set"), "{text}");
+    assert!(sim.mgw(&["stop", "6"]).failure(1).contains("axis 6"));
     let text = sim.mgw(&["state"]).success();
     assert!(
         text.contains("holding") && text.contains("axis 5 is not read: axis 5 lacks stop_action"),

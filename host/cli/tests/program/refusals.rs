@@ -1,7 +1,10 @@
 //! What must not work, and what is said then.
 
-use std::net::TcpListener;
+use std::io::Read;
+use std::net::{TcpListener, TcpStream};
+use std::thread;
 
+use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use crate::support::{Outcome, Process, Sim, mgw, mgw_cut_short};
@@ -266,4 +269,35 @@ fn an_axis_that_is_not_configured_is_not_removed() {
 fn a_simulation_that_others_can_reach_says_so() {
     let sim = Process::start(&["sim", "--listen", "0.0.0.0:0"]);
     sim.wait_for("the warning", |line| line.starts_with("WARNING: 0.0.0.0:").then_some(()));
+}
+
+/// Each signal that asks a process to end, while the gateway has not even answered.
+#[test]
+fn a_signal_before_anything_is_armed_ends_as_an_interrupt() {
+    for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGQUIT] {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = format!("tcp:{}", listener.local_addr().unwrap());
+        let mut host = Process::start(&["--port", &port, "set", "0", "velocity", "2"]);
+        let (mut link, _) = listener.accept().unwrap();
+        // It has begun to talk, and hears nothing.
+        link.read_exact(&mut [0]).unwrap();
+        assert_eq!(host.signal(signal), Some(1), "{signal}");
+    }
+}
+
+#[test]
+fn a_stop_on_links_that_close_is_not_confirmed() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    thread::spawn(move || {
+        for link in listener.incoming().flatten() {
+            let mut link: TcpStream = link;
+            let _ = link.read(&mut [0; 8]);
+        }
+    });
+    for command in ["stop", "estop"] {
+        let error = error(mgw(&["--json", "--port", &port, command]), 3);
+        assert_eq!(error["name"], "StopUnanswered");
+        assert!(error["message"].as_str().unwrap().contains("sent, not confirmed"), "{error}");
+    }
 }

@@ -145,8 +145,13 @@ impl Process {
 
     /// SIGINT, as Ctrl-C sends it, and the exit code that follows.
     pub fn interrupt(&mut self) -> Option<i32> {
+        self.signal(Signal::SIGINT)
+    }
+
+    /// A signal, and the exit code that follows.
+    pub fn signal(&mut self, signal: Signal) -> Option<i32> {
         let id = self.running.0.id().cast_signed();
-        signal::kill(Pid::from_raw(id), Signal::SIGINT).expect("it runs");
+        signal::kill(Pid::from_raw(id), signal).expect("it runs");
         // Its output ends when it does.
         while self.lines.recv_timeout(LIMIT).is_ok() {}
         self.running.0.wait().expect("it ends").code()

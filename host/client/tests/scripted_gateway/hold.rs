@@ -6,8 +6,9 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::line::{LATENCY, Scripted, error_bytes, healthy};
+use host_protocol::messages::request_name;
 use host_protocol::{AxisState, Error, Quantity, Request, Setpoint};
-use mgw_client::{Client, ClientError, Hold};
+use mgw_client::{Client, ClientError, Hold, Interrupt};
 
 const TTL: Duration = Duration::from_millis(100);
 
@@ -210,4 +211,27 @@ fn an_expiry_too_far_ahead_for_the_gateway_is_followed_by_one_that_is_not() {
     let leads = leads.borrow();
     let refused = leads.iter().filter(|lead| **lead > 80_000).count();
     assert!(refused <= 3, "{refused} of {}: {leads:?}", leads.len());
+}
+
+#[test]
+fn an_interrupt_between_two_due_setpoints_is_followed_by_the_stops() {
+    let (interrupt, heard) = (Interrupt::default(), Rc::new(RefCell::new(Vec::new())));
+    let (raised, names) = (interrupt.clone(), heard.clone());
+    let line = Scripted::new(move |heard| {
+        names.borrow_mut().push(request_name(heard.request.number()).unwrap());
+        if matches!(heard.request, Request::Setpoint(_)) {
+            raised.raise();
+        }
+        healthy(heard)
+    });
+    let mut client = Client::connect_heeding(line, interrupt).unwrap();
+    client.arm(0).unwrap();
+    client.arm(1).unwrap();
+    let held =
+        client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())));
+    assert!(matches!(held, Err(ClientError::Interrupted { armed: true })), "{held:?}");
+    assert!(heard.borrow().ends_with(&["Setpoint", "Stop", "Stop"]), "{:?}", heard.borrow());
+    let refused = client.set(0, 9, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL);
+    assert!(matches!(refused, Err(ClientError::Interrupted { armed: true })), "{refused:?}");
+    assert_eq!(heard.borrow().iter().filter(|name| **name == "Setpoint").count(), 1);
 }

@@ -6,9 +6,10 @@ use std::io;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::replies::{Done, HelloReply, MoveTarget, NativeReply, Pong};
+use host_protocol::replies::{Armed, Done, HelloReply, MoveTarget, NativeReply, Pong};
 use host_protocol::{
-    BootReason, Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request,
+    BootReason, Deframer, Error, Event, Kind, MAX_FRAME, MotorTimeout, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply,
+    Request,
 };
 use mgw_client::Transport;
 
@@ -152,6 +153,7 @@ pub fn healthy(heard: &Heard) -> Vec<Said> {
     let reply = match &heard.request {
         Request::Hello(_) => Reply::Hello(hello(PROTOCOL_MAJOR)),
         Request::Ping(_) => Reply::Ping(Pong { time_us: heard.time_us }),
+        Request::Arm(_) => Reply::Arm(Armed { epoch: 9, motor_timeout: MotorTimeout::Unknown }),
         Request::Setpoint(_) => Reply::Setpoint(Done {}),
         Request::Stop(_) => Reply::Stop(Done {}),
         Request::Subscribe(_) => Reply::Subscribe(Done {}),
