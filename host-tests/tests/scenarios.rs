@@ -54,6 +54,7 @@ scenarios! {
     a_fresh_setpoint_is_refreshed_within_a_third_of_the_motors_timeout
     a_held_motor_that_turns_is_stopped_again
     a_holding_axis_lets_go_on_request
+    a_holding_rmd_is_not_taken_from_its_polls_by_configuration
     a_holding_rmd_is_polled_so_that_its_own_timeout_does_not_drop_the_load
     a_host_that_floods_delays_no_stop_of_another
     a_host_that_floods_its_own_link_feeds_nothing_with_old_setpoints
@@ -64,15 +65,18 @@ scenarios! {
     a_load_between_our_ids_keeps_no_stop_out_that_wins_against_it
     a_lost_reply_is_made_up_for_and_three_in_a_row_trip
     a_measured_value_beyond_the_limit_trips
+    a_motor_holds_while_another_stop_cannot_leave
     a_motor_that_answers_all_but_its_fault_word_trips
     a_motor_that_answers_polls_and_no_motion_trips
     a_motor_that_echoes_the_stop_and_turns_on_is_never_confirmed
     a_motor_that_ignores_its_first_command_after_a_timeout_is_armed_all_the_same
     a_motor_that_loses_its_power_trips_and_does_not_go_on_by_itself
+    a_motor_that_should_hold_and_is_silent_is_stopped_again
     a_motor_that_throws_motion_back_trips_as_refused
     a_motor_that_turns_again_is_not_cleared
     a_motor_that_turns_backwards_is_not_standing
     a_mute_motor_trips_and_is_stopped_although_it_answers_nothing
+    a_native_change_of_the_id_to_that_of_another_axis_is_refused
     a_native_motion_obeys_the_rules_of_setpoints
     a_native_relative_move_goes_out_once_and_trips_when_unanswered
     a_native_stop_is_a_stop
@@ -130,6 +134,7 @@ scenarios! {
     bad_moves_are_refused_by_name_and_nothing_moves
     bad_setpoints_are_refused_by_name_and_nothing_moves
     clear_waits_for_the_confirmation
+    clearing_ends_although_a_stop_cannot_leave
     e_stop_stops_a_motor_that_something_else_set_in_motion
     e_stop_stops_all_and_bars_arming
     e_stop_while_arming_trips_and_arms_nothing
@@ -151,8 +156,8 @@ scenarios! {
     raw_access_and_armed_axes_exclude_each_other
     raw_access_ends_with_a_stop_or_a_change
     raw_access_that_is_left_open_ends_with_its_host
-    readings_of_standstill_follow_each_other
     raw_frames_pass_only_if_they_read
+    readings_of_standstill_follow_each_other
     rmd_and_thruster_share_a_bus
     rounding_pushes_no_value_beyond_its_limit
     stop_and_disarm_go_through_stopping_to_idle
@@ -168,10 +173,10 @@ scenarios! {
     the_manuals_bytes_come_out_for_host_commands
     three_replies_lost_in_a_row_trip_and_two_do_not
     two_motors_with_one_id_are_both_stopped
+    unsafe_raw_access_needs_a_bus_without_axes
     unsolicited_frames_inside_an_exchange_are_no_replies
     what_held_goes_on_holding_after_a_reset
     what_may_have_changed_a_motor_makes_its_timeout_unknown
-    unsafe_raw_access_needs_a_bus_without_axes
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }
 

@@ -53,7 +53,7 @@ impl Gateway {
         };
         let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(request.bus));
         for axis in here() {
-            if !axis.is_at_rest() {
+            if !axis.is_at_rest() || axis.is_kept_holding() && bus.config() != Some(&config) {
                 return Err(Error::BusInUse { bus: request.bus, axis: axis.index });
             }
             if let Some(protocol) = axis.config.protocol()
@@ -88,6 +88,10 @@ impl Gateway {
         config.set(parameter, request.value)?;
         let complete = config.missing().is_none();
         self.check_axis(request.axis, &config)?;
+        // Nobody would poll the motor that holds any more.
+        if axis.is_kept_holding() && config.address() != axis.config.address() {
+            return Err(Error::NotIdle { axis: request.axis, state: axis.state });
+        }
         let touched = [axis.config.bus(), config.bus()];
         if let Some(bus) = config.bus()
             && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
@@ -129,7 +133,7 @@ impl Gateway {
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {
         let removed = self.axis(axis)?;
-        if !removed.is_at_rest() {
+        if !removed.is_at_rest() || removed.is_kept_holding() {
             return Err(Error::NotIdle { axis, state: removed.state });
         }
         let bus = removed.config.bus();
@@ -143,7 +147,7 @@ impl Gateway {
     }
 
     /// Whether a configuration that names a motor fits its bus, its protocol and the other axes.
-    fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    pub(crate) fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
         let Some(address) = config.address() else { return Ok(()) };
         let Address { bus: bus_index, protocol, node } = address;
         let bus = self.bus(bus_index)?;

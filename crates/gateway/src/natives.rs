@@ -6,7 +6,7 @@ use crate::motor::{self, Effect, Native};
 use crate::outbox::Ticket;
 use crate::requests::{Outcome, Result};
 use crate::time::Instant;
-use host_protocol::{AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, replies, requests};
+use host_protocol::{AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests};
 
 impl Gateway {
     /// Does what the decoded bytes ask for, under the rules of what they do (GUARANTEES G2).
@@ -115,10 +115,20 @@ impl Gateway {
         if self.axis(index)?.is_busy() {
             return Err(Error::Busy { axis: index });
         }
+        self.check_node_after(index, &native)?;
         if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
+    }
+
+    /// Refuses a change of the motor's node to one that the axis could not be configured for beside the others (GUARANTEES G7).
+    fn check_node_after(&self, index: u8, native: &Native) -> Result<()> {
+        let mut config = self.axis(index)?.config.clone();
+        let node = motor::node_after(&native.command, &config).filter(|node| Some(*node) != config.node());
+        let Some(node) = node else { return Ok(()) };
+        config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
+        self.check_axis(index, &config)
     }
 
     fn move_natively(

@@ -345,6 +345,12 @@ impl Axis {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
+        if self.is_kept_holding() && silent && self.job.is_none() {
+            // Whether it still holds is not known: its own timeout may have cut the output, or its power is off.
+            self.silence = Silence::NONE;
+            self.stop(now, out);
+            return;
+        }
         if self.is_idle_or_holding() && self.job.is_none() && !self.is_kept_holding() {
             // Who watches a motor that does not answer must not take the others' time.
             self.state_poll_at = now + SILENT_POLL;

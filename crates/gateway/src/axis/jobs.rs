@@ -248,9 +248,10 @@ impl Axis {
         }
     }
 
-    /// When the job is given up if the bus has not taken its next request.
+    /// When the job is given up if the bus has not taken its next request, or keeps a stop that goes before it.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
-        let waiting = self.job.as_ref().filter(|_| self.pending.is_none())?;
+        let stop_waits = |p: &Pending| self.stop.is_some() && p.exchange.is_stop() && !p.is_waiting();
+        let waiting = self.job.as_ref().filter(|_| self.pending.as_ref().is_none_or(stop_waits))?;
         let is_motion = self.job_exchange()? == Exchange::Motion;
         Some(self.quiet.delays(is_motion, waiting.since) + TAKEN_WITHIN)
     }

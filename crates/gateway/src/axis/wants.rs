@@ -14,7 +14,8 @@ pub(crate) enum Priority {
     FirstStopAtRest,
     /// The rest of a stop: what stops.
     Stop,
-    /// And what shows that it has: on the bus as everything else, unless that is barred by a stop that cannot leave.
+    /// And what shows that it has, or keeps a motor holding: on the bus as everything else, unless that is barred by a stop that
+    /// cannot leave.
     StopStep,
     /// Everything else.
     Ordinary,
@@ -68,6 +69,7 @@ impl Axis {
             (Some(stop), exchange) if stop.next().is_some_and(|(next, _)| next == exchange) => {
                 Priority::StopStep
             }
+            (None, Exchange::Velocity) if self.is_kept_holding() && self.job.is_none() => Priority::StopStep,
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };

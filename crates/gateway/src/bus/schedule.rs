@@ -59,7 +59,7 @@ impl Bus {
             let Some(axis) = axes.get(index).filter(|axis| axis.config.bus() == Some(self.index)) else {
                 continue;
             };
-            if !may_ordinary && !axis.has_stop() {
+            if !may_ordinary && !axis.has_stop() && !axis.is_kept_holding() {
                 continue;
             }
             let Some(want) = axis.wants(now) else { continue };

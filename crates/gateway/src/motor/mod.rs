@@ -240,6 +240,14 @@ pub(crate) fn answering_node(command: &Command, config: &AxisConfig) -> Option<u
     }
 }
 
+/// The node that the motor has once a command has acted, at once or when it is switched on again.
+pub(crate) fn node_after(command: &Command, config: &AxisConfig) -> Option<u8> {
+    match command {
+        Command::Thruster(::thruster::Request::SetId { id }) => u8::try_from(*id).ok(),
+        command => answering_node(command, config),
+    }
+}
+
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
     let checked = match config.protocol() {

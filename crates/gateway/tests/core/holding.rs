@@ -57,15 +57,19 @@ fn an_arming_that_fails_goes_on_holding() {
 }
 
 #[test]
-fn another_node_is_another_motor_and_is_not_held() {
+fn a_motor_that_holds_is_polled_until_it_is_asked_to_let_go() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::move_axis(&mut rig, VELOCITY);
     bench::stop(&mut rig);
     run_with_host(&mut rig, 300_000);
-    bench::parameter(&mut rig, 0, AxisParameter::Node, Value::Unsigned(5));
+    let node = AxisParameter::Node.number();
+    let other = requests::ConfigureAxis { axis: 0, parameter: node, value: Value::Unsigned(5) };
+    let refused = Error::NotIdle { axis: 0, state: AxisState::Holding };
+    assert_eq!(rig.ask(Request::ConfigureAxis(other)), Err(refused));
+    assert_eq!(rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })), Err(refused));
     let since = rig.now_us;
     run_with_host(&mut rig, 300_000);
-    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+    assert!(rig.sent_since(0, since).len() > 2);
 }
 
 #[test]
