@@ -269,6 +269,11 @@ impl Oracle {
         }
     }
 
+    /// Events follow from each other at this instant without end.
+    pub fn never_rests(&mut self, now: u64) {
+        self.broken(Check::Restless, now, "events follow from each other without end".into());
+    }
+
     /// Everything that has come about by this instant has been told: what is due now?
     pub fn settle(&mut self, now: u64) {
         self.advance(now);

@@ -82,6 +82,8 @@ pub enum Check {
     /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop stays latched, the
     /// configuration is the same, and the starts are counted.
     ResetForgot,
+    /// What follows from an event comes to an end: nothing is asked back for what is asked back for it in turn (G4).
+    Restless,
     /// G8: the last 16 trips and starts are remembered, over a reset too.
     HistoryWrong,
     /// G6: after a loss of power nothing is configured.

@@ -1,6 +1,6 @@
 //! The ports of the core: what it takes in and hands out, with the model as witness.
 
-use super::World;
+use super::{MAX_AT_ONCE, World};
 use crate::plant::{BUSES, LINKS};
 use embedded_can::Id;
 use gateway::{Event, Instant, Outgoing, Transmit, port::TRANSMIT_SLOTS};
@@ -33,7 +33,14 @@ enum Sent {
 impl World {
     pub(super) fn feed(&mut self, input: Input) {
         self.inputs.push_back(input);
+        let mut at_once = 0;
         while let Some(input) = self.inputs.pop_front() {
+            at_once += 1;
+            if at_once > MAX_AT_ONCE {
+                self.oracle.never_rests(self.now_us);
+                self.inputs.clear();
+                return;
+            }
             self.take_in(&input);
             let sent = self.send();
             self.tell();
