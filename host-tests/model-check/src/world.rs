@@ -62,7 +62,7 @@ impl World {
             start_us,
             now_us: start_us,
             gateway: Box::new(Gateway::new(&BOARD, Some(FIRST_RANDOM_NUMBER))),
-            oracle: Oracle::new(&KINDS, LINKS.into(), LISTENER, MAX_AXES).with_motors(present()),
+            oracle: Oracle::new(&KINDS, LINKS.into(), LISTENER, MAX_AXES),
             hosts: (0..LINKS).map(|_| Host::default()).collect(),
             buses: (0..usize::from(BUSES)).map(Bus::new).collect(),
             motors: all_motors().map(Motor::new).collect(),
@@ -249,9 +249,4 @@ impl World {
             }
         }
     }
-}
-
-/// The motors as the model is told of them.
-fn present() -> impl Iterator<Item = (u8, u8, u8)> {
-    all_motors().map(|wired| (wired.bus, wired.protocol.number(), wired.node))
 }

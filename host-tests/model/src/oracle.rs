@@ -2,7 +2,7 @@
 
 use crate::axis::{Axis, Cause, Duty};
 use crate::bus::{Bus, BusKind, Held};
-use crate::checks::{History, Present, Unlisted};
+use crate::checks::{History, Unlisted};
 use crate::link::Link;
 use crate::violation::{Check, Violation};
 use crate::wire::{Request, Told};
@@ -36,8 +36,6 @@ pub(crate) const LINK_SILENCE_US: u64 = 250_000;
 pub struct Oracle {
     pub(crate) axes: Vec<Axis>,
     pub(crate) buses: Vec<Bus>,
-    /// Motors that are there, whether an axis is configured for them or not.
-    pub(crate) present: Vec<Present>,
     /// Epochs that were given, with their axes.
     pub(crate) epochs: BTreeSet<(u8, u32)>,
     pub(crate) links: Vec<Link>,
@@ -68,7 +66,6 @@ impl Oracle {
         Self {
             axes: (0..axes).map(|_| Axis::default()).collect(),
             buses: buses.iter().map(|kind| Bus::new(*kind)).collect(),
-            present: Vec::new(),
             epochs: BTreeSet::new(),
             links: (0..links).map(|_| Link::default()).collect(),
             listener,

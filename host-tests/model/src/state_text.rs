@@ -32,7 +32,6 @@ impl Oracle {
             unlisted,
             violations: _,
             motions: _,
-            present: _,
             epochs: _,
         } = self;
         for axis in all.iter().take(axes) {

@@ -6,26 +6,9 @@ use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
 use crate::wire::Told;
 
-/// A motor that is on a bus, whether an axis is configured for it or not.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Present {
-    pub bus: usize,
-    pub protocol: Protocol,
-    pub node: u8,
-}
-
 impl Oracle {
-    /// The same model, told which motors are on the buses: bus, number of the protocol in the parameter table, node.
-    #[must_use]
-    pub fn with_motors(mut self, motors: impl IntoIterator<Item = (u8, u8, u8)>) -> Self {
-        let present = |(bus, protocol, node): (u8, u8, u8)| {
-            Some(Present { bus: bus.into(), protocol: Protocol::of_number(protocol.into())?, node })
-        };
-        self.present = motors.into_iter().filter_map(present).collect();
-        self
-    }
-
-    /// A frame that is being handed over to a bus must move and change nobody but the motor that it is for. Allowance: it may stop others.
+    /// A frame that is being handed over to a bus must move and change nobody but the motor that it is for. Allowance: it may stop others,
+    /// and what is on the bus without an axis the gateway cannot know.
     pub(super) fn judge_bystanders(&mut self, now: u64, bus: u8, frame: Frame<'_>, held: &Held) {
         let bus = usize::from(bus);
         let obeys = |deed: Option<Deed>| matches!(deed, Some(Deed::Moves | Deed::Changes));
@@ -42,15 +25,6 @@ impl Oracle {
         });
         if let Some((index, _)) = of_axis {
             let seen = format!("{} is for axis {meant:?} and moves or changes axis {index}", frame.text());
-            return self.broken(Check::WrongMotor, now, seen);
-        }
-        let of_nobody = |motor: &Present| {
-            motor.bus == bus
-                && !self.axes.iter().any(|axis| motor.is_of(axis))
-                && obeys(motor.protocol.obeys(motor.node, None, id, data))
-        };
-        if let Some(motor) = self.present.iter().copied().find(of_nobody) {
-            let seen = format!("{} is for axis {meant:?} and moves or changes {motor:?}", frame.text());
             self.broken(Check::WrongMotor, now, seen);
         }
     }
@@ -133,14 +107,5 @@ impl Oracle {
                 format!("{:02X?} of {} µs is sent for an axis that was moved", held.data, held.handed_us);
             self.broken(Check::LeftBehind, now, seen);
         }
-    }
-}
-
-impl Present {
-    fn is_of(&self, axis: &crate::axis::Axis) -> bool {
-        axis.is_complete()
-            && axis.bus() == Some(self.bus)
-            && axis.protocol() == Some(self.protocol)
-            && axis.node() == Some(self.node)
     }
 }

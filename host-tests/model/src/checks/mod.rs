@@ -16,6 +16,5 @@ mod results;
 mod starts;
 
 pub(crate) use arming::Arming;
-pub(crate) use bystanders::Present;
 pub(crate) use history::History;
 pub(crate) use starts::Unlisted;

@@ -50,15 +50,6 @@ fn the_stop_of_one_axis_that_sets_another_motor_in_motion() {
 }
 
 #[test]
-fn a_frame_that_changes_a_motor_of_no_axis() {
-    let mut trace = Trace::new(HOLD);
-    trace.oracle =
-        std::mem::replace(&mut trace.oracle, Oracle::new(&[BusKind::Can], 3, 2, 4)).with_motors([(0, 1, 2)]);
-    trace.oracle.handed(trace.now, 0, 0, Frame::Can(0x142, &[0x77, 0, 0, 0, 0, 0, 0, 0]));
-    assert_eq!(trace.oracle.violations()[0].check, Check::WrongMotor);
-}
-
-#[test]
 fn raw_frames_that_a_lenient_motor_obeys() {
     for (id, data) in [
         (0x141, &[0xA2, 0, 0, 0, 1][..]),
