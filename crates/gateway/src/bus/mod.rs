@@ -247,6 +247,10 @@ impl Bus {
             axis.fail(now, Error::BusOff { bus: self.index }, out);
         }
         self.empty(now, axes, out);
+        // The request that is lost with the bus may be the one that has a motor stopped which should hold.
+        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+            axis.trip(now, TripReason::BusOff, out);
+        }
     }
 
     /// The port has dropped every frame it held.

@@ -169,6 +169,26 @@ impl Bus {
             .map(|(slot, _)| slot)
     }
 
+    /// The highest id of a first stop in the controller that still goes before everything else: a frame beside it with a lower id would
+    /// leave before it.
+    pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &[Axis]) -> Option<Id> {
+        let first_stops = self.in_flight.iter().flatten().filter(|f| f.is_first_stop);
+        first_stops.filter_map(|f| f.id).max().filter(|_| self.stops(now, axes) == Stops::First)
+    }
+
+    /// Whether the controller is being emptied for the stop of another axis than `chosen`, which must go alone: whatever took the room
+    /// meanwhile would be asked back for it as well, and so without end.
+    pub(super) fn empties_for_another_stop(&self, now: Instant, axes: &[Axis], chosen: usize) -> bool {
+        if !self.carries(Protocol::D5) || self.nothing_in_flight() {
+            return false;
+        }
+        let is_asked_back = self.in_flight.iter().flatten().any(|f| f.cancel_by.is_some());
+        let goes_alone = |index: usize| axes.get(index).is_some_and(|axis| !self.may_go_beside_others(axis));
+        let wanted = self.choose(now, axes, Room::All);
+        wanted.is_some_and(|(index, _)| index != chosen && goes_alone(index))
+            && (is_asked_back || self.keeps_a_stop_out(now, axes).is_some())
+    }
+
     /// Whether the port takes another frame, be it a stop: a line one at a time.
     pub(super) fn has_room(&self) -> bool {
         match self.kind() {

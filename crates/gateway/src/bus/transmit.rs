@@ -40,6 +40,7 @@ impl Bus {
             return None;
         }
         if let Some((index, want)) = self.choose(now, axes, Room::Left)
+            && !self.empties_for_another_stop(now, axes, index)
             && let Some(axis) = axes.get_mut(index)
         {
             return self.hand_over(now, axis, want, out);
@@ -74,6 +75,7 @@ impl Bus {
             return None;
         }
         let within = CANCELLED_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let first_stop = self.first_stop_in_controller(now, axes);
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
@@ -82,6 +84,7 @@ impl Bus {
                 Some(axis) => {
                     in_flight.collided_at.is_some_and(|at| at <= now)
                         || axis.has_replaced(slot)
+                        || !in_flight.is_stop && first_stop > in_flight.id
                         || in_flight.overdue && !in_flight.is_stop && !axis.has_pending(slot)
                 }
                 None => in_flight.is_disowned || self.raw.is_none(),

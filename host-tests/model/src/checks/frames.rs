@@ -146,12 +146,16 @@ impl Oracle {
         }
     }
 
-    /// Nothing is started before a first stop that is due; once that has waited for four frames, what belongs to another stop is.
+    /// Nothing is started before a first stop that is due; once that has waited for four frames, what belongs to another stop is, and what
+    /// keeps a motor holding.
     fn judge_order(&mut self, now: u64, bus: u8, held: &Held, frame: Frame<'_>) {
         if held.is_stop || held.is_step {
             return;
         }
-        let stops = |axis: u8| self.axes[usize::from(axis)].duty.is_some();
+        let stops = |axis: u8| {
+            let axis = &self.axes[usize::from(axis)];
+            axis.duty.is_some() || axis.told == Told::Holding
+        };
         let is_of_a_stop = !held.is_motion && held.axis.is_some_and(stops);
         let held_up_us = STOP_BARS_FRAMES * self.buses[usize::from(bus)].frame_us();
         let due = |axis: &Axis| {

@@ -60,7 +60,9 @@ impl Oracle {
             if let Some((node, data)) = serial_frame(&state.heard) {
                 state.heard.clear();
                 let of_node = |axis: &crate::axis::Axis| {
-                    axis.bus() == Some(usize::from(bus)) && axis.node() == Some(node)
+                    axis.bus() == Some(usize::from(bus))
+                        && axis.node() == Some(node)
+                        && axis.protocol().is_some()
                 };
                 if let Some(index) = self.axes.iter().position(of_node) {
                     self.reply(now, index, Protocol::Rmd, &data);
