@@ -46,7 +46,14 @@ impl Oracle {
                 self.history.tripped(axis, trip);
                 self.tripped(now, usize::from(axis));
             }
-            News::State { axis, state } => self.state(now, usize::from(axis), state),
+            News::State { axis, state } => {
+                self.state(now, usize::from(axis), state);
+                // Whatever an axis does but rest ends raw access beside it.
+                let bus = self.axes.get(usize::from(axis)).and_then(|axis| axis.bus());
+                if !matches!(state, Told::Idle | Told::Unconfigured) {
+                    self.close_raw(bus, now);
+                }
+            }
         }
     }
 
