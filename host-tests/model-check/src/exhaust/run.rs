@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 /// Prefixes that a run must have judged.
 const WANTED: u64 = 10_000_000;
 const THREADS: usize = 2;
+/// So many times its time a depth may take while too little has been judged.
+const PATIENCE: u32 = 4;
 /// The clock's low 32 bits wrap around soon after the preparation.
 const START_US: u64 = (1 << 32) - 250_000;
 /// After the last step of a counterexample, µs, and runs that the search for a shorter one may take.
@@ -51,7 +53,10 @@ pub fn run(limits: Limits) -> bool {
     let letters: usize = PAIRS.iter().map(|pair| alphabet(pair).len()).max().unwrap_or(0);
     println!("{} pairs in {} prepared states, up to {letters} letters", PAIRS.len(), Prepared::ALL.len());
     for depth in 1..=limits.depth {
-        let level = search_all(&scenes, depth, &stop, &|| begun.elapsed() >= limits.time);
+        // What is wanted is judged on a slow machine too.
+        let missing = judged.load(Ordering::Relaxed) < WANTED;
+        let time = if missing { limits.time * PATIENCE } else { limits.time };
+        let level = search_all(&scenes, depth, &stop, &|| begun.elapsed() >= time);
         judged.fetch_add(level.judged, Ordering::Relaxed);
         let is_whole = !stop.load(Ordering::Relaxed);
         println!(
