@@ -17,7 +17,7 @@ use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::replies::BusReport;
-use host_protocol::{BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
+use host_protocol::{AxisState, BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
 use line::Line;
 
 /// Pause before a bus that is off is started again: the first, and the longest of those that double while it goes off anew.
@@ -249,7 +249,9 @@ impl Bus {
         self.empty(now, axes, out);
         // The request that is lost with the bus may be the one that has a motor stopped which should hold.
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
-            axis.trip(now, TripReason::BusOff, out);
+            if axis.state == AxisState::Stopping {
+                axis.trip(now, TripReason::BusOff, out);
+            }
         }
     }
 
