@@ -150,10 +150,6 @@ impl Bus {
         if self.is_off() || self.nothing_in_flight() || !self.axes_here(axes).any(Axis::has_stop) {
             return None;
         }
-        // Only a D5 may need the controller alone.
-        if self.free_slot().is_some() && !self.carries(Protocol::D5) {
-            return None;
-        }
         let (index, _) = self.choose(now, axes, Room::All)?;
         let axis = axes.get(index)?;
         if self.free_slot().is_some() && self.may_go_beside_others(axis) {
