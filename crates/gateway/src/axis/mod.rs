@@ -223,15 +223,6 @@ impl Axis {
     pub fn configured(&mut self, parameter: AxisParameter, same: bool, complete: bool, out: &mut Outbox<'_>) {
         if is_of_address(parameter) {
             self.leave_bus();
-        }
-        if matches!(
-            parameter,
-            AxisParameter::Bus
-                | AxisParameter::Protocol
-                | AxisParameter::Node
-                | AxisParameter::D5RequestId
-                | AxisParameter::D5ReplyId
-        ) {
             self.forget_motor_timeout();
             self.measured = Measured::new();
         }
