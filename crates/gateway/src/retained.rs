@@ -239,7 +239,7 @@ impl Gateway {
     /// | no words, as the power was off | not latched | none |
     /// | words without the mark of this layout: power was off unnoticed, or another firmware wrote them | not latched | none |
     /// | every slot sound, or cut short by the reset | as it was | as they were |
-    /// | a damaged copy of any slot ([`slot`]) | latched | all that are configured trip |
+    /// | a damaged copy of any slot | latched | all that are configured trip |
     ///
     /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where both are, the axis or bus is lost, and
     /// the latched e-stop says that something is.
