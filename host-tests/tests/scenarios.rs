@@ -157,6 +157,7 @@ scenarios! {
     raw_access_ends_with_a_stop_or_a_change
     raw_access_that_is_left_open_ends_with_its_host
     raw_frames_pass_only_if_they_read
+    raw_frames_that_only_a_lenient_motor_obeys_are_refused
     readings_of_standstill_follow_each_other
     rmd_and_thruster_share_a_bus
     rounding_pushes_no_value_beyond_its_limit

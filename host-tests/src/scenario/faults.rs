@@ -32,6 +32,7 @@ impl Bench {
             (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
             (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
+            (Some(&"lenient"), Some(on)) => Injection::Lenient(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
             (Some(&"lose-answers-like"), Some(false)) => Injection::LoseAnswersLike(Beginning::default()),

@@ -13,6 +13,7 @@ use host_protocol::CanFrame;
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
+use super::lenient;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
 use super::watch::Watch;
@@ -288,8 +289,9 @@ impl Model for D5 {
         if id != self.can_id && id.as_raw() != u16::from(Address::BROADCAST_ID) {
             return;
         }
+        let frame = if cx.injected.lenient { lenient::as_d5(self.node.get(), frame) } else { *frame };
         let Ok([_, _, _, command, ..]) = <[u8; FRAME_LEN]>::try_from(frame.data()) else { return };
-        match d5::can::decode_request(frame) {
+        match d5::can::decode_request(&frame) {
             Ok((address, request))
                 if address == Address::Broadcast || address == Address::Node(self.node) =>
             {

@@ -49,6 +49,9 @@ pub enum Injection {
     ResumeAfterFault(bool),
     /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
     ResumeAfterTimeout(bool),
+    /// It reads leniently: unused bytes may be anything, missing ones count as zero, no pause ends a frame on RS485, a D5
+    /// motor looks at no checksum and obeys any command to all.
+    Lenient(bool),
     /// Something outside turns its shaft, whatever the motor does.
     Turning(Option<Turning>),
     /// Its sensor of the current reads this, mA.
@@ -101,6 +104,7 @@ pub(crate) struct Injections {
     pub(crate) refuse: bool,
     pub(crate) resume_after_fault: bool,
     pub(crate) resume_after_timeout: bool,
+    pub(crate) lenient: bool,
     pub(crate) outside: Outside,
 }
 
@@ -132,6 +136,7 @@ impl Injections {
             Injection::Refuse(on) => self.refuse = on,
             Injection::ResumeAfterFault(on) => self.resume_after_fault = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
+            Injection::Lenient(on) => self.lenient = on,
             Injection::Turning(turning) => self.outside.turning = turning,
             Injection::Current(ma) => self.outside.current_ma = ma,
             Injection::MotorTemperature(celsius) => self.outside.motor_c = celsius,

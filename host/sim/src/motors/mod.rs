@@ -5,6 +5,7 @@ mod d5;
 mod dynamics;
 mod framer;
 mod injection;
+mod lenient;
 mod log;
 mod model;
 mod rmd;
@@ -40,24 +41,24 @@ const STOPPED_RAD_S: f64 = 0.01;
 /// The firmware of a motor.
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 enum Make {
-    Rmd(rmd::Rmd),
-    Thruster(thruster::Thruster),
+    Rmd(Box<rmd::Rmd>),
+    Thruster(Box<thruster::Thruster>),
     D5(Box<d5::D5>),
 }
 
 impl Make {
     fn model(&self) -> &dyn Model {
         match self {
-            Self::Rmd(model) => model,
-            Self::Thruster(model) => model,
+            Self::Rmd(model) => model.as_ref(),
+            Self::Thruster(model) => model.as_ref(),
             Self::D5(model) => model.as_ref(),
         }
     }
 
     fn model_mut(&mut self) -> &mut dyn Model {
         match self {
-            Self::Rmd(model) => model,
-            Self::Thruster(model) => model,
+            Self::Rmd(model) => model.as_mut(),
+            Self::Thruster(model) => model.as_mut(),
             Self::D5(model) => model.as_mut(),
         }
     }
@@ -108,11 +109,11 @@ impl Motor {
                 let node = ::rmd::Node::new(wiring.node).map_err(|_| refused)?;
                 let interface =
                     if serial { rmd::Interface::rs485(wiring.bitrate) } else { rmd::Interface::Can };
-                Make::Rmd(rmd::Rmd::new(node, interface))
+                Make::Rmd(Box::new(rmd::Rmd::new(node, interface)))
             }
             Protocol::Thruster if !serial => {
                 let node = ::thruster::Node::new(wiring.node).map_err(|_| refused)?;
-                Make::Thruster(thruster::Thruster::new(node))
+                Make::Thruster(Box::new(thruster::Thruster::new(node)))
             }
             Protocol::D5 if !serial => {
                 let node = ::d5::Node::new(wiring.node).map_err(|_| refused)?;

@@ -12,6 +12,7 @@ use rmd::{
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
 use super::framer::Framer;
+use super::lenient;
 use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
@@ -62,13 +63,14 @@ const POSITION_LAST: f64 = 65_535.0;
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) enum Interface {
     Can,
-    Rs485 { framer: Framer, last_byte: Duration, gap: Duration },
+    Rs485 { framer: Framer, line: lenient::Line, last_byte: Duration, gap: Duration },
 }
 
 impl Interface {
     pub(super) fn rs485(baud: u32) -> Self {
         let gap = bit_time(FRAME_GAP_BITS, baud);
-        Self::Rs485 { framer: Framer::default(), last_byte: Duration::ZERO, gap }
+        let (framer, line) = (Framer::default(), lenient::Line::default());
+        Self::Rs485 { framer, line, last_byte: Duration::ZERO, gap }
     }
 }
 
@@ -346,6 +348,7 @@ impl Rmd {
 
 impl Model for Rmd {
     fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
+        let frame = &if cx.injected.lenient { lenient::as_rmd(frame) } else { *frame };
         let broadcast = matches!(frame.id(), Id::Standard(id) if id.as_raw() == BROADCAST_CAN_ID);
         if broadcast && !frame.is_remote_frame() {
             if let Ok(data) = <&[u8; rmd::DATA_LEN]>::try_from(frame.data()) {
@@ -359,12 +362,13 @@ impl Model for Rmd {
     }
 
     fn hear_byte(&mut self, cx: &mut Context<'_>, byte: u8) {
-        let Interface::Rs485 { framer, last_byte, gap } = &mut self.interface else { return };
+        let Interface::Rs485 { framer, line, last_byte, gap } = &mut self.interface else { return };
         if cx.now.saturating_sub(*last_byte) > *gap {
             framer.reset();
         }
         *last_byte = cx.now;
-        let Some(frame) = framer.push(byte) else { return };
+        let (strictly, leniently) = (framer.push(byte), line.push(byte));
+        let Some(frame) = (if cx.injected.lenient { leniently } else { strictly }) else { return };
         let [_, id, _, data @ .., _, _] = &frame;
         if *id == BROADCAST_RS485_ID {
             self.hear(cx, &Request::decode(data));

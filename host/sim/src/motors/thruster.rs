@@ -11,6 +11,7 @@ use thruster::{
 
 use super::counts::{to_i16, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
+use super::lenient;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
 use super::watch::Watch;
@@ -270,7 +271,8 @@ impl Thruster {
 
 impl Model for Thruster {
     fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
-        if let Ok((node, request)) = thruster::can::decode_request(frame)
+        let frame = if cx.injected.lenient { lenient::as_thruster(frame) } else { *frame };
+        if let Ok((node, request)) = thruster::can::decode_request(&frame)
             && node == self.node
         {
             self.hear(cx, &request);
