@@ -81,6 +81,7 @@ scenarios! {
     a_native_relative_move_goes_out_once_and_trips_when_unanswered
     a_native_stop_is_a_stop
     a_new_session_on_the_link_ends_the_authority_of_the_old_one
+    a_part_of_a_d5_speed_is_motion
     a_position_move_ends_with_its_permission
     a_relative_move_with_lost_reads_displaces_once
     a_relative_move_with_three_lost_replies_displaces_once

@@ -42,14 +42,12 @@ pub fn request_frame(address: Address, request: &Request) -> Result<[u8; FRAME_L
     Ok(assemble(REQUEST_HEADER, address.id(), payload))
 }
 
-/// The addressee and the request of a frame.
+/// The addressee and the request of a frame. A broadcast of any command is decoded: motors may obey it (D5 manual, table
+/// row 1, calls 0xFE the broadcast id in general).
 pub fn decode_request_frame(frame: &[u8; FRAME_LEN]) -> Result<(Address, Request), DecodeError> {
     let (id, payload) = disassemble(REQUEST_HEADER, frame)?;
     let request = Request::decode(&payload)?;
-    if id == Address::BROADCAST_ID && may_be_broadcast(&request) {
-        return Ok((Address::Broadcast, request));
-    }
-    Ok((Address::Node(Node::received(id)?), request))
+    Ok((Address::new(id).map_err(|_| DecodeError::Node { node: id })?, request))
 }
 
 /// The frame of a reply.
@@ -184,8 +182,9 @@ mod tests {
             let result = request_frame(Address::Broadcast, &request);
             assert!(matches!(result, Err(EncodeError::Forbidden { field: "node", value: 0xFE, .. })));
         }
-        let stop_all = [0xD5, 0xFE, 0x05, 0x03, 0x20, 0x00, 0x00, 0x26];
-        assert_eq!(decode_request_frame(&stop_all), Err(DecodeError::Node { node: 0xFE }));
+        let turn_all = [0xD5, 0xFE, 0x05, 0x03, 0x20, 0x58, 0x02, 0x80];
+        let turn = Request::Write { register: Register::SPEED, value: Value::Word(0x0258) };
+        assert_eq!(decode_request_frame(&turn_all), Ok((Address::Broadcast, turn)));
         let reply_of_all = [0x5D, 0xFE, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x68];
         assert_eq!(decode_reply_frame(&reply_of_all), Err(DecodeError::Node { node: 0xFE }));
         let node_0 = [0xD5, 0x00, 0x05, 0x01, 0x00, 0x00, 0x00, 0x06];

@@ -42,7 +42,8 @@ impl Node {
 pub enum Address {
     /// One motor.
     Node(Node),
-    /// All motors, id 0xFE: printed with query, execute and reset only (D5 manual, table row 1 and quick start).
+    /// All motors, id 0xFE: printed with query, execute and reset only, and sent only with those (D5 manual, table row 1 and
+    /// quick start).
     Broadcast,
 }
 

@@ -86,26 +86,43 @@ impl Register {
         if self.is_upper_byte() {
             return Err(self.forbidden("a word is written whole, with two data bytes"));
         }
-        let Some(info) = self.info() else {
-            return Err(self.forbidden("a register without a function is not written"));
-        };
-        match info.access {
-            Access::ReadWrite => {}
-            Access::ReadOnly => return Err(self.forbidden("read-only")),
-            Access::None => return Err(self.forbidden("the manual gives no access")),
-            Access::Unsupported => return Err(self.forbidden("not supported by the motor")),
-        }
-        let raw = match (info.written_width(), value) {
-            (Width::Byte, Value::Byte(byte)) => i64::from(byte),
-            (Width::Word, Value::Word(word)) => i64::from(word),
-            (Width::Byte, Value::Word(_)) => {
-                return Err(
-                    self.forbidden("written with one data byte; the second would go to the next register")
-                );
+        let info = self.writable()?;
+        match (info.written_width(), value) {
+            (Width::Byte, Value::Byte(byte)) => info.check_raw(byte.into()),
+            (Width::Word, Value::Word(word)) => info.check_raw(word),
+            (Width::Byte, Value::Word(word)) => {
+                let Some(next) = self.written_with() else {
+                    return Err(self
+                        .forbidden("written with one data byte; the second would go to the next register"));
+                };
+                let [low, high] = word.to_le_bytes();
+                info.check_raw(low.into())?;
+                next.check_raw(high.into())
             }
-            (Width::Word, Value::Byte(_)) => return Err(self.forbidden("written with two data bytes")),
-        };
-        check_range(info.name, raw, i64::from(info.min), i64::from(info.max))
+            (Width::Word, Value::Byte(_)) => Err(self.forbidden("written with two data bytes")),
+        }
+    }
+
+    /// The row of a register that a host may write.
+    fn writable(self) -> Result<&'static RegisterInfo, EncodeError> {
+        let info = self.info().ok_or(self.forbidden("a register without a function is not written"))?;
+        match info.access {
+            Access::ReadWrite => Ok(info),
+            Access::ReadOnly => Err(self.forbidden("read-only")),
+            Access::None => Err(self.forbidden("the manual gives no access")),
+            Access::Unsupported => Err(self.forbidden("not supported by the motor")),
+        }
+    }
+
+    /// The next register, where one write of two data bytes may fill both: two writable bytes of which none is the timeout
+    /// switch. What was meant for 0x10 alone would switch the motor's own timeout of 0x11 off.
+    fn written_with(self) -> Option<&'static RegisterInfo> {
+        let next = Register(self.0.checked_add(1)?);
+        let pair = [self, next].into_iter().all(|register| {
+            let byte = register.writable().is_ok_and(|info| info.written_width() == Width::Byte);
+            byte && register != Register::TIMEOUT_SWITCH
+        });
+        if pair { next.info() } else { None }
     }
 
     fn is_upper_byte(self) -> bool {
@@ -199,6 +216,11 @@ const fn row(
 }
 
 impl RegisterInfo {
+    /// Refuses raw data outside the range of the register.
+    fn check_raw(&self, raw: u16) -> Result<(), EncodeError> {
+        check_range(self.name, i64::from(raw), i64::from(self.min), i64::from(self.max))
+    }
+
     const fn range(self, min: u16, max: u16) -> RegisterInfo {
         RegisterInfo { min, max, ..self }
     }

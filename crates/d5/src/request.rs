@@ -7,6 +7,7 @@ use crate::register::Register;
 
 mod build;
 mod fields;
+mod span;
 #[cfg(test)]
 mod tests;
 

@@ -60,11 +60,22 @@ fn only_writable_registers_are_written() {
 fn the_width_is_that_of_the_register() {
     let one = "written with one data byte; the second would go to the next register";
     assert_eq!(refusal(0x10, Value::Word(0x0001)), one);
-    assert_eq!(refusal(0x15, Value::Word(0x4848)), one);
+    assert_eq!(refusal(0x11, Value::Word(0x0001)), one);
     assert_eq!(refusal(0x20, Value::Byte(0)), "written with two data bytes");
     assert_eq!(refusal(0x21, Value::Byte(0x84)), "a word is written whole, with two data bytes");
     assert_eq!(Register::ACK_LEVEL.check_write(Value::Byte(1)), Ok(()));
     assert_eq!(Register::SPEED.check_write(Value::Word(0x8258)), Ok(()));
+}
+
+/// D5 manual, table row 7 reads 0x15 and 0x16 at once, frame format: two data bytes go to both.
+#[test]
+fn acceleration_and_deceleration_are_written_at_once() {
+    assert_eq!(Register::ACCELERATION.check_write(Value::Word(0x4848)), Ok(()));
+    let refused = |field, value| Err(EncodeError::OutOfRange { field, value, min: 72, max: 250 });
+    assert_eq!(Register::ACCELERATION.check_write(Value::Word(0xFB48)), refused("deceleration", 251));
+    assert_eq!(Register::ACCELERATION.check_write(Value::Word(0x4847)), refused("acceleration", 71));
+    let alone = "written with one data byte; the second would go to the next register";
+    assert_eq!(refusal(0x16, Value::Word(0x4848)), alone); // 0x17 has no function
 }
 
 /// D5 manual, common commands, row 1: the id change has two data bytes.

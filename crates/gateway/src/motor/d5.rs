@@ -91,10 +91,24 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
     {
         return Err(Error::NotThisNode { axis, node });
     }
+    if request.moves() && !tells_its_speed(&request) {
+        return Err(Error::CannotCheckLimit { axis, quantity: Quantity::Velocity });
+    }
     Ok(effect(request, config.sign()).map(|effect| Native { command: Command::D5(request), effect }))
 }
 
-/// What a request does; `None` where the manual lists no such command.
+/// Whether a motion writes the whole speed, or starts one that was checked when it was written. Half a speed (D5 manual, table row
+/// 12) makes another one of what the motor holds, which no limit can be checked against.
+fn tells_its_speed(request: &Request) -> bool {
+    matches!(
+        request,
+        Request::Execute
+            | Request::Write { register: Register::SPEED, value: Value::Word(_) }
+            | Request::AsyncWrite { register: Register::SPEED, value: Value::Word(_) }
+    )
+}
+
+/// What a request does; `None` where the manual lists no such command, and for a motion whose speed it does not tell.
 pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let velocity = |word| {
         let velocity_rad_s = sign * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
@@ -110,10 +124,12 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
             Effect::MovesOnce(Demand::Setpoint(velocity(word)))
         }
         Request::Execute => Effect::MovesOnce(Demand::Prepared),
-        Request::Write { register: Register::TIMEOUT_SWITCH | Register::ID, .. }
-        | Request::AsyncWrite { register: Register::TIMEOUT_SWITCH | Register::ID, .. }
-        | Request::Reset => Effect::Changes { timeout: true },
-        _ => Effect::Changes { timeout: false },
+        request if request.moves() => return None,
+        Request::Reset => Effect::Changes { timeout: true },
+        request => {
+            let timeout = request.writes(Register::TIMEOUT_SWITCH) || request.writes(Register::ID);
+            Effect::Changes { timeout }
+        }
     })
 }
 

@@ -72,5 +72,9 @@ fn reads_thruster(frame: &CanFrame) -> bool {
 }
 
 fn reads_d5(frame: &CanFrame) -> bool {
-    ::d5::can::decode_request(frame).is_ok_and(|(_, request)| d5::effect(request, 1.0) == Some(Effect::Asks))
+    ::d5::can::decode_request(frame).is_ok_and(|(address, request)| {
+        // Every motor answers what all of them are asked: only a query is meant so (D5 manual, table row 1).
+        let to_all = address == ::d5::Address::Broadcast && request != ::d5::Request::QueryId;
+        !to_all && d5::effect(request, 1.0) == Some(Effect::Asks)
+    })
 }

@@ -239,11 +239,46 @@ fn what_is_no_command_of_the_manual_is_refused() {
     }
 }
 
+/// D5 manual, table row 12 and register 0x20: half a speed, at once or later, from the register below, and into the one above. No
+/// limit can be checked against it, armed or not.
+#[test]
+fn a_part_of_a_d5_speed_is_motion_and_refused() {
+    let (mut rig, _) = bench::d5();
+    for armed in [false, true] {
+        let epoch = if armed { arm(&mut rig) } else { 0 };
+        for data in [
+            "D50B0404218400B8",
+            "D50B04032058008A",
+            "D50B05031F00588A",
+            "D50B050321020036",
+            "D50B05041F00588B",
+        ] {
+            let since = rig.now_us;
+            let request = native(&rig, epoch, data);
+            let refused = Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Velocity });
+            assert_eq!(rig.ask(request), refused, "{data}");
+            assert!(!rig.sent_since(1, since).iter().any(|sent| sent.ends_with(data)));
+        }
+    }
+}
+
+/// D5 manual, table row 7 has 0x15 and 0x16 in one frame. Sum of 0B 05 03 15 48 48.
+#[test]
+fn acceleration_and_deceleration_of_a_d5_are_written_at_once() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|text| match text {
+        "00B#D50B0503154848B8" => Instead::Says("00B#5D0B0503154848B8"),
+        _ => Instead::AsUsual,
+    });
+    let request = native(&rig, 0, "D50B0503154848B8");
+    assert_eq!(answered(rig.ask(request)), "5D0B0503154848B8");
+}
+
 #[test]
 fn what_is_for_another_motor_or_for_all_is_refused() {
     let (mut rig, _) = bench::d5();
     let epoch = arm(&mut rig);
-    for data in ["D50C05032058028E", "D5FE050500000008"] {
+    for data in ["D50C05032058028E", "D5FE050500000008", "D5FE050320580280"] {
         let since = rig.now_us;
         let request = native(&rig, epoch, data);
         assert_eq!(rig.ask(request), Err(Error::NotThisNode { axis: 0, node: 0x0B }), "{data}");

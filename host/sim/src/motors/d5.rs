@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 
 use d5::{
-    Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Faults, MotorError, Node,
-    REGISTERS, Register, Reply, Request, TurnDegrees, Value, Width, decode_speed, encode_angle, encode_speed,
-    encode_temperature,
+    Access, AckLevel, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Faults,
+    MotorError, Node, REGISTERS, Register, Reply, Request, TurnDegrees, Value, Width, decode_speed,
+    encode_angle, encode_speed, encode_temperature,
 };
 use embedded_can::{Id, StandardId};
 use host_protocol::CanFrame;
@@ -176,15 +176,8 @@ impl D5 {
         let reply = self.carry_out(cx, request);
         self.last_command = request.command();
         self.update(cx);
-        let answered = match (address, request) {
-            // A broadcast execute or reset has no printed reply.
-            (Address::Broadcast, Request::Execute | Request::Reset) => false,
-            (_, Request::Write { .. } | Request::AsyncWrite { .. } | Request::Execute) => {
-                self.answers_writes()
-            }
-            _ => self.answers_reads(),
-        };
-        if answered {
+        // After a write to 0x10 the level that it has set: the manual does not say which.
+        if self.ack_level().answers(address, request) {
             self.answer(cx, &reply);
         }
     }
@@ -261,12 +254,8 @@ impl D5 {
         }
     }
 
-    fn answers_writes(&self) -> bool {
-        self.byte(Register::ACK_LEVEL) == 2
-    }
-
-    fn answers_reads(&self) -> bool {
-        matches!(self.byte(Register::ACK_LEVEL), 1 | 2)
+    fn ack_level(&self) -> AckLevel {
+        AckLevel::of(self.byte(Register::ACK_LEVEL))
     }
 
     fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
@@ -277,7 +266,7 @@ impl D5 {
     }
 
     fn complain(&self, cx: &mut Context<'_>, error: MotorError, command: u8) {
-        if self.answers_reads() {
+        if !matches!(self.ack_level(), AckLevel::Nothing { .. }) {
             self.answer(cx, &Reply::Error { error, command });
         }
     }
