@@ -178,6 +178,7 @@ scenarios! {
     unsafe_raw_access_needs_a_bus_without_axes
     unsolicited_frames_inside_an_exchange_are_no_replies
     what_held_goes_on_holding_after_a_reset
+    what_a_thruster_only_reports_bars_and_trips_nothing
     what_may_have_changed_a_motor_makes_its_timeout_unknown
     zero_protection_does_not_keep_a_thruster_from_being_armed
 }

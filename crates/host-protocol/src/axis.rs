@@ -173,6 +173,8 @@ wire! {
     pub struct FaultReading {
         /// Bits as in the manual of the motor; 0 is no fault.
         pub word: u16,
+        /// Those of its bits that only warn: they neither bar arming nor trip the axis as it is configured.
+        pub warnings: u16,
         /// Since it was received, µs.
         pub age_us: u32,
     }

@@ -150,6 +150,13 @@ macro_rules! parameters {
                 self as u16
             }
 
+            /// The place in [`ALL`](Self::ALL), from 0. Numbers may have gaps between them, places have none.
+            #[must_use]
+            pub const fn place(self) -> usize {
+                enum Place { $($variant),+ }
+                match self { $(Self::$variant => Place::$variant as usize),+ }
+            }
+
             /// The parameter with this number.
             #[must_use]
             pub const fn from_number(number: u16) -> Option<Self> {
@@ -290,6 +297,8 @@ parameters! {
     36 UncommandedRadS "uncommanded_rad_s": Float("rad/s") [0.0, 10_000.0] optional;
     /// Lets the motor of an armed axis turn without a setpoint: by hand, by wind or water.
     37 AllowUncommanded "allow_uncommanded": Bool("") [false, true] false;
+    /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the device only reports, bar arming and trip like its faults. A broken sensor does anyway where the axis has temperature_limit_c.
+    44 WarningsAreFaults "warnings_are_faults": Bool("") [false, true] false;
 }
 
 parameters! {
@@ -344,6 +353,13 @@ mod tests {
             assert_eq!(find(info.number), Some(info));
             let is_other = |other: &ParameterInfo| name(other.number) != name(info.number);
             assert!(every_parameter().take(index).all(is_other), "{:?}", name(info.number));
+        }
+    }
+
+    #[test]
+    fn a_parameter_is_at_its_place() {
+        for (index, parameter) in AxisParameter::ALL.iter().enumerate() {
+            assert_eq!(parameter.place(), index, "{parameter}");
         }
     }
 

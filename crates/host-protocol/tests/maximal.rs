@@ -180,7 +180,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         voltage_v: READING,
         motor_temperature_c: READING,
         driver_temperature_c: READING,
-        faults: Some(FaultReading { word: u16::MAX, age_us: u32::MAX }),
+        faults: Some(FaultReading { word: u16::MAX, warnings: u16::MAX, age_us: u32::MAX }),
         fault_record: Some(u16::MAX),
         motor_timeout: TIMEOUT,
         standstill: Some(true),
@@ -267,9 +267,9 @@ fn the_largest_error_and_event_fit() {
         voltage_v: READING,
         motor_temperature_c: READING,
         driver_temperature_c: READING,
-        faults: Some(FaultReading { word: u16::MAX, age_us: u32::MAX }),
+        faults: Some(FaultReading { word: u16::MAX, warnings: u16::MAX, age_us: u32::MAX }),
     };
     let length = event.encode_frame(u16::MAX, u32::MAX, u64::MAX, &mut out).unwrap();
-    // Dropped 5, time 10, axis 1, state 2, six readings of 10, fault word 9.
-    assert_eq!(body_length(&out[..length]), 87);
+    // Dropped 5, time 10, axis 1, state 2, six readings of 10, fault word 12.
+    assert_eq!(body_length(&out[..length]), 90);
 }

@@ -123,6 +123,12 @@ pub const FAULTS: &[FaultInfo] = {
 };
 
 impl Faults {
+    /// What a device only reports, its output unlimited: bits 3, 4, 12 and 13 (Thruster manual §3, protections).
+    pub const REPORTED: Faults =
+        Self::OVER_VOLTAGE.union(Self::UNDER_VOLTAGE).union(Self::TEMPERATURE_SENSORS);
+    /// A temperature sensor that is broken, so that its temperature means nothing (Thruster manual §3).
+    pub const TEMPERATURE_SENSORS: Faults = Self::DRIVER_SENSOR.union(Self::MOTOR_SENSOR);
+
     /// The table's row of every listed bit that is set, the lowest first.
     pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
         FAULTS.iter().filter(move |info| self.contains(info.fault))
@@ -182,6 +188,11 @@ mod tests {
         assert_eq!(never.fold(0, |bits, bit| bits | bit), 0x00C7);
         let serious = FAULTS.iter().filter(|row| row.level == 1).map(|row| row.fault.bits());
         assert_eq!(serious.fold(0, |bits, bit| bits | bit), 0x0047);
+        let reported =
+            FAULTS.iter().filter(|row| row.action == FaultAction::Report).map(|row| row.fault.bits());
+        assert_eq!(reported.fold(0, |bits, bit| bits | bit), 0x3018);
+        assert_eq!(Faults::REPORTED.bits(), 0x3018);
+        assert_eq!(Faults::TEMPERATURE_SENSORS.bits(), 0x3000);
         let hot = FAULTS.iter().filter(|row| row.threshold == Some(120)).map(|row| row.fault.bits());
         assert_eq!(hot.fold(0, |bits, bit| bits | bit), 0x0300);
     }

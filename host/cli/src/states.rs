@@ -106,8 +106,14 @@ fn reading(field: StateField, reading: Option<Reading>) -> String {
 fn faults(faults: Option<FaultReading>) -> String {
     match faults {
         None => NOTHING.to_owned(),
-        Some(FaultReading { word: 0, age_us }) => format!("none{}", mark(age_us)),
-        Some(FaultReading { word, age_us }) => format!("{word:#06x}{}", mark(age_us)),
+        Some(FaultReading { word: 0, age_us, .. }) => format!("none{}", mark(age_us)),
+        Some(FaultReading { word, warnings: 0, age_us }) => format!("{word:#06x}{}", mark(age_us)),
+        Some(FaultReading { word, warnings, age_us }) if word == warnings => {
+            format!("{word:#06x}{} only warns", mark(age_us))
+        }
+        Some(FaultReading { word, warnings, age_us }) => {
+            format!("{word:#06x}{}, {warnings:#06x} only warns", mark(age_us))
+        }
     }
 }
 
@@ -120,6 +126,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_fault_that_only_warns_is_told_from_one_that_trips() {
+        let text = |word, warnings| faults(Some(FaultReading { word, warnings, age_us: 0 }));
+        assert_eq!(text(0, 0), "none");
+        assert_eq!(text(0x0040, 0), "0x0040");
+        assert_eq!(text(0x1000, 0x1000), "0x1000 only warns");
+        assert_eq!(text(0x1040, 0x1000), "0x1040, 0x1000 only warns");
+    }
+
+    #[test]
     fn a_sample_shows_what_was_asked_for_and_marks_what_is_old() {
         let event = Event::Sample {
             axis: 3,
@@ -130,7 +145,7 @@ mod tests {
             voltage_v: Some(Reading { value: 24.0, age_us: 1_000_001 }),
             motor_temperature_c: None,
             driver_temperature_c: None,
-            faults: Some(FaultReading { word: 2, age_us: 2_000_000 }),
+            faults: Some(FaultReading { word: 2, warnings: 0, age_us: 2_000_000 }),
         };
         let fields = StateFields::of(&[StateField::Position, StateField::Voltage, StateField::Faults]);
         let lines = sample(&event, fields).unwrap().lines();

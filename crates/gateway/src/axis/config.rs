@@ -9,7 +9,7 @@ use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind
 pub(crate) struct AxisConfig {
     /// The values as bits; the parameter table says which kind each is.
     values: [u32; PARAMETERS],
-    /// Which of them are set: bit 0 for the first parameter.
+    /// Which of them are set: a bit for each, by its place in the table.
     set: u64,
     /// What is asked for at every frame, kept apart from the values that say it.
     bus: Option<u8>,
@@ -42,7 +42,7 @@ impl AxisConfig {
     /// Sets a parameter after checking type and range.
     pub fn set(&mut self, parameter: AxisParameter, value: Value) -> Result<(), Error> {
         parameter.check(value)?;
-        let index = Self::index(parameter);
+        let index = parameter.place();
         if let Some(slot) = self.values.get_mut(index) {
             *slot = to_bits(value);
             self.set |= 1 << index;
@@ -78,7 +78,7 @@ impl AxisConfig {
         let [low, high, values @ ..] = words else { return Ok(config) };
         let set = u64::from(*low) | u64::from(*high) << u32::BITS;
         for (parameter, bits) in AxisParameter::ALL.iter().zip(values) {
-            if set & (1 << Self::index(*parameter)) != 0 {
+            if set & (1 << parameter.place()) != 0 {
                 config.set(*parameter, from_bits(parameter.info().kind, *bits))?;
             }
         }
@@ -87,7 +87,7 @@ impl AxisConfig {
 
     /// The value in force: the one set, else the default.
     pub fn get(&self, parameter: AxisParameter) -> Option<Value> {
-        let (index, info) = (Self::index(parameter), parameter.info());
+        let (index, info) = (parameter.place(), parameter.info());
         match self.values.get(index) {
             Some(bits) if self.set & (1 << index) != 0 => Some(from_bits(info.kind, *bits)),
             _ => info.default,
@@ -218,11 +218,6 @@ impl AxisConfig {
 
     fn span(&self, parameter: AxisParameter) -> Duration {
         Duration::from_micros(u64::from(self.unsigned(parameter).unwrap_or(0)))
-    }
-
-    fn index(parameter: AxisParameter) -> usize {
-        // Parameters are numbered from 1 without gaps; the table's own test holds it so.
-        usize::from(parameter.number()).saturating_sub(1)
     }
 }
 

@@ -306,8 +306,8 @@ impl Axis {
         let axis = self.index;
         match self.job.as_ref().map(|job| job.kind) {
             Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
-            Some(JobKind::Clear) => match (seen.faults, seen.velocity_rad_s, &self.trip) {
-                (Some(faults), ..) if faults != 0 => {
+            Some(JobKind::Clear) => match (self.barring(seen), seen.velocity_rad_s, &self.trip) {
+                (Some(faults), ..) => {
                     Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
                 }
                 (_, Some(velocity), Some(_)) if self.must_stand() && !self.is_standstill(velocity) => {
@@ -340,8 +340,7 @@ impl Axis {
             // The motor has acknowledged speed 0 and keeps another one.
             return Err(Error::CannotConfirm { axis });
         }
-        if let Some(faults) = seen.faults
-            && faults != 0
+        if let Some(faults) = self.barring(seen)
             && !self.is_read_again_later(exchange)
         {
             return Err(Error::MotorFault { axis, faults });

@@ -1,6 +1,7 @@
 //! What a motor measures against the limits of its axis: beyond them it trips.
 
 use super::{Axis, Observation};
+use crate::motor;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState, Error, Quantity, TripReason};
@@ -31,15 +32,18 @@ impl Axis {
             self.leave_turning_motor_alone(now, seen);
             return;
         }
-        if let Some(faults) = seen.faults
-            && faults != 0
-        {
+        if let Some(faults) = self.barring(seen) {
             self.trip(now, TripReason::MotorFault { faults }, out);
         } else if let Some(reason) = self.exceeded(seen) {
             self.trip(now, reason, out);
         } else if let Some(velocity_rad_s) = seen.velocity_rad_s {
             self.watch_uncommanded(now, velocity_rad_s, out);
         }
+    }
+
+    /// The motor's fault word, if a bit of it bars motion.
+    pub(super) fn barring(&self, seen: &Observation) -> Option<u16> {
+        seen.faults.filter(|faults| *faults != motor::warnings(*faults, &self.config))
     }
 
     /// Without a setpoint an armed axis stands. One reading may be noise: the next one decides, and is asked for early.

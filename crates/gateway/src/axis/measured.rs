@@ -1,7 +1,7 @@
 //! What is known of a motor, in SI units, and how old it is.
 
 use crate::time::Instant;
-use host_protocol::{FaultReading, Reading, StateField, StateFields};
+use host_protocol::{Reading, StateField, StateFields};
 
 /// What one reply of a motor tells, in SI units and in the axis's direction; `None` where it says nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -112,12 +112,8 @@ impl Measured {
         Some(Reading { value: self.number(field)?, age_us: self.age_us(now, field) })
     }
 
-    /// The fault word as the host sees it at `now`.
-    pub fn faults(&self, now: Instant) -> Option<FaultReading> {
-        Some(FaultReading { word: self.fault_word()?, age_us: self.age_us(now, StateField::Faults) })
-    }
-
-    fn age_us(&self, now: Instant, field: StateField) -> u32 {
+    /// How old a field that is known is at `now`, µs.
+    pub fn age_us(&self, now: Instant, field: StateField) -> u32 {
         self.at.get(index(field)).map_or(u32::MAX, |at| now.since(*at).as_micros_u32())
     }
 }

@@ -32,7 +32,7 @@ use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Quiet, Silence};
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Event, MotorTimeout, StateField, StateFields, Trip,
+    AxisParameter, AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
 };
 use motion::Motion;
 
@@ -254,6 +254,13 @@ impl Axis {
         velocity_rad_s.abs() <= self.config.standstill_rad_s()
     }
 
+    /// The motor's fault word as a host sees it.
+    fn faults(&self, now: Instant) -> Option<FaultReading> {
+        let word = self.measured.fault_word()?;
+        let warnings = motor::warnings(word, &self.config);
+        Some(FaultReading { word, warnings, age_us: self.measured.age_us(now, StateField::Faults) })
+    }
+
     /// The axis as a host sees it.
     pub fn report(&self, now: Instant) -> AxisReport {
         let reading = |field| self.measured.reading(now, field);
@@ -268,7 +275,7 @@ impl Axis {
             voltage_v: reading(StateField::Voltage),
             motor_temperature_c: reading(StateField::MotorTemperature),
             driver_temperature_c: reading(StateField::DriverTemperature),
-            faults: self.measured.faults(now),
+            faults: self.faults(now),
             fault_record: self.measured.fault_record,
             motor_timeout: self.motor_timeout(now),
             standstill: self.standstill(),
@@ -288,7 +295,7 @@ impl Axis {
             voltage_v: wanted(StateField::Voltage),
             motor_temperature_c: wanted(StateField::MotorTemperature),
             driver_temperature_c: wanted(StateField::DriverTemperature),
-            faults: self.measured.faults(now).filter(|_| fields.contains(StateField::Faults)),
+            faults: self.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
     }
 

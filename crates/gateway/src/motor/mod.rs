@@ -266,6 +266,14 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     })
 }
 
+/// The bits of a motor's fault word that neither bar arming nor trip the axis.
+pub(crate) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
+    match config.protocol() {
+        Some(Protocol::Thruster) => thruster::warnings(faults, config),
+        Some(Protocol::Rmd | Protocol::D5) | None => 0,
+    }
+}
+
 /// Whether motors of a protocol keep their own timeout without power: RMD writes it to ROM (V3.6 §2.30); whether a thruster
 /// does, its manual does not say; a D5 motor is asked whenever it is armed.
 pub(crate) fn stores_its_timeout(protocol: Protocol) -> bool {

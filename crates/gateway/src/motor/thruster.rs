@@ -5,7 +5,9 @@ use super::{Command, Exchange, Sequences, Verdict, fit, position, turned};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
 use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
-use thruster::{Answer, Decidegrees, EncodeError, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit};
+use thruster::{
+    Answer, Decidegrees, EncodeError, Faults, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit,
+};
 
 pub(super) const SEQUENCES: Sequences = Sequences {
     // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears zero protection (T19). ST is written
@@ -148,6 +150,18 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         | Request::SetParameter { .. } => Effect::Changes { timeout: true },
         _ => Effect::Changes { timeout: false },
     })
+}
+
+/// The bits of a fault word that the device only reports, unless the axis treats them as faults. Without its sensor a temperature
+/// limit cannot be kept (Thruster manual §3, protections).
+pub(super) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
+    let limits_temperature = config.float(AxisParameter::TemperatureLimitC).is_some();
+    let only_reported = match config.flag(AxisParameter::WarningsAreFaults) {
+        true => Faults::empty(),
+        false if limits_temperature => Faults::REPORTED.difference(Faults::TEMPERATURE_SENSORS),
+        false => Faults::REPORTED,
+    };
+    faults & only_reported.bits()
 }
 
 /// Refuses a timeout that the device cannot keep.

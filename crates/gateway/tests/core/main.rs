@@ -41,6 +41,7 @@ mod stop_again;
 mod stops;
 mod subscriptions;
 mod text;
+mod thruster;
 mod trip_groups;
 mod uncommanded;
 mod unreachable;

@@ -5,7 +5,7 @@ use super::setup::LIMITS;
 use crate::action::{Ask, Goal, Number, Permit};
 use crate::dice::Dice;
 use crate::plant::{ALL_OF_CAN, BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE};
-use host_protocol::Protocol;
+use host_protocol::{AxisParameter, Protocol};
 
 /// A request of any kind.
 pub fn any_ask(dice: &mut Dice) -> Ask {
@@ -36,6 +36,10 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
             let protocols = BUS_SETUP.get(usize::from(bus)).map_or(ALL_OF_CAN, |(_, spoken)| *spoken);
             let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
             Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]), protocols }
+        }
+        24 if dice.one_in(2) => {
+            let parameter = AxisParameter::WarningsAreFaults.number();
+            Ask::Set { axis, parameter, value: Number::Bool(dice.one_in(2)) }
         }
         24 => Ask::Remove { axis: 31 },
         25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },

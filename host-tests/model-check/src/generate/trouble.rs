@@ -96,7 +96,7 @@ impl Generator {
                 Does::Lies { data }
             }
             9..11 => Does::Refuses,
-            11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40]) },
+            11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40, 0x1018, 0x1100]) },
             12 | 13 => Does::Faults { word: 0 },
             14 => self.dice.pick(&[Does::Restarts, turns.clone(), turns, Does::Off { for_us: 1_500_000 }]),
             _ => Does::Disobeys { for_us: self.span() },

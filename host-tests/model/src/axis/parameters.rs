@@ -35,6 +35,7 @@ mod parameter {
     pub const ALLOW_NO_TIMEOUT: (u16, u32) = (35, 0);
     pub const UNCOMMANDED: u16 = 36;
     pub const ALLOW_UNCOMMANDED: (u16, u32) = (37, 0);
+    pub const WARNINGS_ARE_FAULTS: (u16, u32) = (44, 0);
 }
 
 /// −1 as it comes, zigzag.
@@ -130,6 +131,18 @@ impl Axis {
         let still = self.float(number).unwrap_or(default.into());
         let threshold = self.float(parameter::UNCOMMANDED).unwrap_or(5.0 * still);
         (self.get(parameter::ALLOW_UNCOMMANDED) == 0).then_some(threshold * (1.0 + 1e-3) + 1e-6)
+    }
+
+    /// Bits of the fault word that a thruster only reports (Thruster manual §3): over- and under-voltage, and its sensors of the
+    /// temperature where nothing limits that.
+    pub fn warning_bits(&self) -> u16 {
+        let are_faults = self.get(parameter::WARNINGS_ARE_FAULTS) != 0;
+        match self.protocol() {
+            Some(Protocol::Thruster) if !are_faults => {
+                if self.parameters.contains_key(&parameter::TEMPERATURE_LIMIT) { 0x0018 } else { 0x3018 }
+            }
+            _ => 0,
+        }
     }
 
     /// Whether the axis may be armed with a motor whose own timeout is this.

@@ -53,8 +53,8 @@ impl Arming {
         }
     }
 
-    /// The motor says something; `still` is the speed below which it stands.
-    pub fn answered(&mut self, protocol: Protocol, reply: &[u8], still: f64) {
+    /// The motor says something; `still` is the speed below which it stands, `warnings` are faults that bar nothing.
+    pub fn answered(&mut self, protocol: Protocol, reply: &[u8], still: f64, warnings: u16) {
         for asked in &self.asked {
             let Some(reading) = protocol.answer(asked, reply) else { continue };
             match protocol.question(asked) {
@@ -62,7 +62,7 @@ impl Arming {
                 Some(Question::Speed) => self.stands |= reading.speed.is_some_and(|speed| speed <= still),
                 Some(Question::Faults) => {
                     self.faults_read = true;
-                    self.faultless |= reading.faults == Some(0);
+                    self.faultless |= reading.faults.is_some_and(|word| word & !warnings == 0);
                 }
                 Some(Question::Record) => self.record_read = true,
                 Some(Question::Register(register)) => {

@@ -86,9 +86,9 @@ impl Oracle {
             axis.timeout = Timeout::Unknown;
         }
         axis.heard = (now, outside);
-        let still = axis.still();
+        let (still, warnings) = (axis.still(), axis.warning_bits());
         if let Some(arming) = &mut axis.arming {
-            arming.answered(protocol, data, still);
+            arming.answered(protocol, data, still, warnings);
         }
         let written = |asked: &Asked| {
             let touched =
@@ -113,7 +113,7 @@ impl Oracle {
             // What comes late may belong to an older request: the next reading counts.
             return;
         }
-        if reading.faults.is_some_and(|word| word != 0) {
+        if reading.faults.is_some_and(|word| word & !axis.warning_bits() != 0) {
             self.owe_stop(index, Cause::Fault, now);
         } else if axis.is_exceeded_by(&reading) {
             self.owe_stop(index, Cause::Limit, now);

@@ -94,6 +94,10 @@ fn a_thruster_each_of_whose_questions_is_left_out() {
     let stop: Exchange = (&[0x54, 0x43, 0, 0, 0, 0, 0, 0], &[0x54, 0x43, 0, 0, 0, 0, 0, 0]);
     let speed: Exchange = (b"QV\0\0", &[0x51, 0x56, 0, 0, 0, 0, 0, 0]);
     armed_after(thruster(), &[faults, record, stop, faults, speed]).breaks_nothing();
+    let warns: Exchange = (b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x30, 0x18]);
+    let fault: Exchange = (b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x10, 0x40]);
+    armed_after(thruster(), &[warns, record, stop, warns, speed]).breaks_nothing();
+    armed_after(thruster(), &[fault, record, stop, fault, speed]).breaks(Check::ArmedUnproved);
     for left_out in
         [&[record, stop, speed][..], &[faults, stop, faults, speed], &[faults, record, faults, speed]]
     {
