@@ -3,7 +3,7 @@
 use host_protocol::replies::AxisReport;
 use host_protocol::{Bytes, Call, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint};
 use mgw_client::{Client, ClientError, MOTOR_DEADLINE, Transport};
-use mgw_sim::{Injection, SimTransport, TraceEntry, Wire, Wiring, World};
+use mgw_sim::{Injection, SimTransport, TraceEntry, Wiring, World};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
@@ -28,19 +28,6 @@ pub struct Told {
     pub time_us: u64,
     /// What.
     pub event: Event,
-}
-
-/// Somebody who sends the same again and again, at irregular intervals.
-#[derive(Debug, Clone)]
-pub struct Stranger {
-    /// The bus.
-    pub bus: u8,
-    /// What.
-    pub wire: Wire,
-    /// How often on average.
-    pub period: Duration,
-    /// When next.
-    pub next: Duration,
 }
 
 /// Hosts at a simulated gateway.
@@ -74,8 +61,6 @@ pub struct Bench {
     pub mark_rad: Vec<f64>,
     /// About when something was missed, µs.
     pub focus_us: Option<u64>,
-    /// What strangers send now and then.
-    pub strangers: Vec<Stranger>,
     pub random: fastrand::Rng,
     just_marked: bool,
 }
@@ -110,7 +95,6 @@ impl Bench {
             mark_us: 0,
             mark_rad: vec![0.0; motors],
             focus_us: None,
-            strangers: Vec::new(),
             random,
             just_marked: false,
         })
@@ -165,24 +149,8 @@ impl Bench {
 
     /// Time passes and the host says nothing.
     pub fn silence(&mut self, time: Duration) {
-        let end = self.client.now() + time;
-        while let Some(at) = self.strangers.iter().map(|stranger| stranger.next).min().filter(|at| *at <= end)
-        {
-            let now = self.client.now();
-            self.client.transport_mut().sleep(at.saturating_sub(now));
-            self.let_strangers_speak();
-        }
-        let now = self.client.now();
-        self.client.transport_mut().sleep(end.saturating_sub(now));
+        self.client.transport_mut().sleep(time);
         self.collect();
-    }
-
-    fn let_strangers_speak(&mut self) {
-        let now = self.client.now();
-        for stranger in self.strangers.iter_mut().filter(|stranger| stranger.next <= now) {
-            self.world.borrow_mut().send_foreign(stranger.bus, stranger.wire.clone());
-            stranger.next = now + stranger.period.mul_f64(0.5 + self.random.f64());
-        }
     }
 
     fn refresh(&mut self) -> Result<(), String> {

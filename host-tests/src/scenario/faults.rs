@@ -1,6 +1,6 @@
 //! What breaks in a scenario: motors, cables, strangers on a bus.
 
-use super::bench::{Bench, Stranger};
+use super::bench::Bench;
 use super::words::{duration, hex, parse};
 use host_protocol::{BootReason, CanFrame};
 use mgw_sim::{Beginning, BusFault, Injection, Turning, Wire};
@@ -73,10 +73,7 @@ impl Bench {
             None => Wire::Serial(hex(&text)?),
         };
         match words.get(2) {
-            Some(&"every") => {
-                let (period, next) = (duration(words, 3)?, self.client.now());
-                self.strangers.push(Stranger { bus, wire, period, next });
-            }
+            Some(&"every") => self.world.borrow_mut().repeat_foreign(bus, wire, duration(words, 3)?),
             _ => self.world.borrow_mut().send_foreign(bus, wire),
         }
         Ok(())
@@ -96,8 +93,7 @@ impl Bench {
     /// `hush BUS`: nobody else sends any more.
     pub fn hush(&mut self, words: &[&str]) -> Result<(), String> {
         let bus = parse(words, 0, "bus")?;
-        self.strangers.retain(|stranger| stranger.bus != bus);
-        self.world.borrow_mut().babble(bus, None);
+        self.world.borrow_mut().hush(bus);
         Ok(())
     }
 

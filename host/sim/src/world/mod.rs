@@ -1,7 +1,7 @@
 //! A gateway, its buses, its motors and its host links, in virtual time.
 //!
 //! Everything happens at instants of whole nanoseconds, in a fixed order within one instant: what is over on the
-//! buses, what the motors do by themselves, what has arrived from the hosts, the gateway's own deadline, and then what
+//! buses, what the motors and others on the buses do by themselves, what has arrived from the hosts, the gateway's own deadline, and then what
 //! starts on the buses. So a run depends on wiring, seed and input only, not on how it is cut into pieces.
 
 mod host_link;
@@ -20,6 +20,7 @@ pub use self::trace::TraceEntry;
 use self::host_link::HostLink;
 use self::life::Life;
 use self::port::{Medium, Port};
+use self::strangers::Strangers;
 use self::trace::{Trace, micros};
 use crate::bus::{BusFault, Station, Wire};
 use crate::can::CanOutcome;
@@ -37,6 +38,7 @@ pub struct World {
     ports: Vec<Port>,
     motors: Vec<Motor>,
     links: Vec<HostLink>,
+    strangers: Strangers,
     trace: Trace,
     life: Life,
     /// A deadline that the gateway leaves in the past is due again only then, so that time goes on.
@@ -70,8 +72,9 @@ impl World {
         let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
         let gateway = Box::new(Gateway::new(board, life.take_random_number()));
-        let (trace, not_before) = (Trace::default(), Duration::ZERO);
-        let mut world = Self { now: Duration::ZERO, gateway, ports, motors, links, trace, life, not_before };
+        let (strangers, trace, not_before) = (Strangers::new(seed), Trace::default(), Duration::ZERO);
+        let now = Duration::ZERO;
+        let mut world = Self { now, gateway, ports, motors, links, strangers, trace, life, not_before };
         world.start_gateway();
         Ok(world)
     }
@@ -178,7 +181,15 @@ impl World {
         let ports = self.ports.iter().filter_map(Port::next_event);
         let motors = self.motors.iter().filter_map(Motor::next_event);
         let links = self.links.iter().filter_map(HostLink::next_event);
-        deadline.into_iter().chain(ports).chain(motors).chain(links).min().map(|at| at.max(self.now))
+        let strangers = self.strangers.next_event();
+        deadline
+            .into_iter()
+            .chain(ports)
+            .chain(motors)
+            .chain(links)
+            .chain(strangers)
+            .min()
+            .map(|at| at.max(self.now))
     }
 
     fn run_to(&mut self, until: Duration) {
@@ -197,6 +208,7 @@ impl World {
         }
         self.settle();
         self.run_motors();
+        self.run_strangers();
         for link in 0..self.links.len() {
             self.run_link(link);
         }
