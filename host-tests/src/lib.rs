@@ -5,4 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod client_scenario;
+mod play;
 pub mod scenario;
+
+pub use play::play_all;
