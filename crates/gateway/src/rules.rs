@@ -3,7 +3,7 @@
 
 use crate::axis::AxisConfig;
 use crate::motor::{self, Command, Demand, Effect, Native};
-use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, Value};
+use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
 
 /// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
 #[derive(Debug, Clone)]
@@ -123,6 +123,11 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
         |limit: &&AxisParameter| config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config);
     if let Some(limit) = LIMITS.iter().find(idle) {
         return Err(Error::CannotMeasure { axis, parameter: limit.number() });
+    }
+    // 0x80 leaves the brake as it is (RMD V3.6 §2.15), and a hanging load falls.
+    let coasts = config.stop_action() == Some(StopAction::Coast);
+    if coasts && config.flag(AxisParameter::ReleaseBrakeWhenArming) {
+        return Err(Error::BrakeStaysOpen { axis });
     }
     let least = config.protocol().map_or(0.0, motor::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;

@@ -162,6 +162,15 @@ impl fmt::Display for Error {
             Self::RawOpen { bus } => {
                 write!(f, "bus {bus} is open for raw frames; close it first")
             }
+            Self::BrakeLocked { axis } => write!(
+                f,
+                "the brake of the motor of axis {axis} is locked; set release_brake_when_arming, or allow_unverified_brake \
+                 too where its firmware does not tell (0x9A byte 3)"
+            ),
+            Self::BrakeStaysOpen { axis } => write!(
+                f,
+                "axis {axis} frees its brake when it is armed, and a stop by coast leaves it open: choose hold or brake"
+            ),
             Self::NotHolding { axis, state } => {
                 write!(f, "axis {axis} is {state}; only the output of a holding motor can be switched off")
             }

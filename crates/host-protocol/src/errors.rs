@@ -409,6 +409,16 @@ errors! {
         /// Its state.
         state: AxisState,
     }
+    /// The motor's holding brake is locked: a motion would end in a stall.
+    61 BrakeLocked {
+        /// The axis.
+        axis: u8,
+    }
+    /// Arming frees the brake, and the stop action would leave it open with the motor's output off: what hangs on it would fall.
+    62 BrakeStaysOpen {
+        /// The axis.
+        axis: u8,
+    }
 }
 
 impl core::error::Error for Error {}

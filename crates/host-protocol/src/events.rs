@@ -224,6 +224,13 @@ events! {
         /// From the trip or the stop request until now, µs.
         waiting_us: u32,
     }
+    /// The motor has echoed what its brake was told and does not show it; the axis has `allow_unverified_brake`.
+    0x8010 BrakeUnverified {
+        /// The axis.
+        axis: u8,
+        /// What the brake was told: locked, or freed.
+        locked: bool,
+    }
 }
 
 impl Event {

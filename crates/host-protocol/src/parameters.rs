@@ -297,6 +297,8 @@ parameters! {
     36 UncommandedRadS "uncommanded_rad_s": Float("rad/s") [0.0, 10_000.0] optional;
     /// Lets the motor of an armed axis turn without a setpoint: by hand, by wind or water.
     37 AllowUncommanded "allow_uncommanded": Bool("") [false, true] false;
+    /// RMD: what the motor says of its brake (0x9A byte 3) is not believed, as newer firmware does not tell: an echoed 0x77 counts as released, an echoed 0x78 and 1 s as locked.
+    38 AllowUnverifiedBrake "allow_unverified_brake": Bool("") [false, true] false;
     /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the device only reports, bar arming and trip like its faults. A broken sensor does anyway where the axis has temperature_limit_c.
     44 WarningsAreFaults "warnings_are_faults": Bool("") [false, true] false;
 }

@@ -101,6 +101,9 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
         set(AxisParameter::Protocol, Number::Unsigned(motor.protocol.number().into()));
         set(AxisParameter::Node, Number::Unsigned(motor.node.into()));
         set(AxisParameter::StopAction, Number::Unsigned(motor.stop.number().into()));
+        if motor.stop == StopAction::Brake {
+            set(AxisParameter::ReleaseBrakeWhenArming, Number::Bool(true));
+        }
         set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(true));
         set(AxisParameter::StopsBeforeUnreachable, Number::Unsigned(100));
         if motor.stop != StopAction::Coast {

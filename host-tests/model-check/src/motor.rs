@@ -2,7 +2,7 @@
 
 use crate::action::Does;
 use crate::plant::Wired;
-use host_protocol::Protocol;
+use host_protocol::{Protocol, StopAction};
 
 /// How fast a shaft follows, per second.
 const FOLLOWS: f64 = 200.0;
@@ -46,7 +46,7 @@ impl Motor {
             angle: 0.0,
             seen_us: 0,
             faults: 0,
-            brake_released: true,
+            brake_released: wired.stop != StopAction::Brake,
             prepared: None,
             mute_until: 0,
             deaf_until: 0,

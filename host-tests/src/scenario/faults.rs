@@ -31,6 +31,8 @@ impl Bench {
             (Some(&"ignore-motion"), Some(on)) => Injection::IgnoreMotion(on),
             (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
             (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
+            (Some(&"brake"), Some(on)) => Injection::Brake(on),
+            (Some(&"stuck-brake"), Some(on)) => Injection::StuckBrake(on),
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
             (Some(&"lenient"), Some(on)) => Injection::Lenient(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),

@@ -27,6 +27,7 @@ pub fn event(message: &EventMessage) -> Value {
         Event::StopDelayed { bus, axis, waiting_us } => {
             json!({ "bus": bus, "axis": axis, "waiting_us": waiting_us })
         }
+        Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
         Event::FrameRejected { reason, count } => json!({ "reason": reason, "count": count }),
         Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": to_json(state) }),
         Event::MotorNotice { axis, data, length } => {

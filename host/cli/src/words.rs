@@ -110,6 +110,10 @@ fn event_in_words(event: &Event) -> String {
                 milliseconds(*waiting_us)
             )
         }
+        Event::BrakeUnverified { axis, locked } => {
+            let told = if *locked { "locked" } else { "freed" };
+            format!("axis {axis}: the brake was {told}, and the motor does not show it")
+        }
         Event::FrameRejected { reason, count } => {
             let name = host_protocol::FrameError::ALL
                 .iter()

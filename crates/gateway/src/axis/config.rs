@@ -124,6 +124,17 @@ impl AxisConfig {
         self.unsigned(AxisParameter::StopAction).and_then(|a| StopAction::try_from(a).ok())
     }
 
+    /// Whether the axis says that its motor has a holding brake: its stop locks it, or its arming frees it (RMD V3.6 §2.26, §2.27).
+    /// Of other motors the brake is not judged.
+    pub fn has_brake(&self) -> bool {
+        self.stop_action() == Some(StopAction::Brake) || self.flag(AxisParameter::ReleaseBrakeWhenArming)
+    }
+
+    /// Whether the motor's own word on its brake counts.
+    pub fn verifies_brake(&self) -> bool {
+        self.has_brake() && !self.flag(AxisParameter::AllowUnverifiedBrake)
+    }
+
     /// +1.0, or −1.0 where the motor counts clockwise as the axis's positive direction.
     pub fn sign(&self) -> f32 {
         match self.get(AxisParameter::Direction) {

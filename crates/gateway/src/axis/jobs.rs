@@ -10,7 +10,8 @@ use crate::outbox::{Outbox, Ticket};
 use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
-    AxisParameter, AxisState, Bytes, Error, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply, TripReason,
+    AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply,
+    TripReason,
 };
 
 /// A sequence of exchanges under way for a host.
@@ -345,12 +346,22 @@ impl Axis {
         {
             return Err(Error::MotorFault { axis, faults });
         }
+        // A motion against a locked brake ends in a stall (RMD V3.6 §2.12, §2.27).
+        if seen.brake_locked == Some(true) && !self.brake_is_freed_unseen() && self.config.has_brake() {
+            return Err(Error::BrakeLocked { axis });
+        }
         match seen.velocity_rad_s {
             Some(velocity_rad_s) if exchange == Exchange::Velocity && !self.is_standstill(velocity_rad_s) => {
                 Err(Error::NotStandstill { axis, velocity_rad_s })
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether the job has freed the brake of a motor that need not show it.
+    fn brake_is_freed_unseen(&self) -> bool {
+        let freed = self.job.as_ref().is_some_and(|job| job.brake_freed);
+        freed && !self.config.verifies_brake()
     }
 
     /// A level other than the configured one would make every write look lost, or answers unexpected.
@@ -425,6 +436,9 @@ impl Axis {
     }
 
     fn armed(&mut self, now: Instant, epoch: u32, out: &mut Outbox<'_>) {
+        if self.brake_is_freed_unseen() {
+            out.event(&Event::BrakeUnverified { axis: self.index, locked: false });
+        }
         self.epoch = epoch;
         self.motion = None;
         self.not_executed = false;

@@ -26,6 +26,8 @@ const STANDSTILL_WITHIN_ANEW: Duration = Duration::from_millis(2_000);
 const ASKED_AGAIN: Duration = Duration::from_millis(10);
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
+/// A brake that does not show it counts as locked so long after it was told (GUARANTEES G4, stop table).
+const BRAKE_LOCKS_WITHIN: Duration = Duration::from_millis(1_000);
 
 /// Where a stop stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -227,7 +229,12 @@ impl Stop {
         if self.phase == Phase::Confirmed || self.unreachable || self.not_sent {
             return None;
         }
-        Some(if self.has_left() { self.went_on_at + UNCONFIRMED_REPEAT } else { self.since })
+        if !self.has_left() {
+            return Some(self.since);
+        }
+        let repeat_at = self.went_on_at + UNCONFIRMED_REPEAT;
+        // While the brake locks unseen there is nothing to send.
+        Some(if self.repeats() { repeat_at } else { repeat_at.max(self.next_at) })
     }
 
     /// It has waited for so long that it counts as not sent, and waits still.

@@ -111,3 +111,65 @@ fn an_arming_that_fails_after_the_brake_was_freed_locks_it_again() {
     let position = |wanted: &str| sent.iter().position(|text| *text == wanted).expect(wanted);
     assert!(position(RELEASE) < position(LOCK), "{sent:?}");
 }
+
+/// RMD V3.6 §2.12.3: byte 3 is 0 while the brake is locked, 1 once it was released.
+const LOCKED: &str = "241#9A320000E5010000";
+
+#[test]
+fn a_locked_brake_bars_arming_of_an_axis_that_has_one() {
+    for (action, frees, armed) in [
+        (StopAction::Coast, false, true),
+        (StopAction::Hold, false, true),
+        (StopAction::Hold, true, false),
+        (StopAction::Brake, false, false),
+        (StopAction::Brake, true, false),
+    ] {
+        let (mut rig, _) = bench::rmd(action);
+        rig.instead(|text| if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual });
+        bench::parameter(&mut rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(frees));
+        let arming = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
+        assert_eq!(arming.is_ok(), armed, "{action:?} {frees} {arming:?}");
+        assert!(armed || arming == Err(Error::BrakeLocked { axis: 0 }), "{arming:?}");
+        assert_eq!(rig.sent_since(0, 0).contains(&RELEASE), frees);
+    }
+}
+
+#[test]
+fn coast_is_refused_where_arming_frees_the_brake() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    let set = |parameter: AxisParameter, value| {
+        Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value })
+    };
+    let frees = set(AxisParameter::ReleaseBrakeWhenArming, Value::Bool(true));
+    assert_eq!(rig.ask(frees.clone()), Err(Error::BrakeStaysOpen { axis: 0 }));
+    let action = |action: StopAction| set(AxisParameter::StopAction, Value::Unsigned(action.number().into()));
+    rig.ask(action(StopAction::Brake)).unwrap();
+    rig.ask(frees).unwrap();
+    assert_eq!(rig.ask(action(StopAction::Coast)), Err(Error::BrakeStaysOpen { axis: 0 }));
+}
+
+#[test]
+fn a_brake_that_does_not_show_it_counts_by_its_echoes_and_a_second_and_the_host_is_told() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    rig.instead(|text| if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual });
+    bench::parameter(&mut rig, 0, AxisParameter::AllowUnverifiedBrake, Value::Bool(true));
+    // Nobody has freed it.
+    let arm = Request::Arm(requests::Arm { axis: 0 });
+    assert_eq!(rig.ask(arm.clone()), Err(Error::BrakeLocked { axis: 0 }));
+    bench::parameter(&mut rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(true));
+    rig.ask(arm).unwrap();
+    let since = rig.now_us;
+    stop(&mut rig);
+    run_with_host(&mut rig, 950_000);
+    let sent = |rig: &crate::rig::Rig, wanted| rig.sent_since(0, since).contains(&wanted);
+    assert!(sent(&rig, LOCK) && !sent(&rig, COAST));
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
+    run_with_host(&mut rig, 200_000);
+    assert!(sent(&rig, COAST));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    for locked in [false, true] {
+        assert!(
+            rig.events().into_iter().any(|event| *event == HostEvent::BrakeUnverified { axis: 0, locked })
+        );
+    }
+}

@@ -5,7 +5,7 @@ use super::pairs::Pair;
 use crate::action::{Action, Ask, Number, Step};
 use crate::plant::{BUS_SETUP, BUSES, MOTORS};
 use crate::world::World;
-use host_protocol::{AxisParameter, Protocol};
+use host_protocol::{AxisParameter, Protocol, StopAction};
 use promise_model::Told;
 
 /// A state that the first axis of a pair is in; what the second is in with it.
@@ -129,6 +129,10 @@ impl Preparation {
             ] {
                 let value = Number::Unsigned(value.into());
                 self.ask(Ask::Set { axis, parameter: parameter.number(), value });
+            }
+            if motor.stop == StopAction::Brake {
+                let parameter = AxisParameter::ReleaseBrakeWhenArming.number();
+                self.ask(Ask::Set { axis, parameter, value: Number::Bool(true) });
             }
             if motor.protocol != Protocol::D5 {
                 self.ask(Ask::Provision { axis, timeout_ms: MOTOR_TIMEOUT_MS });

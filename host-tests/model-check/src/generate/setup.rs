@@ -53,7 +53,7 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
         }
-        if axis == 2 && dice.percent(50) {
+        if axis == 2 && dice.percent(80) {
             set(AxisParameter::ReleaseBrakeWhenArming, Number::Bool(true));
         }
         if dice.percent(20) {

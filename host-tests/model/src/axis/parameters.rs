@@ -35,6 +35,7 @@ mod parameter {
     pub const ALLOW_NO_TIMEOUT: (u16, u32) = (35, 0);
     pub const UNCOMMANDED: u16 = 36;
     pub const ALLOW_UNCOMMANDED: (u16, u32) = (37, 0);
+    pub const ALLOW_UNVERIFIED_BRAKE: (u16, u32) = (38, 0);
     pub const WARNINGS_ARE_FAULTS: (u16, u32) = (44, 0);
 }
 
@@ -190,6 +191,15 @@ impl Axis {
 
     pub fn releases_brake(&self) -> bool {
         self.get(parameter::RELEASE_BRAKE) != 0
+    }
+
+    /// Whether the axis says that its motor has a brake.
+    pub fn has_brake(&self) -> bool {
+        self.stop_action() == Some(StopAction::Brake) || self.releases_brake()
+    }
+
+    pub fn allows_unverified_brake(&self) -> bool {
+        self.get(parameter::ALLOW_UNVERIFIED_BRAKE) != 0
     }
 
     pub fn d5_ack_level(&self) -> u32 {

@@ -16,6 +16,8 @@ pub(crate) struct Arming {
     faults_read: bool,
     /// After the latest stop, or before it where the manual's order is that.
     faultless: bool,
+    /// RMD: seen open (§2.12, byte 3).
+    brake_open: bool,
     /// Speed read behind the latest stop.
     stands: bool,
     record_read: bool,
@@ -28,6 +30,8 @@ pub(crate) struct Arming {
 const ACK_LEVEL: u8 = 0x10;
 const TIMEOUT_SWITCH: u8 = 0x11;
 const WRITE_WAITS: u8 = 0x2C;
+/// RMD V3.6 §2.26.
+const FREE_BRAKE: u8 = 0x77;
 
 impl Arming {
     pub fn new(now: u64) -> Self {
@@ -62,6 +66,7 @@ impl Arming {
                 Some(Question::Speed) => self.stands |= reading.speed.is_some_and(|speed| speed <= still),
                 Some(Question::Faults) => {
                     self.faults_read = true;
+                    self.brake_open |= reading.locked == Some(false);
                     self.faultless |= reading.faults.is_some_and(|word| word & !warnings == 0);
                 }
                 Some(Question::Record) => self.record_read = true,
@@ -78,6 +83,8 @@ impl Arming {
         let read = |register, fits: &dyn Fn(u8) -> bool| {
             self.registers.iter().any(|(read, value)| *read == register && fits(*value))
         };
+        let freed = self.asked.iter().any(|asked| asked.first() == Some(&FREE_BRAKE));
+        let open = self.brake_open || freed && axis.allows_unverified_brake();
         let level = axis.d5_ack_level();
         let wanted: &[(bool, &'static str)] = match axis.protocol()? {
             // The first may be ignored.
@@ -85,6 +92,7 @@ impl Arming {
                 (self.stopped >= 2, "two stops"),
                 (self.stands, "standstill"),
                 (self.faultless, "no fault"),
+                (open || !axis.has_brake(), "an open brake"),
                 (axis.allows(axis.timeout), "the motor's timeout"),
             ],
             Protocol::Thruster => &[

@@ -70,6 +70,18 @@ fn a_motor_whose_timeout_nobody_knows() {
     armed_after(trace, &ASKED).breaks(Check::ArmedUnproved);
 }
 
+/// Byte 3 of 0x9A is 0 (§2.12).
+const LOCKED: &[u8] = &[0x9A, 30, 0, 0, 0xE5, 1, 0, 0];
+
+#[test]
+fn a_motor_whose_brake_is_locked() {
+    let [first, second, speed, faults] = ASKED;
+    let locked = [first, second, speed, (READ_FAULTS, LOCKED)];
+    armed_after(Trace::new(HOLD), &locked).breaks_nothing();
+    armed_after(Trace::new(BRAKE), &locked).breaks(Check::ArmedUnproved);
+    armed_after(Trace::new(BRAKE), &[first, second, speed, faults]).breaks_nothing();
+}
+
 #[test]
 fn arming_that_frees_a_brake_unasked() {
     let mut trace = Trace::new(HOLD);

@@ -17,6 +17,7 @@ use super::*;
 
 const HOLD: u8 = 2;
 const COAST: u8 = 1;
+const BRAKE: u8 = 3;
 const VELOCITY: &[u8] = &[0xA2, 0, 0, 0, 0x10, 0x27, 0, 0];
 const OTHER_VELOCITY: &[u8] = &[0xA2, 0, 0, 0, 0x20, 0x27, 0, 0];
 const DISTANCE: &[u8] = &[0xA8, 0, 0xF4, 1, 0xA0, 0x8C, 0, 0];

@@ -52,6 +52,10 @@ pub enum Injection {
     /// It reads leniently: unused bytes may be anything, missing ones count as zero, no pause ends a frame on RS485, a D5
     /// motor looks at no checksum and obeys any command to all.
     Lenient(bool),
+    /// RMD: it has a holding brake, locked from when it is switched on until 0x77 (RMD V3.6 §2.27).
+    Brake(bool),
+    /// RMD: its brake does not open; 0x77 is echoed.
+    StuckBrake(bool),
     /// Something outside turns its shaft, whatever the motor does.
     Turning(Option<Turning>),
     /// Its sensor of the current reads this, mA.
@@ -105,6 +109,8 @@ pub(crate) struct Injections {
     pub(crate) resume_after_fault: bool,
     pub(crate) resume_after_timeout: bool,
     pub(crate) lenient: bool,
+    pub(crate) brake: bool,
+    pub(crate) stuck_brake: bool,
     pub(crate) outside: Outside,
 }
 
@@ -137,6 +143,8 @@ impl Injections {
             Injection::ResumeAfterFault(on) => self.resume_after_fault = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
             Injection::Lenient(on) => self.lenient = on,
+            Injection::Brake(on) => self.brake = on,
+            Injection::StuckBrake(on) => self.stuck_brake = on,
             Injection::Turning(turning) => self.outside.turning = turning,
             Injection::Current(ma) => self.outside.current_ma = ma,
             Injection::MotorTemperature(celsius) => self.outside.motor_c = celsius,

@@ -90,6 +90,8 @@ pub(super) struct Rmd {
     watch: Watch,
     /// The next command will be echoed and ignored.
     deaf_once: bool,
+    /// It has a holding brake.
+    has_brake: bool,
     /// The timeout has locked the brake.
     locked_by_timeout: bool,
     brake_released: bool,
@@ -111,8 +113,9 @@ impl Rmd {
             timeout: Duration::ZERO,
             watch: Watch::default(),
             deaf_once: false,
+            has_brake: false,
             locked_by_timeout: false,
-            brake_released: true,
+            brake_released: false,
             release_at: None,
             notice_at: None,
             faults: Faults::empty(),
@@ -125,14 +128,14 @@ impl Rmd {
         self.deaf_once = true;
         self.wanted = Drive::Off;
         self.notice_at = Some(cx.now + NOTICE_EVERY);
-        if !self.is_locked() {
+        if self.has_brake && !self.is_locked() {
             cx.log(MotorEvent::BrakeLocked);
         }
         self.locked_by_timeout = true;
     }
 
     fn is_locked(&self) -> bool {
-        !self.brake_released || self.locked_by_timeout
+        self.has_brake && (!self.brake_released || self.locked_by_timeout)
     }
 
     fn is_faulty(&self) -> bool {
@@ -267,7 +270,7 @@ impl Rmd {
             }
             Request::LockBrake => {
                 self.release_at = None;
-                if !self.is_locked() {
+                if self.has_brake && !self.is_locked() {
                     cx.log(MotorEvent::BrakeLocked);
                 }
                 self.brake_released = false;
@@ -280,7 +283,7 @@ impl Rmd {
             // Commands that are not simulated are echoed.
             _ => return self.throw_back(cx, request),
         };
-        if is_motion(request) && std::mem::take(&mut self.locked_by_timeout) {
+        if is_motion(request) && std::mem::take(&mut self.locked_by_timeout) && self.has_brake {
             // Communication is back to normal, and so is the motor (RMD V3.6 §2.30.4).
             cx.log(MotorEvent::BrakeReleased);
         }
@@ -390,13 +393,14 @@ impl Model for Rmd {
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {
+        self.has_brake = cx.injected.brake;
         if self.watch.strikes(self.own_timeout(), cx) {
             self.cut_output(cx);
         }
         if self.release_at.take_if(|at| *at <= cx.now).is_some() {
             let was_locked = self.is_locked();
-            (self.brake_released, self.locked_by_timeout) = (true, false);
-            if was_locked {
+            (self.brake_released, self.locked_by_timeout) = (!cx.injected.stuck_brake, false);
+            if was_locked && !self.is_locked() {
                 cx.log(MotorEvent::BrakeReleased);
             }
         }
@@ -420,7 +424,7 @@ impl Model for Rmd {
         (self.wanted, self.before_fault) = (Drive::Off, None);
         self.watch = Watch::default();
         (self.deaf_once, self.locked_by_timeout) = (false, false);
-        (self.brake_released, self.release_at, self.notice_at) = (true, None, None);
+        (self.brake_released, self.release_at, self.notice_at) = (false, None, None);
         (self.faults, self.stall) = (Faults::empty(), StallGuard::default());
     }
 

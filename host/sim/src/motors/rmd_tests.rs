@@ -9,6 +9,7 @@ const STOP: [u8; 8] = [0x81, 0, 0, 0, 0, 0, 0, 0];
 const SHUTDOWN: [u8; 8] = [0x80, 0, 0, 0, 0, 0, 0, 0];
 const STATUS_1: [u8; 8] = [0x9A, 0, 0, 0, 0, 0, 0, 0];
 const STATUS_2: [u8; 8] = [0x9C, 0, 0, 0, 0, 0, 0, 0];
+const RELEASE_BRAKE: [u8; 8] = [0x77, 0, 0, 0, 0, 0, 0, 0];
 /// 0xA2, 100 degrees per second (RMD V3.6 §2.18.4): 1.7453 rad/s.
 const SPEED_100: [u8; 8] = [0xA2, 0, 0, 0, 0x10, 0x27, 0x00, 0x00];
 const RAD_S_100: f64 = 1.745_329;
@@ -17,6 +18,15 @@ const TIMEOUT_1000: [u8; 8] = [0xB3, 0, 0, 0, 0xE8, 0x03, 0x00, 0x00];
 
 fn motor() -> TestMotor {
     TestMotor::new(Protocol::Rmd, 1, false)
+}
+
+/// A motor with a holding brake, open.
+fn with_brake() -> TestMotor {
+    let mut motor = motor();
+    motor.inject(Injection::Brake(true));
+    motor.ask(ID, &RELEASE_BRAKE);
+    assert_eq!(motor.run_ms(160), ["241#7700000000000000"]);
+    motor
 }
 
 /// A motor that has been running at 100 degrees per second for a second.
@@ -120,7 +130,7 @@ fn motion_mode_ends_as_other_commands_do() {
     motor.assert_speed(0.0);
 
     motor.keep_asking(MOTION_ID, &PUSH, 900);
-    motor.run_ms(1_100);
+    motor.run_ms(4_000);
     motor.assert_speed(0.0);
     // The first command after the timeout is ignored; the reply shows the state, at rest.
     let replies = motor.ask(MOTION_ID, &PUSH);
@@ -151,7 +161,7 @@ fn stop_is_faster_than_shutdown() {
 
 #[test]
 fn its_own_timeout_cuts_the_output_and_locks_the_brake() {
-    let mut motor = motor();
+    let mut motor = with_brake();
     assert_eq!(motor.ask(ID, &TIMEOUT_1000), ["241#B3000000E8030000"]);
     assert_eq!(motor.motor.own_timeout(), Some(Duration::from_secs(1)));
     motor.keep_asking(ID, &SPEED_100, 2_000);
@@ -160,7 +170,7 @@ fn its_own_timeout_cuts_the_output_and_locks_the_brake() {
     motor.assert_speed(0.0);
     assert_eq!(motor.ask(ID, &STATUS_1), ["241#9A190000E0010000"]);
     let events = motor.events();
-    assert_eq!(events[3..5], ["own timeout after 1000 ms without a command", "brake locked"]);
+    assert_eq!(events[5..7], ["own timeout after 1000 ms without a command", "brake locked"]);
 }
 
 /// Polls feed the timeout, too.
@@ -246,13 +256,32 @@ fn a_level_1_fault_stays_until_a_restart() {
 
 #[test]
 fn the_brake_holds_and_takes_its_time_to_open() {
-    let mut motor = running();
+    let mut motor = with_brake();
+    motor.ask(ID, &SPEED_100);
+    motor.run_ms(1_000);
+    motor.assert_speed(RAD_S_100);
     assert_eq!(motor.ask(ID, &[0x78, 0, 0, 0, 0, 0, 0, 0]), ["241#7800000000000000"]);
     motor.run_ms(100);
     motor.assert_speed(0.0);
-    assert_eq!(motor.ask(ID, &[0x77, 0, 0, 0, 0, 0, 0, 0]), [""; 0]);
+    assert_eq!(motor.ask(ID, &RELEASE_BRAKE), [""; 0]);
     assert_eq!(motor.run_ms(45), [""; 0]);
     assert_eq!(motor.run_ms(110), ["241#7700000000000000"]);
+}
+
+/// RMD V3.6 §2.27: the brake is locked without power. §2.12: byte 3 is 1 once 0x77 has been carried out.
+#[test]
+fn switched_on_its_brake_is_locked() {
+    let mut motor = with_brake();
+    assert_eq!(motor.ask(ID, &STATUS_1), ["241#9A190001E0010000"]);
+    motor.motor.power_cycle(motor.now);
+    assert_eq!(motor.ask(ID, &STATUS_1), ["241#9A190000E0010000"]);
+    motor.ask(ID, &SPEED_100);
+    motor.run_ms(500);
+    motor.assert_speed(0.0);
+    motor.inject(Injection::StuckBrake(true));
+    motor.ask(ID, &RELEASE_BRAKE);
+    assert_eq!(motor.run_ms(160), ["241#7700000000000000"]);
+    assert_eq!(motor.ask(ID, &STATUS_1), ["241#9A190000E0010000"]);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! What the motor's answers do to a stop: acknowledged, at rest, confirmed (GUARANTEES G4).
 
 use super::{
-    BRAKE_WAIT, Phase, REFUSED_PAUSE, STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST, Stop,
+    BRAKE_LOCKS_WITHIN, BRAKE_WAIT, Phase, REFUSED_PAUSE, STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW,
+    STOPS_AT_LEAST, Stop,
 };
 use crate::axis::exchanges::Pending;
 use crate::axis::{Axis, Observation};
@@ -18,6 +19,7 @@ impl Axis {
         seen: &Observation,
         out: &mut Outbox<'_>,
     ) {
+        let verifies_brake = self.config.verifies_brake();
         let Some(stop) = &mut self.stop else { return };
         stop.went_on_at = now;
         let answered = motor::is_answered(&pending.command, &self.config);
@@ -53,7 +55,16 @@ impl Axis {
                 _ => self.seek_standstill(now),
             },
             (Phase::Standstill, Exchange::Velocity) => self.speed_read(now, seen),
-            (Phase::LockBrake, Exchange::LockBrake) => stop.go(now, Phase::VerifyBrake),
+            (Phase::LockBrake, Exchange::LockBrake) => {
+                stop.go(now, Phase::VerifyBrake);
+                if !verifies_brake {
+                    stop.next_at = now + BRAKE_LOCKS_WITHIN;
+                }
+            }
+            (Phase::VerifyBrake, Exchange::Faults) if !verifies_brake => {
+                stop.go(now, Phase::OutputOff);
+                out.event(&Event::BrakeUnverified { axis: self.index, locked: true });
+            }
             (Phase::VerifyBrake, Exchange::Faults) if seen.brake_locked == Some(true) => {
                 stop.go(now, Phase::OutputOff);
             }
