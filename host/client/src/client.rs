@@ -1,22 +1,22 @@
 //! [`Client`]: one session with one gateway.
 
+mod sending;
+
 use std::io::ErrorKind;
 use std::time::Duration;
 
-use host_protocol::messages::request_name;
 use host_protocol::replies::HelloReply;
-use host_protocol::requests::{self as ask, Hello, Ping, Subscribe};
+use host_protocol::requests::{Hello, Ping, Subscribe};
 use host_protocol::{
-    BootReason, Call, Error, EventMessage, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, StopTarget, Text,
+    BootReason, Call, Error, EventMessage, PROTOCOL_MAJOR, PROTOCOL_MINOR, StopTarget, Text,
 };
 
 use crate::clock::Clock;
 use crate::error::ClientError;
-use crate::inbox::{Answer, Inbox, Losses};
+use crate::inbox::{Inbox, Losses};
 use crate::interrupt::Interrupt;
-use crate::kinds::{acts_each_time, moves, stops};
 use crate::stopping::{StopRequest, until_answered};
-use crate::stream::{Motion, Stream};
+use crate::stream::Stream;
 use crate::transport::Transport;
 
 /// How long an answer is awaited, repetitions included, unless the caller says otherwise.
@@ -30,12 +30,8 @@ pub const REPEAT_AFTER: Duration = Duration::from_millis(80);
 pub(crate) const REPEAT_MOVE_AFTER: Duration = Duration::from_millis(20);
 /// [`Client::keep_alive`] pings when nothing was sent for this long: three of them fit into the default link silence.
 pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
-/// An interrupt is looked for at least this often.
-const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// By how much the latest expiry stays below what the gateway takes.
 const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
-/// Requests among which the gateway knows a repeated one.
-const REMEMBERED: u64 = 8;
 
 /// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
@@ -47,8 +43,6 @@ const SUBSCRIPTION_MAY_HAVE_ENDED_AFTER: Duration = Duration::from_secs(4);
 
 /// Exchanges that measure the clock when a session starts.
 const FIRST_PINGS: usize = 3;
-/// Bytes taken from the transport at once.
-const READ_BUFFER: usize = 512;
 /// So often bytes that have already arrived are read when there is no time to wait for an event.
 const READS_WITHOUT_WAITING: usize = 16;
 
@@ -194,176 +188,9 @@ impl<T: Transport> Client<T> {
         self.exchange(request, deadline, REPEAT_AFTER).map(|(reply, _)| reply)
     }
 
-    /// Sends a request until it is answered or the deadline has passed. Returns the reply, and when the request was sent for the first
-    /// time.
-    pub(crate) fn exchange<C: Call>(
-        &mut self,
-        request: &C,
-        deadline: Duration,
-        repeat_after: Duration,
-    ) -> Result<(C::Reply, Duration), ClientError> {
-        let name = request_name(C::NUMBER).unwrap_or("a request");
-        let start = self.transport.now();
-        let (end, mut next_sending) = (start.saturating_add(deadline), start);
-        let mut first = None;
-        let mut frame = [0; MAX_FRAME];
-        loop {
-            self.heed_interrupt(C::NUMBER)?;
-            self.send_due()?;
-            let now = self.transport.now();
-            if now >= end {
-                return Err(ClientError::NoAnswer { request: name, after: deadline });
-            }
-            let (sequence, length, sent, order) = match first {
-                Some(first) => first,
-                None => {
-                    let sequence = self.next_sequence();
-                    let length =
-                        host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
-                            .map_err(|_| ClientError::TooLong { request: name })?;
-                    *first.insert((sequence, length, now, self.written))
-                }
-            };
-            // Among so many others the gateway would take it for a new one.
-            let is_known = self.written - order < REMEMBERED || !acts_each_time(C::NUMBER);
-            if now >= next_sending && is_known {
-                self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
-                next_sending = now + repeat_after;
-            }
-            let until = if is_known { next_sending.min(end) } else { end };
-            match self.listen(until, Some((sequence, C::NUMBER)))? {
-                None => {}
-                Some(Answer::Error(error)) => return Err(error.into()),
-                Some(Answer::Reply { number, body }) => {
-                    let unreadable = ClientError::UnreadableReply { request: name, number };
-                    return read_reply::<C>(&body).map(|reply| (reply, sent)).ok_or(unreadable);
-                }
-            }
-        }
-    }
-
-    fn next_sequence(&mut self) -> u16 {
-        let sequence = self.sequence;
-        self.sequence = sequence.wrapping_add(1);
-        sequence
-    }
-
-    /// The one place where requests are written; the stops that follow an interrupt are written by themselves.
-    fn write(&mut self, number: u16, frame: &[u8]) -> Result<(), ClientError> {
-        // Right before each frame: it may have come since the loop looked, and among several frames that are due.
-        self.heed_interrupt(number)?;
-        self.transport.send(frame)?;
-        self.written += 1;
-        self.last_sent = self.transport.now();
-        Ok(())
-    }
-
-    /// Writes a request whose answer nobody waits for.
-    fn post<C: Call>(&mut self, request: &C) -> Result<u16, ClientError> {
-        let sequence = self.next_sequence();
-        let mut frame = [0; MAX_FRAME];
-        let length = host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
-            .map_err(|_| ClientError::TooLong { request: request_name(C::NUMBER).unwrap_or("a request") })?;
-        self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
-        Ok(sequence)
-    }
-
-    /// Reads once what has arrived, or arrives before something is to be sent, or an interrupt to be looked for.
-    fn listen(
-        &mut self,
-        until: Duration,
-        awaited: Option<(u16, u16)>,
-    ) -> Result<Option<Answer>, ClientError> {
-        let now = self.transport.now();
-        let due = self.stream.as_ref().map_or(until, Stream::due);
-        let wait = until.min(due).min(now + LOOK_EVERY).saturating_sub(now);
-        let mut buffer = [0; READ_BUFFER];
-        let count = self.transport.receive(&mut buffer, wait)?;
-        let now = self.transport.now();
-        let mut found = None;
-        for arrived in self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
-            let is_awaited = awaited.is_some_and(|(sequence, number)| arrived.answers(sequence, number));
-            if is_awaited && found.is_none() {
-                found = Some(arrived.answer);
-            } else if !self.stream.as_mut().is_some_and(|stream| stream.take(now, &arrived, &mut self.clock))
-            {
-                self.inbox.count_late();
-            }
-        }
-        Ok(found)
-    }
-
-    /// Sends the setpoints and the ping that are due.
-    fn send_due(&mut self) -> Result<(), ClientError> {
-        let now = self.transport.now();
-        // Taken out while it is sent from; a failure to write ends it.
-        let Some(mut stream) = self.stream.take() else { return Ok(()) };
-        // First: it measures the clock, and waits behind nothing.
-        if stream.takes_ping(now) {
-            let sequence = self.post(&Ping {})?;
-            stream.pinged(sequence, now);
-        }
-        if stream.takes_turn(now) {
-            for index in 0..stream.flows.len() {
-                let Some(flow) = stream.flows.get(index) else { break };
-                let (axis, epoch, expires_at_us) = (flow.axis, flow.epoch, self.expiry(flow.lead()));
-                let sequence = match &flow.motion {
-                    Motion::Setpoint(setpoint) => {
-                        self.post(&ask::Setpoint { axis, epoch, expires_at_us, setpoint: *setpoint })?
-                    }
-                    Motion::Native(data) => {
-                        self.post(&ask::Native { axis, epoch, expires_at_us, data: data.clone() })?
-                    }
-                };
-                stream.sent(index, sequence);
-            }
-        }
-        self.stream = Some(stream);
-        Ok(())
-    }
-
-    /// Lets time pass, at least one look at what has arrived, and sends meanwhile what is due.
-    pub(crate) fn pass_time(&mut self, until: Duration) -> Result<(), ClientError> {
-        loop {
-            self.heed_interrupt(Ping::NUMBER)?;
-            self.send_due()?;
-            self.listen(until, None)?;
-            if self.transport.now() >= until {
-                return Ok(());
-            }
-        }
-    }
-
-    /// Lets time pass. Setpoints that are held are sent meanwhile, and an interrupt is followed.
-    ///
-    /// # Errors
-    /// [`ClientError::Interrupted`], or the failure of the transport.
-    pub fn pause(&mut self, duration: Duration) -> Result<(), ClientError> {
-        let until = self.transport.now().saturating_add(duration);
-        self.pass_time(until)
-    }
-
     /// What the motor answered to the native command that is held; `None` before.
     pub fn native_reply(&self) -> Option<&[u8]> {
         self.stream.as_ref().and_then(|stream| stream.reply.as_deref())
-    }
-
-    /// The first time that the interrupt is seen: stops, before anything else is written. Later: refuses what moves.
-    pub(crate) fn heed_interrupt(&mut self, number: u16) -> Result<(), ClientError> {
-        if !self.interrupt.is_raised() {
-            return Ok(());
-        }
-        if !self.interrupted {
-            self.interrupted = true;
-            self.stop_armed()?;
-            // The stop of somebody who wants it to end is not what is to end.
-            return if stops(number) { Ok(()) } else { Err(self.ended_early()) };
-        }
-        if moves(number) { Err(self.ended_early()) } else { Ok(()) }
-    }
-
-    fn ended_early(&self) -> ClientError {
-        ClientError::Interrupted { armed: self.has_stopped }
     }
 
     /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames written are these stops, repeated
@@ -582,14 +409,6 @@ fn name_refusal(error: ClientError) -> ClientError {
             ClientError::LinksTaken
         }
         other => other,
-    }
-}
-
-/// Reads the whole body of a reply; bytes left over belong to another type than this.
-fn read_reply<C: Call>(body: &[u8]) -> Option<C::Reply> {
-    match postcard::take_from_bytes(body) {
-        Ok((reply, [])) => Some(reply),
-        _ => None,
     }
 }
 

@@ -117,8 +117,9 @@ impl<T: Transport> Client<T> {
                 return Ok(());
             }
             self.pass_time(next_round.min(end))?;
-            if let Some(stream) = &self.stream {
-                stream.check(self.now())?;
+            let now = self.now();
+            if let Some(stream) = &mut self.stream {
+                stream.check(now)?;
             }
         }
         Ok(())

@@ -2,7 +2,10 @@
 
 use std::collections::VecDeque;
 
+use host_protocol::messages::request_name;
 use host_protocol::{Call, Deframer, Error, EventMessage, Frame, Kind, requests::Hello};
+
+use crate::error::ClientError;
 
 /// Events that wait for the user; later ones are dropped and counted.
 const MAX_EVENTS: usize = 1_024;
@@ -21,6 +24,22 @@ pub(crate) enum Answer {
     },
     /// An error.
     Error(Error),
+}
+
+impl Answer {
+    /// The reply to a request of this kind: its whole body, as bytes left over belong to another type.
+    pub(crate) fn read<C: Call>(&self) -> Result<C::Reply, ClientError> {
+        match self {
+            Self::Error(error) => Err((*error).into()),
+            Self::Reply { number, body } => match postcard::take_from_bytes(body) {
+                Ok((reply, [])) => Ok(reply),
+                _ => {
+                    let request = request_name(C::NUMBER).unwrap_or("a request");
+                    Err(ClientError::UnreadableReply { request, number: *number })
+                }
+            },
+        }
+    }
 }
 
 /// An answer, and the sequence number of the request it belongs to.
@@ -135,6 +154,11 @@ impl Inbox {
     /// Nobody awaits this answer.
     pub(crate) fn count_late(&mut self) {
         self.losses.late += 1;
+    }
+
+    /// This answer says nothing that this version can read.
+    pub(crate) fn count_unreadable(&mut self) {
+        self.losses.unreadable += 1;
     }
 
     /// Forgets the frame that was arriving; the events stay, they have happened.

@@ -42,6 +42,13 @@ impl Pending {
         }
     }
 
+    fn read(&self, answer: &Answer) -> Result<(), ClientError> {
+        match self.request {
+            StopRequest::Stop(_) => answer.read::<ask::Stop>().map(drop),
+            StopRequest::EStop => answer.read::<ask::EStop>().map(drop),
+        }
+    }
+
     /// Each time it has a new sequence, so that no memory of an earlier one answers in its place.
     fn write(&mut self, transport: &mut impl Transport, sequence: &mut u16) -> io::Result<()> {
         let mut frame = [0; MAX_FRAME];
@@ -92,14 +99,18 @@ impl Stops {
                 let answered = self.pending.iter().position(|pending| {
                     pending.sequences.iter().any(|sequence| arrived.answers(*sequence, number(pending)))
                 });
-                match answered {
-                    Some(at) => {
+                let Some(at) = answered else {
+                    inbox.count_late();
+                    continue;
+                };
+                match self.pending.get(at).map(|pending| pending.read(&arrived.answer)) {
+                    Some(Ok(())) => drop(self.pending.remove(at)),
+                    Some(Err(ClientError::Gateway(error))) => {
                         self.pending.remove(at);
-                        if let Answer::Error(error) = arrived.answer {
-                            self.refusal.get_or_insert(error);
-                        }
+                        self.refusal.get_or_insert(error);
                     }
-                    None => inbox.count_late(),
+                    // Whether it was taken is not known: it is written again.
+                    Some(Err(_)) | None => inbox.count_unreadable(),
                 }
             }
         }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use host_protocol::replies::{NativeReply, Pong};
+use host_protocol::replies::Done;
 use host_protocol::requests as ask;
 use host_protocol::{Bytes, Call, Error, MAX_CAN_DATA, Quantity, Setpoint};
 
@@ -51,7 +51,7 @@ pub(crate) struct Flow {
     /// By how much the expiries of earlier setpoints lay too far ahead for the gateway.
     excess: Duration,
     /// Why it has ended.
-    refusal: Option<Error>,
+    refusal: Option<ClientError>,
 }
 
 impl Flow {
@@ -70,25 +70,27 @@ impl Flow {
     }
 
     fn take(&mut self, now: Duration, answer: &Answer, reply: &mut Option<Bytes<MAX_CAN_DATA>>) {
-        match answer {
-            Answer::Reply { body, .. } => {
+        let read = match self.motion {
+            Motion::Setpoint(_) => answer.read::<ask::Setpoint>().map(|Done {}| None),
+            Motion::Native(_) => answer.read::<ask::Native>().map(|native| Some(native.data)),
+        };
+        match read {
+            Ok(data) => {
                 (self.taken, self.miss) = (now, None);
-                if let Motion::Native(_) = self.motion
-                    && let Ok((native, _)) = postcard::take_from_bytes::<NativeReply>(body)
-                {
-                    *reply = Some(native.data);
+                if data.is_some() {
+                    *reply = data;
                 }
             }
             // It was taken, and the next one came before the motor had answered.
-            Answer::Error(Error::Superseded { .. }) => (self.taken, self.miss) = (now, None),
-            Answer::Error(error) if is_miss(error) => {
-                self.miss = Some(*error);
+            Err(ClientError::Gateway(Error::Superseded { .. })) => (self.taken, self.miss) = (now, None),
+            Err(ClientError::Gateway(error)) if is_miss(&error) => {
+                self.miss = Some(error);
                 if let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error {
-                    self.stay_below(f64::from(*value) - f64::from(*max));
+                    self.stay_below(f64::from(value) - f64::from(max));
                 }
             }
-            Answer::Error(error) => {
-                self.refusal.get_or_insert(*error);
+            Err(error) => {
+                self.refusal.get_or_insert(error);
             }
         }
     }
@@ -105,9 +107,9 @@ impl Flow {
         self.excess = self.excess.saturating_add(excess).min(self.ttl / 2);
     }
 
-    fn check(&self, now: Duration) -> Result<(), ClientError> {
-        if let Some(error) = self.refusal {
-            return Err(error.into());
+    fn check(&mut self, now: Duration) -> Result<(), ClientError> {
+        if let Some(error) = self.refusal.take() {
+            return Err(error);
         }
         let patience = self.ttl.saturating_mul(2).clamp(PATIENCE.0, PATIENCE.1);
         if now.saturating_sub(self.taken) <= patience {
@@ -191,8 +193,7 @@ impl Stream {
             self.pings.iter().position(|(sequence, _)| arrived.answers(*sequence, ask::Ping::NUMBER))
         {
             if let Some((_, sent)) = self.pings.remove(at)
-                && let Answer::Reply { body, .. } = &arrived.answer
-                && let Ok((pong, _)) = postcard::take_from_bytes::<Pong>(body)
+                && let Ok(pong) = arrived.answer.read::<ask::Ping>()
             {
                 clock.measure(sent, now, pong.time_us);
                 self.ponged = now;
@@ -214,8 +215,8 @@ impl Stream {
     }
 
     /// Whether it may go on: every axis by itself.
-    pub(crate) fn check(&self, now: Duration) -> Result<(), ClientError> {
-        self.flows.iter().try_for_each(|flow| flow.check(now))?;
+    pub(crate) fn check(&mut self, now: Duration) -> Result<(), ClientError> {
+        self.flows.iter_mut().try_for_each(|flow| flow.check(now))?;
         if self.flows.is_empty() && now.saturating_sub(self.ponged) > PONG_PATIENCE {
             return Err(ClientError::NoAnswer { request: "Ping", after: PONG_PATIENCE });
         }

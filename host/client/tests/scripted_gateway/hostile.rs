@@ -3,10 +3,12 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use crate::line::{LATENCY, Scripted, healthy, reply_bytes};
-use host_protocol::replies::Pong;
-use host_protocol::{Bytes, Kind, MAX_FRAME, Reply, Request, Setpoint, StateFields, StopTarget};
-use mgw_client::{Client, ClientError, Hold};
+use crate::line::{Heard, LATENCY, Said, Scripted, healthy, reply_bytes};
+use host_protocol::replies::{NativeReply, Pong};
+use host_protocol::{
+    AxisParameter, Bytes, Kind, MAX_FRAME, Reply, Request, Setpoint, StateFields, StopTarget, Value,
+};
+use mgw_client::{Client, ClientError, Hold, NativeHold, StopRequest, stop_before_hello};
 
 /// Sessions that are played.
 const RUNS: u64 = 200;
@@ -116,4 +118,45 @@ fn a_time_beyond_all_bounds_overflows_nothing() {
         }
         assert!(matches!(client.arm(0), Err(ClientError::NoAnswer { .. })));
     }
+}
+
+/// The reply to everything but hello and pings is that of a healthy gateway and one more byte.
+fn one_byte_too_many(heard: &Heard) -> Vec<Said> {
+    let mut out = [0; MAX_FRAME];
+    let length = match &heard.request {
+        Request::Hello(_) | Request::Ping(_) => return healthy(heard),
+        Request::Native(native) => {
+            let reply = (NativeReply { data: native.data.clone() }, 0u8);
+            host_protocol::encode(Kind::Reply, heard.sequence, heard.request.number(), &reply, &mut out)
+        }
+        request => host_protocol::encode(Kind::Reply, heard.sequence, request.number(), &0u8, &mut out),
+    };
+    vec![(2 * LATENCY, out[..length.unwrap()].to_vec())]
+}
+
+#[test]
+fn a_reply_with_bytes_left_over_is_none() {
+    let line = Scripted::new(one_byte_too_many);
+    let mut client = Client::connect_as(line.clone(), 1, 0).unwrap();
+    let ttl = Duration::from_millis(100);
+    let unreadable = |result: Result<(), ClientError>, name: &str| match result {
+        Err(ClientError::UnreadableReply { request, .. }) => assert_eq!(request, name),
+        other => panic!("{name}: {other:?}"),
+    };
+    unreadable(client.configure_axis(0, AxisParameter::Node, Value::Unsigned(1)), "ConfigureAxis");
+    unreadable(client.set(0, 7, Setpoint::Signal { fraction: 0.1 }, ttl), "Setpoint");
+    let hold = Hold { axis: 0, epoch: 7, setpoint: Setpoint::Signal { fraction: 0.1 }, ttl };
+    let go_on = |_: &mut _| Ok(ControlFlow::Continue(()));
+    unreadable(client.hold_setpoints(&[hold], Duration::from_secs(1), go_on), "Setpoint");
+    let hold = NativeHold { axis: 0, epoch: 7, data: Bytes::new(), ttl };
+    unreadable(client.hold_native(&hold, Duration::from_secs(1), go_on), "Native");
+    assert_eq!(client.native_reply(), None);
+}
+
+#[test]
+fn a_stop_whose_reply_has_bytes_left_over_is_written_again_and_not_confirmed() {
+    let mut line = Scripted::new(one_byte_too_many);
+    let stopped = stop_before_hello(&mut line, StopRequest::Stop(StopTarget::All));
+    assert!(matches!(stopped, Err(ClientError::StopUnanswered { .. })), "{stopped:?}");
+    assert!(line.0.borrow().sent.len() > 100, "{}", line.0.borrow().sent.len());
 }
