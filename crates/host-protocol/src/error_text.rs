@@ -174,6 +174,10 @@ impl fmt::Display for Error {
             Self::NotHolding { axis, state } => {
                 write!(f, "axis {axis} is {state}; only the output of a holding motor can be switched off")
             }
+            Self::BrakeOn { axis } => write!(
+                f,
+                "axis {axis} is not armed: register 0x2B of its motor is 1, so it holds by its brake and ignores speeds"
+            ),
             Self::NotIdle { axis, state: AxisState::Holding } => {
                 write!(
                     f,
@@ -303,6 +307,9 @@ fn next_step(hint: NoReplyHint) -> &'static str {
         NoReplyHint::None => "check its power, its cable, its node and the protocol and bitrate of the bus",
         NoReplyHint::AckLevelZero => {
             "it may be at acknowledge level 0, where it answers nothing: set it to 1 or 2"
+        }
+        NoReplyHint::AckLevelBelow => {
+            "it may be at a lower acknowledge level than d5_ack_level says and not answer writes: read register 0x10"
         }
         NoReplyHint::NotAcknowledged => {
             "no node on the bus acknowledges frames: check cable, termination, power and bitrate"

@@ -20,6 +20,8 @@ wire! {
         AckLevelZero,
         /// CAN: no node acknowledges frames; the cable, the power of the motor or the bitrate is wrong.
         NotAcknowledged,
+        /// D5: a write, which the motor does not answer if its acknowledge level is below the axis's `d5_ack_level`.
+        AckLevelBelow,
     }
 }
 
@@ -416,6 +418,11 @@ errors! {
     }
     /// Arming frees the brake, and the stop action would leave it open with the motor's output off: what hangs on it would fall.
     62 BrakeStaysOpen {
+        /// The axis.
+        axis: u8,
+    }
+    /// D5: register 0x2B of the motor is 1. It holds by its brake and ignores speeds, and no command of the manual frees it.
+    68 BrakeOn {
         /// The axis.
         axis: u8,
     }

@@ -35,6 +35,7 @@ impl Bench {
             (Some(&"stuck-brake"), Some(on)) => Injection::StuckBrake(on),
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
             (Some(&"lenient"), Some(on)) => Injection::Lenient(on),
+            (Some(&"brake-on"), Some(on)) => Injection::BrakeOn(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
             (Some(&"lose-answers-like"), Some(false)) => Injection::LoseAnswersLike(Beginning::default()),

@@ -88,7 +88,9 @@ impl JobKind {
                 return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
             }
             Self::OutputOff => &[Exchange::OutputOff],
-            Self::Native { .. } => &[Exchange::Native],
+            Self::Native { command, .. } => {
+                return [Some(Exchange::Native), motor::read_back(&command)].get(index).copied().flatten();
+            }
             Self::NativeMotion => &[Exchange::Motion],
             Self::MoveRelative { .. } => &[Exchange::Position],
         };
@@ -196,6 +198,10 @@ impl Axis {
             self.fail(now, error, out);
             return;
         }
+        self.step_done(now, seen, data, out);
+    }
+
+    fn step_done(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         if let Some(job) = &mut self.job {
             job.step += 1;
             job.unanswered = 0;
@@ -211,15 +217,24 @@ impl Axis {
         if self.job_exchange() != Some(exchange) {
             return;
         }
-        let tries = self.config.missed_replies();
-        let Some(job) = &mut self.job else { return };
+        let has_left = pending.is_waiting();
+        let changes =
+            matches!(self.job.as_ref().map(|job| job.kind), Some(JobKind::Native { asks: false, .. }))
+                && exchange == Exchange::Native;
+        if changes && has_left && motor::sets_ack_level(&pending.command) {
+            self.step_done(now, &Observation::default(), &[], out);
+            return;
+        }
         // What changes the motor is sent once: whether it was carried out is not known.
-        let tries = if matches!(job.kind, JobKind::Native { asks: false, .. }) { 1 } else { tries };
+        let tries = if changes { 1 } else { self.config.missed_replies() };
+        let is_d5 = self.config.protocol() == Some(Protocol::D5);
+        let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
         job.since = now;
         if job.unanswered >= tries {
             let hint = match exchange {
-                _ if !pending.is_waiting() => NoReplyHint::NotAcknowledged,
+                _ if !has_left => NoReplyHint::NotAcknowledged,
+                _ if changes && is_d5 => NoReplyHint::AckLevelBelow,
                 // A D5 motor at acknowledgement level 0 answers nothing, not even this (D12).
                 Exchange::AckLevel => NoReplyHint::AckLevelZero,
                 _ => NoReplyHint::None,
@@ -317,6 +332,12 @@ impl Axis {
                 (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
                 _ => Ok(()),
             },
+            Some(JobKind::Native { command, .. })
+                if exchange == Exchange::AckLevel
+                    && seen.ack_level.is_some_and(|level| !motor::has_set_ack_level(&command, level)) =>
+            {
+                Err(Error::Refused { axis, faults: self.measured.fault_word() })
+            }
             Some(JobKind::Provision { timeout_ms })
                 if seen.timeout_on.is_some_and(|on| on == (timeout_ms == 0)) =>
             {
@@ -333,6 +354,9 @@ impl Axis {
         }
         if let Some(on) = seen.timeout_on {
             self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
+        }
+        if exchange == Exchange::BrakeSwitch && seen.brake_locked == Some(true) {
+            return Err(Error::BrakeOn { axis });
         }
         if exchange == Exchange::RenewTimeout {
             self.timeout_renewed();

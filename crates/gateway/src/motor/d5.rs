@@ -4,7 +4,7 @@ use super::native::{Demand, Effect, Native};
 use super::{Command, Exchange, Sequences, Verdict, fit, turned};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, DEGREES};
-use d5::{Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
+use d5::{AckLevel, Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
 use embedded_can::{Id, StandardId};
 use host_protocol::{AxisParameter, CanFrame, Error, Quantity, Setpoint};
 
@@ -13,6 +13,7 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::AckLevel,
         Exchange::TimeoutSwitch,
         Exchange::Faults,
+        Exchange::BrakeSwitch,
         Exchange::PendingWrite,
         Exchange::Stop,
         Exchange::OverwritePending,
@@ -48,6 +49,7 @@ pub(super) fn command(exchange: Exchange) -> Option<Request> {
         Exchange::Stop => Request::Write { register: Register::SPEED, value: STANDSTILL },
         Exchange::OverwritePending => Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL },
         Exchange::PendingWrite => read_byte(Register::ASYNC_FLAG),
+        Exchange::BrakeSwitch => read_byte(Register::BRAKE),
         Exchange::CommandedSpeed => read_word(Register::SPEED),
         Exchange::Velocity => read_word(Register::CURRENT_SPEED),
         Exchange::Position => read_word(Register::TRAVELLED_ANGLE),
@@ -133,12 +135,22 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
-/// Level 2 answers reads and writes, level 1 reads only, others nothing (D12).
+/// Whether the motor answers a request at its level, which is the configured one. Whether it answers the change of that level, by the old
+/// one or the new, the manual does not say: it is waited for, and then read back (D12).
 pub(super) fn is_answered(request: &Request, config: &AxisConfig) -> bool {
-    let level = config.unsigned(AxisParameter::D5AckLevel).unwrap_or(2);
-    match request {
-        Request::Read { .. } | Request::QueryId => level >= 1,
-        _ => level >= 2,
+    let level = config.unsigned(AxisParameter::D5AckLevel).and_then(|level| u8::try_from(level).ok());
+    let level = level.map_or(AckLevel::ReadsAndWrites, AckLevel::of);
+    let node = Address::Node(config.node().and_then(|node| Node::new(node).ok()).unwrap_or(Node::FACTORY));
+    level.answers(node, request) || new_ack_level(request).is_some()
+}
+
+/// The acknowledge level that the motor has once it has carried out a request; `None` where that stays as it was.
+pub(super) fn new_ack_level(request: &Request) -> Option<AckLevel> {
+    match *request {
+        Request::Write { register: Register::ACK_LEVEL, value: Value::Byte(level) } => {
+            Some(AckLevel::of(level))
+        }
+        _ => None,
     }
 }
 
@@ -172,6 +184,7 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
         }
         (Register::STATUS, Value::Byte(bits)) => Observation { faults: Some(u16::from(bits)), ..none },
         (Register::ASYNC_FLAG, Value::Byte(flag)) => Observation { write_pending: Some(flag != 0), ..none },
+        (Register::BRAKE, Value::Byte(on)) => Observation { brake_locked: Some(on != 0), ..none },
         (Register::ACK_LEVEL, Value::Byte(level)) => Observation { ack_level: Some(level), ..none },
         (Register::TIMEOUT_SWITCH, Value::Byte(on)) => Observation { timeout_on: Some(on != 0), ..none },
         (Register::BOARD_TEMPERATURE, Value::Byte(byte)) => {

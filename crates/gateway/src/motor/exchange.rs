@@ -43,6 +43,8 @@ pub(crate) enum Exchange {
     ClearFaults,
     /// Read which requests the motor answers (D5 0x10).
     AckLevel,
+    /// Read whether the motor holds by its brake and ignores speeds (D5 0x2B).
+    BrakeSwitch,
     /// Read whether the motor's own timeout is on (D5 0x11).
     TimeoutSwitch,
     /// Program the motor's own timeout, milliseconds.

@@ -218,6 +218,26 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
     }
 }
 
+/// Whether a command sets which commands its motor answers, so that its own reply may stay away.
+pub(crate) fn sets_ack_level(command: &Command) -> bool {
+    matches!(command, Command::D5(request) if d5::new_ack_level(request).is_some())
+}
+
+/// What shows that a command which sets the acknowledge level was carried out; `None` for another command, and for a level at which
+/// nothing is answered.
+pub(crate) fn read_back(command: &Command) -> Option<Exchange> {
+    let Command::D5(request) = command else { return None };
+    match d5::new_ack_level(request)? {
+        ::d5::AckLevel::Nothing { .. } => None,
+        ::d5::AckLevel::ReadsAndWrites | ::d5::AckLevel::Reads => Some(Exchange::AckLevel),
+    }
+}
+
+/// Whether a level that was read is the one that a command has set.
+pub(crate) fn has_set_ack_level(command: &Command, level: u8) -> bool {
+    matches!(command, Command::D5(request) if d5::new_ack_level(request) == Some(::d5::AckLevel::of(level)))
+}
+
 /// Whether the motor's output is on after this command; `None` where it stays as it was.
 pub(crate) fn output_after(command: &Command) -> Option<bool> {
     match command {

@@ -5,7 +5,8 @@ use crate::bench::{
 };
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisState, Error, MotorTimeout, Protocol, Reply, Request, Setpoint, StopAction, replies, requests,
+    AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint, StopAction, replies,
+    requests,
 };
 
 #[test]
@@ -267,4 +268,60 @@ fn a_stop_is_taken_back_for_a_reply_once_and_then_stays_in_the_controller() {
         assert_eq!(rig.held_texts(), [STOP_B]);
         rig.run(1_000);
     }
+}
+
+/// D5 manual, register 0x2B: 1 holds by the brake, and speeds are ignored.
+#[test]
+fn a_motor_whose_brake_is_on_is_not_armed() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|text| match text {
+        "00B#D50B04022B00003C" => Instead::Says("00B#5D0B04022B01003D"),
+        _ => Instead::AsUsual,
+    });
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::BrakeOn { axis: 0 }));
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+}
+
+/// D5 manual, quick start (2), register 0x10: level 1 answers reads only, and the manual does not say which level answers its own change.
+#[test]
+fn a_change_of_the_ack_level_is_read_back_whether_it_is_answered_or_not() {
+    const TO_READS: &str = "D50B040310010023";
+    for answer in ["", "00B#5D0B040310010023"] {
+        for level in ["00B#5D0B040210010022", "00B#5D0B040210020023"] {
+            let (mut rig, _) = bench::d5();
+            rig.instead(move |text| match text {
+                "00B#D50B040310010023" if answer.is_empty() => Instead::Nothing,
+                "00B#D50B040310010023" => Instead::Says(answer),
+                "00B#D50B040210000021" => Instead::Says(level),
+                _ => Instead::AsUsual,
+            });
+            let request = bench::native(&rig, 0, TO_READS);
+            let told = rig.ask(request);
+            match level {
+                "00B#5D0B040210010022" => assert_eq!(bench::answered(told), "5D0B040210010022"),
+                _ => assert_eq!(told, Err(Error::Refused { axis: 0, faults: None })),
+            }
+            let sent = ["00B#D50B040310010023", "00B#D50B040210000021"];
+            assert_eq!(rig.sent_since(1, 0), sent);
+        }
+    }
+}
+
+/// At level 0 a motor answers nothing, not even a reading of that level.
+#[test]
+fn the_change_to_level_0_is_sent_and_not_read_back() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|_| Instead::Nothing);
+    let request = bench::native(&rig, 0, "D50B040310000022");
+    assert_eq!(bench::answered(rig.ask(request)), "");
+    assert_eq!(rig.sent_since(1, 0), ["00B#D50B040310000022"]);
+}
+
+/// Another write that is not answered has a cause beside the cable.
+#[test]
+fn a_write_that_is_not_answered_points_to_the_ack_level() {
+    let (mut rig, _) = bench::d5();
+    rig.instead(|_| Instead::Nothing);
+    let request = bench::native(&rig, 0, "D50B04031548006F");
+    assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::AckLevelBelow }));
 }

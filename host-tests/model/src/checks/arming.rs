@@ -26,9 +26,10 @@ pub(crate) struct Arming {
     overwritten: bool,
 }
 
-/// D5 registers: acknowledge level, switch of the timeout, whether an asynchronous write waits.
+/// D5 registers: acknowledge level, switch of the timeout, whether the brake holds, whether an asynchronous write waits.
 const ACK_LEVEL: u8 = 0x10;
 const TIMEOUT_SWITCH: u8 = 0x11;
+const BRAKE: u8 = 0x2B;
 const WRITE_WAITS: u8 = 0x2C;
 /// RMD V3.6 §2.26.
 const FREE_BRAKE: u8 = 0x77;
@@ -107,6 +108,7 @@ impl Arming {
                 (level > 0 && read(ACK_LEVEL, &|value| u32::from(value) == level), "the acknowledge level"),
                 (read(TIMEOUT_SWITCH, &|_| true), "the switch of the timeout"),
                 (self.faultless, "no fault"),
+                (read(BRAKE, &|value| value == 0), "the brake"),
                 (read(WRITE_WAITS, &|value| value == 0 || self.overwritten), "what waits"),
                 (self.stops >= 1 && (self.stopped >= 1 || level < 2), "a stop"),
                 (self.stands, "standstill"),

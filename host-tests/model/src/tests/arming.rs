@@ -129,12 +129,13 @@ fn d5() -> Trace {
     trace
 }
 
-const D5_ASKED: [Exchange; 6] = [
+const D5_ASKED: [Exchange; 7] = [
     (&[0xD5, 11, 4, 2, 0x10, 0, 0, 0x21], &[0x5D, 11, 4, 2, 0x10, 2, 0, 0x23]),
     (&[0xD5, 11, 4, 2, 0x11, 0, 0, 0x22], &[0x5D, 11, 4, 2, 0x11, 1, 0, 0x23]),
     (&[0xD5, 11, 4, 2, 0x12, 0, 0, 0x23], &[0x5D, 11, 4, 2, 0x12, 0, 0, 0x23]),
     (&[0xD5, 11, 4, 2, 0x2C, 0, 0, 0x3D], &[0x5D, 11, 4, 2, 0x2C, 0, 0, 0x3D]),
     (&[0xD5, 11, 5, 3, 0x20, 0, 0, 0x33], &[0x5D, 11, 5, 3, 0x20, 0, 0, 0x33]),
+    (&[0xD5, 11, 4, 2, 0x2B, 0, 0, 0x3C], &[0x5D, 11, 4, 2, 0x2B, 0, 0, 0x3C]),
     (&[0xD5, 11, 5, 2, 0x26, 0, 0, 0x38], &[0x5D, 11, 5, 2, 0x26, 0, 0, 0x38]),
 ];
 
@@ -149,9 +150,12 @@ fn a_d5_motor_each_of_whose_questions_is_left_out() {
 }
 
 #[test]
-fn a_d5_motor_whose_timeout_is_off_or_in_which_a_speed_waits() {
+fn a_d5_motor_whose_timeout_is_off_or_brake_on_or_in_which_a_speed_waits() {
     let mut asked = D5_ASKED;
     asked[1].1 = &[0x5D, 11, 4, 2, 0x11, 0, 0, 0x22];
+    armed_after(d5(), &asked).breaks(Check::ArmedUnproved);
+    let mut asked = D5_ASKED;
+    asked[5].1 = &[0x5D, 11, 4, 2, 0x2B, 1, 0, 0x3D];
     armed_after(d5(), &asked).breaks(Check::ArmedUnproved);
     let mut asked = D5_ASKED.to_vec();
     asked[3].1 = &[0x5D, 11, 4, 2, 0x2C, 1, 0, 0x3E];

@@ -45,9 +45,18 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
 pub const PREPARED: &str = "a speed that waits in the motor is lost between two calls of mgw: each arms the axis before and \
     stops it after, which overwrites what waits. Use `write`, or a program of your own that sends both while the axis is armed";
 
-/// RMD commands that go to a CAN id of their own, where the gateway sends no data fields to.
+/// RMD commands that go to an id of their own, to which the gateway sends no data fields.
 const IDS_OF_THEIR_OWN: [&str; 5] =
     ["motion_mode", "read_can_id", "set_can_id", "read_rs485_id", "set_rs485_id"];
+
+/// Where one of them goes, and what sends it there.
+fn elsewhere(command: &str) -> &'static str {
+    match command {
+        "motion_mode" => "a CAN id of its own. Use `mgw set AXIS impedance`",
+        "read_rs485_id" | "set_rs485_id" => "RS485 id CD, which every motor of the line hears. Use `mgw raw`",
+        _ => "CAN id 300, which every motor of the bus hears. Use `mgw raw`",
+    }
+}
 
 /// The data field of a command for the motor of an axis, without CAN id or serial framing.
 pub fn data_field(
@@ -59,10 +68,11 @@ pub fn data_field(
     match protocol {
         Protocol::Rmd => {
             let wanted = Wanted::of(CodecChoice::Rmd, node, command, fields, &IDS_OF_THEIR_OWN);
-            if wanted.leaves_out(wanted.command()?) {
+            let name = wanted.command()?;
+            if wanted.leaves_out(name) {
+                let elsewhere = elsewhere(name);
                 return Err(Failure::Usage(format!(
-                    "`{command}` goes to a CAN id of its own, which native commands do not reach. Use `mgw set AXIS impedance` \
-                     for motion mode, `mgw raw` for the others"
+                    "native commands go to the one motor of the axis; `{name}` goes to {elsewhere}"
                 )));
             }
             let request = RMD.build(&wanted)?;

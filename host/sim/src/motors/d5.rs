@@ -122,7 +122,7 @@ impl D5 {
     }
 
     /// Writes what the motor measures into its registers.
-    fn measure(&mut self) {
+    fn measure(&mut self, brake: bool) {
         let plant = &self.plant;
         let speed = DegreesPerSecond(to_i16(plant.speed_rad_s().to_degrees()));
         let degrees = plant.position_rad().to_degrees();
@@ -139,6 +139,7 @@ impl D5 {
             (Register::BOARD_TEMPERATURE, Value::Byte(celsius(plant.driver_c()))),
             (Register::MOTOR_TEMPERATURE, Value::Byte(celsius(plant.motor_c()))),
             (Register::STATUS, Value::Byte(self.faults.bits())),
+            (Register::BRAKE, Value::Byte(u8::from(brake))),
             (Register::CURRENT_COMMAND, Value::Byte(self.last_command)),
         ];
         for (register, value) in values {
@@ -159,7 +160,7 @@ impl D5 {
         if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
             self.faults |= Faults::STALL;
         }
-        let rad_s = f64::from(self.set_speed().0).to_radians();
+        let rad_s = if cx.injected.brake_on { 0.0 } else { f64::from(self.set_speed().0).to_radians() };
         let speeds_up = rad_s.abs() > self.plant.speed_rad_s().abs();
         let register = if speeds_up { Register::ACCELERATION } else { Register::DECELERATION };
         let counts = self.byte(register).clamp(*ACCELERATION_RANGE.start(), *ACCELERATION_RANGE.end());
@@ -172,7 +173,7 @@ impl D5 {
         if let Some(name) = name(request) {
             cx.command(name);
         }
-        self.measure();
+        self.measure(cx.injected.brake_on);
         let reply = self.carry_out(cx, request);
         self.last_command = request.command();
         self.update(cx);
@@ -227,12 +228,16 @@ impl D5 {
     }
 
     fn write(&mut self, cx: &mut Context<'_>, register: Register, value: Value) {
-        if register == Register::SPEED && value == Value::Word(0) && cx.injected.ignore_stop {
-            cx.ignored("speed 0", "injected");
-            return;
-        }
-        if register == Register::SPEED && value != Value::Word(0) && cx.injected.ignore_motion {
-            cx.ignored("speed", "injected");
+        let stops = register == Register::SPEED && value == Value::Word(0);
+        let moves = !stops && Request::Write { register, value }.writes(Register::SPEED);
+        let why = match (stops, moves) {
+            (true, _) if cx.injected.ignore_stop => "injected",
+            (_, true) if cx.injected.ignore_motion => "injected",
+            _ if cx.injected.brake_on && (stops || moves) => "the brake is on",
+            _ => "",
+        };
+        if !why.is_empty() {
+            cx.ignored(if stops { "speed 0" } else { "speed" }, why);
             return;
         }
         match register {

@@ -56,6 +56,8 @@ pub enum Injection {
     Brake(bool),
     /// RMD: its brake does not open; 0x77 is echoed.
     StuckBrake(bool),
+    /// D5: its register 0x2B is 1. It holds, and ignores speeds.
+    BrakeOn(bool),
     /// Something outside turns its shaft, whatever the motor does.
     Turning(Option<Turning>),
     /// Its sensor of the current reads this, mA.
@@ -111,6 +113,7 @@ pub(crate) struct Injections {
     pub(crate) lenient: bool,
     pub(crate) brake: bool,
     pub(crate) stuck_brake: bool,
+    pub(crate) brake_on: bool,
     pub(crate) outside: Outside,
 }
 
@@ -145,6 +148,7 @@ impl Injections {
             Injection::Lenient(on) => self.lenient = on,
             Injection::Brake(on) => self.brake = on,
             Injection::StuckBrake(on) => self.stuck_brake = on,
+            Injection::BrakeOn(on) => self.brake_on = on,
             Injection::Turning(turning) => self.outside.turning = turning,
             Injection::Current(ma) => self.outside.current_ma = ma,
             Injection::MotorTemperature(celsius) => self.outside.motor_c = celsius,
