@@ -69,6 +69,8 @@ pub(crate) enum Cause {
 pub(crate) struct Duty {
     pub cause: Cause,
     pub since_us: u64,
+    /// The axis was at rest.
+    pub from_rest: bool,
     /// Time of others when it began.
     pub outside_us: u64,
     /// How many stops on this bus may go before it, and it.
@@ -91,6 +93,8 @@ pub(crate) struct Duty {
     pub locked: bool,
     pub output_off: bool,
     pub confirmed: bool,
+    /// That it has not left was missed once.
+    pub unsent_seen: bool,
 }
 
 impl Duty {
@@ -122,8 +126,12 @@ pub(crate) struct Axis {
     pub revoked: Option<(Cause, u64)>,
     pub duty: Option<Duty>,
     pub unreachable: bool,
+    /// It was at rest before its latest state.
+    pub came_from_rest: bool,
     /// Programmed by provisioning.
     pub motor_timeout_ms: Option<u32>,
+    /// What provisionings may have programmed whose result nobody has read.
+    pub motor_timeouts_asked: Vec<u32>,
     /// What is known of its motor's own timeout.
     pub timeout: Timeout,
     pub arming: Option<Arming>,
@@ -156,8 +164,10 @@ impl Axis {
     /// What a reset leaves of it: the parameters, whether it is unreachable, and what an RMD motor keeps of its own timeout.
     pub fn restarted(&mut self) -> Self {
         let parameters = std::mem::take(&mut self.parameters);
+        let motor_timeouts_asked = std::mem::take(&mut self.motor_timeouts_asked);
         let Self { unreachable, motor_timeout_ms, timeout, heard, .. } = *self;
-        let mut restarted = Self { parameters, unreachable, motor_timeout_ms, heard, ..Self::default() };
+        let kept = Self { parameters, unreachable, motor_timeout_ms, heard, ..Self::default() };
+        let mut restarted = Self { motor_timeouts_asked, ..kept };
         if restarted.protocol() == Some(Protocol::Rmd) && timeout == Timeout::On {
             restarted.timeout = timeout;
         }

@@ -35,6 +35,8 @@ pub(crate) struct Held {
     pub asked_back_us: Option<u64>,
     /// A raw frame of a host.
     pub is_raw: bool,
+    /// And that of an access for everything.
+    pub is_unsafe: bool,
     /// Its id on CAN.
     pub id: Option<u32>,
     /// It moves or changes its motor.

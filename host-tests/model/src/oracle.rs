@@ -144,6 +144,8 @@ impl Oracle {
     }
 
     pub(crate) fn broken(&mut self, check: Check, at_us: u64, seen: String) {
+        #[cfg(test)]
+        crate::tests::BROKEN.with_borrow_mut(|broken| broken.push(check));
         self.violations.push(Violation { check, at_us, seen });
     }
 
@@ -295,6 +297,8 @@ impl Oracle {
         if axis.duty.is_some() {
             return;
         }
+        let has_ended = matches!(axis.told, Told::Stopping | Told::Tripped { .. });
+        let from_rest = axis.told.is_at_rest() || has_ended && axis.came_from_rest;
         let mut before = 0;
         for other in self.axes.iter_mut().filter(|other| other.bus() == Some(bus)) {
             // They take turns, and in the controller the lower id goes first, be it that of a second stop: each of them may
@@ -307,6 +311,7 @@ impl Oracle {
         self.axes[index].duty = Some(Duty {
             cause,
             since_us: at,
+            from_rest,
             outside_us: self.buses[bus].not_ours_us(at, self.axes[index].outranked_us),
             k: 1 + before,
             rests: false,
@@ -320,6 +325,7 @@ impl Oracle {
             locked: false,
             output_off: false,
             confirmed: false,
+            unsent_seen: false,
         });
     }
 }

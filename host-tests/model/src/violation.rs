@@ -2,9 +2,22 @@
 
 use std::fmt;
 
-/// A promise that is checked. `Gn` is its rule in the product's guarantees.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Check {
+macro_rules! checks {
+    ($($(#[$rule:meta])+ $name:ident,)+) => {
+        /// A promise that is checked. `Gn` is its rule in the product's guarantees.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Check {
+            $($(#[$rule])+ $name,)+
+        }
+
+        impl Check {
+            /// All of them.
+            pub const ALL: &[Self] = &[$(Self::$name,)+];
+        }
+    };
+}
+
+checks! {
     /// G1: no motion frame for an axis that is not armed; native and raw ones included.
     MotionUnarmed,
     /// G2: no motion frame without a setpoint that still lives; refreshes included.
@@ -31,6 +44,8 @@ pub enum Check {
     ConfirmedUnproved,
     /// G4: what is sent is the stop action of the configuration.
     WrongStopAction,
+    /// G4: a stop that has not left 100 ms after its bound is told not to be sent, and its axis to be unreachable unless it was at rest.
+    UnsentUntold,
     /// G1: a trip ends only by a request to clear it.
     TripForgotten,
     /// G1: only an arm request of the link in command arms.
@@ -70,6 +85,8 @@ pub enum Check {
     LimitOnWire,
     /// G2: a limit that nothing can measure is refused.
     LimitBlind,
+    /// G1: a threshold of standstill below the unit of the motor's readings is refused.
+    StandstillBlind,
     /// G1: an epoch is not given twice, nor after a loss of power.
     EpochRepeated,
     /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the axis says so, and changes nothing

@@ -55,6 +55,7 @@ impl Axis {
         self.parameters.insert(number, bits);
         if Self::is_address(number) {
             self.motor_timeout_ms = None;
+            self.motor_timeouts_asked.clear();
             self.timeout = Timeout::Unknown;
             self.asked.clear();
             // It is another motor, which owes nothing.
@@ -104,8 +105,21 @@ impl Axis {
     /// How often a setpoint is sent again at least (G2): as configured, 20 ms where the motor's timeout is not known, a third of it
     /// where it is.
     pub fn refresh_us(&self) -> u64 {
-        let third = self.motor_timeout_ms.map_or(20_000, |ms| u64::from(ms) * 1_000 / 3);
+        let known = |ms| u64::from(ms) * 1_000 / 3;
+        let asked = self.motor_timeouts_asked.iter().copied().map(known);
+        let third = asked.fold(self.motor_timeout_ms.map_or(20_000, known), u64::max);
         u64::from(self.get(parameter::REFRESH_US)).min(third)
+    }
+
+    /// What its motor's own timeout may have been programmed to, ms.
+    pub fn timeouts_ms(&self) -> impl Iterator<Item = u32> {
+        self.motor_timeout_ms.into_iter().chain(self.motor_timeouts_asked.iter().copied())
+    }
+
+    /// A provisioning was refused, and its host has read that.
+    pub fn is_not_provisioned(&mut self, timeout_ms: u32) {
+        let place = self.motor_timeouts_asked.iter().rposition(|asked| *asked == timeout_ms);
+        place.map(|place| self.motor_timeouts_asked.remove(place));
     }
 
     pub fn fault_poll_us(&self) -> u64 {
@@ -124,6 +138,13 @@ impl Axis {
     pub fn still(&self) -> f64 {
         let (number, default) = parameter::STANDSTILL;
         f64::from(f32::from_bits(self.get((number, default.to_bits())))) * (1.0 + 1e-3) + 1e-6
+    }
+
+    /// A threshold of standstill that is less than the motor can tell (G1). Allowance: it is an f32.
+    pub fn blind_standstill(&self) -> Option<f64> {
+        let (number, default) = parameter::STANDSTILL;
+        let threshold = self.float(number).unwrap_or(default.into());
+        (threshold * (1.0 + 1e-6) < self.protocol()?.speed_unit_rad_s()).then_some(threshold)
     }
 
     /// Above this speed, rad/s, a motor turns that nobody has set in motion (G1).

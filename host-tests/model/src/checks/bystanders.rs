@@ -1,6 +1,6 @@
 //! Motors that a frame is not meant for, and raw frames: what a lenient motor makes of them (G7, G10).
 
-use crate::bus::Held;
+use crate::bus::{Held, SOFTWARE_US};
 use crate::motor::{Deed, Protocol, RMD_SERIAL_ALL, obeyed_by_rmd, serial_frame};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
@@ -48,6 +48,17 @@ impl Oracle {
             here.filter_map(|axis| axis.protocol()?.obeys(axis.node()?, axis.d5_request_id(), id, data));
         if let Some(deed) = obeyed.or(by_axis.into_iter().next()) {
             self.broken(Check::RawHarmful, now, format!("bus {bus}: {} {deed:?}", frame.text()));
+        }
+    }
+
+    /// A frame of an access for everything must not leave when that has ended: its motor may be an axis by now. Allowance: the one on
+    /// the wire ends.
+    pub(super) fn judge_outlived(&mut self, now: u64, bus: usize, held: &Held) {
+        let state = &self.buses[bus];
+        let ended = state.raw_closed_us.filter(|_| !state.raw_open);
+        if held.is_unsafe && ended.is_some_and(|at| at + SOFTWARE_US + state.frame_us() < now) {
+            let seen = format!("bus {bus}: a raw frame of {} µs leaves, closed at {ended:?}", held.handed_us);
+            self.broken(Check::RawUnopened, now, seen);
         }
     }
 

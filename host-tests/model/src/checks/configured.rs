@@ -27,6 +27,10 @@ impl Oracle {
             let id = beside.then(|| clash(axis, other).or_else(|| clash(other, axis)))??;
             Some(format!("axis {index} and axis {other_index}: id {id:03X}"))
         });
+        if let Some(threshold) = axis.blind_standstill() {
+            let seen = format!("axis {index}, {:?}: {threshold} rad/s", axis.protocol());
+            self.broken(Check::StandstillBlind, now, seen);
+        }
         if let Some(seen) = blind {
             self.broken(Check::LimitBlind, now, seen);
         }

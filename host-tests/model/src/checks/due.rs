@@ -82,6 +82,7 @@ impl Oracle {
     pub(crate) fn check_due(&mut self, now: u64) {
         for index in 0..self.axes.len() {
             self.check_stop(now, index);
+            self.check_unsent(now, index);
         }
         self.check_kept(now);
         self.check_bus_off(now);
@@ -126,7 +127,7 @@ impl Oracle {
         };
         // On a bus that is off there is nothing to repeat; a stop that ends idle is over.
         let watched = matches!(axis.told, Told::Tripped { .. } | Told::Stopping);
-        let silence = axis.motor_timeout_ms.map_or(0, |ms| 1_500 * u64::from(ms));
+        let silence = axis.timeouts_ms().map(|ms| 1_500 * u64::from(ms)).max().unwrap_or(0);
         let rhythm = axis.stop_repeat_us().max(if axis.unreachable { silence } else { 0 });
         let within = rhythm + REPEAT_SLACK_US + 8 * bus.window_us;
         if watched && used(last_us, outside_then) > within {

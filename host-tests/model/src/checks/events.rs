@@ -30,8 +30,9 @@ impl Oracle {
                     );
                 }
             }
-            News::Unreachable { axis } => {
+            News::Unreachable { axis, stop_sent } => {
                 self.history.unreachable(axis);
+                self.judge_unreachable(now, axis.into(), stop_sent);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.unreachable = true;
                     if let Some(duty) = &mut axis.duty {
@@ -59,6 +60,7 @@ impl Oracle {
 
     fn tripped(&mut self, now: u64, index: usize) {
         let Some(axis) = self.axes.get_mut(index) else { return };
+        axis.came_from_rest = axis.told.is_at_rest();
         axis.told = Told::Tripped { confirmed: false };
         axis.arming = None;
         let group = axis.trip_group();
@@ -73,6 +75,7 @@ impl Oracle {
     pub(super) fn state(&mut self, now: u64, index: usize, state: Told) {
         let Some(axis) = self.axes.get_mut(index) else { return };
         let before = std::mem::replace(&mut axis.told, state);
+        axis.came_from_rest = before.is_at_rest();
         axis.output_off_asked &= state == Told::Holding;
         let arming = axis.arming.take();
         if state == Told::Arming {

@@ -41,6 +41,7 @@ impl Oracle {
             asked_back: false,
             asked_back_us: None,
             is_raw: false,
+            is_unsafe: false,
             id: if let Frame::Can(id, _) = frame { Some(id) } else { None },
             is_harmful: false,
             is_setpoint: false,
@@ -50,6 +51,7 @@ impl Oracle {
         };
         held.is_raw = raw;
         if raw {
+            held.is_unsafe = self.buses[usize::from(bus)].raw_unsafe;
             self.judge_raw(now, bus, frame);
         }
         held.axis = found.as_ref().filter(|_| !raw).and_then(|(axis, _)| u8::try_from(*axis).ok());
@@ -82,7 +84,7 @@ impl Oracle {
                     self.axes[axis].protocol() == Some(Protocol::Rmd) && data.first() == Some(&FREE_BRAKE);
                 // A thruster is told its timeout again, which it may have lost with its power.
                 let renews = self.axes[axis].protocol() == Some(Protocol::Thruster)
-                    && self.axes[axis].motor_timeout_ms.is_some_and(|ms| data == set_timeout(ms));
+                    && self.axes[axis].timeouts_ms().any(|ms| data == set_timeout(ms));
                 if !renews && (!frees || !self.axes[axis].releases_brake()) {
                     self.broken(Check::ChangedWhileArmed, now, format!("axis {axis} arms: {}", frame.text()));
                 }
@@ -258,6 +260,7 @@ impl Oracle {
     pub(crate) fn count_left(&mut self, now: u64, bus: usize, held: Held) {
         let axes = self.axes_on(bus);
         self.judge_left_behind(now, &held);
+        self.judge_outlived(now, bus, &held);
         let Some(index) = held.axis.map(usize::from) else { return };
         let window = self.buses[bus].window_us;
         let outside = self.not_ours_us(now, &self.axes[index]);

@@ -32,6 +32,13 @@ impl Oracle {
                 let before = axis.bus();
                 axis.set(parameter, value);
                 let after = axis.bus();
+                let open =
+                    after.and_then(|bus| self.buses.get(bus)).filter(|bus| bus.raw_open && bus.raw_unsafe);
+                if open.is_some() {
+                    let seen =
+                        format!("axis {index} is configured on bus {after:?}, which is open for everything");
+                    self.broken(Check::RawUnopened, now, seen);
+                }
                 self.close_raw(before, now);
                 self.close_raw(after, now);
                 if Axis::is_address(parameter) {
@@ -48,6 +55,7 @@ impl Oracle {
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.motor_timeout_ms = (1..=60_000).contains(&timeout_ms).then_some(timeout_ms);
+                    axis.motor_timeouts_asked.clear();
                 }
             }
             Request::Arm(axis) => {
@@ -61,11 +69,12 @@ impl Oracle {
             }
 
             Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) => {
+                let at = self.asked_us(link, sequence).unwrap_or(now);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.cleared_us = Some(now);
                     if let Request::ClearUnreachable(_) = request {
-                        // Unsafe, and named so: nothing is owed any more.
-                        axis.duty = None;
+                        // Unsafe, and named so: nothing is owed any more but what became due since, its host having read late.
+                        axis.duty = axis.duty.take().filter(|duty| duty.since_us > at);
                         axis.unreachable = false;
                         axis.timeout = Timeout::Unknown;
                     }
@@ -88,8 +97,7 @@ impl Oracle {
                 }
                 // What closed it may have come before its host read that it was open. Allowance: what closed it at the instant of the request
                 // came before that.
-                let records = &self.links[usize::from(link)].records;
-                let at = records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
+                let at = self.asked_us(link, sequence);
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
                     bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at >= closed));
                     bus.raw_unsafe = unsafe_access;
@@ -110,6 +118,11 @@ impl Oracle {
         }
     }
 
+    /// When a request was made.
+    fn asked_us(&self, link: u8, sequence: u16) -> Option<u64> {
+        self.links[usize::from(link)].records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us)
+    }
+
     /// No bus is open for raw frames any more.
     pub(crate) fn close_all_raw(&mut self, now: u64) {
         for bus in &mut self.buses {
@@ -127,8 +140,7 @@ impl Oracle {
             return;
         }
         // The axis may have been stopped since, or the host may read late.
-        let at =
-            self.links[usize::from(link)].records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us);
+        let at = self.asked_us(link, sequence);
         let axis = &self.axes[usize::from(index)];
         if at != Some(now) {
             return;

@@ -60,6 +60,11 @@ impl Oracle {
                     axis.clearing += 1;
                 }
             }
+            Request::Provision { axis, timeout_ms } => {
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.motor_timeouts_asked.push(timeout_ms);
+                }
+            }
             Request::Hello if in_command => self.lose_authority(now),
             Request::OutputOff(axis) => {
                 let axis = self.axes.get_mut(usize::from(axis));

@@ -14,6 +14,7 @@ mod hosts;
 mod motors;
 mod results;
 mod starts;
+mod unsent;
 
 pub(crate) use arming::Arming;
 pub(crate) use history::History;

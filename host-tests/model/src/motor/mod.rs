@@ -10,6 +10,8 @@ pub use lenient::{Deed, RMD_SERIAL_ALL, rmd as obeyed_by_rmd};
 pub use rmd::serial_frame;
 pub use setpoint::Goal;
 
+use std::f64::consts::PI;
+
 /// What speaks on a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Protocol {
@@ -137,6 +139,15 @@ impl Protocol {
                 Some(data.to_vec())
             }
             _ => None,
+        }
+    }
+
+    /// The least speed that a reading can tell from none, rad/s: 1 degree a second (RMD V3.6 §2.13; D5 manual, register 0x26), 1 rpm
+    /// (Thruster manual §2.1).
+    pub fn speed_unit_rad_s(self) -> f64 {
+        match self {
+            Self::Rmd | Self::D5 => PI / 180.0,
+            Self::Thruster => 2.0 * PI / 60.0,
         }
     }
 

@@ -22,7 +22,7 @@ fn a_motor_that_was_asked_everything_and_answers_well() {
 }
 
 #[test]
-fn each_question_left_out() {
+pub fn each_question_left_out() {
     for left_out in 0..ASKED.len() {
         let mut asked = ASKED.to_vec();
         asked.remove(left_out);
@@ -97,6 +97,20 @@ fn thruster() -> Trace {
     trace.done(0, 0x20, &[0, 3, 1, 14]);
     trace.address = (0x30E, 0x28E);
     trace
+}
+
+/// The result of the provisioning was for a session that is over.
+#[test]
+fn a_thruster_is_told_again_a_timeout_whose_provisioning_nobody_saw_end() {
+    for (ms, is_broken) in [(200_u8, false), (201, true)] {
+        let mut trace = thruster();
+        trace.ask(0, 0x24, &[0, 0xC8, 1]);
+        trace.ask(0, 0x01, &[1, 0, 1]);
+        trace.begin_to_arm(0);
+        trace.hand(&[b'S', b'T', 0, 0, 0, 0, 0, ms]);
+        let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+        assert_eq!(broken, if is_broken { vec![Check::ChangedWhileArmed] } else { vec![] });
+    }
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn busy() -> Trace {
 const RIGHT: [(usize, u8); 4] = [(SENT, 2), (RECEIVED, 1), (OVERFLOWS, 1), (CANCELLED, 1)];
 
 #[test]
-fn each_counter_that_is_wrong() {
+pub fn each_counter_that_is_wrong() {
     let mut trace = busy();
     trace.counts(&RIGHT);
     trace.breaks_nothing();
@@ -87,7 +87,7 @@ fn a_bus_that_was_off_says_so() {
 }
 
 #[test]
-fn a_bus_that_goes_off_and_trips_nothing() {
+pub fn a_bus_that_goes_off_and_trips_nothing() {
     let mut trace = Trace::active();
     trace.oracle.bus_state(trace.now, 0, true);
     trace.settle();

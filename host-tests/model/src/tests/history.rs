@@ -58,7 +58,7 @@ fn a_trip_that_is_missing_another_or_in_another_place() {
 }
 
 #[test]
-fn a_list_that_ends_too_early() {
+pub fn a_list_that_ends_too_early() {
     let mut trace = Trace::new(HOLD);
     for _ in 0..9 {
         trace.trips(3, SILENT);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn an_axis_that_is_armed_unasked() {
+pub fn an_axis_that_is_armed_unasked() {
     let mut trace = Trace::new(HOLD);
     trace.state(2);
     trace.asks_to_arm();
@@ -12,7 +12,7 @@ fn an_axis_that_is_armed_unasked() {
 }
 
 #[test]
-fn arming_while_the_e_stop_is_latched() {
+pub fn arming_while_the_e_stop_is_latched() {
     let mut trace = Trace::new(COAST);
     trace.done(1, 0x33, &[]);
     trace.state(5);
@@ -24,28 +24,28 @@ fn arming_while_the_e_stop_is_latched() {
 }
 
 #[test]
-fn the_epoch_of_an_earlier_arming() {
+pub fn the_epoch_of_an_earlier_arming() {
     let mut trace = Trace::armed();
     trace.setpoint(EPOCH - 1, 50_000);
     trace.breaks(Check::EpochIgnored);
 }
 
 #[test]
-fn a_setpoint_that_expires_later_than_the_axis_allows() {
+pub fn a_setpoint_that_expires_later_than_the_axis_allows() {
     let mut trace = Trace::armed();
     trace.setpoint(EPOCH, 100_001);
     trace.breaks(Check::ExpiryIgnored);
 }
 
 #[test]
-fn a_link_that_is_not_in_command_is_obeyed() {
+pub fn a_link_that_is_not_in_command_is_obeyed() {
     let mut trace = Trace::armed();
     trace.done(1, 0x50, &[0, 0]);
     assert_eq!(trace.oracle.violations()[0].check, Check::AuthorityIgnored);
 }
 
 #[test]
-fn a_second_result() {
+pub fn a_second_result() {
     let mut trace = Trace::new(HOLD);
     let sequence = trace.done(0, 0x03, &[]);
     trace.answer(0, sequence, 2, 0x03, DONE);
@@ -53,7 +53,7 @@ fn a_second_result() {
 }
 
 #[test]
-fn a_request_without_a_result() {
+pub fn a_request_without_a_result() {
     let mut trace = Trace::new(HOLD);
     trace.ask(0, 0x41, &[0]);
     for _ in 0..5 {
@@ -82,7 +82,7 @@ fn a_sequence_that_is_used_twice_leaves_both_their_results() {
 }
 
 #[test]
-fn a_repeated_request_that_gets_other_bytes() {
+pub fn a_repeated_request_that_gets_other_bytes() {
     let mut trace = Trace::new(HOLD);
     let sequence = trace.ask(0, 0x02, &[]);
     trace.answer(0, sequence, 2, 0x02, &[1]);

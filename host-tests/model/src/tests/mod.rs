@@ -10,10 +10,17 @@ mod hosts;
 mod limits;
 mod motion;
 mod others;
+mod planted;
 mod starts;
 mod stops;
 
 use super::*;
+use std::cell::RefCell;
+
+thread_local! {
+    /// What was broken in this thread.
+    pub static BROKEN: RefCell<Vec<Check>> = const { RefCell::new(Vec::new()) };
+}
 
 const HOLD: u8 = 2;
 const COAST: u8 = 1;

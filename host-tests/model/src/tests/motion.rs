@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn motion_of_an_axis_that_was_never_armed() {
+pub fn motion_of_an_axis_that_was_never_armed() {
     let mut trace = Trace::new(HOLD);
     trace.send(VELOCITY);
     trace.breaks(Check::MotionUnarmed);
@@ -19,7 +19,7 @@ fn raw_motion_to_an_axis_that_is_not_armed() {
 }
 
 #[test]
-fn a_refresh_after_the_expiry() {
+pub fn a_refresh_after_the_expiry() {
     let mut trace = Trace::active();
     trace.send(VELOCITY);
     trace.now += 50_000;
@@ -28,7 +28,7 @@ fn a_refresh_after_the_expiry() {
 }
 
 #[test]
-fn motion_after_a_stop() {
+pub fn motion_after_a_stop() {
     let mut trace = Trace::active();
     trace.stop();
     trace.exchange(STOP, STOP);
@@ -37,7 +37,7 @@ fn motion_after_a_stop() {
 }
 
 #[test]
-fn a_refresh_of_another_setpoint_than_the_newest() {
+pub fn a_refresh_of_another_setpoint_than_the_newest() {
     let mut trace = Trace::active();
     trace.send(VELOCITY);
     trace.send(OTHER_VELOCITY);
@@ -45,7 +45,7 @@ fn a_refresh_of_another_setpoint_than_the_newest() {
 }
 
 #[test]
-fn a_distance_that_is_sent_twice() {
+pub fn a_distance_that_is_sent_twice() {
     let mut trace = Trace::armed();
     let body = trace.moves(EPOCH, 50_000, &[&[8], DISTANCE].concat());
     trace.ask(0, 0x43, &body);
@@ -57,7 +57,7 @@ fn a_distance_that_is_sent_twice() {
 }
 
 #[test]
-fn motion_that_waits_in_the_controller_and_is_not_asked_back() {
+pub fn motion_that_waits_in_the_controller_and_is_not_asked_back() {
     let mut trace = Trace::active();
     trace.hand(VELOCITY);
     trace.stop();
@@ -66,21 +66,21 @@ fn motion_that_waits_in_the_controller_and_is_not_asked_back() {
 }
 
 #[test]
-fn broadcast_motion() {
+pub fn broadcast_motion() {
     let mut trace = Trace::active();
     trace.oracle.handed(trace.now, 0, 0, Frame::Can(0x280, VELOCITY));
     trace.breaks(Check::Broadcast);
 }
 
 #[test]
-fn a_raw_frame_on_a_bus_that_is_not_open() {
+pub fn a_raw_frame_on_a_bus_that_is_not_open() {
     let mut trace = Trace::new(HOLD);
     trace.oracle.handed(trace.now, 0, 0, Frame::Can(0x700, &[1, 2]));
     trace.breaks(Check::RawUnopened);
 }
 
 #[test]
-fn a_change_of_the_motor_while_its_axis_is_armed() {
+pub fn a_change_of_the_motor_while_its_axis_is_armed() {
     let mut trace = Trace::active();
     trace.hand(SET_ZERO);
     trace.breaks(Check::ChangedWhileArmed);

@@ -32,7 +32,7 @@ impl Trace {
 }
 
 #[test]
-fn a_request_id_on_which_another_motor_acts() {
+pub fn a_request_id_on_which_another_motor_acts() {
     let mut trace = Trace::new(HOLD);
     trace.other(1, 3, 0x26, HOLD, None);
     trace.breaks_nothing();
@@ -50,7 +50,15 @@ fn the_stop_of_one_axis_that_sets_another_motor_in_motion() {
 }
 
 #[test]
-fn raw_frames_that_a_lenient_motor_obeys() {
+pub fn a_frame_to_no_axis_that_frees_the_brake_of_one() {
+    let mut trace = Trace::new(HOLD);
+    trace.oracle.handed(trace.now, 0, 0, Frame::Can(0x280, &[0x77, 0, 0, 0, 0, 0, 0, 0]));
+    let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+    assert_eq!(broken, [Check::WrongMotor, Check::RawUnopened]);
+}
+
+#[test]
+pub fn raw_frames_that_a_lenient_motor_obeys() {
     for (id, data) in [
         (0x141, &[0xA2, 0, 0, 0, 1][..]),
         (0x141, &[0x77, 9, 9, 9, 9, 9, 9, 9]),
@@ -81,6 +89,35 @@ fn raw_access_while_an_axis_is_not_at_rest_or_the_e_stop_is_latched() {
     trace.exchange(STOP, STOP);
     trace.raw_open();
     assert_eq!(trace.oracle.violations()[0].check, Check::RawUnopened);
+}
+
+#[test]
+fn an_access_for_everything_beside_an_axis_or_an_axis_beside_it() {
+    let mut trace = Trace::new(HOLD);
+    trace.done(0, 0x50, &[0, 1]);
+    trace.breaks(Check::RawUnopened);
+    let mut trace = Trace::new(HOLD);
+    trace.done(0, 0x23, &[0]);
+    trace.done(0, 0x50, &[0, 1]);
+    trace.raw(0x141, VELOCITY);
+    trace.breaks_nothing();
+    trace.done(0, 0x20, &[0, 1, 1, 0]);
+    trace.breaks(Check::RawUnopened);
+}
+
+#[test]
+fn a_frame_of_an_access_for_everything_that_leaves_when_that_has_ended() {
+    for (after, is_broken) in [(200, false), (300, true)] {
+        let mut trace = Trace::new(HOLD);
+        trace.done(0, 0x23, &[0]);
+        trace.done(0, 0x50, &[0, 1]);
+        trace.raw(0x141, VELOCITY);
+        trace.done(0, 0x53, &[0]);
+        trace.now += after;
+        trace.oracle.left(trace.now, 0, 0);
+        assert_eq!(trace.oracle.violations().len(), usize::from(is_broken));
+        assert!(trace.oracle.violations().iter().all(|violation| violation.check == Check::RawUnopened));
+    }
 }
 
 #[test]
@@ -124,7 +161,7 @@ fn two_raw_requests_of_which_the_second_is_swallowed_by_the_first_only_for_some(
 }
 
 #[test]
-fn a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor() {
+pub fn a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor() {
     let mut trace = Trace::new(HOLD);
     trace.hand(SET_ZERO);
     trace.done(0, 0x20, &[0, 3, 1, 2]); // node 2
@@ -134,7 +171,7 @@ fn a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor() {
 }
 
 #[test]
-fn a_setpoint_that_is_accepted_and_never_sent() {
+pub fn a_setpoint_that_is_accepted_and_never_sent() {
     let mut trace = Trace::armed();
     for _ in 0..8 {
         trace.setpoint(EPOCH, 50_000);
@@ -145,7 +182,7 @@ fn a_setpoint_that_is_accepted_and_never_sent() {
 }
 
 #[test]
-fn faults_that_are_not_read() {
+pub fn faults_that_are_not_read() {
     let mut trace = Trace::armed();
     for _ in 0..20 {
         trace.exchange(READ_SPEED, STILL);
@@ -178,7 +215,7 @@ fn a_motor_that_turns_though_nobody_has_set_it_in_motion() {
 }
 
 #[test]
-fn a_limit_that_is_exceeded_by_rounding() {
+pub fn a_limit_that_is_exceeded_by_rounding() {
     let mut trace = Trace::new(HOLD);
     trace.done(0, 0x20, &[&[0, 14, 3][..], &1.745_f32.to_le_bytes()].concat());
     trace.arm(0);
@@ -194,7 +231,7 @@ fn a_limit_that_is_exceeded_by_rounding() {
 }
 
 #[test]
-fn a_limit_that_nothing_can_measure() {
+pub fn a_limit_that_nothing_can_measure() {
     let mut trace = Trace::new(HOLD);
     trace.other(1, 2, 0x0E, COAST, None);
     trace.done(0, 0x20, &[&[1, 15, 3][..], &2.0_f32.to_le_bytes()].concat());
@@ -204,7 +241,22 @@ fn a_limit_that_nothing_can_measure() {
 }
 
 #[test]
-fn an_epoch_that_is_given_again_after_a_loss_of_power() {
+pub fn a_threshold_of_standstill_below_what_the_motor_can_tell() {
+    let standstill = |rad_s: f32| [&[0, 11, 3][..], &rad_s.to_le_bytes()].concat();
+    let mut trace = Trace::new(HOLD);
+    trace.done(0, 0x20, &standstill(0.017_454));
+    trace.breaks_nothing();
+    trace.done(0, 0x20, &standstill(0.0174));
+    trace.breaks(Check::StandstillBlind);
+    // 1 degree a second is too little for a thruster.
+    let mut trace = Trace::new(HOLD);
+    trace.done(0, 0x20, &standstill(0.017_454));
+    trace.done(0, 0x20, &[0, 2, 1, 2]);
+    trace.breaks(Check::StandstillBlind);
+}
+
+#[test]
+pub fn an_epoch_that_is_given_again_after_a_loss_of_power() {
     let mut trace = Trace::armed();
     trace.oracle.power_lost(trace.now + 10);
     let mut again = Trace::new(HOLD);
@@ -242,4 +294,11 @@ fn the_stop_of_an_e_stop_that_an_idle_axis_never_gets_on_a_bus_that_was_off() {
     trace.oracle.bus_state(trace.now, 0, false);
     trace.wait(371);
     trace.breaks(Check::StopLate);
+}
+
+#[test]
+pub fn events_that_follow_from_each_other_without_end() {
+    let mut trace = Trace::new(HOLD);
+    trace.oracle.never_rests(trace.now);
+    trace.breaks(Check::Restless);
 }

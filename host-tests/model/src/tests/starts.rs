@@ -59,7 +59,7 @@ fn a_reset_after_which_an_axis_is_armed() {
 }
 
 #[test]
-fn a_reset_that_loses_an_axis() {
+pub fn a_reset_that_loses_an_axis() {
     let mut trace = Trace::new(HOLD);
     trace.reset(false);
     trace.send(STOP);
@@ -130,7 +130,7 @@ fn an_answer_to_what_was_asked_before_a_reset() {
 }
 
 #[test]
-fn a_loss_of_power_after_which_an_axis_is_configured() {
+pub fn a_loss_of_power_after_which_an_axis_is_configured() {
     let mut trace = Trace::new(HOLD);
     trace.oracle.power_lost(trace.now);
     trace.status(1, 0);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_stop_that_comes_late() {
+pub fn a_stop_that_comes_late() {
     let mut trace = Trace::active();
     trace.send(VELOCITY);
     trace.stop();
@@ -76,7 +76,7 @@ fn the_e_stop_input_and_no_stop() {
 }
 
 #[test]
-fn a_poll_that_goes_before_a_stop() {
+pub fn a_poll_that_goes_before_a_stop() {
     let mut trace = Trace::active();
     trace.stop();
     trace.hand(READ_SPEED);
@@ -84,7 +84,7 @@ fn a_poll_that_goes_before_a_stop() {
 }
 
 #[test]
-fn a_stop_that_is_confirmed_though_it_was_sent_once() {
+pub fn a_stop_that_is_confirmed_though_it_was_sent_once() {
     let mut trace = Trace::active();
     trace.stop();
     trace.exchange(STOP, STOP);
@@ -95,7 +95,7 @@ fn a_stop_that_is_confirmed_though_it_was_sent_once() {
 }
 
 #[test]
-fn a_tripped_axis_whose_stop_is_not_repeated() {
+pub fn a_tripped_axis_whose_stop_is_not_repeated() {
     let mut trace = Trace::active();
     trace.event(0x8001, &[0, 3, 1]);
     trace.exchange(STOP, STOP);
@@ -121,7 +121,7 @@ fn an_old_echo_and_one_reading_are_no_confirmation() {
 }
 
 #[test]
-fn one_reading_of_standstill_is_too_little() {
+pub fn one_reading_of_standstill_is_too_little() {
     let mut trace = Trace::active();
     trace.stop();
     trace.exchange(STOP, STOP);
@@ -131,8 +131,60 @@ fn one_reading_of_standstill_is_too_little() {
     trace.breaks(Check::ConfirmedUnproved);
 }
 
+/// Frames of others with a lower id excuse that it is late.
+fn kept_from_the_bus(trace: &mut Trace, for_us: u64) {
+    if trace.oracle.buses[0].held.is_empty() {
+        trace.hand(STOP);
+    }
+    for _ in 0..for_us / 135 {
+        trace.now += 135;
+        trace.oracle.received(trace.now, 0, Frame::Can(0x001, STOP));
+        trace.settle();
+    }
+}
+
 #[test]
-fn an_axis_that_is_to_hold_is_let_go() {
+pub fn a_stop_that_cannot_leave_and_nobody_is_told() {
+    let mut trace = Trace::active();
+    trace.stop();
+    // The bound, 100 ms, and what the check allows.
+    kept_from_the_bus(&mut trace, 117_000);
+    trace.breaks_nothing();
+    kept_from_the_bus(&mut trace, 1_000);
+    trace.breaks(Check::UnsentUntold);
+}
+
+#[test]
+fn a_stop_that_cannot_leave_and_is_told() {
+    let mut trace = Trace::active();
+    trace.stop();
+    kept_from_the_bus(&mut trace, 101_000);
+    trace.event(0x800A, &[0, 0]);
+    kept_from_the_bus(&mut trace, 30_000);
+    trace.breaks_nothing();
+    // At rest it waits.
+    let mut trace = Trace::new(HOLD);
+    trace.stop();
+    kept_from_the_bus(&mut trace, 130_000);
+    trace.breaks_nothing();
+}
+
+#[test]
+fn a_stop_that_is_counted_as_sent_and_has_not_left() {
+    let mut trace = Trace::active();
+    trace.stop();
+    kept_from_the_bus(&mut trace, 101_000);
+    trace.event(0x800A, &[0, 1]);
+    trace.breaks(Check::UnsentUntold);
+    let mut trace = Trace::active();
+    trace.stop();
+    trace.exchange(STOP, STOP);
+    trace.event(0x800A, &[0, 0]);
+    trace.breaks(Check::UnsentUntold);
+}
+
+#[test]
+pub fn an_axis_that_is_to_hold_is_let_go() {
     let mut trace = Trace::active();
     trace.stop();
     trace.hand(OFF);
@@ -145,11 +197,25 @@ fn an_axis_that_is_to_hold_is_let_go() {
 }
 
 #[test]
-fn a_trip_that_ends_by_itself() {
+pub fn a_trip_that_ends_by_itself() {
     let mut trace = Trace::active();
     trace.event(0x8001, &[0, 3, 1]);
     trace.exchange(STOP, STOP);
     trace.exchange(STOP, STOP);
     trace.state(1);
     trace.breaks(Check::TripForgotten);
+}
+
+#[test]
+fn no_stop_after_an_e_stop_behind_a_clearing_whose_result_is_read_late() {
+    let mut trace = Trace::active();
+    trace.event(0x8001, &[0, 3, 1]);
+    trace.exchange(STOP, STOP);
+    trace.event(0x800A, &[0, 1]);
+    let sequence = trace.ask(0, 0x35, &[0]);
+    trace.state(1);
+    trace.done(1, 0x33, &[]);
+    trace.answer(0, sequence, 2, 0x35, DONE);
+    trace.wait(371);
+    trace.breaks(Check::StopLate);
 }
