@@ -110,7 +110,7 @@ pub enum Ask {
     List,
     Incidents { first: u8 },
     BusStatus { bus: u8 },
-    RawOpen { bus: u8 },
+    RawOpen { bus: u8, unsafe_access: bool },
     RawSend { bus: u8, id: u16, data: Vec<u8> },
     RawReceive { bus: u8 },
     RawClose { bus: u8 },

@@ -221,7 +221,7 @@ impl Generator {
             9 => Ask::Read { axis },
             10 => Ask::Status,
             11 if link != LISTENER && self.dice.one_in(4) => Ask::Hello,
-            12 => Ask::RawOpen { bus: 0 },
+            12 => Ask::RawOpen { bus: 0, unsafe_access: self.dice.percent(20) },
             14..16 => Ask::BusStatus { bus: self.dice.byte() % BUSES },
             13 => Ask::Incidents { first: self.dice.pick(&[0, 0, 8, 15, 255]) },
             _ => Ask::Ping,

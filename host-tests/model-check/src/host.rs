@@ -115,7 +115,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
         Ask::BusStatus { bus } => Request::BusStatus(requests::BusStatus { bus }),
         Ask::List => Request::ListAxes(requests::ListAxes { first: 0 }),
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
-        Ask::RawOpen { bus } => Request::RawOpen(requests::RawOpen { bus, unsafe_access: false }),
+        Ask::RawOpen { bus, unsafe_access } => Request::RawOpen(requests::RawOpen { bus, unsafe_access }),
         Ask::RawSend { bus, id, ref data } => {
             let can = CanFrame::standard(id, data).map(RawFrame::Can);
             let serial = || RawFrame::Serial(data.iter().copied().take(64).collect::<Bytes<_>>());

@@ -52,6 +52,9 @@ pub struct World {
     /// Frames that do not reach their bus although the core believes so: a fault that must be found.
     #[cfg(test)]
     pub(crate) swallows: Option<fn(&Outgoing) -> bool>,
+    /// Every frame comes back at once, which nobody has asked for: one more.
+    #[cfg(test)]
+    pub(crate) returns: bool,
 }
 
 impl World {
@@ -75,6 +78,8 @@ impl World {
             trace: None,
             #[cfg(test)]
             swallows: None,
+            #[cfg(test)]
+            returns: false,
         };
         world.gateway.restore(Instant::from_micros(start_us), &[]);
         world.feed(Input::Pin { open: false });

@@ -86,6 +86,9 @@ pub fn alphabet(pair: &Pair) -> Vec<Letter> {
 fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     let [motor, beside] = [first, second].map(|axis| &MOTORS[usize::from(axis)]);
     let bus = motor.bus;
+    // A bus that has no axis, or only the second.
+    let elsewhere = if bus == 2 { 0 } else { 2 };
+    let stranger = Wired { bus: elsewhere, protocol: Protocol::Rmd, node: 1, ..*motor };
     let mut asks = vec![
         // Setpoints: fresh, another one, stale, of another epoch; a move by a distance.
         fresh(first),
@@ -111,7 +114,7 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         Ask::ClearUnreachable { axis: first },
         Ask::Ping,
         // Configuration: to another bus, to another node, to that of the other axis, away; the bus itself.
-        set(first, AxisParameter::Bus, if bus == 2 { 0 } else { 2 }),
+        set(first, AxisParameter::Bus, elsewhere.into()),
         set(first, AxisParameter::Node, FREE_NODE),
         set(first, AxisParameter::Node, beside.node.into()),
         set(first, AxisParameter::Protocol, (motor.protocol.number() % 3 + 1).into()),
@@ -121,11 +124,13 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         Ask::Provision { axis: first, timeout_ms: 100 },
         Ask::Bus { bus, window_us: WINDOW_US + 1_000, protocols: BUS_SETUP[usize::from(bus)].1 },
         // Raw access: a question, motions.
-        Ask::RawOpen { bus },
+        Ask::RawOpen { bus, unsafe_access: false },
         raw(motor, read(motor)),
         raw(motor, moves(motor)),
         raw(motor, moves_leniently(motor)),
         Ask::RawClose { bus },
+        Ask::RawOpen { bus: elsewhere, unsafe_access: true },
+        raw(&stranger, moves(&stranger)),
     ];
     if motor.protocol == Protocol::D5 && beside.bus == bus {
         // To where the other motor hears motion.

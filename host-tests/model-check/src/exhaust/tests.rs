@@ -36,6 +36,14 @@ fn a_stop_that_is_forgotten_is_found() {
 }
 
 #[test]
+fn events_that_follow_from_each_other_without_end_are_found() {
+    let (mut world, _) = prepare(START_US, &PAIRS[0], Prepared::Active).unwrap();
+    world.returns = true;
+    let letters = [Letter::Now(Action::Ask { link: 0, ask: Ask::StopAll })];
+    assert_eq!(checks_found(&world, &letters, 1), [Some(Check::Restless)]);
+}
+
+#[test]
 fn what_is_found_is_replayed() {
     let (mut world, _) = prepare(START_US, &PAIRS[0], Prepared::Active).unwrap();
     world.swallows = Some(is_output_off);

@@ -29,7 +29,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         21 => Ask::Set { axis, parameter: dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) },
         22 => {
             let (parameter, scale) =
-                dice.pick(&[(14, 20.0), (14, 0.1), (15, 5.0), (16, -9.0), (17, 9.0), (28, 3.0)]);
+                dice.pick(&[(11, 0.2), (14, 20.0), (14, 0.1), (15, 5.0), (16, -9.0), (17, 9.0), (28, 3.0)]);
             Ask::Set { axis, parameter, value: Number::Float(dice.fraction() * scale) }
         }
         23 => {
@@ -45,7 +45,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
         26..28 => Ask::Read { axis },
         28 => dice.pick(&[Ask::Status, Ask::List]),
-        29 => Ask::RawOpen { bus },
+        29 => Ask::RawOpen { bus, unsafe_access: dice.percent(30) },
         30..33 => raw_send(dice, bus),
         33 => Ask::RawReceive { bus },
         34..36 => Ask::RawClose { bus },

@@ -2,6 +2,7 @@
 
 use super::Generator;
 use super::asks::native;
+use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Number};
 use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
 use crate::world::World;
@@ -17,6 +18,9 @@ const D5_IDS: [u32; 16] = [
 impl Generator {
     /// An axis is asked something, and moved before it has been answered; its old bus is loaded meanwhile, starts again, or goes off.
     pub(super) fn moves(&mut self, world: &World) -> Action {
+        if self.dice.percent(10) {
+            return self.bares();
+        }
         let idle: Vec<u8> = (0..10).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
         let axis = if idle.is_empty() || self.dice.percent(10) { self.axis() } else { self.dice.pick(&idle) };
         let old = MOTORS[usize::from(axis)].bus;
@@ -59,6 +63,23 @@ impl Generator {
         }
         self.first.extend(actions);
         Action::Ask { link, ask: Ask::Ping }
+    }
+
+    /// All axes of a bus are removed, it is opened for everything, and an axis comes back before or after that ends.
+    fn bares(&mut self) -> Action {
+        let axis = self.axis();
+        let bus = MOTORS[usize::from(axis)].bus;
+        let here = (0..).zip(&MOTORS).filter(|(_, motor)| motor.bus == bus).map(|(axis, _)| axis);
+        let mut asks: Vec<Ask> = here.map(|axis| Ask::Remove { axis }).collect();
+        asks.extend(unsafe_access(&mut self.dice, bus));
+        let comes_back =
+            Ask::Set { axis, parameter: AxisParameter::Bus.number(), value: Number::Unsigned(bus.into()) };
+        let ends = [Ask::RawClose { bus }, Ask::EStop, comes_back.clone(), Ask::Ping];
+        asks.extend([self.dice.pick(&ends), comes_back]);
+        asks.extend([Ask::RawClose { bus }, Ask::ClearGateway]);
+        let link = self.commander;
+        self.first.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
+        self.moves_back(axis)
     }
 
     fn new_address(&mut self) -> (AxisParameter, u32) {

@@ -25,7 +25,7 @@ impl Generator {
             return send(first);
         }
         let ask = match (self.dice.below(100), world.oracle().told(axis)) {
-            (0..30, _) => Ask::RawOpen { bus },
+            (0..30, _) => Ask::RawOpen { bus, unsafe_access: self.dice.percent(10) },
             (30..70, _) => raw_send(&mut self.dice, bus),
             (70..74, _) => Ask::RawReceive { bus },
             (74..76, _) => Ask::RawClose { bus },
@@ -40,6 +40,13 @@ impl Generator {
         };
         Action::Ask { link: self.commander, ask }
     }
+}
+
+/// What a host asks of a bus that has no axis: it opens it for everything, and sends what it likes.
+pub(super) fn unsafe_access(dice: &mut Dice, bus: u8) -> Vec<Ask> {
+    let mut asks = vec![Ask::RawOpen { bus, unsafe_access: true }];
+    asks.extend((0..=dice.below(4)).map(|_| raw_send(dice, bus)));
+    asks
 }
 
 /// A raw frame on a CAN bus, or bytes on the serial line.

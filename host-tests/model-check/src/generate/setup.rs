@@ -1,5 +1,6 @@
 //! What the first host sets up.
 
+use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Number};
 use crate::dice::Dice;
 use crate::plant::{BUSES, MACHINE, MOTORS, POSITION_DEVICE};
@@ -17,6 +18,7 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         window_us: dice.pick(&[2_000, 3_000, 5_000]),
         protocols,
     }));
+    let behind_buses = asks.len();
     let grouped = dice.percent(30);
     let provisioned = dice.percent(40);
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
@@ -50,6 +52,10 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
             set(AxisParameter::PositionMinRad, Number::Float(-20.0));
             set(AxisParameter::PositionMaxRad, Number::Float(20.0));
         }
+        // Less than what a thruster can tell: an axis with it cannot become that of one.
+        if motor.protocol != Protocol::Thruster && dice.percent(10) {
+            set(AxisParameter::StandstillRadS, Number::Float(0.02));
+        }
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
         }
@@ -62,6 +68,16 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         if provisioned {
             asks.push(Ask::Provision { axis, timeout_ms: dice.pick(&[200, 500]) });
         }
+    }
+    // Before there are axes a bus is opened for everything; while it is, none can be configured there.
+    if dice.percent(15) {
+        let bus = dice.byte() % BUSES;
+        let closes = match dice.percent(50) {
+            true => behind_buses,
+            false => behind_buses + usize::from(dice.byte()) % (asks.len() - behind_buses),
+        };
+        asks.insert(closes, Ask::RawClose { bus });
+        asks.splice(behind_buses..behind_buses, unsafe_access(dice, bus));
     }
     asks.into_iter().map(|ask| Action::Ask { link: 0, ask }).collect()
 }

@@ -155,7 +155,10 @@ impl Words<'_> {
             "list" => Ask::List,
             "bus-status" => Ask::BusStatus { bus: self.number()? },
             "incidents" => Ask::Incidents { first: self.number()? },
-            "raw-open" => Ask::RawOpen { bus: self.number()? },
+            "raw-open" => {
+                let (bus, access) = (self.number()?, self.0.next());
+                Ask::RawOpen { bus, unsafe_access: access == Some("unsafe") }
+            }
             "raw-send" => Ask::RawSend { bus: self.number()?, id: self.number()?, data: self.hex()? },
             "raw-receive" => Ask::RawReceive { bus: self.number()? },
             "raw-close" => Ask::RawClose { bus: self.number()? },

@@ -171,6 +171,11 @@ impl World {
                     self.inputs.push_back(Input::Transmitted { bus, slot: transmit.slot });
                     continue;
                 }
+                #[cfg(test)]
+                if self.returns {
+                    self.inputs.push_back(Input::Cancelled { bus, slot: transmit.slot });
+                    continue;
+                }
                 self.note(|| format!("out bus {bus} slot {} {:X?}", transmit.slot, transmit.frame));
                 sent.push(Sent::Handed { bus, transmit: transmit.clone() });
                 self.buses[usize::from(bus)].take(transmit);

@@ -31,6 +31,8 @@ impl World {
             trace: _,
             #[cfg(test)]
                 swallows: _,
+            #[cfg(test)]
+                returns: _,
         } = self;
         let is_read = hosts.iter().all(|host| host.unread_until <= *now_us) && inputs.is_empty();
         assert!(is_read, "{LINKS} hosts read at once");

@@ -17,8 +17,9 @@ impl World {
                 let epoch =
                     axis_of(ask).and_then(|axis| self.epochs.get(usize::from(axis))).copied().unwrap_or(0);
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
-                // Whether bytes are a command, and take authority, the model learns from their result: that is read.
-                if matches!(ask, Ask::Native { .. }) {
+                // Whether bytes are a command, and take authority, the model learns from their result; whether a raw frame was accepted, too.
+                // That is read.
+                if is_judged_by_its_result(ask) {
                     host.unread_until = now;
                 }
                 let bytes = host.ask(now, ask, epoch);
@@ -98,6 +99,10 @@ impl World {
         }
         state.forget();
     }
+}
+
+fn is_judged_by_its_result(ask: &Ask) -> bool {
+    matches!(ask, Ask::Native { .. } | Ask::RawOpen { .. } | Ask::RawSend { .. } | Ask::RawClose { .. })
 }
 
 /// The axis whose epoch a request carries.
