@@ -30,6 +30,7 @@ impl Bench {
             (Some(&"ignore-stop"), Some(on)) => Injection::IgnoreStop(on),
             (Some(&"ignore-motion"), Some(on)) => Injection::IgnoreMotion(on),
             (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
+            (Some(&"encoder"), Some(on)) => Injection::Encoder(on),
             (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
             (Some(&"brake"), Some(on)) => Injection::Brake(on),
             (Some(&"stuck-brake"), Some(on)) => Injection::StuckBrake(on),

@@ -43,9 +43,16 @@ fn preparations(protocol: Protocol) -> &'static [&'static [Step]] {
         Protocol::Thruster => &[
             &[Hear("30B#5443000000000000")],
             &[Hear("30B#5443000000000000"), Hear("30B#5443000000000032"), Wait(500)],
-            &[Hear("30B#5443000000000000"), Hear("30B#4C41012C00000384"), Wait(1_000)],
+            // With an encoder, at zero and elsewhere.
+            &[Inject(Injection::Encoder(true))],
+            &[Inject(Injection::Encoder(true)), Hear("30B#4C41012C00000384"), Wait(2_000)],
+            // It sends current and speed unasked, or all three frames.
+            &[Hear("30B#4D4D0000")],
+            &[Hear("30B#5352000000070064")],
+            // It returns three frames for TC and VC.
+            &[Hear("30B#5443000000000000"), Hear("30B#564D000000000007")],
             &[Hear("30B#5443000000000000"), FAULT[0], FAULT[1], FAULT[2]],
-            &[Hear("30B#53504C41FC7C01C7"), Hear("30B#53504D0101020304")],
+            &[Hear("30B#53504D0101020304")],
         ],
         Protocol::D5 => &[
             &[],

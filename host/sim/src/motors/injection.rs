@@ -47,6 +47,8 @@ pub enum Injection {
     Refuse(bool),
     /// RMD: when a fault goes it resumes what it did before the fault, whatever it was told meanwhile.
     ResumeAfterFault(bool),
+    /// Thruster: the device has an encoder and takes position commands.
+    Encoder(bool),
     /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
     ResumeAfterTimeout(bool),
     /// It reads leniently: unused bytes may be anything, missing ones count as zero, no pause ends a frame on RS485, a D5
@@ -109,6 +111,7 @@ pub(crate) struct Injections {
     pub(crate) reply_jitter: Duration,
     pub(crate) refuse: bool,
     pub(crate) resume_after_fault: bool,
+    pub(crate) encoder: bool,
     pub(crate) resume_after_timeout: bool,
     pub(crate) lenient: bool,
     pub(crate) brake: bool,
@@ -144,6 +147,7 @@ impl Injections {
             Injection::ReplyJitter(most) => self.reply_jitter = most,
             Injection::Refuse(on) => self.refuse = on,
             Injection::ResumeAfterFault(on) => self.resume_after_fault = on,
+            Injection::Encoder(on) => self.encoder = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
             Injection::Lenient(on) => self.lenient = on,
             Injection::Brake(on) => self.brake = on,

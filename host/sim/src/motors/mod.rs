@@ -150,9 +150,9 @@ impl Motor {
         self.wiring.node
     }
 
-    /// Its bitrate, bit/s.
+    /// Its bitrate, bit/s: that of its wiring until it has been set to another one and switched on again.
     pub fn bitrate(&self) -> u32 {
-        self.wiring.bitrate
+        self.make.model().bitrate().unwrap_or(self.wiring.bitrate)
     }
 
     /// Whether its cable is off the bus: then it hears nothing, and nothing that it sends arrives.

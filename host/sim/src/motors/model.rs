@@ -32,6 +32,11 @@ pub(super) trait Model: Send {
     /// Its own communication timeout; `None` while that is off.
     fn own_timeout(&self) -> Option<Duration>;
 
+    /// The bitrate that it was set to before it was last switched on, bit/s; `None`: that of its wiring.
+    fn bitrate(&self) -> Option<u32> {
+        None
+    }
+
     /// Back to the state after switching on; what it stores survives.
     fn power_cycle(&mut self);
 

@@ -1,14 +1,20 @@
-//! A simulated thruster without an encoder (Thruster manual), on CAN.
+//! A simulated thruster, or a device with an encoder (Thruster manual), on CAN.
+
+mod commands;
+mod names;
+mod positions;
+mod returns;
 
 use std::f64::consts::TAU;
 use std::time::Duration;
 
 use host_protocol::CanFrame;
-use thruster::{
-    Celsius, Deciamps, Decidegrees, Decivolts, Faults, LimitDecidegrees, Node, POSITION_LIMITS, Percent,
-    Reply, Request, Rpm, SIGNAL_MAX, SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF,
-};
+use thruster::{Celsius, Deciamps, Decivolts, Faults, Node, Reply, Request, Rpm};
 
+use self::commands::refusal;
+use self::names::name;
+use self::positions::Positions;
+use self::returns::Returns;
 use super::counts::{to_i16, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
 use super::lenient;
@@ -28,14 +34,14 @@ const RPM: f64 = TAU / 60.0;
 /// What is left of the output while driver or motor are too hot.
 const HOT_SHARE: f64 = 0.5;
 
-/// A propeller in water, on 24 V.
+/// A propeller in water, or a rudder that a device with an encoder turns, on 24 V.
 const CHARACTERISTICS: Characteristics = Characteristics {
     max_speed_rad_s: FULL_SPEED_RPM * RPM,
     max_current_a: 25.0,
     speed_per_ampere: 20.0,
     mechanical_s: 0.08,
     speed_loop_s: 0.06,
-    position_gain: 0.0,
+    position_gain: 8.0,
     supply_v: 24.0,
     supply_ohm: 0.05,
     thermal_s: 90.0,
@@ -77,6 +83,34 @@ pub(super) struct Thruster {
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::thruster_faults"))]
     record: Faults,
     stall: StallGuard,
+    returns: Returns,
+    positions: Positions,
+    stored: Stored,
+}
+
+/// What it keeps without power.
+#[derive(Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+struct Stored {
+    /// Set by CI; it has it from the next start on (Thruster manual §2.2).
+    next_node: Option<u8>,
+    /// Set by CB, kbit/s; the same.
+    next_kilobits: Option<u16>,
+    /// What CB had set before the last start, bit/s.
+    bitrate: Option<u32>,
+    /// System parameters that SP has written (Thruster manual §2.7).
+    parameters: Vec<(u16, [u8; 4])>,
+}
+
+impl Stored {
+    fn set_parameter(&mut self, parameter: u16, data: [u8; 4]) {
+        self.parameters.retain(|(other, _)| *other != parameter);
+        self.parameters.push((parameter, data));
+    }
+
+    fn parameter(&self, parameter: u16) -> [u8; 4] {
+        self.parameters.iter().find(|(other, _)| *other == parameter).map_or([0; 4], |(_, data)| *data)
+    }
 }
 
 impl Thruster {
@@ -92,6 +126,9 @@ impl Thruster {
             faults: Faults::empty(),
             record: Faults::empty(),
             stall: StallGuard::default(),
+            returns: Returns::default(),
+            positions: Positions::default(),
+            stored: Stored::default(),
         }
     }
 
@@ -99,6 +136,7 @@ impl Thruster {
     fn stop_running(&mut self) {
         self.before_timeout_rad_s = self.wanted_rad_s;
         self.wanted_rad_s = 0.0;
+        self.positions.stop();
         self.zero_seen = false;
     }
 
@@ -123,10 +161,13 @@ impl Thruster {
             false => 1.0,
         };
         let rad_s = self.wanted_rad_s * share;
-        self.plant.set_drive(if rad_s == 0.0 || self.faults.intersects(OUTPUT_OFF) {
-            Drive::Off
-        } else {
-            Drive::Speed { rad_s, acceleration: f64::INFINITY }
+        self.plant.set_drive(match self.positions.target() {
+            _ if self.faults.intersects(OUTPUT_OFF) => Drive::Off,
+            Some((rad, max_speed)) if !self.faults.contains(Faults::ENCODER) => {
+                Drive::Position { rad, max_speed: max_speed * share }
+            }
+            _ if rad_s == 0.0 => Drive::Off,
+            _ => Drive::Speed { rad_s, acceleration: f64::INFINITY },
         });
     }
 
@@ -147,125 +188,36 @@ impl Thruster {
             _ => self.carry_out(cx, request),
         };
         self.update(cx);
-        if let Ok(frame) = thruster::can::reply(self.node, &reply) {
-            let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
+        let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
+        self.answer(cx, request, reply, delay);
+    }
+
+    /// What it measures, as returned frames tell it.
+    fn readings(&self) -> returns::Readings {
+        returns::Readings {
+            speed: Rpm(to_i16(self.plant.speed_rad_s() / RPM)),
+            voltage: Decivolts(to_u16(self.plant.voltage_v() * 10.0)),
+            current: Deciamps(to_i16(self.plant.current_a() * 10.0)),
+            faults: self.faults,
+            motor: Celsius(to_i16(self.plant.motor_c())),
+            driver: Celsius(to_i16(self.plant.driver_c())),
+            absolute: self.positions.absolute(&self.plant),
+            relative: self.positions.relative(&self.plant),
+        }
+    }
+
+    /// Sends the reply, or what VM has in its place.
+    fn answer(&self, cx: &mut Context<'_>, request: &Request, reply: Reply, delay: Duration) {
+        for payload in self.returns.in_place_of(request, &reply, &self.readings()) {
+            self.send(cx, payload, delay);
+        }
+    }
+
+    fn send(&self, cx: &mut Context<'_>, payload: thruster::Payload, delay: Duration) {
+        let id = thruster::can::reply_id(self.node);
+        if let Some(frame) = CanFrame::data_frame(id.into(), payload.as_slice()) {
             cx.send(delay, Wire::Can(frame), false);
         }
-    }
-
-    fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) -> Reply {
-        match *request {
-            Request::Signal { signal } => {
-                let fits = signal.0.unsigned_abs() <= SIGNAL_MAX.unsigned_abs();
-                let rad_s = f64::from(signal.0) / f64::from(SIGNAL_MAX) * self.plant.max_speed_rad_s();
-                self.run_at(cx, request, fits.then_some(rad_s), Reply::Signal { signal })
-            }
-            Request::Speed { speed } => {
-                let fits = speed.0 == 0 || speed.0.unsigned_abs() >= SPEED_MIN_MAGNITUDE;
-                let rad_s = f64::from(speed.0) * RPM;
-                self.run_at(cx, request, fits.then_some(rad_s), Reply::Speed { speed })
-            }
-            Request::EmergencyStop => {
-                if self.may_stop(cx, request) {
-                    self.wanted_rad_s = 0.0;
-                }
-                Reply::EmergencyStop
-            }
-            Request::SetTimeout { timeout } => {
-                if timeout.0 != TIMEOUT_OFF && !(TIMEOUT_MIN..=TIMEOUT_MAX).contains(&timeout.0) {
-                    return refusal(request);
-                }
-                self.timeout = Duration::from_millis(u64::from(timeout.0));
-                Reply::Timeout { timeout }
-            }
-            Request::ClearFaults => {
-                self.faults -= LATCHED;
-                self.stall = StallGuard::default();
-                Reply::FaultsCleared
-            }
-            // No encoder.
-            Request::AbsolutePosition { .. }
-            | Request::SetAbsoluteZero
-            | Request::SetPositionLimits { .. }
-            | Request::RelativePosition { .. }
-            | Request::SetRelativeZero
-            | Request::ClearRelativePosition => refusal(request),
-            Request::ReadAbsolutePosition => Reply::MeasuredPosition { position: Decidegrees(0) },
-            Request::ReadRelativePosition => Reply::MeasuredRelativePosition { position: Decidegrees(0) },
-            Request::ReadPositionLimits => {
-                Reply::PositionLimits { reverse: LimitDecidegrees(0), forward: LimitDecidegrees(0) }
-            }
-            // Taken, and played no further.
-            Request::RequestMode => Reply::RequestMode,
-            Request::LowSpeedMode => Reply::LowSpeedMode,
-            Request::MediumSpeedMode => Reply::MediumSpeedMode,
-            Request::SetId { id } => accepted(request, Reply::Id { id }),
-            Request::SetBitrate { bitrate } => accepted(request, Reply::Bitrate { bitrate }),
-            Request::ConfigureReturn { flags, frames } => {
-                accepted(request, Reply::ReturnConfigured { flags, frames })
-            }
-            Request::ConfigureStream { frames, interval } => {
-                accepted(request, Reply::StreamConfigured { frames, interval })
-            }
-            Request::SetParameter { parameter, data } => Reply::ParameterSet { parameter, data },
-            Request::ReadParameter { parameter } => Reply::Parameter { parameter, data: [0; 4] },
-            Request::ReadSpeed => Reply::MeasuredSpeed { speed: Rpm(to_i16(self.plant.speed_rad_s() / RPM)) },
-            Request::ReadCurrent => {
-                Reply::Current { current: Deciamps(to_i16(self.plant.current_a() * 10.0)) }
-            }
-            Request::ReadVoltage => {
-                Reply::Voltage { voltage: Decivolts(to_u16(self.plant.voltage_v() * 10.0)) }
-            }
-            Request::ReadMotorTemperature => {
-                Reply::MotorTemperature { temperature: Celsius(to_i16(self.plant.motor_c())) }
-            }
-            Request::ReadDriverTemperature => {
-                Reply::DriverTemperature { temperature: Celsius(to_i16(self.plant.driver_c())) }
-            }
-            Request::ReadFaults => Reply::Faults { faults: self.faults },
-            Request::ReadFaultRecord => Reply::FaultRecord { faults: self.record },
-            Request::Unknown { payload } => Reply::Unknown { payload },
-        }
-    }
-
-    /// Takes a new speed, or refuses it. `None`: outside the manual's range.
-    fn run_at(
-        &mut self,
-        cx: &mut Context<'_>,
-        request: &Request,
-        rad_s: Option<f64>,
-        accepted: Reply,
-    ) -> Reply {
-        let Some(rad_s) = rad_s else { return refusal(request) };
-        if rad_s == 0.0 {
-            if !self.may_stop(cx, request) {
-                return accepted;
-            }
-            self.zero_seen = true;
-            self.wanted_rad_s = 0.0;
-            self.faults -= Faults::ZERO_PROTECTION;
-        } else if !self.zero_seen {
-            self.faults |= Faults::ZERO_PROTECTION;
-        }
-        if self.faults.intersects(OUTPUT_OFF) {
-            self.wanted_rad_s = 0.0;
-            cx.ignored(name(request).unwrap_or_default(), "fault");
-            return refusal(request);
-        }
-        if rad_s != 0.0 && cx.injected.ignore_motion {
-            cx.ignored(name(request).unwrap_or_default(), "injected");
-            return accepted;
-        }
-        self.wanted_rad_s = rad_s;
-        accepted
-    }
-
-    fn may_stop(&self, cx: &mut Context<'_>, request: &Request) -> bool {
-        if cx.injected.ignore_stop {
-            let name = name(request).unwrap_or_default();
-            cx.ignored(name, "injected");
-        }
-        !cx.injected.ignore_stop
     }
 }
 
@@ -280,7 +232,8 @@ impl Model for Thruster {
     }
 
     fn next_timer(&self) -> Option<Duration> {
-        [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()].into_iter().flatten().min()
+        let timeout = self.watch.strikes_at(self.own_timeout());
+        [timeout, self.stall.strikes_at(), self.returns.due_at()].into_iter().flatten().min()
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {
@@ -288,6 +241,9 @@ impl Model for Thruster {
             self.stop_running();
         }
         self.update(cx);
+        for payload in self.returns.due(cx.now, &self.readings()) {
+            self.send(cx, payload, Duration::ZERO);
+        }
     }
 
     fn fault_word(&self) -> u16 {
@@ -298,9 +254,24 @@ impl Model for Thruster {
         (!self.timeout.is_zero()).then_some(self.timeout)
     }
 
+    fn bitrate(&self) -> Option<u32> {
+        self.stored.bitrate
+    }
+
     fn power_cycle(&mut self) {
-        let Self { node, plant, timeout, .. } = self;
-        *self = Self { plant: plant.clone(), timeout: *timeout, ..Self::new(*node) };
+        let stored = std::mem::take(&mut self.stored);
+        let node = stored.next_node.and_then(|node| Node::new(node).ok()).unwrap_or(self.node);
+        let next = stored.next_kilobits.and_then(|kilobits| thruster::Kilobits(kilobits).info());
+        let bitrate = next.map(|info| info.bits_per_second).or(stored.bitrate);
+        let plant = self.plant.clone();
+        *self = Self {
+            positions: self.positions.after_power_cycle(&plant),
+            returns: self.returns.after_power_cycle(),
+            timeout: self.timeout,
+            stored: Stored { bitrate, ..stored },
+            plant,
+            ..Self::new(node)
+        };
     }
 
     fn plant(&self) -> &Plant {
@@ -312,59 +283,12 @@ impl Model for Thruster {
     }
 }
 
-/// The reply to a setting that the manual allows, else the refusal.
-fn accepted(request: &Request, reply: Reply) -> Reply {
-    if request.encode().is_ok() { reply } else { refusal(request) }
-}
-
-fn refusal(request: &Request) -> Reply {
-    let parameter = match request {
-        Request::AbsolutePosition { speed, .. } | Request::RelativePosition { speed, .. } => speed.0,
-        Request::SetPositionLimits { .. } => POSITION_LIMITS,
-        _ => 0,
-    };
-    Reply::Refused { command: request.command(), parameter }
-}
-
-/// What the log calls a command; nothing for queries.
-fn name(request: &Request) -> Option<&'static str> {
-    Some(match request {
-        Request::Signal { signal: Percent(0) } => "TC 0",
-        Request::Signal { .. } => "TC signal",
-        Request::Speed { speed: Rpm(0) } => "VC 0",
-        Request::Speed { .. } => "VC speed",
-        Request::ClearFaults => "CF clear faults",
-        Request::SetTimeout { .. } => "ST timeout",
-        Request::RequestMode => "MQ request mode",
-        Request::LowSpeedMode => "ML low speed mode",
-        Request::MediumSpeedMode => "MM medium speed mode",
-        Request::SetId { .. } => "CI id",
-        Request::SetBitrate { .. } => "CB bitrate",
-        Request::ConfigureReturn { .. } => "VM return format",
-        Request::ConfigureStream { .. } => "SR stream",
-        Request::SetParameter { .. } => "SP parameter",
-        Request::AbsolutePosition { .. } => "LA position",
-        Request::SetAbsoluteZero => "AZ absolute zero",
-        Request::SetPositionLimits { .. } => "SP LA position limits",
-        Request::RelativePosition { .. } => "LR relative position",
-        Request::SetRelativeZero => "RZ relative zero",
-        Request::ClearRelativePosition => "RC clear relative position",
-        Request::EmergencyStop => "LS emergency stop",
-        Request::Unknown { .. } => "other",
-        Request::ReadSpeed
-        | Request::ReadCurrent
-        | Request::ReadVoltage
-        | Request::ReadMotorTemperature
-        | Request::ReadDriverTemperature
-        | Request::ReadFaults
-        | Request::ReadFaultRecord
-        | Request::ReadParameter { .. }
-        | Request::ReadAbsolutePosition
-        | Request::ReadPositionLimits
-        | Request::ReadRelativePosition => return None,
-    })
-}
-
+#[cfg(test)]
+#[path = "thruster_positions_tests.rs"]
+mod positions_tests;
+#[cfg(test)]
+#[path = "thruster_returns_tests.rs"]
+mod returns_tests;
 #[cfg(test)]
 #[path = "thruster_tests.rs"]
 mod tests;

@@ -160,7 +160,12 @@ impl World {
     /// If there is no such motor.
     pub fn power_cycle(&mut self, motor: usize) {
         let now = self.now;
+        let before = self.motors[motor].bitrate();
         self.motors[motor].power_cycle(now);
+        let (bus, bitrate) = (self.motors[motor].bus(), self.motors[motor].bitrate());
+        if let Some(port) = self.ports.get_mut(usize::from(bus)).filter(|_| bitrate != before) {
+            port.restart_motor(now, Station::Motor(motor), bitrate);
+        }
     }
 
     /// Breaks the cable of a bus, or repairs it.

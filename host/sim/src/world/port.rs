@@ -51,6 +51,14 @@ impl Port {
         }
     }
 
+    /// A motor has another bitrate from now on.
+    pub(super) fn restart_motor(&mut self, now: Duration, motor: Station, bitrate: u32) {
+        match &mut self.medium {
+            Medium::Can(bus) => bus.start(now, motor, bitrate),
+            Medium::Serial { line, .. } => line.start(motor, bitrate, false),
+        }
+    }
+
     /// Starts the gateway's controller if the setup is new; whether it was.
     pub(super) fn set_up(&mut self, now: Duration, setup: Option<BusSetup>) -> bool {
         let Some(new) = setup.filter(|new| self.setup != Some(*new)) else { return false };
