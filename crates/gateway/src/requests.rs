@@ -226,8 +226,7 @@ impl Gateway {
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
         }
-        let is_d5 = axis.config.protocol() == Some(Protocol::D5);
-        if is_d5 && axis.config.unsigned(AxisParameter::D5AckLevel) == Some(0) {
+        if !crate::motor::can_confirm(&axis.config) {
             return Err(Error::CannotConfirm { axis: index });
         }
         if let Some(bus) = axis.config.bus()

@@ -129,10 +129,23 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
     if coasts && config.flag(AxisParameter::ReleaseBrakeWhenArming) {
         return Err(Error::BrakeStaysOpen { axis });
     }
+    check_return_mode(config)?;
     let least = config.protocol().map_or(0.0, motor::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
     let (min, max) = config.position_range();
     within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
+}
+
+/// Bits of VM that the manual gives no meaning (Thruster manual §2.4): a device set so may return anything.
+const RETURN_MODE_RESERVED: u32 = !0x0307;
+
+fn check_return_mode(config: &AxisConfig) -> Result<(), Error> {
+    let mode = config.unsigned(AxisParameter::ReturnMode).unwrap_or_default();
+    if mode & RETURN_MODE_RESERVED == 0 {
+        return Ok(());
+    }
+    #[allow(clippy::cast_precision_loss)] // for people to read
+    within_range(AxisParameter::ReturnMode, mode as f32, 0.0, 0.0)
 }
 
 fn within_range(parameter: AxisParameter, value: f32, min: f32, max: f32) -> Result<(), Error> {

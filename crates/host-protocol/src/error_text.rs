@@ -133,8 +133,8 @@ impl fmt::Display for Error {
             ),
             Self::CannotConfirm { axis } => write!(
                 f,
-                "the motor of axis {axis} is set so that it could not confirm a stop; give it an acknowledge \
-                level above 0"
+                "the motor of axis {axis} is set so that it could not confirm a stop; give a D5 an \
+                acknowledge level above 0, and a thruster a VM that returns something"
             ),
             Self::NotStandstill { axis, velocity_rad_s } => write!(
                 f,

@@ -301,6 +301,8 @@ parameters! {
     38 AllowUnverifiedBrake "allow_unverified_brake": Bool("") [false, true] false;
     /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the device only reports, bar arming and trip like its faults. A broken sensor does anyway where the axis has temperature_limit_c.
     44 WarningsAreFaults "warnings_are_faults": Bool("") [false, true] false;
+    /// Thruster protocol: bytes 6 and 7 of the VM that the device is set to, as one number. 0: it echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with bit 8 it returns nothing and cannot be armed.
+    45 ReturnMode "return_mode": Unsigned("") [0, 0x0307] 0;
 }
 
 parameters! {

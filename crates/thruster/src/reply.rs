@@ -6,7 +6,7 @@ use crate::error::{DecodeError, EncodeError};
 use crate::faults::Faults;
 use crate::field::{self, POSITION_LIMITS, REFUSAL, command};
 use crate::payload::Payload;
-use crate::returned::{ReturnFlags, ReturnFrames, ReturnSource, Returned};
+use crate::returned::{Headerless, ReturnFlags, ReturnFrames, ReturnSource, Returned};
 use crate::units::{
     Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm,
     RpmLimit,
@@ -220,6 +220,17 @@ impl Reply {
     /// what follows the first returned frame; only the pending request tells, as [`answer`](crate::answer) does.
     pub const fn is_event(&self) -> bool {
         matches!(self, Reply::Returned(Returned { source: ReturnSource::Stream, .. }))
+    }
+
+    /// What it tells if it is the form without a header (Thruster manual §2.4); nothing if it begins as any other reply does.
+    ///
+    /// Only for a device that is set so, while its reply to TC or VC is due: see [`Headerless`]. The command words and headers of
+    /// the manual read as speeds beyond ±16 000 rpm, so that no speed of a device is lost.
+    pub fn headerless(&self) -> Option<Headerless> {
+        match self {
+            Reply::Unknown { payload } => Headerless::decode(payload.as_slice()).ok(),
+            _ => None,
+        }
     }
 
     /// The data field; an echo outside the manual's range is refused. Reserved bits stay.

@@ -68,8 +68,8 @@ impl Displaced {
         self.until.is_some() && !self.given_up
     }
 
-    pub fn is(&self, command: &Command) -> bool {
-        self.command == *command
+    pub fn command(&self) -> &Command {
+        &self.command
     }
 
     pub fn deadline(&self) -> Option<Instant> {

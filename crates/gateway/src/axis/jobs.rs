@@ -366,6 +366,7 @@ impl Axis {
             return Err(Error::CannotConfirm { axis });
         }
         if let Some(faults) = self.barring(seen)
+            && exchange == Exchange::Faults
             && !self.is_read_again_later(exchange)
         {
             return Err(Error::MotorFault { axis, faults });

@@ -328,8 +328,9 @@ impl Axis {
         next.at()
     }
 
-    /// Whether a reply to this command may be the late one to the same command sent before.
+    /// Whether a reply to this command may be the late one to a command sent before.
     fn may_answer_an_older(&self, command: &Command) -> bool {
-        self.displaced.as_ref().is_some_and(|displaced| displaced.is(command))
+        let displaced = self.displaced.as_ref().map(Displaced::command);
+        displaced.is_some_and(|older| motor::are_answered_alike(older, command, &self.config))
     }
 }

@@ -4,6 +4,7 @@ use super::Bus;
 use super::schedule::MAX_OUTSTANDING;
 use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
+use crate::motor;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
@@ -20,11 +21,12 @@ const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
 impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else talks.
-    fn bound(&self, stops: u64) -> Duration {
+    fn bound(&self, stops: u64, axes: &[Axis]) -> Duration {
         match self.kind() {
             // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the id of the stop, which waits for it.
             BusKind::Can => {
                 let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
+                let replies = replies + self.further_replies(axes);
                 let wait =
                     if self.carries(Protocol::D5) { self.line_times().stop_delay() } else { Duration::ZERO };
                 SOFTWARE + wait + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
@@ -33,11 +35,16 @@ impl Bus {
         }
     }
 
+    /// Frames beyond the first with which motors here answer one motion each.
+    fn further_replies(&self, axes: &[Axis]) -> u64 {
+        self.axes_here(axes).map(|axis| motor::replies_to_motion(&axis.config) - 1).sum()
+    }
+
     /// Within what time a frame that is no stop has left after it was due, if nobody else talks: behind the stop of each axis here, behind two requests
     /// of each, as every other one of an axis is a poll, with what their replies may take, and behind the own one before: the window of its
     /// reply, and as long again where that may come late.
-    fn ordinary_bound(&self, axes: &[Axis]) -> Duration {
-        let axes = self.axes_here(axes).count() as u64;
+    fn ordinary_bound(&self, all: &[Axis]) -> Duration {
+        let axes = self.axes_here(all).count() as u64;
         let window = self.reply_window();
         let exchange = match self.kind() {
             // A request and its reply, and what a D5's reply may wait for; of thrusters so many share a window.
@@ -48,7 +55,8 @@ impl Bus {
             }
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };
-        self.bound(axes) + window.times(2) + exchange.times(2 * axes)
+        let further = self.bit_time(LONGEST_FRAME_BITS).times(2 * self.further_replies(all));
+        self.bound(axes, all) + window.times(2) + exchange.times(2 * axes) + further
     }
 
     /// When the next setpoint counts as not delivered.
@@ -79,7 +87,7 @@ impl Bus {
             let since = axis.unreported_stop()?;
             let due = before.filter(|(began, _)| *began == since).map(|(_, due)| due).unwrap_or_else(|| {
                 let together = self.axes_here(axes).filter(|other| other.stops_beside(since)).count();
-                since + self.bound(together as u64) + ALLOWANCE
+                since + self.bound(together as u64, axes) + ALLOWANCE
             });
             before = Some((since, due));
             Some((axis.index, since, due))
@@ -93,7 +101,7 @@ impl Bus {
             let since = axis.unsent_stop_since()?;
             let bound = *within.get_or_insert_with(|| {
                 let stops = self.axes_here(axes).filter(|axis| axis.has_stop()).count() as u64;
-                if self.config.is_some() { self.bound(stops) } else { Duration::ZERO }
+                if self.config.is_some() { self.bound(stops, axes) } else { Duration::ZERO }
             });
             Some((axis.index, since + bound + NOT_SENT_AFTER))
         })

@@ -4,6 +4,7 @@ use super::line::GAP_BITS;
 use super::transmit::LONGEST_FRAME_BITS;
 use super::{Bus, bits_at};
 use crate::axis::Axis;
+use crate::motor;
 use crate::time::Duration;
 use host_protocol::{BusConfig, BusKind, Error};
 
@@ -21,7 +22,8 @@ pub(crate) fn check<'a>(
     axes: impl Iterator<Item = &'a Axis>,
 ) -> Result<(), Error> {
     let exchange = exchange_time(bus.kind(), config.bitrate);
-    let needed: u64 = axes.map(|axis| needed_permille(axis, exchange)).sum();
+    let frame = bits_at(LONGEST_FRAME_BITS, config.bitrate);
+    let needed: u64 = axes.map(|axis| needed_permille(axis, exchange, frame)).sum();
     let needed = u32::try_from(needed).unwrap_or(u32::MAX);
     if needed <= AVAILABLE_PERMILLE {
         return Ok(());
@@ -41,10 +43,12 @@ fn exchange_time(kind: BusKind, bitrate: u32) -> Duration {
     }
 }
 
-/// The share of the bus that one axis takes while it is moving.
-fn needed_permille(axis: &Axis, exchange: Duration) -> u64 {
-    let share = |period: Duration| (exchange.as_micros() * 1_000).div_ceil(period.as_micros().max(1));
-    let motion = share(axis.refresh());
-    let faults = share(axis.config.fault_poll());
-    motion + faults + share(axis.config.state_poll())
+/// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to a motion takes.
+fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
+    let share =
+        |time: Duration, period: Duration| (time.as_micros() * 1_000).div_ceil(period.as_micros().max(1));
+    let motion = exchange + frame.times(motor::replies_to_motion(&axis.config) - 1);
+    share(motion, axis.refresh())
+        + share(exchange, axis.config.fault_poll())
+        + share(exchange, axis.config.state_poll())
 }

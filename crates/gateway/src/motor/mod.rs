@@ -10,6 +10,7 @@ mod impedance;
 mod limit_tests;
 mod native;
 mod raw;
+mod returned;
 mod rmd;
 mod thruster;
 
@@ -238,6 +239,33 @@ pub(crate) fn has_set_ack_level(command: &Command, level: u8) -> bool {
     matches!(command, Command::D5(request) if d5::new_ack_level(request) == Some(::d5::AckLevel::of(level)))
 }
 
+/// Whether a motor that is set as the axis says answers what stops it.
+pub(crate) fn can_confirm(config: &AxisConfig) -> bool {
+    match config.protocol() {
+        Some(Protocol::Thruster) => returned::ReturnMode::of(config) != returned::ReturnMode::Nothing,
+        Some(Protocol::D5) => config.unsigned(AxisParameter::D5AckLevel) != Some(0),
+        Some(Protocol::Rmd) | None => true,
+    }
+}
+
+/// Whether one reply may answer the one command as well as the other.
+pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisConfig) -> bool {
+    match (one, other) {
+        (Command::Thruster(one), Command::Thruster(other)) => {
+            one == other || returned::ReturnMode::of(config).answers_alike(one, other)
+        }
+        _ => one == other,
+    }
+}
+
+/// How many frames answer a motion command.
+pub(crate) fn replies_to_motion(config: &AxisConfig) -> u64 {
+    match config.protocol() {
+        Some(Protocol::Thruster) => returned::ReturnMode::of(config).count(),
+        Some(Protocol::Rmd | Protocol::D5) | None => 1,
+    }
+}
+
 /// Whether the motor's output is on after this command; `None` where it stays as it was.
 pub(crate) fn output_after(command: &Command) -> Option<bool> {
     match command {
@@ -319,7 +347,7 @@ pub(crate) fn judge(command: &Command, received: &Received, config: &AxisConfig)
     match (command, received) {
         (Command::Rmd(request), Received::Rmd { reply, .. }) => rmd::judge(request, reply, config),
         (Command::Thruster(request), Received::Thruster { reply, .. }) => {
-            thruster::judge(request, reply, config.sign())
+            thruster::judge(request, reply, config)
         }
         (Command::D5(request), Received::D5 { node, reply }) => d5::judge(request, *node, reply, config),
         _ => Verdict::Unrelated,

@@ -1,6 +1,7 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
 use super::native::{Demand, Effect, Native};
+use super::returned::{self, ReturnMode, is_motion};
 use super::{Command, Exchange, Sequences, Verdict, fit, position, turned};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
@@ -197,10 +198,11 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
     Error::OutOfRange { quantity, value, min: bounds.0, max: bounds.1 }
 }
 
-pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
+pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
+    let mode = ReturnMode::of(config);
     match thruster::answer(request, reply) {
-        // Telemetry instead of the echo comes only where VM is set, and does not say which value it acknowledges (T22).
-        Answer::Reply(Reply::Returned(_)) => Verdict::Unrelated,
+        // Which value it acknowledges it does not say (T22).
+        Answer::Reply(Reply::Returned(returned)) if !mode.acknowledges(&returned.frame) => Verdict::Unrelated,
         // The device repeats the value it has taken: another one belongs to an older request.
         Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => {
             Verdict::Unrelated
@@ -209,9 +211,14 @@ pub(super) fn judge(request: &Request, reply: &Reply, sign: f32) -> Verdict {
         Answer::Reply(Reply::Timeout { timeout }) if *request != (Request::SetTimeout { timeout }) => {
             Verdict::Unrelated
         }
-        Answer::Reply(reply) => Verdict::Answer(observe(&reply, sign)),
+        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
         Answer::Refused => Verdict::Refused,
-        _ => Verdict::Unrelated,
+        Answer::Unrelated if mode == ReturnMode::Headerless && is_motion(request) => match reply.headerless()
+        {
+            Some(told) => Verdict::Answer(returned::of_headerless(&told, config.sign())),
+            None => Verdict::Unrelated,
+        },
+        Answer::Unrelated | Answer::Unsolicited => Verdict::Unrelated,
     }
 }
 
@@ -239,6 +246,7 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
             let position_rad = Some(sign * convert::decidegrees_to_rad(position.0));
             Observation { position_rad, position_count: Some(position.0), ..none }
         }
+        Reply::Returned(returned) => returned::of_frame(&returned.frame, sign),
         _ => none,
     }
 }

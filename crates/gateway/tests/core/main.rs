@@ -42,6 +42,7 @@ mod stops;
 mod subscriptions;
 mod text;
 mod thruster;
+mod thruster_returns;
 mod trip_groups;
 mod uncommanded;
 mod unreachable;
