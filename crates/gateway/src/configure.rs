@@ -8,12 +8,9 @@ use crate::outbox::Outbox;
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
-    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Protocol, Quantity, Value,
+    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Quantity, REPLY_WINDOW_US, Value,
     requests,
 };
-
-/// Reply window of a bus: shortest and longest, microseconds (GUARANTEES, head).
-const REPLY_WINDOW_US: (u32, u32) = (100, 200_000);
 
 impl Gateway {
     pub(crate) fn configure_gateway(&mut self, request: &requests::ConfigureGateway) -> Result<(), Error> {
@@ -43,7 +40,7 @@ impl Gateway {
             return Err(out_of_range(Quantity::ReplyWindow, request.reply_window_us, min, max));
         }
         for protocol in request.protocols.iter() {
-            check_kind(request.bus, bus.kind(), protocol)?;
+            rules::check_kind(request.bus, bus.kind(), protocol)?;
         }
         let config = BusConfig {
             bitrate: request.bitrate,
@@ -149,20 +146,9 @@ impl Gateway {
     /// Whether a configuration that names a motor fits its bus, its protocol and the other axes.
     pub(crate) fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
         let Some(address) = config.address() else { return Ok(()) };
-        let Address { bus: bus_index, protocol, node } = address;
+        let Address { bus: bus_index, protocol, .. } = address;
         let bus = self.bus(bus_index)?;
-        check_kind(bus_index, bus.kind(), protocol)?;
-        let max = match protocol {
-            Protocol::Rmd => rmd::Node::MAX,
-            Protocol::Thruster => thruster::Node::MAX,
-            Protocol::D5 => d5::Node::MAX,
-        };
-        if node > max {
-            return Err(out_of_range(Quantity::Node, u32::from(node), 1, u32::from(max)));
-        }
-        if config.stop_action().is_some_and(|action| !motor::can_stop_by(protocol, action)) {
-            return Err(Error::Unsupported { axis, protocol });
-        }
+        rules::check_motor(axis, bus.kind(), config)?;
         if let Some(config) = bus.config()
             && !config.protocols.contains(protocol)
         {
@@ -220,14 +206,6 @@ pub(crate) fn is_of_address(parameter: AxisParameter) -> bool {
             | AxisParameter::D5RequestId
             | AxisParameter::D5ReplyId
     )
-}
-
-/// Which protocol runs on which kind of bus (DESIGN, Buses).
-fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
-    match (protocol, kind) {
-        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
-        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
-    }
 }
 
 fn out_of_bitrates(bus: &Bus, bitrate: u32) -> Error {

@@ -1,9 +1,9 @@
 //! What an axis may be asked for: every check that needs no more than its configuration. The gateway makes them before it takes
 //! anything that moves; a program may make the same ones before it arms, as arming may free a brake.
 
-use crate::axis::AxisConfig;
+use crate::axis::{Address, AxisConfig};
 use crate::motor::{self, Command, Demand, Effect, Native};
-use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
+use host_protocol::{AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value};
 
 /// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
 #[derive(Debug, Clone)]
@@ -45,12 +45,22 @@ impl AxisRules {
         self.config.set(parameter, value)
     }
 
-    /// Refuses a configuration that no gateway would take, whatever else is on its bus.
+    /// Refuses a configuration that no gateway would take, whatever else is on its bus. Of one that is not complete, what
+    /// is there.
     ///
     /// # Errors
-    /// [`Error::CannotMeasure`] and [`Error::OutOfRange`].
+    /// [`Error::WrongBusKind`], [`Error::Unsupported`], [`Error::CannotMeasure`] and [`Error::OutOfRange`].
     pub fn check(&self) -> Result<(), Error> {
+        check_motor(self.axis, self.bus, &self.config)?;
         check_config(self.axis, self.bus, &self.config)
+    }
+
+    /// Refuses a time that the motor's own timeout cannot be set to.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`].
+    pub fn check_motor_timeout(&self, timeout_ms: u32) -> Result<(), Error> {
+        motor::check_timeout(timeout_ms, &self.config)
     }
 
     /// Refuses a setpoint that the axis would not take.
@@ -103,6 +113,33 @@ impl AxisRules {
 
     fn native(&self, data: &[u8]) -> Result<Native, Error> {
         motor::native(self.axis, data, self.bus, &self.config)
+    }
+}
+
+/// Refuses a motor that its protocol does not have: on a bus of this kind, with this id, with this stop action.
+pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
+    let Some(Address { bus: number, protocol, node }) = config.address() else { return Ok(()) };
+    check_kind(number, bus, protocol)?;
+    let max = match protocol {
+        Protocol::Rmd => rmd::Node::MAX,
+        Protocol::Thruster => thruster::Node::MAX,
+        Protocol::D5 => d5::Node::MAX,
+    };
+    if node > max {
+        let (value, max) = (f32::from(node), f32::from(max));
+        return Err(Error::OutOfRange { quantity: Quantity::Node, value, min: 1.0, max });
+    }
+    match config.stop_action() {
+        Some(action) if !motor::can_stop_by(protocol, action) => Err(Error::Unsupported { axis, protocol }),
+        _ => Ok(()),
+    }
+}
+
+/// Which protocol runs on which kind of bus.
+pub(crate) fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
+    match (protocol, kind) {
+        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
+        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
     }
 }
 

@@ -5,7 +5,7 @@ use core::fmt;
 use crate::axis::AxisState;
 use crate::errors::{Error, NoReplyHint};
 use crate::messages::request_name;
-use crate::parameters;
+use crate::parameters::{self, ValueKind};
 use crate::protocol::Protocol;
 use crate::value::Quantity;
 
@@ -48,6 +48,11 @@ impl fmt::Display for Faults {
 /// Requests or parameters of another version look the same from here.
 const OTHER_VERSION: &str = "host and gateway may be of different versions, compare them with hello";
 
+/// Whether nothing between its bounds is allowed: a direction, which is the only signed parameter.
+fn takes_only_its_bounds(quantity: Quantity) -> bool {
+    matches!(quantity, Quantity::Parameter(number) if parameters::kind(number) == Some(ValueKind::Signed))
+}
+
 impl fmt::Display for Error {
     #[expect(clippy::too_many_lines, reason = "one line for each error of the table")]
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -77,11 +82,16 @@ impl fmt::Display for Error {
             Self::NotConfigured { axis, parameter } => {
                 write!(f, "axis {axis} lacks {}; set it first", Quantity::Parameter(parameter))
             }
+            // A D5's timeout has a switch and no time.
+            Self::OutOfRange { quantity: quantity @ Quantity::MotorTimeout, value, min: 0.0, max: 1.0 } => {
+                write!(f, "{quantity} {value} is out of range; allowed are 0 (off) or 1 (on)")
+            }
             Self::OutOfRange { quantity, value, min, max } => write!(
                 f,
-                "{quantity} {} is out of range; allowed are {} to {}",
+                "{quantity} {} is out of range; allowed are {} {} {}",
                 Amount(value, quantity),
                 Amount(min, quantity),
+                if takes_only_its_bounds(quantity) { "or" } else { "to" },
                 Amount(max, quantity)
             ),
             Self::NotANumber { quantity } => {
@@ -339,6 +349,10 @@ mod tests {
             max: 60_000_000.0,
         };
         assert_eq!(error.to_string(), "ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs");
+        let error = Error::OutOfRange { quantity: Quantity::Parameter(4), value: 0.0, min: -1.0, max: 1.0 };
+        assert_eq!(error.to_string(), "direction 0 is out of range; allowed are -1 or 1");
+        let error = Error::OutOfRange { quantity: Quantity::MotorTimeout, value: 300.0, min: 0.0, max: 1.0 };
+        assert_eq!(error.to_string(), "motor timeout 300 is out of range; allowed are 0 (off) or 1 (on)");
         assert_eq!(
             Error::WrongType { parameter: 4 }.to_string(),
             "direction takes another kind of value; give it as signed"

@@ -60,7 +60,9 @@ pub use frame::{
 };
 pub use incident::{BootReason, Incident};
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
-pub use parameters::{AxisParameter, GatewayParameter, ParameterInfo, ParameterText, ValueKind};
+pub use parameters::{
+    AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,
+};
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
 pub use size::MaxSize;
 pub use text::{Bytes, Text, Vec};

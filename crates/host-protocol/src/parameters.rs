@@ -313,6 +313,9 @@ parameters! {
     0x0100 LinkSilenceUs "link_silence_us": Unsigned("µs") [50_000, 10_000_000] 250_000;
 }
 
+/// How long a reply may be awaited on a bus, at least and at most, µs.
+pub const REPLY_WINDOW_US: (u32, u32) = (100, 200_000);
+
 /// The parameter with this number, of an axis or of the gateway.
 fn find(number: u16) -> Option<&'static ParameterInfo> {
     let axis = AxisParameter::from_number(number).map(AxisParameter::info);

@@ -98,7 +98,7 @@ pub enum Command {
         #[arg(required = true, value_name = "AXIS")]
         axes: Vec<u8>,
         /// Seconds to stay armed; without it until Ctrl-C
-        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
         duration: Option<std::time::Duration>,
     },
 
@@ -169,7 +169,7 @@ pub enum Command {
 
     /// Follow samples and events; takes no authority
     ///
-    /// The gateway sends the samples by itself; those that its link cannot carry are counted as lost. A value marked with * is
+    /// It commands nothing: Ctrl-C ends it and stops no motor, `mgw stop` does. The gateway sends the samples by itself; those that its link cannot carry are counted as lost. A value marked with * is
     /// older than 1 s; --json has the age of each.
     #[command(after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json\n  \
             mgw watch 0 --fields position,velocity --period 10")]
@@ -373,7 +373,7 @@ pub struct NativeArgs {
     #[arg(long = "field", value_name = "NAME=VALUE", requires = "command", allow_hyphen_values = true)]
     pub fields: Vec<String>,
     /// Move: seconds to keep the command up
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -391,7 +391,7 @@ pub struct MoveArgs {
     #[arg(long, default_value_t = 0.02, value_name = "RAD")]
     pub tolerance: f32,
     /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -420,7 +420,7 @@ pub struct SetArgs {
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -445,7 +445,7 @@ pub enum RawAction {
         /// For example 141#9A00000000000000
         frame: String,
         /// Seconds to listen afterwards
-        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds)]
+        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
         wait: std::time::Duration,
     },
     /// Send bytes on a serial bus, in hexadecimal, and print what arrives
@@ -453,26 +453,25 @@ pub enum RawAction {
         /// For example 3E01089A00000000000000721A
         bytes: String,
         /// Seconds to listen afterwards
-        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds)]
+        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
         wait: std::time::Duration,
     },
     /// Print what arrives
     Listen {
         /// Seconds to listen; without it until Ctrl-C
-        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
         duration: Option<std::time::Duration>,
     },
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_owned())?;
-    std::time::Duration::try_from_secs_f64(value)
-        .map_err(|_| "must be a number of seconds that is not negative".to_owned())
+    let duration = text.parse().ok().and_then(|value| std::time::Duration::try_from_secs_f64(value).ok());
+    duration.ok_or_else(|| "takes seconds from 0 on, for example 2.5".to_owned())
 }
 
 fn some_seconds(text: &str) -> Result<std::time::Duration, String> {
-    let duration = seconds(text)?;
-    if duration.is_zero() { Err("must be more than 0 seconds".to_owned()) } else { Ok(duration) }
+    let duration = seconds(text).ok().filter(|duration| !duration.is_zero());
+    duration.ok_or_else(|| "takes seconds above 0, for example 2.5".to_owned())
 }
 
 fn state_field(text: &str) -> Result<host_protocol::StateField, String> {

@@ -82,6 +82,11 @@ impl Failure {
         }
     }
 
+    /// What the gateway would refuse, found before it is asked.
+    pub fn would_be_refused(error: Error) -> Self {
+        Self::Explained { error, text: error.to_string() }
+    }
+
     /// The object that `--json` prints on standard error.
     pub fn to_json(&self) -> Value {
         let mut error = json!({ "name": self.name(), "message": self.to_string() });

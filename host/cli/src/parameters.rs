@@ -33,7 +33,7 @@ pub fn unknown(owner: &str, name: &str, names: impl Iterator<Item = &'static str
     Failure::Usage(format!("{owner} has no parameter `{name}`. There are: {}", names.join(", ")))
 }
 
-/// Reads the value of a parameter. Whether it lies in the parameter's range is the gateway's question.
+/// Reads the value of a parameter. Whether it lies in the parameter's range its own `check` says.
 pub fn value(info: &ParameterInfo, text: &str) -> Result<Value, Failure> {
     let parsed = match info.kind {
         ValueKind::Bool => text.parse().ok().map(Value::Bool),

@@ -1,10 +1,13 @@
-//! A configuration as a file holds it: buses, axes, motor timeouts, in TOML.
+//! A configuration as a file holds it: buses, axes, motor timeouts, in TOML. Everything that can be known to be wrong with it is told
+//! before a gateway hears of it.
 
-use host_protocol::{AxisParameter, GatewayParameter, Protocol, ProtocolSet, Value};
+mod check;
+mod file;
+
+use host_protocol::{
+    AxisParameter, Error, GatewayParameter, Protocol, ProtocolSet, Quantity, REPLY_WINDOW_US, Value,
+};
 use mgw_client::{Client, ClientError, Transport};
-use serde::Deserialize;
-use std::fs;
-use std::io::Read;
 use std::time::Duration;
 
 use crate::failure::Failure;
@@ -24,7 +27,7 @@ pub struct BusPlan {
     pub reply_window_us: u32,
 }
 
-/// One axis: its parameters in the order of their numbers, and the motor's own timeout.
+/// One axis: its parameters in the order in which they are sent, and the motor's own timeout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisPlan {
     pub axis: u8,
@@ -32,121 +35,68 @@ pub struct AxisPlan {
     pub motor_timeout_ms: Option<u32>,
 }
 
+/// Something of a file, and its line there.
+#[derive(Debug, Clone, PartialEq)]
+struct At<T> {
+    line: usize,
+    what: T,
+}
+
 /// Everything a file configures.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
-    pub gateway: Vec<(GatewayParameter, Value)>,
-    pub buses: Vec<BusPlan>,
-    pub axes: Vec<AxisPlan>,
+    /// What it is called in a failure.
+    path: String,
+    gateway: Vec<(GatewayParameter, Value)>,
+    buses: Vec<At<BusPlan>>,
+    axes: Vec<At<AxisPlan>>,
 }
-
-/// The file as it is written; parameters are read by the tables of the protocol.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    #[serde(default)]
-    gateway: toml::Table,
-    #[serde(default)]
-    bus: Vec<BusEntry>,
-    #[serde(default)]
-    axis: Vec<AxisEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BusEntry {
-    bus: u8,
-    bitrate: u32,
-    protocols: Vec<String>,
-    #[serde(default)]
-    wholly_ours: bool,
-    reply_window_us: Option<u32>,
-}
-
-#[derive(Deserialize)]
-struct AxisEntry {
-    axis: u8,
-    motor_timeout_ms: Option<u32>,
-    #[serde(flatten)]
-    parameters: toml::Table,
-}
-
-/// Bytes that a file may have: many times what every axis with every parameter takes.
-const MAX_FILE: u64 = 256 * 1024;
 
 impl Plan {
     /// Reads a file, or says what is wrong with it.
     pub fn read(path: &str) -> Result<Self, String> {
-        let mut bytes = Vec::new();
-        let file = fs::File::open(path).map_err(|error| error.to_string())?;
-        file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-        if u64::try_from(bytes.len()).is_ok_and(|length| length > MAX_FILE) {
-            return Err(format!("it has more than {MAX_FILE} bytes, too many for a configuration"));
-        }
-        let text = str::from_utf8(&bytes).map_err(|error| format!("it is no text: {error}"))?;
+        let text = file::text(path)?;
         let shown = |failure: Failure| {
             let text = failure.to_string();
             text.lines().map(printable).collect::<Vec<_>>().join("\n")
         };
-        Self::parse(text).map_err(shown)
+        let plan = Self::parse(&text).map_err(shown)?;
+        Ok(Self { path: printable(path).into_owned(), ..plan })
     }
 
     /// Reads a file's text.
     pub fn parse(text: &str) -> Result<Self, Failure> {
-        let file: File =
-            toml::from_str(text).map_err(|error| Failure::Usage(format!("not a configuration: {error}")))?;
-        let mut plan = Self::default();
-        for (name, entry) in &file.gateway {
-            let parameter = parameters::gateway_parameter(name)?;
-            plan.gateway.push((parameter, parameters::value(parameter.info(), &scalar(name, entry)?)?));
-        }
-        for entry in file.bus {
-            plan.buses.push(BusPlan {
-                bus: entry.bus,
-                bitrate: entry.bitrate,
-                protocols: protocols(entry.protocols.iter().map(String::as_str))?,
-                wholly_ours: entry.wholly_ours,
-                reply_window_us: entry.reply_window_us.unwrap_or(DEFAULT_REPLY_WINDOW_US),
-            });
-        }
-        for entry in file.axis {
-            let mut axis = AxisPlan {
-                axis: entry.axis,
-                parameters: Vec::new(),
-                motor_timeout_ms: entry.motor_timeout_ms,
-            };
-            for (name, entry) in &entry.parameters {
-                let parameter = parameters::axis_parameter(name)?;
-                axis.parameters
-                    .push((parameter, parameters::value(parameter.info(), &scalar(name, entry)?)?));
-            }
-            // Bus, protocol and node first, and whether there is an encoder: what a parameter may be can depend on them.
-            let is_address = |parameter| parameter == AxisParameter::PositionDevice;
-            axis.parameters.sort_by_key(|(parameter, _)| (!is_address(*parameter), parameter.number()));
-            plan.axes.push(axis);
-        }
-        Ok(plan)
+        file::parse(text)
     }
 
-    /// Sends it to a gateway: gateway, buses, axes, then motor timeouts.
-    pub fn apply<T: Transport>(&self, client: &mut Client<T>) -> Result<(), ClientError> {
+    /// Sends it to a gateway: gateway, buses, axes, then motor timeouts. Nothing is sent of one that this gateway cannot take.
+    pub fn apply<T: Transport>(&self, client: &mut Client<T>) -> Result<(), Failure> {
+        self.check(client.hello())?;
         for (parameter, value) in &self.gateway {
             client.configure_gateway(*parameter, *value)?;
         }
-        for bus in &self.buses {
+        for bus in self.buses() {
             bus.apply(client)?;
         }
-        for axis in &self.axes {
-            for (parameter, value) in &axis.parameters {
-                client.configure_axis(axis.axis, *parameter, *value)?;
+        for AxisPlan { axis, parameters, .. } in self.axes() {
+            for (parameter, value) in parameters {
+                client.configure_axis(*axis, *parameter, *value)?;
             }
         }
-        for axis in &self.axes {
-            if let Some(timeout_ms) = axis.motor_timeout_ms {
-                client.provision_motor_timeout(axis.axis, timeout_ms)?;
+        for AxisPlan { axis, motor_timeout_ms, .. } in self.axes() {
+            if let Some(timeout_ms) = motor_timeout_ms {
+                client.provision_motor_timeout(*axis, *timeout_ms)?;
             }
         }
         Ok(())
+    }
+
+    pub fn buses(&self) -> impl Iterator<Item = &BusPlan> {
+        self.buses.iter().map(|bus| &bus.what)
+    }
+
+    pub fn axes(&self) -> impl Iterator<Item = &AxisPlan> {
+        self.axes.iter().map(|axis| &axis.what)
     }
 }
 
@@ -172,13 +122,26 @@ impl BusPlan {
         }
         match (bitrate, set) {
             (Some(bitrate), Some(protocols)) => {
-                Ok(Self { bus, bitrate, protocols, wholly_ours, reply_window_us })
+                let plan = Self { bus, bitrate, protocols, wholly_ours, reply_window_us };
+                plan.check().map_err(Failure::would_be_refused)?;
+                Ok(plan)
             }
             _ => Err(Failure::Usage(
                 "a bus needs bitrate= and protocols=, for example bitrate=1000000 protocols=rmd,thruster"
                     .to_owned(),
             )),
         }
+    }
+
+    /// Refuses what no gateway takes.
+    fn check(&self) -> Result<(), Error> {
+        AxisParameter::Bus.check(Value::Unsigned(self.bus.into()))?;
+        let (min, max) = REPLY_WINDOW_US;
+        if (min..=max).contains(&self.reply_window_us) {
+            return Ok(());
+        }
+        let [value, min, max] = [self.reply_window_us, min, max].map(approximate);
+        Err(Error::OutOfRange { quantity: Quantity::ReplyWindow, value, min, max })
     }
 
     /// Sends it to a gateway.
@@ -200,15 +163,10 @@ fn protocols<'a>(names: impl Iterator<Item = &'a str>) -> Result<ProtocolSet, Fa
     Ok(set)
 }
 
-/// A single value of a file, as the command line would have it.
-fn scalar(name: &str, value: &toml::Value) -> Result<String, Failure> {
-    match value {
-        toml::Value::String(text) => Ok(text.clone()),
-        toml::Value::Integer(number) => Ok(number.to_string()),
-        toml::Value::Float(number) => Ok(number.to_string()),
-        toml::Value::Boolean(flag) => Ok(flag.to_string()),
-        _ => Err(Failure::Usage(format!("{name} takes a single value"))),
-    }
+/// A number as errors state it.
+#[expect(clippy::cast_precision_loss, reason = "for people to read")]
+fn approximate(number: u32) -> f32 {
+    number as f32
 }
 
 #[cfg(test)]
@@ -232,7 +190,7 @@ mod tests {
             wholly_ours: false,
             reply_window_us: 5_000,
         };
-        assert_eq!(plan.buses, [bus]);
+        assert_eq!(plan.buses().collect::<Vec<_>>(), [&bus]);
         let parameters = vec![
             (AxisParameter::Bus, Value::Unsigned(1)),
             (AxisParameter::Protocol, Value::Unsigned(3)),
@@ -240,7 +198,8 @@ mod tests {
             (AxisParameter::StopAction, Value::Unsigned(2)),
             (AxisParameter::VelocityLimitRadS, Value::Float(12.0)),
         ];
-        assert_eq!(plan.axes, [AxisPlan { axis: 2, parameters, motor_timeout_ms: Some(300) }]);
+        let axis = AxisPlan { axis: 2, parameters, motor_timeout_ms: Some(300) };
+        assert_eq!(plan.axes().collect::<Vec<_>>(), [&axis]);
     }
 
     #[test]
@@ -265,5 +224,29 @@ mod tests {
         assert!(BusPlan::parse(0, &assignments(&["bitrate=1000000"])).is_err());
         let error = BusPlan::parse(0, &assignments(&["speed=5"])).unwrap_err().to_string();
         assert!(error.contains("There are: bitrate, protocols"), "{error}");
+    }
+
+    #[test]
+    fn a_value_out_of_its_range_is_refused_with_its_line_and_what_is_allowed() {
+        let wrong = |text: &str| Plan::parse(text).unwrap_err().to_string();
+        let text = wrong("[[axis]]\naxis = 3\nbus = 0\n\nttl_us = 1\n");
+        assert_eq!(text, "line 5, axis 3: ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs");
+        let text = wrong("[[axis]]\naxis = 3\ndirection = 0\n");
+        assert_eq!(text, "line 3, axis 3: direction 0 is out of range; allowed are -1 or 1");
+        let text = wrong("[[axis]]\naxis = 3\nstop_action = \"halt\"\n");
+        assert_eq!(text, "line 3, axis 3: `halt` is no value for stop_action. It takes coast, hold, brake");
+        let text = wrong("[gateway]\nlink_silence_us = 49999\n");
+        assert!(text.starts_with("line 2, gateway: link_silence_us 49999 µs is out of range"), "{text}");
+        let bus = "[[bus]]\nbus = 9\nbitrate = 1\nprotocols = [\"rmd\"]\n";
+        assert_eq!(wrong(bus), "line 2, bus 9: bus 9 is out of range; allowed are 0 to 7");
+        let bus = "[[bus]]\nbus = 0\nbitrate = 1\nprotocols = [\"rmd\"]\nreply_window_us = 99\n";
+        assert!(wrong(bus).ends_with("allowed are 100 µs to 200000 µs"), "{}", wrong(bus));
+        assert_eq!(wrong("[[bus]]\nbus = -1\n"), "line 2, bus: takes a number from 0 on");
+        assert_eq!(wrong("[[axis]]\nnode = 1\n"), "line 1, axis: lacks its number: axis = 0");
+        assert!(wrong("[[bus]]\nbus = 0\nbitrate = 1\n").contains("needs bitrate and protocols"));
+        let text = wrong("[[axis]]\naxis = 0\nmotor_timeout_ms = -1\n");
+        assert_eq!(text, "line 3, axis 0: motor_timeout_ms takes a whole number from 0 on");
+        let text = wrong("[[axis]]\naxis = 0\n[[axis]]\naxis = 0\n");
+        assert_eq!(text, "line 4, axis 0: is there already, in line 2");
     }
 }

@@ -238,3 +238,32 @@ fn what_is_no_command_and_what_is_no_value_is_refused() {
     assert_eq!(rules.check_native(&[0x9A; 8]), nowhere);
     assert_eq!(rules.check_move(f32::INFINITY, 1.0), Err(Error::NotANumber { quantity: Quantity::Position }));
 }
+
+#[test]
+fn a_motor_that_cannot_be_is_refused_by_the_rules_as_by_the_gateway() {
+    let mut refused = 0;
+    for protocol in Protocol::ALL.iter().copied() {
+        for (bus, kind) in [(0, BusKind::Can), (2, BusKind::Rs485)] {
+            for (node, stop) in [1, 32, 33, 127, 128, 253].iter().zip(StopAction::ALL.iter().cycle()) {
+                let mut rig = Rig::new();
+                bench::hello(&mut rig);
+                let mut rules = AxisRules::new(0, kind);
+                let mut told = Ok(());
+                for (name, number) in [
+                    (AxisParameter::StopAction, stop.number()),
+                    (AxisParameter::Bus, bus),
+                    (AxisParameter::Node, *node),
+                    (AxisParameter::Protocol, protocol.number()),
+                ] {
+                    let value = Value::Unsigned(number.into());
+                    rules.set(name, value).unwrap();
+                    let request = requests::ConfigureAxis { axis: 0, parameter: name.number(), value };
+                    told = told.and(rig.ask(Request::ConfigureAxis(request)).map(drop));
+                }
+                assert_eq!(rules.check(), told, "{protocol:?} {node} on bus {bus}, {stop:?}");
+                refused += usize::from(told.is_err());
+            }
+        }
+    }
+    assert!(refused > 20, "{refused}");
+}

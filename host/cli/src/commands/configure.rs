@@ -16,7 +16,10 @@ use crate::words::{self, NOTHING};
 pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failure> {
     if let Some(plan) = &arguments.file {
         plan.apply(&mut session.client)?;
-        return done(session, format!("configured {} buses and {} axes", plan.buses.len(), plan.axes.len()));
+        return done(
+            session,
+            format!("configured {} buses and {} axes", plan.buses().count(), plan.axes().count()),
+        );
     }
     match &arguments.target {
         None => {
@@ -47,12 +50,14 @@ fn done(session: &Session, line: String) -> Result<(), Failure> {
 }
 
 fn axis_parameters(session: &mut Session, axis: u8, assignments: &[String]) -> Result<(), Failure> {
-    // All are read before any is sent: a slip of the pen must not leave half a configuration.
+    // All are read and checked before any is sent: a slip of the pen must not leave half a configuration.
     let mut values = Vec::new();
     for assignment in assignments {
         let (name, text) = parameters::split(assignment)?;
         let parameter = parameters::axis_parameter(name)?;
-        values.push((parameter, parameters::value(parameter.info(), text)?));
+        let value = parameters::value(parameter.info(), text)?;
+        parameter.check(value).map_err(Failure::would_be_refused)?;
+        values.push((parameter, value));
     }
     for (parameter, value) in values {
         session.client.configure_axis(axis, parameter, value)?;
@@ -65,7 +70,9 @@ fn gateway_parameters(session: &mut Session, assignments: &[String]) -> Result<(
     for assignment in assignments {
         let (name, text) = parameters::split(assignment)?;
         let parameter = parameters::gateway_parameter(name)?;
-        values.push((parameter, parameters::value(parameter.info(), text)?));
+        let value = parameters::value(parameter.info(), text)?;
+        parameter.check(value).map_err(Failure::would_be_refused)?;
+        values.push((parameter, value));
     }
     for (parameter, value) in values {
         session.client.configure_gateway(parameter, value)?;

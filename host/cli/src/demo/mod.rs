@@ -23,7 +23,7 @@ pub fn run(out: Output) -> Result<(), Failure> {
     let mut client = four_motors::connect(&world)?;
     setup::introduce(&client, out)?;
     setup::configure(&mut client, &plan, out)?;
-    let axes: Vec<u8> = plan.axes.iter().map(|axis| axis.axis).collect();
+    let axes: Vec<u8> = plan.axes().map(|axis| axis.axis).collect();
     let epochs = setup::arm(&mut client, &axes, out)?;
 
     trace.collect(&world);

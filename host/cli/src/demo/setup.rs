@@ -56,7 +56,7 @@ pub fn introduce<T: Transport>(client: &Client<T>, out: Output) -> Result<(), Fa
 pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output) -> Result<(), Failure> {
     plan.apply(client)?;
     heading(out, "2. Configuration (host/cli/examples/four-motors.toml)")?;
-    for bus in &plan.buses {
+    for bus in plan.buses() {
         out.either(
             format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),
             &json!({ "bus": bus.bus, "bitrate": bus.bitrate, "protocols": json::protocols(bus.protocols) }),
@@ -78,7 +78,7 @@ pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output)
         ">setpoint lives µs",
         "motor's own timeout",
     ]);
-    for axis in &plan.axes {
+    for axis in plan.axes() {
         let mut cells = vec![axis.axis.to_string()];
         for parameter in columns {
             let value = client.read_axis_parameter(axis.axis, parameter)?;

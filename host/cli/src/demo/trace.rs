@@ -30,10 +30,7 @@ pub struct Trace {
 impl Trace {
     /// Frames are read with the protocols that the plan gives their bus.
     pub fn new(plan: &Plan) -> Self {
-        Self {
-            protocols: plan.buses.iter().map(|bus| (bus.bus, bus.protocols)).collect(),
-            frames: Vec::new(),
-        }
+        Self { protocols: plan.buses().map(|bus| (bus.bus, bus.protocols)).collect(), frames: Vec::new() }
     }
 
     /// Takes the frames that travelled since the last call, forgetting those before.

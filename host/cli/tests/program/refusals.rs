@@ -121,14 +121,87 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
     let nobody = ["--port", "tcp:127.0.0.1:1", "configure", "--file"];
     let text = mgw(&[&nobody[..], &["/no/such/file.toml"]].concat()).failure(2);
     assert!(text.contains("/no/such/file.toml") && text.contains("No such file"), "{text}");
-    // A file without end.
-    let text = mgw(&[&nobody[..], &["/dev/zero"]].concat()).failure(2);
-    assert!(text.contains("more than 262144 bytes"), "{text}");
+    for (path, said) in
+        [("/dev/zero", "a pipe or a device"), ("/", "a directory"), ("-", "not from standard input")]
+    {
+        let text = mgw(&[&nobody[..], &[path]].concat()).failure(2);
+        assert!(text.contains(said), "{path}: {text}");
+    }
     let path = std::env::temp_dir().join(format!("mgw-{}.toml", std::process::id()));
+    std::fs::write(&path, " ".repeat(262_145)).unwrap();
+    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    assert!(text.contains("more than 262144 bytes"), "{text}");
+    std::fs::write(&path, "[[axis]]\naxis = 0\nttl_us = 1\n").unwrap();
+    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    assert!(text.contains("line 3, axis 0: ttl_us 1 µs is out of range"), "{text}");
+    assert!(text.contains(path.to_str().unwrap()), "{text}");
     std::fs::write(&path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
     let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
     std::fs::remove_file(&path).unwrap();
     assert!(text.contains("not a configuration") && !text.contains('\u{1b}'), "{text:?}");
+}
+
+/// Nobody writes into the pipe: it is refused and not waited for.
+#[test]
+fn a_pipe_is_no_configuration() {
+    let path = std::env::temp_dir().join(format!("mgw-{}.fifo", std::process::id()));
+    nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let text = mgw(&["--port", "tcp:127.0.0.1:1", "configure", "--file", path.to_str().unwrap()]).failure(2);
+    std::fs::remove_file(&path).unwrap();
+    assert!(text.contains("a pipe or a device"), "{text}");
+}
+
+/// The gateway's own rules, before anything of the file is sent.
+#[test]
+fn a_file_that_the_gateway_would_refuse_changes_nothing() {
+    let axis = |more: &str| {
+        format!("[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n{more}")
+    };
+    let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n";
+    let second = axis("").replace("axis = 0", "axis = 1");
+    let sim = Sim::with(&["--unconfigured"]);
+    let path = std::env::temp_dir().join(format!("mgw-{}-refused.toml", std::process::id()));
+    for (text, name, said) in [
+        (axis("signal_limit = 0.5\n"), "CannotMeasure", "line 2, axis 0: "),
+        (axis("").replace("rmd", "thruster"), "Unsupported", "line 2, axis 0: "),
+        (axis("").replace("node = 1", "node = 33"), "OutOfRange", "allowed are 1 to 32"),
+        (axis("").replace("bus = 0", "bus = 2").replace("rmd", "d5"), "WrongBusKind", "line 2, axis 0: "),
+        (axis("").replace("bus = 0", "bus = 6"), "UnknownBus", "line 2, axis 0: "),
+        (axis("").replace("axis = 0", "axis = 77"), "UnknownAxis", "line 2, axis 77: "),
+        (axis("") + &second, "NodeInUse", "line 8, axis 1: "),
+        (
+            axis("motor_timeout_ms = 50\n").replace("rmd", "thruster").replace("hold", "coast"),
+            "OutOfRange",
+            "100 ms",
+        ),
+        (
+            bus.replace("1_000_000", "123"),
+            "OutOfRange",
+            "line 2, bus 0: bitrate 123 is none of this bus, which has 1000000",
+        ),
+        (bus.replace("bus = 0", "bus = 2"), "WrongBusKind", "line 2, bus 2: "),
+    ] {
+        let gateway = "[gateway]\nlink_silence_us = 300_000\n";
+        std::fs::write(&path, text.clone() + gateway).unwrap();
+        let error = error(sim.mgw(&["--json", "configure", "--file", path.to_str().unwrap()]), 1);
+        assert_eq!(error["name"], name, "{text}{error}");
+        let message = error["message"].as_str().unwrap();
+        assert!(message.contains(said) && message.starts_with(path.to_str().unwrap()), "{text}{message}");
+        assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"), "{text}");
+    }
+    std::fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn a_time_that_cannot_be_is_answered_with_what_is_allowed() {
+    for arguments in
+        [&["set", "0", "velocity", "1", "--for", "-1"][..], &["set", "0", "velocity", "1", "--for", "0"]]
+    {
+        let text = mgw(arguments).failure(2);
+        assert!(text.contains("seconds above 0"), "{text}");
+    }
+    let text = mgw(&["raw", "0", "listen", "--for", "-0.5"]).failure(2);
+    assert!(text.contains("seconds from 0 on"), "{text}");
 }
 
 #[test]
