@@ -2,7 +2,7 @@
 
 use host_protocol::{AxisParameter, AxisState, Protocol, ProtocolSet, StopAction, Value};
 use mgw_client::Client;
-use mgw_sim::{BOARD, SimTransport, Station, Wire, Wiring, World};
+use mgw_sim::{BOARD, Injection, SimTransport, Station, Wire, Wiring, World};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
@@ -55,7 +55,11 @@ impl Lab {
             lab.configure(parameter, Value::Unsigned(number.into()));
         }
         lab.configure(AxisParameter::AllowUnknownMotorTimeout, Value::Bool(true));
+        if stop == StopAction::Brake {
+            lab.world.borrow_mut().inject(0, Injection::Brake(true));
+        }
         if protocol == Protocol::Thruster {
+            lab.world.borrow_mut().inject(0, Injection::Encoder(true));
             lab.configure(AxisParameter::PositionDevice, Value::Bool(true));
         }
         lab

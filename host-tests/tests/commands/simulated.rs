@@ -26,13 +26,14 @@ use Step::{Hear, Inject, PowerOffAndOn, Wait};
 fn preparations(protocol: Protocol) -> &'static [&'static [Step]] {
     const FAULT: [Step; 3] =
         [Inject(Injection::FaultBits(0x0040)), Wait(20), Inject(Injection::FaultBits(0))];
+    const BRAKE: Step = Inject(Injection::Brake(true));
     match protocol {
         Protocol::Rmd => &[
             &[],
             // Brake locked.
-            &[Hear("141#7800000000000000")],
+            &[BRAKE],
             // Brake open, at rest.
-            &[Hear("141#7700000000000000"), Wait(300)],
+            &[BRAKE, Hear("141#7700000000000000"), Wait(300)],
             // Turning, more than once around.
             &[Hear("141#7700000000000000"), Wait(300), Hear("141#A200000050C30000"), Wait(2_000)],
             // The motor's own timeout has struck.
@@ -59,6 +60,7 @@ fn preparations(protocol: Protocol) -> &'static [&'static [Step]] {
             &[Hear("00B#D50B05032058028D"), Wait(500)],
             &[Hear("00B#D50B0504200B0443")],
             &[Hear("00B#D50B040305220039")],
+            &[Inject(Injection::BrakeOn(true))],
             &[FAULT[0], FAULT[1], FAULT[2]],
         ],
     }

@@ -1,8 +1,6 @@
 //! Which typed requests of the host protocol make the gateway send a command.
 
-use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Protocol, Setpoint, StopAction, StopTarget, Value,
-};
+use host_protocol::{AxisParameter, ClearTarget, Protocol, Setpoint, StopAction, StopTarget, Value};
 use mgw_client::ClientError;
 use mgw_sim::Wire;
 use std::collections::BTreeSet;
@@ -150,8 +148,5 @@ impl Session<'_> {
 
     fn stopped(&mut self, stop: &'static str) {
         self.ask(stop, STOPPED, |lab| lab.client.stop(StopTarget::Axis(AXIS)));
-        if matches!(self.lab.state(), AxisState::Tripped { .. }) {
-            self.lab.client.clear(ClearTarget::Axis(AXIS)).unwrap();
-        }
     }
 }
