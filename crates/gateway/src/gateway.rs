@@ -10,6 +10,7 @@ use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Event, Store, Transmit};
 use crate::retained::Retention;
 use crate::time::Instant;
+use crate::together::Together;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
 use heapless::Vec;
 use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason};
@@ -34,6 +35,8 @@ pub struct Gateway {
     pub(crate) link_lost: bool,
     /// Starts since power came on.
     pub(crate) starts: u32,
+    /// A start of several motors under way.
+    pub(crate) together: Option<Together>,
     pub(crate) history: History,
     pub(crate) retention: Retention,
     pub(crate) now: Instant,
@@ -65,6 +68,7 @@ impl Gateway {
             enabled: true,
             link_lost: false,
             starts: 0,
+            together: None,
             history: History::new(),
             retention: Retention::new(),
             now: Instant::from_micros(0),
@@ -125,6 +129,7 @@ impl Gateway {
             Event::Tick => {}
         }
         self.spread_trips(now);
+        self.go_on_together(now);
         self.close_barred_raw(now);
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
@@ -206,7 +211,8 @@ impl Gateway {
         let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
         let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now, &self.axes));
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
-        axes.chain(buses).chain(links).chain(self.authority.deadline()).min()
+        let together = self.together.as_ref().and_then(Together::deadline);
+        axes.chain(buses).chain(links).chain(self.authority.deadline()).chain(together).min()
     }
 
     /// Everything that time alone brings about.

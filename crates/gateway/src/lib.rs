@@ -26,6 +26,7 @@ mod rules;
 #[cfg(feature = "state-text")]
 mod state_text;
 pub mod time;
+mod together;
 
 pub use gateway::Gateway;
 pub use log::LogEntry;

@@ -131,6 +131,7 @@ impl Gateway {
             Request::ReadState(request) => return self.read_state(now, request.axis, ticket),
             Request::MoveRelative(request) => return self.move_relative(now, request, ticket),
             Request::Native(request) => return self.native(now, request, ticket),
+            Request::StartTogether(request) => return self.start_together(now, request, ticket),
             Request::Subscribe(request) => {
                 if let Some(link) = self.links.get_mut(usize::from(ticket.link)) {
                     link.subscribe(now.as_micros(), request)?;
@@ -435,6 +436,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::OutputOff(_)
         | Request::Setpoint(_)
         | Request::MoveRelative(_)
+        | Request::StartTogether(_)
         | Request::RawOpen(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)

@@ -28,6 +28,7 @@ impl Gateway {
             enabled,
             link_lost,
             starts,
+            together,
             history,
             retention,
             now,
@@ -41,7 +42,7 @@ impl Gateway {
         for link in links.iter() {
             link.write_state(to)?;
         }
-        write!(to, "{authority:?}{history:?}{retention:?}")?;
+        write!(to, "{authority:?}{together:?}{history:?}{retention:?}")?;
         write!(to, "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
     }
 }

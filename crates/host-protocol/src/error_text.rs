@@ -3,7 +3,7 @@
 use core::fmt;
 
 use crate::axis::AxisState;
-use crate::errors::{Error, NoReplyHint};
+use crate::errors::{Error, NoReplyHint, TogetherBar};
 use crate::messages::request_name;
 use crate::parameters::{self, ValueKind};
 use crate::protocol::Protocol;
@@ -188,6 +188,9 @@ impl fmt::Display for Error {
                 f,
                 "axis {axis} is not armed: register 0x2B of its motor is 1, so it holds by its brake and ignores speeds"
             ),
+            Self::CannotStartTogether { axis, reason } => {
+                write!(f, "the motors are not started together: axis {axis} {}", together_bar(reason))
+            }
             Self::NotIdle { axis, state: AxisState::Holding } => {
                 write!(
                     f,
@@ -309,6 +312,18 @@ fn abilities(protocol: Protocol) -> &'static str {
             "takes signal, velocity and, as a position_device, position setpoints and stops by coast"
         }
         Protocol::D5 => "takes velocity setpoints and stops by hold",
+    }
+}
+
+fn together_bar(reason: TogetherBar) -> &'static str {
+    match reason {
+        TogetherBar::TooFew => "would be alone; name two or more",
+        TogetherBar::Twice => "is named twice",
+        TogetherBar::OtherBus => "is on another bus than the first",
+        TogetherBar::SharedBus => {
+            "is on a bus that is not declared wholly ours, so that motors unknown to the gateway could start too"
+        }
+        TogetherBar::WriteWaits => "has a speed that waits in its motor and is not to be started; disarm it",
     }
 }
 

@@ -25,6 +25,23 @@ wire! {
     }
 }
 
+wire! {
+    /// What bars several motors from being started by one frame.
+    #[derive(Copy, Eq)]
+    pub enum TogetherBar {
+        /// There is one axis, or none.
+        TooFew,
+        /// The axis is named twice.
+        Twice,
+        /// The axis is on another bus than the first.
+        OtherBus,
+        /// The bus is not declared wholly ours: who is no axis could obey as well.
+        SharedBus,
+        /// A speed waits in the motor, which is not among those that are to be started.
+        WriteWaits,
+    }
+}
+
 /// One table: the number in the header, the variant and its data, which is the body.
 macro_rules! errors {
     ($(
@@ -425,6 +442,13 @@ errors! {
     68 BrakeOn {
         /// The axis.
         axis: u8,
+    }
+    /// `StartTogether` is refused because of this axis; see the reason.
+    69 CannotStartTogether {
+        /// The axis.
+        axis: u8,
+        /// Why.
+        reason: TogetherBar,
     }
 }
 

@@ -53,7 +53,7 @@ pub use bus::{
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode};
-pub use errors::{ERRORS, Error, NoReplyHint};
+pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use frame::{
     CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
@@ -64,6 +64,7 @@ pub use parameters::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,
 };
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
+pub use requests::Member;
 pub use size::MaxSize;
 pub use text::{Bytes, Text, Vec};
 pub use value::{Quantity, Value};

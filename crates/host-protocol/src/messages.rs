@@ -215,6 +215,7 @@ messages! {
     0x0042 MoveRelative -> MoveTarget
     0x0043 Native -> NativeReply
     0x0044 Subscribe -> Done
+    0x0045 StartTogether -> Done
 
     0x0050 RawOpen -> Done
     0x0051 RawSend -> Done

@@ -7,6 +7,10 @@ use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
 use crate::text::Bytes;
 use crate::value::Value;
+use heapless::Vec;
+
+/// Axes that one request starts together.
+pub const MAX_MEMBERS: usize = 8;
 
 wire! {
     /// Opens the session of a host link. Fixed for ever: every version of the gateway answers it.
@@ -210,6 +214,26 @@ wire! {
         pub expires_at_us: u32,
         /// The data field of the manual, without CAN id or serial framing.
         pub data: Bytes<MAX_CAN_DATA>,
+    }
+
+    /// Sets several D5 motors of one bus in motion by one frame (D5 manual, quick start (3) and (4)): the speed of each waits in it until
+    /// all are told to execute. From then on each is a setpoint like any other, to be kept up by [`Setpoint`].
+    pub struct StartTogether {
+        /// As in [`Setpoint`].
+        pub expires_at_us: u32,
+        /// The armed axes with their speeds, two or more.
+        pub members: Vec<Member, MAX_MEMBERS>,
+    }
+
+    /// An axis that is started together with others.
+    #[derive(Copy)]
+    pub struct Member {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+        /// The epoch that [`Arm`] returned.
+        pub epoch: u32,
+        /// rad/s, positive is counter-clockwise.
+        pub velocity_rad_s: f32,
     }
 
     /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis in each period. A new

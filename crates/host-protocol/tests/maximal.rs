@@ -96,6 +96,10 @@ fn largest_requests() -> Vec<(Request, usize)> {
         }),
         row(Native { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, data: full(0xFF) }),
         row(Subscribe { axes: u32::MAX, fields: StateFields::from_bits(u8::MAX), period_us: u32::MAX }),
+        row(StartTogether {
+            expires_at_us: u32::MAX,
+            members: full(Member { axis: u8::MAX, epoch: u32::MAX, velocity_rad_s: f32::MAX }),
+        }),
         row(RawOpen { bus: u8::MAX, unsafe_access: true }),
         row(RawSend { bus: u8::MAX, frame: serial }),
         row(RawReceive { bus: u8::MAX }),

@@ -189,6 +189,7 @@ fn types_are_those_of_the_code() {
         MotorTimeout,
         TripReason,
         NoReplyHint,
+        TogetherBar,
         AuthorityLossReason,
         Quantity
     );
@@ -199,7 +200,17 @@ fn types_are_those_of_the_code() {
             assert_eq!(fields(text), struct_fields::<host_protocol::$name>(), stringify!($name));
         )+ };
     }
-    structs!(ReceivedFrame, BusCapability, BusConfig, BusCounters, AxisSummary, Trip, Reading, FaultReading);
+    structs!(
+        ReceivedFrame,
+        BusCapability,
+        BusConfig,
+        BusCounters,
+        AxisSummary,
+        Trip,
+        Reading,
+        FaultReading,
+        Member
+    );
 
     for (protocol, bit) in Protocol::ALL.iter().zip(0..) {
         let number = format!("{} {}", protocol.number(), protocol.name());

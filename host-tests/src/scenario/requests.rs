@@ -16,6 +16,7 @@ impl Bench {
         match *verb {
             "four-axes" => self.four_axes()?,
             "bus" | "axis" | "timeout" | "link-silence" | "remove" => self.configure(verb, rest)?,
+            "together" => self.start_together(rest)?,
             "set" | "set-for" | "set-epoch" | "set-expired" | "move" => self.set_motion(verb, rest)?,
             "native" | "native-epoch" | "native-expired" => self.natively(verb, rest)?,
             "raw-open" | "raw-close" | "raw-send" => self.raw(verb, rest)?,
@@ -146,6 +147,20 @@ impl Bench {
                 self.move_target_rad = Some(target.target_rad);
             }
         }
+        Ok(())
+    }
+
+    /// `together AXIS SPEED AXIS SPEED …`: rad/s.
+    fn start_together(&mut self, words: &[&str]) -> Result<(), StepError> {
+        let mut members = host_protocol::Vec::new();
+        for at in (0..words.len()).step_by(2) {
+            let axis = parse(words, at, "axis")?;
+            let velocity_rad_s = parse(words, at + 1, "speed")?;
+            let member = requests::Member { axis, epoch: self.epoch(axis), velocity_rad_s };
+            members.push(member).map_err(|_| "too many axes".to_string())?;
+        }
+        let expires_at_us = self.gateway_time(SETPOINT_TTL);
+        self.ask(&requests::StartTogether { expires_at_us, members })?;
         Ok(())
     }
 

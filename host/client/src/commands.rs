@@ -302,6 +302,22 @@ impl<T: Transport> Client<T> {
         })
     }
 
+    /// Sets several armed D5 motors of one bus in motion by one frame, valid for `ttl`: the speed of each waits in it until all are told
+    /// to execute. Keep each up with [`Setpoint::Velocity`].
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn start_together(
+        &mut self,
+        members: &host_protocol::Vec<ask::Member, { ask::MAX_MEMBERS }>,
+        ttl: Duration,
+    ) -> Result<(), ClientError> {
+        self.once_permitted(ttl, |client, expires_at_us| {
+            let request = ask::StartTogether { expires_at_us, members: members.clone() };
+            client.exchange(&request, MOTOR_DEADLINE, REPEAT_MOVE_AFTER).map(drop)
+        })
+    }
+
     /// Has the motor of an axis carry out a command of its own manual: `data` is the data field there, without CAN id or
     /// serial framing. Returns the data field of the motor's reply, empty where there is none.
     ///

@@ -9,6 +9,7 @@ pub(crate) fn moves(number: u16) -> bool {
         ask::Setpoint::NUMBER,
         ask::MoveRelative::NUMBER,
         ask::Native::NUMBER,
+        ask::StartTogether::NUMBER,
         ask::RawSend::NUMBER,
         ask::ProvisionMotorTimeout::NUMBER,
     ]

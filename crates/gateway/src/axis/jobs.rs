@@ -11,13 +11,13 @@ use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply,
-    TripReason,
+    TogetherBar, TripReason,
 };
 
 /// A sequence of exchanges under way for a host.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
-    kind: JobKind,
+    pub(super) kind: JobKind,
     ticket: Ticket,
     step: usize,
     /// Requests of this step that were not answered.
@@ -61,6 +61,16 @@ pub(crate) enum JobKind {
     },
     /// Hand on the reply to the native motion in the mailbox.
     NativeMotion,
+    /// Have a speed wait in the motor, and wait with it until all that shall start together are as far.
+    Prepare {
+        /// The speed, to wait.
+        command: Command,
+    },
+    /// Show that nothing waits in the motor, for the same.
+    StandBy {
+        /// It does not move: its speed is set to 0, and so is what waits.
+        clears: bool,
+    },
     /// Read the position, and hold its sum with the distance.
     MoveRelative {
         /// rad.
@@ -92,6 +102,15 @@ impl JobKind {
                 return [Some(Exchange::Native), motor::read_back(&command)].get(index).copied().flatten();
             }
             Self::NativeMotion => &[Exchange::Motion],
+            Self::Prepare { .. } => &[Exchange::Native, Exchange::PendingWrite],
+            Self::StandBy { clears: false } => &[Exchange::PendingWrite],
+            Self::StandBy { clears: true } => &[
+                Exchange::Stop,
+                Exchange::PendingWrite,
+                Exchange::OverwritePending,
+                Exchange::ExecutePending,
+                Exchange::PendingWrite,
+            ],
             Self::MoveRelative { .. } => &[Exchange::Position],
         };
         steps.get(index).copied()
@@ -132,6 +151,11 @@ impl Axis {
         }
     }
 
+    /// Whether a job is under way that does not make way for another.
+    pub fn is_busy_with_more_than_a_question(&self) -> bool {
+        self.job.as_ref().is_some_and(|job| !job.kind.only_asks())
+    }
+
     /// Whether a job of any kind is under way.
     pub fn is_busy(&self) -> bool {
         self.job.is_some()
@@ -146,7 +170,7 @@ impl Axis {
     /// The native command of the job.
     pub(super) fn native_command(&self) -> Option<Command> {
         match self.job.as_ref()?.kind {
-            JobKind::Native { command, .. } => Some(command),
+            JobKind::Native { command, .. } | JobKind::Prepare { command } => Some(command),
             _ => None,
         }
     }
@@ -167,7 +191,8 @@ impl Axis {
     /// Passes over the steps that this motor has no command for. Returns whether none is left.
     fn pass_over_steps(&mut self) -> bool {
         while let Some(exchange) = self.job_exchange() {
-            let needless = exchange == Exchange::OverwritePending && !self.write_waits;
+            let is_of_what_waits = matches!(exchange, Exchange::OverwritePending | Exchange::ExecutePending);
+            let needless = is_of_what_waits && !self.write_waits;
             let has_command = matches!(exchange, Exchange::Motion) || self.command_for(exchange).is_some();
             if !needless && has_command {
                 return false;
@@ -338,6 +363,14 @@ impl Axis {
             {
                 Err(Error::Refused { axis, faults: self.measured.fault_word() })
             }
+            Some(JobKind::Prepare { .. }) if seen.write_pending == Some(false) => {
+                Err(Error::Refused { axis, faults: self.measured.fault_word() })
+            }
+            Some(JobKind::StandBy { .. })
+                if seen.write_pending == Some(true) && !self.is_read_again_later(exchange) =>
+            {
+                Err(Error::CannotStartTogether { axis, reason: TogetherBar::WriteWaits })
+            }
             Some(JobKind::Provision { timeout_ms })
                 if seen.timeout_on.is_some_and(|on| on == (timeout_ms == 0)) =>
             {
@@ -416,6 +449,8 @@ impl Axis {
     fn finish(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
         let result = match kind {
+            // It waits for the others.
+            JobKind::Prepare { .. } | JobKind::StandBy { .. } => return,
             JobKind::Arm { epoch } => match self.check_motor_timeout(now) {
                 Ok(()) => {
                     self.armed(now, epoch, out);

@@ -12,6 +12,7 @@ mod measured;
 mod motion;
 mod stop;
 mod timeout;
+mod together;
 mod trips;
 mod wants;
 

@@ -68,6 +68,9 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
         let expires = self.permission(now, epoch, expires_at_us)?;
+        if self.is_prepared() {
+            return Err(Error::Busy { axis: self.index });
+        }
         let command = rules::command(self.index, setpoint, &self.config)?;
         self.supersede(now, out);
         self.take_motion(now, command, expires, false, out);
@@ -141,7 +144,7 @@ impl Axis {
     }
 
     /// The end of the permission to move that a host gives, or why it gives none.
-    fn permission(&self, now: Instant, epoch: u32, expires_at_us: u32) -> Result<Option<Instant>, Error> {
+    pub fn permission(&self, now: Instant, epoch: u32, expires_at_us: u32) -> Result<Option<Instant>, Error> {
         let axis = self.index;
         match (self.state, &self.trip) {
             (AxisState::Armed | AxisState::Active, _) => {}
@@ -157,7 +160,7 @@ impl Axis {
     }
 
     /// Puts a checked command into the mailbox.
-    fn take_motion(
+    pub(super) fn take_motion(
         &mut self,
         now: Instant,
         command: Command,

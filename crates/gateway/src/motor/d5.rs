@@ -48,6 +48,7 @@ pub(super) fn command(exchange: Exchange) -> Option<Request> {
     Some(match exchange {
         Exchange::Stop => Request::Write { register: Register::SPEED, value: STANDSTILL },
         Exchange::OverwritePending => Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL },
+        Exchange::ExecutePending => Request::Execute,
         Exchange::PendingWrite => read_byte(Register::ASYNC_FLAG),
         Exchange::BrakeSwitch => read_byte(Register::BRAKE),
         Exchange::CommandedSpeed => read_word(Register::SPEED),
@@ -197,6 +198,13 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
         }
         _ => none,
     }
+}
+
+/// The frame that has every motor carry out what waits (D5 manual, quick start (4)). The manual gives no CAN id: that of the frame's own id
+/// byte, 0x0FE, is an assumption.
+pub(super) fn execute_all() -> Option<CanFrame> {
+    let id = StandardId::new(Address::BROADCAST_ID.into())?;
+    d5::can::request(Id::Standard(id), Address::Broadcast, &Request::Execute).ok()
 }
 
 pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option<CanFrame> {

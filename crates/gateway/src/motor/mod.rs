@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Rmd(::rmd::Request),
     Thruster(::thruster::Request),
     D5(::d5::Request),
+    /// Every D5 motor of the bus carries out what waits in it.
+    D5Execute,
 }
 
 /// A decoded frame of a motor and the node that sent it.
@@ -160,7 +162,7 @@ pub(crate) fn further(
             let moved = thruster::at(request, start, distance).map(|(r, t)| (Command::Thruster(r), t));
             (moved, convert::decidegrees_to_rad)
         }
-        Command::D5(_) => (None, convert::degrees_to_rad),
+        Command::D5(_) | Command::D5Execute => (None, convert::degrees_to_rad),
     };
     let start_rad = sign * to_rad(start);
     let Some((command, target)) = moved else {
@@ -216,6 +218,34 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
         Command::Rmd(request) => request.is_answered(),
         Command::Thruster(_) => true,
         Command::D5(request) => d5::is_answered(request, config),
+        // No reply to all is printed (D5 manual, quick start (4)).
+        Command::D5Execute => false,
+    }
+}
+
+/// Whether the motor of a D5 axis answers writes.
+pub(crate) fn answers_writes(config: &AxisConfig) -> bool {
+    let stop = d5::command(Exchange::Stop);
+    stop.is_some_and(|stop| d5::is_answered(&stop, config))
+}
+
+/// A speed that is to wait in the motor instead.
+pub(crate) fn to_wait(command: Command) -> Command {
+    match command {
+        Command::D5(::d5::Request::Write { register, value }) => {
+            Command::D5(::d5::Request::AsyncWrite { register, value })
+        }
+        other => other,
+    }
+}
+
+/// A speed that was to wait, to act at once.
+pub(crate) fn at_once(command: Command) -> Command {
+    match command {
+        Command::D5(::d5::Request::AsyncWrite { register, value }) => {
+            Command::D5(::d5::Request::Write { register, value })
+        }
+        other => other,
     }
 }
 
@@ -272,7 +302,9 @@ pub(crate) fn output_after(command: &Command) -> Option<bool> {
         Command::Rmd(::rmd::Request::Stop) => Some(true),
         Command::Rmd(::rmd::Request::Shutdown) => Some(false),
         // At speed 0 the motor locks itself (D5 manual, first list).
-        Command::D5(::d5::Request::Write { register: ::d5::Register::SPEED, .. }) => Some(true),
+        Command::D5(::d5::Request::Write { register: ::d5::Register::SPEED, .. }) | Command::D5Execute => {
+            Some(true)
+        }
         _ => None,
     }
 }
@@ -284,7 +316,7 @@ pub(crate) fn answering_node(command: &Command, config: &AxisConfig) -> Option<u
             let node = ::d5::Node::new(config.node()?).ok()?;
             Some(request.answering_node(node).get())
         }
-        Command::Rmd(_) | Command::Thruster(_) => None,
+        Command::Rmd(_) | Command::Thruster(_) | Command::D5Execute => None,
     }
 }
 
@@ -363,6 +395,7 @@ pub(crate) fn to_can(command: &Command, config: &AxisConfig) -> Option<CanFrame>
             ::thruster::can::request(::thruster::Node::new(node).ok()?, request).ok()
         }
         Command::D5(request) => d5::to_can(node, request, config),
+        Command::D5Execute => d5::execute_all(),
     }
 }
 
@@ -387,7 +420,7 @@ pub(crate) fn to_serial(command: &Command, config: &AxisConfig) -> Option<Vec<u8
             Vec::from_slice(&frame).ok()
         }
         // The thruster protocol has no serial form; D5 over a serial line is refused when the axis is configured.
-        Command::Thruster(_) | Command::D5(_) => None,
+        Command::Thruster(_) | Command::D5(_) | Command::D5Execute => None,
     }
 }
 

@@ -43,6 +43,7 @@ mod subscriptions;
 mod text;
 mod thruster;
 mod thruster_returns;
+mod together;
 mod trip_groups;
 mod uncommanded;
 mod unreachable;

@@ -1,0 +1,57 @@
+//! What an axis does in a start of several: it prepares or stands by, leads or follows.
+
+use super::{Axis, JobKind};
+use crate::motor::{self, Command, Exchange};
+use crate::outbox::Outbox;
+use crate::time::Instant;
+
+impl Axis {
+    /// Whether the axis takes part in a start and has not failed in it.
+    pub fn takes_part(&self) -> bool {
+        self.is_prepared() || matches!(self.job_kind(), Some(JobKind::StandBy { .. }))
+    }
+
+    /// Whether a speed waits in the motor, or is about to.
+    pub(super) fn is_prepared(&self) -> bool {
+        matches!(self.job_kind(), Some(JobKind::Prepare { .. }))
+    }
+
+    /// Whether all that it has to do before the start is done.
+    pub fn has_taken_part(&self) -> bool {
+        self.takes_part() && self.job_exchange().is_none()
+    }
+
+    /// The frame that starts all of them becomes the motion of this one. It goes out once.
+    pub fn lead(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
+        self.take_motion(now, Command::D5Execute, expires, true, out);
+    }
+
+    /// Whether that frame has left.
+    pub fn has_executed(&self) -> bool {
+        let Some(motion) = self.motion.as_ref().filter(|motion| motion.command == Command::D5Execute) else {
+            return false;
+        };
+        let under_way = self.pending.as_ref().is_some_and(|pending| pending.exchange == Exchange::Motion);
+        motion.due.is_none() && !under_way
+    }
+
+    /// It has started: its speed is its setpoint from now on, and is sent at once, so that the motor acknowledges it.
+    pub fn follow(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
+        let Some(JobKind::Prepare { command }) = self.job_kind() else { return };
+        self.stand_down();
+        // No answer to all is printed; one that came would have the id of the next frame.
+        self.reply_comes_first(now);
+        self.take_motion(now, motor::at_once(command), expires, false, out);
+    }
+
+    /// It takes part no more.
+    pub fn stand_down(&mut self) {
+        if self.takes_part() {
+            self.job = None;
+        }
+    }
+
+    fn job_kind(&self) -> Option<JobKind> {
+        self.job.as_ref().map(|job| job.kind)
+    }
+}

@@ -1,0 +1,207 @@
+//! Several D5 motors set in motion by one frame (D5 manual, quick start (3), (4) and (7), table rows 11 to 13).
+//!
+//! Each motor is told a speed that waits in it (04) and asked whether it does; every other D5 of the bus is shown to have nothing
+//! that waits. Then one frame, 05 to all, starts what waits, and from there on each speed is a setpoint like any other
+//! (GUARANTEES G2, G10). Where one of them cannot go on, all that were told a speed are stopped: their stop overwrites what waits.
+
+use crate::axis::{Axis, JobKind};
+use crate::gateway::Gateway;
+use crate::motor;
+use crate::outbox::Ticket;
+use crate::requests::{Outcome, Result};
+use crate::rules;
+use crate::time::Instant;
+use host_protocol::{
+    AxisState, Error, Protocol, Reply, Setpoint, TogetherBar, replies, requests::StartTogether,
+};
+
+/// A start under way.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Together {
+    ticket: Ticket,
+    /// A bit for each axis that is to move.
+    members: u32,
+    /// A bit for each axis of the bus that must not.
+    others: u32,
+    /// The low 32 bits of the time at which the permission to move ends, and that time.
+    expires_at_us: u32,
+    expires: Option<Instant>,
+    /// The frame that starts them is under way: it is the motion of the first of them.
+    executes: bool,
+}
+
+impl Together {
+    fn is_member(&self, axis: &Axis) -> bool {
+        self.members & bit(axis) != 0
+    }
+
+    fn concerns(&self, axis: &Axis) -> bool {
+        (self.members | self.others) & bit(axis) != 0
+    }
+
+    pub fn deadline(&self) -> Option<Instant> {
+        self.expires
+    }
+}
+
+fn bit(axis: &Axis) -> u32 {
+    1u32.checked_shl(axis.index.into()).unwrap_or(0)
+}
+
+impl Gateway {
+    pub(crate) fn start_together(
+        &mut self,
+        now: Instant,
+        request: &StartTogether,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
+        let StartTogether { expires_at_us, members } = request;
+        let first = members.first().map_or(0, |member| member.axis);
+        let barred = |axis, reason| Err(Error::CannotStartTogether { axis, reason });
+        if self.together.is_some() {
+            return Err(Error::Busy { axis: first });
+        }
+        if members.len() < 2 {
+            return barred(first, TogetherBar::TooFew);
+        }
+        let bus_index = self.axis(first)?.config.bus().unwrap_or(u8::MAX);
+        let mut together = Together {
+            ticket,
+            members: 0,
+            others: 0,
+            expires_at_us: *expires_at_us,
+            expires: None,
+            executes: false,
+        };
+        for member in members {
+            let index = member.axis;
+            self.refuse_e_stopped(index)?;
+            let axis = self.axis(index)?;
+            let expires = axis.permission(now, member.epoch, *expires_at_us)?;
+            if axis.config.protocol() != Some(Protocol::D5) {
+                let protocol = axis.config.protocol().unwrap_or(Protocol::D5);
+                return Err(Error::Unsupported { axis: index, protocol });
+            }
+            if together.is_member(axis) {
+                return barred(index, TogetherBar::Twice);
+            }
+            if axis.config.bus() != Some(bus_index) {
+                return barred(index, TogetherBar::OtherBus);
+            }
+            // That the right speed waits is known from the motor's echo alone.
+            if !motor::answers_writes(&axis.config) {
+                return Err(Error::CannotConfirm { axis: index });
+            }
+            if axis.is_busy_with_more_than_a_question() {
+                return Err(Error::Busy { axis: index });
+            }
+            rules::command(
+                index,
+                Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s },
+                &axis.config,
+            )?;
+            together.members |= bit(axis);
+            together.expires = together.expires.into_iter().chain(expires).min();
+        }
+        let bus = self.bus(bus_index)?;
+        if bus.is_off() {
+            return Err(Error::BusOff { bus: bus_index });
+        }
+        // Whoever is no axis of ours would obey as well.
+        if !bus.config().is_some_and(|config| config.wholly_ours) {
+            return barred(first, TogetherBar::SharedBus);
+        }
+        for axis in self.axes.iter().filter(|axis| axis.config.bus() == Some(bus_index)) {
+            if together.is_member(axis) || axis.config.protocol() != Some(Protocol::D5) {
+                continue;
+            }
+            let index = axis.index;
+            match axis.state {
+                AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {}
+                AxisState::Unconfigured => {
+                    let parameter = axis.config.missing().map_or(0, |missing| missing.number());
+                    return Err(Error::NotConfigured { axis: index, parameter });
+                }
+                state => return Err(Error::NotIdle { axis: index, state }),
+            }
+            if axis.is_busy_with_more_than_a_question() {
+                return Err(Error::Busy { axis: index });
+            }
+            together.others |= bit(axis);
+        }
+        for member in members {
+            let velocity = Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s };
+            let command = rules::command(member.axis, velocity, &self.axis(member.axis)?.config)?;
+            let command = motor::to_wait(command);
+            self.with_axis(now, member.axis, |axis, out| {
+                axis.start(now, JobKind::Prepare { command }, ticket, out);
+            })?;
+        }
+        self.each_axis(now, |axis, out| {
+            if together.others & bit(axis) != 0 {
+                let clears = axis.state != AxisState::Active;
+                axis.start(now, JobKind::StandBy { clears }, ticket, out);
+            }
+        });
+        self.together = Some(together);
+        Ok(Outcome::Later)
+    }
+
+    /// Goes on with a start under way, or gives it up: after everything that happens.
+    pub(crate) fn go_on_together(&mut self, now: Instant) {
+        let Some(together) = self.together else { return };
+        let mut concerned = self.axes.iter().filter(|axis| together.concerns(axis));
+        if !concerned.clone().all(Axis::takes_part) {
+            // Whoever does not any more has said why.
+            return self.give_up_together(now, None);
+        }
+        if together.expires.is_some_and(|at| at <= now) {
+            let (now_us, expires_at_us) = (now.low_bits(), together.expires_at_us);
+            return self.give_up_together(now, Some(Error::Stale { now_us, expires_at_us }));
+        }
+        if !together.executes {
+            if concerned.all(Axis::has_taken_part) {
+                self.execute_together(now, together);
+            }
+            return;
+        }
+        let leader = self.axes.iter().find(|axis| together.is_member(axis));
+        if leader.is_some_and(Axis::has_executed) {
+            self.together = None;
+            self.each_axis(now, |axis, out| {
+                if together.is_member(axis) {
+                    axis.follow(now, together.expires, out);
+                } else if together.concerns(axis) {
+                    axis.stand_down();
+                }
+            });
+            self.outbox(now).answer(together.ticket, &Ok(Reply::StartTogether(replies::Done {})));
+        }
+    }
+
+    /// All is prepared: the first of the axes sends what starts them.
+    fn execute_together(&mut self, now: Instant, together: Together) {
+        self.together = Some(Together { executes: true, ..together });
+        let leader = self.axes.iter().find(|axis| together.is_member(axis)).map(|axis| axis.index);
+        if let Some(leader) = leader {
+            let _ = self.with_axis(now, leader, |axis, out| axis.lead(now, together.expires, out));
+        }
+    }
+
+    /// Stops every axis in whose motor a speed may wait.
+    fn give_up_together(&mut self, now: Instant, error: Option<Error>) {
+        let Some(together) = self.together.take() else { return };
+        if let Some(error) = error {
+            self.outbox(now).answer(together.ticket, &Err(error));
+        }
+        self.each_axis(now, |axis, out| {
+            if !together.concerns(axis) {
+                return;
+            }
+            axis.stand_down();
+            if together.is_member(axis) && axis.is_armed() {
+                axis.stop(now, out);
+            }
+        });
+    }
+}
