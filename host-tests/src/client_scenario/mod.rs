@@ -48,7 +48,9 @@ pub fn run(text: &str, seed: u64) -> Result<(), String> {
         if words.is_empty() {
             continue;
         }
-        bench.step(&words).map_err(|error| format!("line {number}: {line}\n  {error}\n{}", bench.story()))?;
+        bench
+            .step(&words)
+            .map_err(|error| format!("line {number}: {line}\n  {error}\n{}", bench.report()))?;
     }
     Ok(())
 }
@@ -130,7 +132,7 @@ impl Bench {
     }
 
     /// What the program wrote, and what happened meanwhile.
-    fn story(&self) -> String {
+    fn report(&self) -> String {
         let line = self.line.borrow();
         let ms = |at: Duration| at.as_secs_f64() * 1e3;
         let mut text = format!("  {:?}\n", self.outcome);

@@ -67,7 +67,7 @@ fn play(text: &str, seed: u64) -> Result<Bench, String> {
     for (number, line, words) in steps {
         bench.think(&words);
         if let Err(error) = bench.step(&words) {
-            return Err(format!("line {number}: {line}\n  {error}\n{}", bench.story()));
+            return Err(format!("line {number}: {line}\n  {error}\n{}", bench.report()));
         }
     }
     Ok(bench)
