@@ -9,7 +9,7 @@ use crate::log::{Links, LogEntry};
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Event, Store, Transmit};
 use crate::retained::Retention;
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use crate::together::Together;
 use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
 use heapless::Vec;
@@ -148,8 +148,8 @@ impl Gateway {
 
     /// One axis of a trip group has tripped: the others do.
     fn spread_trips(&mut self, now: Instant) {
-        let spreading = |axis: &mut Axis| Some((axis.index, axis.take_spreading_trip()?));
-        while let Some((origin, group)) = self.axes.iter_mut().find_map(spreading) {
+        while let Some(axis) = self.axes.iter_mut().find(|axis| axis.trip_spreads()) {
+            let (origin, Some(group)) = (axis.index, axis.take_spreading_trip()) else { continue };
             self.each_axis(now, |axis, out| {
                 if axis.trip_group() == Some(group) {
                     axis.trip(now, TripReason::Group { axis: origin }, out);
@@ -226,19 +226,36 @@ impl Gateway {
         }
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
+        // Buses with a stop, and with a setpoint that may be late: the others need no look at their axes. This is done at every event, and
+        // a stop that is asked for waits for it.
+        let [mut with_stops, mut with_late] = [[false; MAX_BUSES]; 2];
         for axis in axes.iter_mut().filter(|axis| axis.state != AxisState::Unconfigured) {
             axis.expire_motion(now, &mut out);
             axis.expire_pending(now, &mut out);
+            let Some(bus) = axis.config.bus().map(usize::from) else { continue };
+            if let Some(with_stop) = with_stops.get_mut(bus).filter(|_| axis.has_stop()) {
+                *with_stop = true;
+            } else if let Some(with_late) =
+                with_late.get_mut(bus).filter(|_| axis.delivery_is_late(now, Duration::ZERO))
+            {
+                *with_late = true;
+            }
         }
-        for bus in buses {
-            bus.report_unsent_stops(now, axes, &mut out);
+        for (bus, (stops, late)) in buses.iter_mut().zip(with_stops.into_iter().zip(with_late)) {
+            if stops {
+                bus.report_unsent_stops(now, axes, &mut out);
+            }
             if bus.config().is_none() {
                 continue;
             }
             bus.recover(now, axes, &mut out);
             bus.expire_in_flight(now, axes, &mut out);
-            bus.expire_deliveries(now, axes, &mut out);
-            bus.report_delayed_stops(now, axes, &mut out);
+            if late {
+                bus.expire_deliveries(now, axes, &mut out);
+            }
+            if stops {
+                bus.report_delayed_stops(now, axes, &mut out);
+            }
         }
     }
 

@@ -155,9 +155,9 @@ impl Gateway {
         self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
-        let is_news = |(index, axis): (usize, &Axis)| axis.trip.is_some() && states.tripped & bit(index) == 0;
+        let is_news = |(axis, bit): (&Axis, u32)| axis.trip.is_some() && states.tripped & bit == 0;
         self.retention.is_complete =
-            !self.history.has_unsaved() && !self.axes.iter().enumerate().any(is_news);
+            !self.history.has_unsaved() && !self.axes.iter().zip(bits()).any(is_news);
         self.retention.write_states(states, store);
     }
 
@@ -185,9 +185,9 @@ impl Gateway {
     /// Those that have changed; that of an axis also when its motor was told a timeout.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, .. } = self;
-        for (index, axis) in axes.iter_mut().enumerate() {
+        for (axis, bit) in axes.iter_mut().zip(bits()) {
             if axis.take_unsaved_timeout() {
-                retention.axes |= bit(index);
+                retention.axes |= bit;
             }
         }
         let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
@@ -210,8 +210,7 @@ impl Gateway {
             silence_us: self.authority.silence().as_micros_u32(),
             ..States::NONE
         };
-        for (index, axis) in self.axes.iter().enumerate() {
-            let bit = bit(index);
+        for (axis, bit) in self.axes.iter().zip(bits()) {
             match axis.state {
                 // After a reset each of them is sent its stop action: what held goes on holding.
                 AxisState::Unconfigured | AxisState::Idle | AxisState::Holding => {}
@@ -331,6 +330,11 @@ impl Gateway {
 /// The bit of an axis or a bus; none beyond the word.
 fn bit(index: usize) -> u32 {
     u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0)
+}
+
+/// The bits of all axes in their order.
+fn bits() -> impl Iterator<Item = u32> {
+    core::iter::successors(Some(1u32), |bit| Some(bit << 1))
 }
 
 /// The words of an axis: its configuration, and the timeout last written to its motor.

@@ -83,26 +83,29 @@ impl Duration {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Earliest {
     after: Instant,
-    at: Option<Instant>,
+    /// `Instant::NEVER` where there is none.
+    at: Instant,
 }
 
 impl Earliest {
     /// Of none yet.
     pub const fn after(after: Instant) -> Self {
-        Self { after, at: None }
+        Self { after, at: Instant::NEVER }
     }
 
     /// Another one, if it is one.
     pub fn consider(&mut self, at: Option<Instant>) {
-        self.at = match (at.filter(|at| *at > self.after), self.at) {
-            (Some(at), Some(earliest)) => Some(at.min(earliest)),
-            (at, earliest) => at.or(earliest),
-        };
+        if let Some(at) = at
+            && at > self.after
+            && at < self.at
+        {
+            self.at = at;
+        }
     }
 
     /// The earliest.
-    pub const fn at(self) -> Option<Instant> {
-        self.at
+    pub fn at(self) -> Option<Instant> {
+        (self.at < Instant::NEVER).then_some(self.at)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::Axis;
 use super::exchanges::Pending;
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use host_protocol::AxisState;
 
 impl Axis {
@@ -23,11 +23,21 @@ impl Axis {
     /// From when on the setpoint in force is late, but for the time that its bus may take: its refresh time after it was accepted, or after its
     /// refresh was due.
     pub fn delivery_due_at(&self) -> Option<Instant> {
+        self.undelivered_since().map(|since| since + self.refresh())
+    }
+
+    /// Whether the setpoint in force is late by more than the time that its bus may take.
+    pub fn delivery_is_late(&self, now: Instant, within: Duration) -> bool {
+        // Most wait for no delivery: the refresh time takes longer to find.
+        self.undelivered_since().is_some_and(|since| since <= now && since + self.refresh() + within <= now)
+    }
+
+    fn undelivered_since(&self) -> Option<Instant> {
         if self.state != AxisState::Active {
             return None;
         }
         let taken = self.pending.as_ref().and_then(Pending::undelivered_since);
         let since = taken.map_or(self.undelivered_since, |taken| taken.min(self.undelivered_since));
-        (since < Instant::NEVER).then(|| since + self.refresh())
+        (since < Instant::NEVER).then_some(since)
     }
 }

@@ -66,6 +66,11 @@ impl Axis {
         self.config.unsigned(AxisParameter::TripGroup)
     }
 
+    /// Whether a new trip of this axis has still to reach the others of its group.
+    pub fn trip_spreads(&self) -> bool {
+        self.trip_spreads
+    }
+
     /// The group that a new trip of this axis has still to reach.
     pub fn take_spreading_trip(&mut self) -> Option<u32> {
         core::mem::take(&mut self.trip_spreads).then(|| self.trip_group()).flatten()

@@ -37,7 +37,6 @@ pub(crate) struct Want {
     /// Since when.
     pub due: Instant,
     pub exchange: Exchange,
-    pub command: Command,
 }
 
 /// What an axis turns to next.
@@ -49,7 +48,7 @@ enum Next {
 }
 
 impl Axis {
-    /// What the axis wants sent at `now`.
+    /// What the axis wants sent at `now`. Its [command](Self::command_for) takes longer to find than this, and only one axis has its turn.
     pub fn wants(&self, now: Instant) -> Option<Want> {
         if self.pending.is_some() || self.state == AxisState::Unconfigured || now < self.nothing_before() {
             return None;
@@ -73,11 +72,11 @@ impl Axis {
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
-        Some(Want { priority, due: at, exchange, command: self.command_for(exchange)? })
+        Some(Want { priority, due: at, exchange })
     }
 
     /// The command that serves an exchange now; `None` where there is none to send.
-    pub(super) fn command_for(&self, exchange: Exchange) -> Option<Command> {
+    pub fn command_for(&self, exchange: Exchange) -> Option<Command> {
         let exchange = match exchange {
             Exchange::Motion => return self.motion.as_ref().map(|motion| motion.command),
             Exchange::Native => return self.native_command(),

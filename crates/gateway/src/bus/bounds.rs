@@ -43,7 +43,7 @@ impl Bus {
     /// Within what time a frame that is no stop has left after it was due, if nobody else talks: behind the stop of each axis here, behind two requests
     /// of each, as every other one of an axis is a poll, with what their replies may take, and behind the own one before: the window of its
     /// reply, and as long again where that may come late.
-    fn ordinary_bound(&self, all: &[Axis]) -> Duration {
+    pub(super) fn ordinary_bound(&self, all: &[Axis]) -> Duration {
         let axes = self.axes_here(all).count() as u64;
         let window = self.reply_window();
         let exchange = match self.kind() {
@@ -59,21 +59,11 @@ impl Bus {
         self.bound(axes, all) + window.times(2) + exchange.times(2 * axes) + further
     }
 
-    /// When the next setpoint counts as not delivered.
-    pub(super) fn delivery_ends_at(&self, axes: &[Axis]) -> Option<Instant> {
-        let due = self.axes_here(axes).filter_map(Axis::delivery_due_at).min()?;
-        Some(due + self.ordinary_bound(axes))
-    }
-
     /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).
     pub fn expire_deliveries(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
-        let late = |axis: &Axis, by: Duration| axis.delivery_due_at().is_some_and(|due| due + by <= now);
-        if !self.axes_here(axes).any(|axis| late(axis, Duration::ZERO)) {
-            return;
-        }
         let within = if self.config.is_some() { self.ordinary_bound(axes) } else { Duration::ZERO };
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
-            if late(axis, within) {
+            if axis.delivery_is_late(now, within) {
                 axis.trip(now, TripReason::NotDelivered, out);
             }
         }

@@ -4,7 +4,7 @@ use super::transmit::LONGEST_FRAME_BITS;
 use super::{Bus, InFlight};
 use crate::axis::{Axis, Priority, Want};
 use crate::motor;
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::{BusKind, Protocol};
 
@@ -24,8 +24,8 @@ pub(super) enum Room {
     All,
 }
 
-/// What decides between requests: the least goes first.
-type Precedence = (u8, Option<Id>);
+/// What decides between requests: the least goes first. The priority, then the id where that decides, and 0 where it does not.
+type Precedence = (u8, u16);
 
 /// How far the stops on a bus are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,9 @@ impl Bus {
             }
             let Some(want) = axis.wants(now) else { continue };
             let precedence = self.precedence(axis, &want, stops);
-            if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen) {
+            if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen)
+                || axis.command_for(want.exchange).is_none()
+            {
                 continue;
             }
             let allowed = match want.priority {
@@ -98,19 +100,17 @@ impl Bus {
     /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any other order round. What has no
     /// precedence over another goes in turn.
     fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
-        let id = || motor::stop_id(&axis.config);
+        let id = || motor::stop_id(&axis.config).map_or(0, |id| id.as_raw() + 1);
         match (want.priority, stops) {
-            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => {
-                (Priority::Ordinary as u8, None)
-            }
-            (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, None),
+            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => (Priority::Ordinary as u8, 0),
+            (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, 0),
             // One of those that are held up stays in the controller; beside it goes what wins against them.
             (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held) if self.holds_first_stop() => {
                 (Priority::Stop as u8, id())
             }
             (Priority::FirstStop | Priority::FirstStopAtRest, _) => (Priority::FirstStop as u8, id()),
             (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id()),
-            (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, None),
+            (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, 0),
         }
     }
 
@@ -125,10 +125,16 @@ impl Bus {
         if !self.axes_here(axes).any(Axis::stop_has_not_left) {
             return Stops::Sent;
         }
-        match self.first_stops_bar_until(axes) {
-            Some(until) if until <= now => Stops::Held,
-            _ => Stops::First,
-        }
+        if self.first_stops_bar(now, axes) { Stops::First } else { Stops::Held }
+    }
+
+    /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found as soon as one of them does.
+    fn first_stops_bar(&self, now: Instant, axes: &[Axis]) -> bool {
+        let bars_for = self.first_stops_bar_for();
+        let bars = |since: Instant| now < since + bars_for;
+        self.kind() == BusKind::Rs485
+            || bars(self.first_stops_since)
+            || self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes)).any(bars)
     }
 
     /// Until when first stops bar what is part of other stops: four frame times after one of them left or may have, and the replies that
@@ -137,12 +143,19 @@ impl Bus {
         if self.kind() == BusKind::Rs485 {
             return None;
         }
-        let waiting = self.axes_here(axes).filter(|axis| axis.stop_has_not_left());
-        let may_leave =
-            waiting.filter_map(|axis| Some(axis.stop_since()?.max(self.id_is_free_at(axis, axes))));
-        let since = may_leave.max()?.max(self.first_stops_since);
+        let may_leave = self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes));
+        Some(may_leave.max()?.max(self.first_stops_since) + self.first_stops_bar_for())
+    }
+
+    fn first_stops_bar_for(&self) -> Duration {
         let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-        Some(since + self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies))
+        self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies)
+    }
+
+    /// From when on the first stop of the axis may leave, while it has not.
+    fn first_stop_may_leave_at(&self, axis: &Axis, axes: &[Axis]) -> Option<Instant> {
+        let since = axis.stop_since().filter(|_| axis.stop_has_not_left())?;
+        Some(since.max(self.id_is_free_at(axis, axes)))
     }
 
     /// A frame in the controller that keeps a stop out which goes before it.
@@ -150,12 +163,17 @@ impl Bus {
         if self.is_off() || self.nothing_in_flight() || !self.axes_here(axes).any(Axis::has_stop) {
             return None;
         }
-        let (index, _) = self.choose(now, axes, Room::All)?;
-        let axis = axes.get(index)?;
-        if self.free_slot().is_some() && self.may_go_beside_others(axis) {
+        // A second frame may go beside whatever is there, but for that of a D5 whose reply is due.
+        let has_room = self.free_slot().is_some();
+        if has_room && !self.carries(Protocol::D5) {
             return None;
         }
-        let id = motor::stop_id(&axis.config);
+        let (index, _) = self.choose(now, axes, Room::All)?;
+        let axis = axes.get(index)?;
+        if has_room && self.may_go_beside_others(axis) {
+            return None;
+        }
+        let id = motor::stop_id(&axis.config).map(Id::Standard);
         let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
         let held = self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
         let loses = |f: &InFlight| match is_first {
@@ -222,7 +240,7 @@ impl Bus {
     fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis], room: Room) -> bool {
         match self.kind() {
             BusKind::Can => {
-                let id = motor::stop_id(&axis.config);
+                let id = motor::stop_id(&axis.config).map(Id::Standard);
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
                 let fits = room == Room::All || self.may_go_beside_others(axis);
                 !taken && fits && self.id_is_free_at(axis, axes) <= now
@@ -239,7 +257,7 @@ impl Bus {
     /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
     /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded, as replies
     /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
-    fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
+    pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
         let delay = self.line_times().stop_delay();
         let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
@@ -257,11 +275,5 @@ impl Bus {
             })
         };
         self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
-    }
-
-    /// When the next frame may go out that waits for a reply with its own id.
-    pub(super) fn next_free_id_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
-        let waiting = self.axes_here(axes).filter(|axis| axis.reply_with_our_id_since().is_some());
-        waiting.map(|axis| self.id_is_free_at(axis, axes)).filter(|at| *at > after).min()
     }
 }

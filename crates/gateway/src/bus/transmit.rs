@@ -8,7 +8,7 @@ use crate::axis::{Axis, Want};
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
-use crate::time::{Duration, Instant};
+use crate::time::{Duration, Earliest, Instant};
 use embedded_can::Id;
 use heapless::Vec;
 use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
@@ -149,34 +149,40 @@ impl Bus {
 
     /// Earliest time after `after` at which the bus must be looked at again.
     pub fn next_deadline(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
-        let unsent = self.stop_is_unsent_at(axes);
         if self.config.is_none() {
-            return unsent;
+            return self.stop_is_unsent_at(axes);
         }
-        let overdue = self.in_flight.iter().flatten().filter(|f| !f.overdue).map(|f| f.deadline);
-        let cancels = self.in_flight.iter().flatten().filter_map(|f| f.cancel_by.or(f.collided_at));
-        overdue
-            .chain(cancels)
-            .chain(self.line_ready_at(after, axes))
-            .chain(self.restart_at)
-            .chain(self.next_free_id_at(after, axes))
-            .chain(self.first_stops_bar_until(axes))
-            .chain(self.stop_is_delayed_at(axes))
-            .chain(unsent)
-            .chain(self.delivery_ends_at(axes))
-            .filter(|at| *at > after)
-            .min()
-    }
-
-    /// When a serial line is free for what waits for it.
-    fn line_ready_at(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
-        if self.kind() != BusKind::Rs485 {
-            return None;
+        let mut next = Earliest::after(after);
+        next.consider(self.restart_at);
+        for in_flight in self.in_flight.iter().flatten() {
+            next.consider(Some(in_flight.deadline).filter(|_| !in_flight.overdue));
+            next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
-        let times = self.line_times();
-        let stops = self.axes_here(axes).filter_map(Axis::stop_due_at);
-        let stops = stops.map(|due| self.line.stop_ready_at(due, times));
-        stops.chain([self.line.ready_at(times)]).filter(|at| *at > after).min()
+        // One look at the axes: most wait for nothing, and a command that comes meanwhile waits for this.
+        let (mut stops, mut delivery) = (false, None::<Instant>);
+        for axis in self.axes_here(axes) {
+            stops |= axis.has_stop();
+            if let Some(due) = axis.delivery_due_at() {
+                delivery = Some(delivery.map_or(due, |earliest| earliest.min(due)));
+            }
+            if axis.reply_with_our_id_since().is_some() {
+                next.consider(Some(self.id_is_free_at(axis, axes)));
+            }
+        }
+        next.consider(delivery.map(|due| due + self.ordinary_bound(axes)));
+        if stops {
+            next.consider(self.first_stops_bar_until(axes));
+            next.consider(self.stop_is_delayed_at(axes));
+            next.consider(self.stop_is_unsent_at(axes));
+        }
+        if self.kind() == BusKind::Rs485 {
+            let times = self.line_times();
+            next.consider(Some(self.line.ready_at(times)));
+            for due in self.axes_here(axes).filter_map(Axis::stop_due_at) {
+                next.consider(Some(self.line.stop_ready_at(due, times)));
+            }
+        }
+        next.at()
     }
 
     pub(super) fn line_times(&self) -> LineTimes {
@@ -207,11 +213,12 @@ impl Bus {
         want: Want,
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
-        let frame = match self.kind() {
-            BusKind::Can => motor::to_can(&want.command, &axis.config).map(Outgoing::Can),
-            BusKind::Rs485 => motor::to_serial(&want.command, &axis.config).map(Outgoing::Serial),
-        };
-        let (Some(frame), Some(slot)) = (frame, self.free_slot()) else {
+        let command = axis.command_for(want.exchange);
+        let frame = command.and_then(|command| match self.kind() {
+            BusKind::Can => motor::to_can(&command, &axis.config).map(Outgoing::Can),
+            BusKind::Rs485 => motor::to_serial(&command, &axis.config).map(Outgoing::Serial),
+        });
+        let (Some(command), Some(frame), Some(slot)) = (command, frame, self.free_slot()) else {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
             return None;
         };
@@ -220,7 +227,7 @@ impl Bus {
         let may_collide = axis.reply_with_our_id_since().is_some() && !self.let_reply_pass;
         let frames = self.bit_time(LONGEST_FRAME_BITS).times(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);
-        axis.handed(now, want.exchange, want.command, slot);
+        axis.handed(now, want.exchange, command, slot);
         let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
         let within = match want.exchange {
             Exchange::Motion => within.min(axis.config.ttl()),

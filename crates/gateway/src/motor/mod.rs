@@ -24,7 +24,7 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use crate::port::MAX_SERIAL;
 use crate::time::Duration;
-use embedded_can::Id;
+use embedded_can::StandardId;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusKind, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
 
@@ -400,14 +400,12 @@ pub(crate) fn to_can(command: &Command, config: &AxisConfig) -> Option<CanFrame>
 }
 
 /// The id on CAN of every frame that a stop sends to the axis's motor.
-pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
+pub(crate) fn stop_id(config: &AxisConfig) -> Option<StandardId> {
     let node = config.node()?;
     match config.protocol()? {
-        Protocol::Rmd => Some(Id::Standard(::rmd::can::request_id(::rmd::Node::new(node).ok()?))),
-        Protocol::Thruster => {
-            Some(Id::Standard(::thruster::can::request_id(::thruster::Node::new(node).ok()?)))
-        }
-        Protocol::D5 => d5::request_id(config).map(Id::Standard),
+        Protocol::Rmd => Some(::rmd::can::request_id(::rmd::Node::new(node).ok()?)),
+        Protocol::Thruster => Some(::thruster::can::request_id(::thruster::Node::new(node).ok()?)),
+        Protocol::D5 => d5::request_id(config),
     }
 }
 
