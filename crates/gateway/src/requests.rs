@@ -328,7 +328,8 @@ impl Gateway {
     fn stop_all(&mut self, now: Instant) {
         let Self { axes, buses, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        for axis in axes {
+        // What has begun to stop just now, as after an e-stop, is not asked again.
+        for axis in axes.iter_mut().filter(|axis| axis.stop_since() != Some(now)) {
             // Where no bus carries it an axis at rest has no motor; on one that is off its stop waits until the bus is back.
             let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
             if !axis.is_idle_or_holding() || carried {

@@ -62,6 +62,12 @@ impl Bus {
             if !may_ordinary && !axis.has_stop() && !axis.is_kept_holding() {
                 continue;
             }
+            // Behind a first stop nothing of an axis with a higher id goes: what that wants need not be known.
+            if best.as_ref().is_some_and(|(.., chosen)| {
+                chosen.0 == Priority::FirstStop as u8 && self.first_stop_precedence(axis) >= *chosen
+            }) {
+                continue;
+            }
             let Some(want) = axis.wants(now) else { continue };
             let precedence = self.precedence(axis, &want, stops);
             if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen)
@@ -100,18 +106,27 @@ impl Bus {
     /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any other order round. What has no
     /// precedence over another goes in turn.
     fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
-        let id = || motor::stop_id(&axis.config).map_or(0, |id| id.as_raw() + 1);
+        let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {
             (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => (Priority::Ordinary as u8, 0),
             (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, 0),
             // One of those that are held up stays in the controller; beside it goes what wins against them.
             (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held) if self.holds_first_stop() => {
-                (Priority::Stop as u8, id())
+                (Priority::Stop as u8, id)
             }
-            (Priority::FirstStop | Priority::FirstStopAtRest, _) => (Priority::FirstStop as u8, id()),
-            (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id()),
+            (Priority::FirstStop | Priority::FirstStopAtRest, _) => (first, id),
+            (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id),
             (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, 0),
         }
+    }
+
+    /// Nothing of the axis goes before this.
+    fn first_stop_precedence(&self, axis: &Axis) -> Precedence {
+        let id = match self.kind() {
+            BusKind::Can => motor::stop_id(&axis.config).map_or(0, |id| id.as_raw() + 1),
+            BusKind::Rs485 => 0,
+        };
+        (Priority::FirstStop as u8, id)
     }
 
     fn holds_first_stop(&self) -> bool {
