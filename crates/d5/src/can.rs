@@ -11,6 +11,9 @@ use crate::node::{Address, Node};
 use crate::reply::Reply;
 use crate::request::Request;
 
+/// The lowest and the highest bitrate at which motors run, bit/s (D5 manual, point 3).
+pub const BITRATES: (u32, u32) = (200_001, 222_222);
+
 /// The id of requests to this motor where nothing else is configured: its own number. An assumption.
 pub fn default_request_id(node: Node) -> StandardId {
     // A node has eight bits, so the fallback, the id of lowest priority, is never used.

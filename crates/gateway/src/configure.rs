@@ -1,15 +1,15 @@
 //! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still fits together.
 
 use crate::axis::{Address, Axis, AxisConfig};
-use crate::bus::{Bus, check_load};
+use crate::bus::check_load;
 use crate::gateway::Gateway;
 use crate::motor;
 use crate::outbox::Outbox;
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
-    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Quantity, REPLY_WINDOW_US, Value,
-    requests,
+    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, MAX_BITRATES, Quantity,
+    REPLY_WINDOW_US, Value, requests,
 };
 
 impl Gateway {
@@ -33,7 +33,7 @@ impl Gateway {
     ) -> Result<(), Error> {
         let bus = self.bus(request.bus)?;
         if !bus.port().bitrates.contains(&request.bitrate) {
-            return Err(out_of_bitrates(bus, request.bitrate));
+            return Err(not_offered(request.bus, request.bitrate, bus.port().bitrates.iter().copied()));
         }
         let (min, max) = REPLY_WINDOW_US;
         if !(min..=max).contains(&request.reply_window_us) {
@@ -41,6 +41,14 @@ impl Gateway {
         }
         for protocol in request.protocols.iter() {
             rules::check_kind(request.bus, bus.kind(), protocol)?;
+            if let Some((min, max)) = motor::own_bitrates(protocol) {
+                if !(min..=max).contains(&request.bitrate) {
+                    return Err(out_of_range(Quantity::Bitrate, request.bitrate, min, max));
+                }
+                if request.protocols.iter().any(|other| other != protocol) {
+                    return Err(Error::NeedsOwnBus { bus: request.bus, protocol });
+                }
+            }
         }
         let config = BusConfig {
             bitrate: request.bitrate,
@@ -208,11 +216,13 @@ pub(crate) fn is_of_address(parameter: AxisParameter) -> bool {
     )
 }
 
-fn out_of_bitrates(bus: &Bus, bitrate: u32) -> Error {
-    let bitrates = bus.port().bitrates;
-    let min = bitrates.iter().copied().min().unwrap_or(0);
-    let max = bitrates.iter().copied().max().unwrap_or(0);
-    out_of_range(Quantity::Bitrate, bitrate, min, max)
+/// A bitrate that a bus cannot have, and those that it can.
+pub(crate) fn not_offered(bus: u8, bitrate: u32, rates: impl Iterator<Item = u32>) -> Error {
+    let mut offered = [0; MAX_BITRATES];
+    for (place, rate) in offered.iter_mut().zip(rates) {
+        *place = rate;
+    }
+    Error::BitrateNotOffered { bus, bitrate, offered }
 }
 
 /// The numbers of an error are for people to read: f32 is precise enough.

@@ -1,6 +1,7 @@
 //! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
 
 use crate::axis::{JobKind, NativeMotion, Permit};
+use crate::configure::not_offered;
 use crate::gateway::Gateway;
 use crate::motor::{self, Effect, Native};
 use crate::outbox::Ticket;
@@ -116,6 +117,7 @@ impl Gateway {
             return Err(Error::Busy { axis: index });
         }
         self.check_node_after(index, &native)?;
+        self.check_bitrate_after(index, &native)?;
         if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
@@ -129,6 +131,19 @@ impl Gateway {
         let Some(node) = node else { return Ok(()) };
         config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
         self.check_axis(index, &config)
+    }
+
+    /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any more, and only at its rate it could be
+    /// set back.
+    fn check_bitrate_after(&self, index: u8, native: &Native) -> Result<()> {
+        let Some(bitrate) = motor::bitrate_after(&native.command) else { return Ok(()) };
+        let config = &self.axis(index)?.config;
+        let (Some(bus), Some(protocol)) = (config.bus(), config.protocol()) else { return Ok(()) };
+        let rates = self.bus(bus)?.port().bitrates.iter().copied();
+        if rates.clone().any(|rate| motor::is_within_tolerance(bitrate, rate)) {
+            return Ok(());
+        }
+        Err(not_offered(bus, bitrate, rates.filter(|rate| motor::can_be_set_to(protocol, *rate))))
     }
 
     fn move_natively(

@@ -293,6 +293,16 @@ impl fmt::Display for Error {
                  setpoint; leave it out (a thruster measures positions as a position_device, an RMD torque on CAN)",
                 Quantity::Parameter(parameter)
             ),
+            Self::BitrateNotOffered { bus, bitrate, offered } => {
+                write!(f, "bus {bus} cannot run at {bitrate} bit/s; it offers")?;
+                for (index, offered) in offered.iter().filter(|offered| **offered != 0).enumerate() {
+                    write!(f, "{} {offered}", if index == 0 { "" } else { "," })?;
+                }
+                Ok(())
+            }
+            Self::NeedsOwnBus { bus, protocol } => {
+                write!(f, "{protocol} motors share no bus with others; configure bus {bus} for {protocol} alone")
+            }
             Self::NoRandomNumber {} => f.write_str(
                 "the chip's random generator gave no number at the start, so epochs could repeat and nothing is armed; \
                  start the gateway again, and replace its board if that does not help",

@@ -2,7 +2,7 @@
 //! them.
 
 use crate::axis::{AxisState, TripReason};
-use crate::bus::BusKind;
+use crate::bus::{BusKind, MAX_BITRATES};
 use crate::encode::{EncodeError, encode};
 use crate::frame::Kind;
 use crate::messages::{DecodeError, MessageInfo, decode_body};
@@ -437,6 +437,22 @@ errors! {
     62 BrakeStaysOpen {
         /// The axis.
         axis: u8,
+    }
+    /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be set.
+    65 BitrateNotOffered {
+        /// The bus.
+        bus: u8,
+        /// What was asked for, bit/s.
+        bitrate: u32,
+        /// What could be had there instead, bit/s; 0 behind the last one.
+        offered: [u32; MAX_BITRATES],
+    }
+    /// The protocol shares a bus with no other.
+    66 NeedsOwnBus {
+        /// The bus.
+        bus: u8,
+        /// The protocol.
+        protocol: Protocol,
     }
     /// D5: register 0x2B of the motor is 1. It holds by its brake and ignores speeds, and no command of the manual frees it.
     68 BrakeOn {

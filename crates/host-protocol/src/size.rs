@@ -52,6 +52,10 @@ impl<T: MaxSize> MaxSize for Option<T> {
     const MAX_SIZE: usize = 1 + T::MAX_SIZE;
 }
 
+impl<const N: usize> MaxSize for [u32; N] {
+    const MAX_SIZE: usize = N * u32::MAX_SIZE;
+}
+
 impl<const N: usize> MaxSize for [u8; N] {
     const MAX_SIZE: usize = N;
 }

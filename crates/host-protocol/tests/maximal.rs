@@ -257,6 +257,11 @@ fn the_largest_error_and_event_fit() {
     // Axis 1, reason 1 + quantity 1 + parameter 3 + two floats.
     assert_eq!(body_length(&out[..length]), 14);
 
+    let error = Error::BitrateNotOffered { bus: u8::MAX, bitrate: u32::MAX, offered: [u32::MAX; 8] };
+    let length = error.encode_frame(u16::MAX, &mut out).unwrap();
+    // Bus 1, bitrate 5, eight of them 40.
+    assert_eq!(body_length(&out[..length]), 46);
+
     let event = Event::Tripped { axis: u8::MAX, trip: TRIP };
     let length = event.encode_frame(u16::MAX, u32::MAX, u64::MAX, &mut out).unwrap();
     // Dropped 5, time 10, axis 1, reason 13, time 10, three optional floats 15, unreachable 1.

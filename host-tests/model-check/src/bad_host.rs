@@ -4,7 +4,7 @@
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
 use crate::dice::Dice;
 use crate::generate;
-use crate::plant::{BUS_SETUP, BUSES, LINKS, LISTENER, MACHINE, MOTORS};
+use crate::plant::{BUS_SETUP, BUSES, LINKS, LISTENER, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, REQUESTS, StopAction};
 use promise_model::{Told, frame};
@@ -93,7 +93,7 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
         protocols: BUS_SETUP[usize::from(bus)].1,
     }));
     let mut axes = Vec::new();
-    for (axis, motor) in (0u8..).zip(&MOTORS[..MACHINE]) {
+    for (axis, motor) in (0u8..).zip(&MOTORS) {
         let mut set = |parameter: AxisParameter, value| {
             steps.push(Ask::Set { axis, parameter: parameter.number(), value });
         };

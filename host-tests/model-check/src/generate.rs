@@ -10,7 +10,7 @@ pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
 use crate::dice::Dice;
-use crate::plant::{ALL_OF_CAN, BUS_SETUP, BUSES, LISTENER, MOTORS};
+use crate::plant::{BUS_SETUP, BUSES, LISTENER, MOTORS, RMD_AND_THRUSTER};
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
@@ -38,7 +38,7 @@ pub struct Generator {
     raw_bus: Option<u8>,
     /// How often an axis is moved to another motor, in a thousand.
     moves: u64,
-    /// D5 speaks on each CAN bus, and everything else too.
+    /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that axes are moved between them.
     protocols: [u8; BUSES as usize],
 }
 
@@ -47,8 +47,11 @@ impl Generator {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut dice = Dice::Seeded(seed);
-        let protocols =
-            if dice.percent(40) { [ALL_OF_CAN, ALL_OF_CAN, 1] } else { BUS_SETUP.map(|(_, spoken)| spoken) };
+        let protocols = if dice.percent(40) {
+            [RMD_AND_THRUSTER, RMD_AND_THRUSTER, 1]
+        } else {
+            BUS_SETUP.map(|(_, spoken)| spoken)
+        };
         let first = configuration(&mut dice, protocols).into();
         let trouble = dice.pick(&[5, 20, 60]);
         let left_armed = if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };

@@ -38,9 +38,9 @@ pub static BOARD_AGAIN: Board =
 pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }];
 
 /// Bitrate of each bus, and the protocols of its motors: bits 0 to 2 are RMD, thruster, D5.
-pub const BUS_SETUP: [(u32, u8); BUSES as usize] = [(1_000_000, 0b011), (210_526, 0b111), (2_000_000, 0b001)];
-/// All protocols of CAN.
-pub const ALL_OF_CAN: u8 = 0b111;
+pub const BUS_SETUP: [(u32, u8); BUSES as usize] = [(1_000_000, 0b011), (210_526, 0b100), (2_000_000, 0b001)];
+/// The protocols that share a CAN bus.
+pub const RMD_AND_THRUSTER: u8 = 0b011;
 
 /// A motor, and how its axis stops it.
 #[derive(Debug, Clone, Copy)]
@@ -59,11 +59,8 @@ const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired
     Wired { bus, protocol, node, stop }
 }
 
-/// Of them so many are those of a machine; the others stand beside D5 motors, where there is time for one of each.
-pub const MACHINE: usize = 10;
-
 /// Motor n is that of axis n.
-pub const MOTORS: [Wired; MACHINE + 2] = [
+pub const MOTORS: [Wired; 10] = [
     wired(0, Protocol::Rmd, 1, StopAction::Coast),
     wired(0, Protocol::Rmd, 2, StopAction::Hold),
     wired(0, Protocol::Rmd, 3, StopAction::Brake),
@@ -74,13 +71,11 @@ pub const MOTORS: [Wired; MACHINE + 2] = [
     wired(1, Protocol::D5, 0x27, StopAction::Hold),
     wired(2, Protocol::Rmd, 1, StopAction::Hold),
     wired(2, Protocol::Rmd, 2, StopAction::Coast),
-    wired(1, Protocol::Rmd, 4, StopAction::Hold),
-    wired(1, Protocol::Thruster, 0x11, StopAction::Coast),
 ];
 
 /// Motors that no axis is configured for at first: an axis that is moved finds them.
 pub const SPARES: [Wired; 6] = [
-    wired(0, Protocol::D5, 0x26, StopAction::Hold),
+    wired(0, Protocol::Thruster, 0x12, StopAction::Coast),
     wired(0, Protocol::Rmd, 20, StopAction::Hold),
     wired(1, Protocol::Rmd, 1, StopAction::Coast),
     wired(1, Protocol::Thruster, 0x0E, StopAction::Coast),

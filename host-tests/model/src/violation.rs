@@ -75,6 +75,8 @@ checks! {
     WrongMotor,
     /// G7: ids on which one axis is sent requests are none on which another's motor acts or answers.
     IdShared,
+    /// G7: D5 motors run at 200001 to 222222 bit/s (D5 manual, point 3), so a bus with them has such a rate and carries nothing else.
+    BusShared,
     /// G7: an axis that is moved leaves nothing behind.
     LeftBehind,
     /// G2: an accepted setpoint is sent in time, or the axis trips.

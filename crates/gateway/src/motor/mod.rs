@@ -328,6 +328,41 @@ pub(crate) fn node_after(command: &Command, config: &AxisConfig) -> Option<u8> {
     }
 }
 
+/// The bitrates of a protocol that others do not run at, bit/s: the lowest and the highest; `None` where it shares a bus.
+pub(crate) fn own_bitrates(protocol: Protocol) -> Option<(u32, u32)> {
+    match protocol {
+        Protocol::D5 => Some(::d5::can::BITRATES),
+        Protocol::Rmd | Protocol::Thruster => None,
+    }
+}
+
+/// The bitrate that the motor has once it is switched on again, bit/s, where a command changes it.
+pub(crate) fn bitrate_after(command: &Command) -> Option<u32> {
+    match command {
+        Command::Thruster(::thruster::Request::SetBitrate { bitrate }) => {
+            bitrate.info().map(|info| info.bits_per_second)
+        }
+        _ => None,
+    }
+}
+
+/// Those of a board's bitrates that motors of a protocol can be set to.
+pub(crate) fn can_be_set_to(protocol: Protocol, bitrate: u32) -> bool {
+    match protocol {
+        Protocol::Thruster => {
+            ::thruster::BITRATES.iter().any(|info| is_within_tolerance(info.bits_per_second, bitrate))
+        }
+        Protocol::Rmd | Protocol::D5 => false,
+    }
+}
+
+/// Whether nodes of two bitrates understand each other: within 0.3 %, which leaves most of what CAN allows to their clocks.
+pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
+    const PARTS: u64 = 1_000;
+    const ALLOWED: u64 = 3;
+    u64::from(one.abs_diff(other)) * PARTS <= u64::from(other) * ALLOWED
+}
+
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
     let checked = match config.protocol() {

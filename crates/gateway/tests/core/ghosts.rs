@@ -40,7 +40,7 @@ const WINDOW_US: u32 = 200_000;
 fn configure_bus(rig: &mut Rig, bus: u8, protocols: &[Protocol]) {
     let request = requests::ConfigureBus {
         bus,
-        bitrate: 1_000_000,
+        bitrate: if protocols == [Protocol::D5] { 210_526 } else { 1_000_000 },
         protocols: ProtocolSet::of(protocols),
         wholly_ours: false,
         reply_window_us: WINDOW_US,

@@ -4,6 +4,7 @@ mod addresses;
 mod after_reset;
 mod bad_input;
 mod bench;
+mod bitrates;
 mod brake;
 mod busy_line;
 mod bystanders;

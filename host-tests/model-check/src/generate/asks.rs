@@ -4,7 +4,7 @@ use super::raw::raw_send;
 use super::setup::LIMITS;
 use crate::action::{Ask, Goal, Number, Permit};
 use crate::dice::Dice;
-use crate::plant::{ALL_OF_CAN, BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE, RMD_AND_THRUSTER};
 use host_protocol::{AxisParameter, Protocol};
 
 /// A request of any kind.
@@ -33,7 +33,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
             Ask::Set { axis, parameter, value: Number::Float(dice.fraction() * scale) }
         }
         23 => {
-            let protocols = BUS_SETUP.get(usize::from(bus)).map_or(ALL_OF_CAN, |(_, spoken)| *spoken);
+            let protocols = BUS_SETUP.get(usize::from(bus)).map_or(RMD_AND_THRUSTER, |(_, spoken)| *spoken);
             let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
             Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]), protocols }
         }

@@ -3,7 +3,7 @@
 use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Number};
 use crate::dice::Dice;
-use crate::plant::{BUSES, MACHINE, MOTORS, POSITION_DEVICE};
+use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
 use host_protocol::AxisParameter;
 use host_protocol::Protocol;
 
@@ -23,7 +23,7 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
     let provisioned = dice.percent(40);
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
     let known_only = dice.percent(if provisioned { 50 } else { 5 });
-    for (axis, motor) in (0u8..).zip(&MOTORS[..MACHINE]) {
+    for (axis, motor) in (0u8..).zip(&MOTORS) {
         let mut set = |parameter: AxisParameter, value: Number| {
             asks.push(Ask::Set { axis, parameter: parameter.number(), value });
         };

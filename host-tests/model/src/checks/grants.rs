@@ -6,6 +6,11 @@ use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::{Body, Clears, Message, Request};
 
+/// The bit of D5 in a set of protocols.
+const D5: u8 = 0b100;
+/// bit/s (D5 manual, point 3).
+const D5_BITRATES: std::ops::RangeInclusive<u32> = 200_001..=222_222;
+
 impl Oracle {
     /// A request was carried out.
     pub(super) fn granted(
@@ -19,6 +24,10 @@ impl Oracle {
         match *request {
             Request::LinkSilence(us) => self.silence_us = us.into(),
             Request::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us } => {
+                if protocols & D5 != 0 && (protocols != D5 || !D5_BITRATES.contains(&bitrate)) {
+                    let seen = format!("bus {bus} at {bitrate} bit/s, protocols {protocols:03b}");
+                    self.broken(Check::BusShared, now, seen);
+                }
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
                     bus.bitrate = bitrate;
                     bus.protocols = protocols;

@@ -41,6 +41,21 @@ pub fn a_request_id_on_which_another_motor_acts() {
 }
 
 #[test]
+pub fn a_bus_that_d5_motors_share_or_that_is_too_fast_for_them() {
+    // Bus 1, bitrate, protocols, not wholly ours, 3000 µs
+    let configured = |bitrate: [u8; 3], protocols: u8| {
+        let mut trace = Trace::new(HOLD);
+        trace.done(0, 0x11, &[&[1], &bitrate[..], &[protocols, 0, 0xB8, 0x17]].concat());
+        trace
+    };
+    let (of_d5, mbit) = ([0xDE, 0xEC, 0x0C], [0xC0, 0x84, 0x3D]); // 210 526 and 1 000 000
+    configured(of_d5, 0b100).breaks_nothing();
+    configured(mbit, 0b011).breaks_nothing();
+    configured(of_d5, 0b101).breaks(Check::BusShared);
+    configured(mbit, 0b100).breaks(Check::BusShared);
+}
+
+#[test]
 fn the_stop_of_one_axis_that_sets_another_motor_in_motion() {
     let mut trace = Trace::new(HOLD);
     trace.other(1, 3, 0x26, HOLD, Some(0x401));
