@@ -9,12 +9,17 @@ use std::time::Duration;
 
 /// The axis.
 pub const AXIS: u8 = 0;
+/// The other one, of a second motor, where one is not enough.
+pub const SECOND: u8 = 1;
 /// Shorter than the time after which a silent host is given up.
 const PING_EVERY: Duration = Duration::from_millis(50);
 
 pub struct Lab {
     world: Rc<RefCell<World>>,
     pub client: Client<SimTransport>,
+    bus: u8,
+    protocol: Protocol,
+    stop: StopAction,
 }
 
 /// How long a reply is awaited.
@@ -41,20 +46,13 @@ impl Lab {
             (false, Protocol::D5) => (1, 210_526),
             (false, _) => (0, 1_000_000),
         };
-        let wiring = Wiring::on(&BOARD).with(bus, protocol, node(protocol));
+        let wiring =
+            Wiring::on(&BOARD).with(bus, protocol, node(protocol)).with(bus, protocol, node(protocol) + 1);
         let world = Rc::new(RefCell::new(World::new(wiring)));
         let client = Client::connect_as(SimTransport::new(world.clone(), 0), 1, 1).unwrap();
-        let mut lab = Self { world, client };
-        lab.client.configure_bus(bus, bitrate, ProtocolSet::of(&[protocol]), false, REPLY_WINDOW).unwrap();
-        for (parameter, number) in [
-            (AxisParameter::Bus, bus),
-            (AxisParameter::Protocol, protocol.number()),
-            (AxisParameter::Node, node(protocol)),
-            (AxisParameter::StopAction, stop.number()),
-        ] {
-            lab.configure(parameter, Value::Unsigned(number.into()));
-        }
-        lab.configure(AxisParameter::AllowUnknownMotorTimeout, Value::Bool(true));
+        let mut lab = Self { world, client, bus, protocol, stop };
+        lab.client.configure_bus(bus, bitrate, ProtocolSet::of(&[protocol]), true, REPLY_WINDOW).unwrap();
+        lab.configure_motor(AXIS, node(protocol));
         if stop == StopAction::Brake {
             lab.world.borrow_mut().inject(0, Injection::Brake(true));
         }
@@ -74,13 +72,38 @@ impl Lab {
         lab
     }
 
+    /// Configures the axis of the second motor.
+    pub fn configure_second(&mut self) {
+        self.configure_motor(SECOND, node(self.protocol) + 1);
+    }
+
+    fn configure_motor(&mut self, axis: u8, node: u8) {
+        let [bus, protocol, stop] = [self.bus, self.protocol.number(), self.stop.number()]
+            .map(|number| Value::Unsigned(number.into()));
+        for (parameter, value) in [
+            (AxisParameter::Bus, bus),
+            (AxisParameter::Protocol, protocol),
+            (AxisParameter::Node, Value::Unsigned(node.into())),
+            (AxisParameter::StopAction, stop),
+            (AxisParameter::AllowUnknownMotorTimeout, Value::Bool(true)),
+        ] {
+            self.client
+                .configure_axis(axis, parameter, value)
+                .unwrap_or_else(|e| panic!("{parameter:?}: {e}"));
+        }
+    }
+
     pub fn configure(&mut self, parameter: AxisParameter, value: Value) {
         self.client.configure_axis(AXIS, parameter, value).unwrap_or_else(|e| panic!("{parameter:?}: {e}"));
     }
 
     /// Arms the axis and returns its epoch.
     pub fn arm(&mut self) -> u32 {
-        let epoch = self.client.arm(AXIS).unwrap_or_else(|e| panic!("arming: {e}")).epoch;
+        self.arm_axis(AXIS)
+    }
+
+    pub fn arm_axis(&mut self, axis: u8) -> u32 {
+        let epoch = self.client.arm(axis).unwrap_or_else(|e| panic!("arming: {e}")).epoch;
         self.pass(SETTLED);
         epoch
     }

@@ -10,6 +10,7 @@ mod simulated;
 mod typed;
 
 use host_protocol::Protocol;
+use host_protocol::messages::request_name;
 use page::{Cell, Page, Row};
 use std::collections::BTreeSet;
 
@@ -112,6 +113,18 @@ fn typed() {
             if users.is_empty() { "no".into() } else { users.join(", ") }
         },
     );
+}
+
+#[test]
+fn every_request_is_tried_on_a_motor_or_sends_none_anything() {
+    let tried: BTreeSet<&str> = TABLES
+        .iter()
+        .flat_map(|(_, protocol)| typed::uses(*protocol))
+        .filter_map(|(_, user)| user.split(' ').next())
+        .collect();
+    let known = |name: &str| tried.contains(name) || typed::NOT_TRIED.contains(&name);
+    let names = (0..=u16::MAX).filter_map(request_name);
+    assert_eq!(names.filter(|name| !known(name)).collect::<Vec<_>>(), [""; 0], "typed.rs does not try them");
 }
 
 #[test]

@@ -1,13 +1,15 @@
 //! Which typed requests of the host protocol make the gateway send a command.
 
-use host_protocol::{AxisParameter, ClearTarget, Protocol, Setpoint, StopAction, StopTarget, Value};
+use host_protocol::{
+    AxisParameter, ClearTarget, Protocol, Setpoint, StopAction, StopTarget, Value, requests,
+};
 use mgw_client::ClientError;
 use mgw_sim::Wire;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::codecs;
-use crate::lab::{AXIS, Lab};
+use crate::lab::{AXIS, Lab, SECOND};
 
 /// How long a setpoint lives.
 const TTL: Duration = Duration::from_millis(90);
@@ -19,6 +21,34 @@ const STOPPED: Duration = Duration::from_secs(3);
 const POLLED: Duration = Duration::from_secs(2);
 
 const POLLS: &str = "polls";
+
+/// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and `ReleaseAuthority` run the stop action,
+/// `Subscribe` reads as `ReadState` does. What `Native` and raw frames send is not typed.
+pub const NOT_TRIED: [&str; 23] = [
+    "Hello",
+    "Ping",
+    "TakeAuthority",
+    "ReleaseAuthority",
+    "ConfigureGateway",
+    "ConfigureBus",
+    "BusStatus",
+    "GatewayStatus",
+    "ConfigureAxis",
+    "ReadAxisParameter",
+    "ListAxes",
+    "RemoveAxis",
+    "Disarm",
+    "EStop",
+    "ClearUnreachable",
+    "Native",
+    "Subscribe",
+    "RawOpen",
+    "RawSend",
+    "RawReceive",
+    "RawClose",
+    "ReadIncidents",
+    "ReadLastWords",
+];
 
 /// The commands that the gateway sends, each with the request that made it. `polls` is what it sends to an armed motor unasked; a
 /// setpoint or a move does not count as the one who made those.
@@ -140,6 +170,20 @@ impl Session<'_> {
         self.ask(stop, STOPPED, |lab| lab.client.estop());
         self.lab.client.clear(ClearTarget::Gateway).unwrap();
         self.ask("Clear", SOON, |lab| lab.client.clear(ClearTarget::Axis(AXIS)));
+        if self.protocol == Protocol::D5 {
+            self.start_together();
+        }
+    }
+
+    /// Two D5 motors begin to turn by one frame.
+    fn start_together(&mut self) {
+        self.lab.configure_second();
+        let members = [AXIS, SECOND].map(|axis| {
+            let epoch = self.lab.arm_axis(axis);
+            requests::Member { axis, epoch, velocity_rad_s: 1.0 }
+        });
+        let members = host_protocol::Vec::from_slice(&members).unwrap();
+        self.ask("StartTogether", SOON, |lab| lab.client.start_together(&members, TTL));
     }
 
     fn armed(&mut self) -> u32 {
