@@ -366,7 +366,6 @@ fn what_cannot_be_decoded_keeps_its_bytes_and_says_why() {
                 "00B#5D0B05D45600003A",
                 r#"{"frame":"00B#5D0B05D45600003A","protocol":"d5","error":"fixed_byte"}"#,
             ),
-            ("0FE#D5FE050320000026", r#"{"frame":"0FE#D5FE050320000026","protocol":"d5","error":"node"}"#),
             (
                 "141#9001020304050607",
                 r#"{"frame":"141#9001020304050607","direction":"request","protocol":"rmd","node":1,"command":"unknown","data":"9001020304050607","error":"unknown_command"}"#,
