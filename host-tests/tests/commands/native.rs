@@ -36,7 +36,10 @@ pub fn treatment(protocol: Protocol, frame: &Wire) -> String {
     };
     match (known, idle.error, armed.error) {
         (Some(known), _, _) => known.into(),
-        (None, Some(error), Some(again)) if error == again => format!("refused {error}"),
+        // An axis that is not idle is refused before the value is looked at.
+        (None, Some(error), Some(again)) if error == again || again == "NotIdle" => {
+            format!("refused {error}")
+        }
         (None, ..) => format!(
             "unclear: idle {:?}, sent {}; armed {:?}, sent {}, then {:?}",
             idle.error, idle.sent, armed.error, armed.sent, armed.state
