@@ -34,6 +34,8 @@ fn preparations(protocol: Protocol) -> &'static [&'static [Step]] {
             &[BRAKE],
             // Brake open, at rest.
             &[BRAKE, Hear("141#7700000000000000"), Wait(300)],
+            // Gains of its own, and deaf to what goes to all.
+            &[Hear("141#3200010203040506"), Hear("141#2002000001000000")],
             // Turning, more than once around.
             &[Hear("141#7700000000000000"), Wait(300), Hear("141#A200000050C30000"), Wait(2_000)],
             // The motor's own timeout has struck.

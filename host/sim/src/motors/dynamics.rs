@@ -145,14 +145,18 @@ impl Plant {
 
     /// The driver pushes against a shaft that cannot turn.
     pub(crate) fn is_stalled(&self) -> bool {
-        let pushes = match self.drive {
+        self.stuck && self.pushes(self.drive)
+    }
+
+    /// Whether a drive would turn the shaft from where it is.
+    pub(crate) fn pushes(&self, drive: Drive) -> bool {
+        match drive {
             Drive::Off | Drive::Locked => false,
             Drive::Current(current) => current.abs() >= self.of.max_current_a / 2.0,
             Drive::Speed { rad_s, .. } => rad_s != 0.0,
             Drive::Position { rad, .. } => (rad - self.position_rad).abs() > POSITION_REACHED,
             Drive::Spring { .. } => self.spring_current(0.0).abs() >= self.of.max_current_a / 2.0,
-        };
-        self.stuck && pushes
+        }
     }
 
     /// When motion must be computed next; `None` while nothing moves.

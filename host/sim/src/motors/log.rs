@@ -43,6 +43,8 @@ pub enum MotorEvent {
         /// The new word, bits as its manual numbers them; 0 = none.
         word: u16,
     },
+    /// Its firmware was told to start anew.
+    Restarted,
     /// Its brake was locked.
     BrakeLocked,
     /// Its brake was released.
@@ -129,6 +131,7 @@ impl fmt::Display for MotorEvent {
             }
             MotorEvent::Faults { word: 0 } => write!(f, "no fault any more"),
             MotorEvent::Faults { word } => write!(f, "fault {word:#06x}"),
+            MotorEvent::Restarted => write!(f, "restarts"),
             MotorEvent::BrakeLocked => write!(f, "brake locked"),
             MotorEvent::BrakeReleased => write!(f, "brake released"),
         }
