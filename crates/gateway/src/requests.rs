@@ -1,7 +1,7 @@
 //! What each request of a host does.
 
 use crate::MAX_AXES_WIRE;
-use crate::axis::{Axis, JobKind};
+use crate::axis::{Axis, JobKind, Restart};
 use crate::bus::Bus;
 use crate::gateway::{Gateway, unknown_bus};
 use crate::link::Incoming;
@@ -124,6 +124,7 @@ impl Gateway {
                 Reply::ClearUnreachable(done)
             }
             Request::OutputOff(request) => return self.output_off(now, request.axis, ticket),
+            Request::ClearByRestart(request) => return self.clear_by_restart(now, request.axis, ticket),
             Request::Setpoint(request) => {
                 self.setpoint(now, request)?;
                 Reply::Setpoint(done)
@@ -249,6 +250,12 @@ impl Gateway {
     }
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        self.check_clear(index)?;
+        self.start(now, index, JobKind::Clear, ticket)
+    }
+
+    /// Why an axis may not be cleared now.
+    fn check_clear(&self, index: u8) -> Result<()> {
         let axis = self.axis(index)?;
         match (axis.state, axis.trip) {
             (AxisState::Tripped { confirmed: true }, Some(trip)) => {
@@ -261,8 +268,21 @@ impl Gateway {
             (AxisState::Idle | AxisState::Holding, _) => {}
             _ => return Err(Error::NothingToClear { axis: index }),
         }
-        self.ready_bus(axis)?;
-        self.start(now, index, JobKind::Clear, ticket)
+        self.ready_bus(axis)
+    }
+
+    /// Only what has tripped and stands confirmed is restarted: at rest a native 0x76 does, under the rules of native commands.
+    fn clear_by_restart(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+        let axis = self.axis(index)?;
+        if !matches!(axis.state, AxisState::Tripped { .. }) {
+            return Err(Error::NothingToClear { axis: index });
+        }
+        self.check_clear(index)?;
+        let axis = self.axis(index)?;
+        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can_restart()) {
+            return Err(Error::Unsupported { axis: index, protocol });
+        }
+        self.start(now, index, JobKind::Restart(Restart::default()), ticket)
     }
 
     fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
@@ -435,6 +455,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Clear(_)
         | Request::ClearUnreachable(_)
         | Request::OutputOff(_)
+        | Request::ClearByRestart(_)
         | Request::Setpoint(_)
         | Request::MoveRelative(_)
         | Request::StartTogether(_)

@@ -177,6 +177,10 @@ impl fmt::Display for Error {
                 "the brake of the motor of axis {axis} is locked; set release_brake_when_arming, or allow_unverified_brake \
                  too where its firmware does not tell (0x9A byte 3)"
             ),
+            Self::NotRestarted { axis } => write!(
+                f,
+                "the motor of axis {axis} was told to restart and did not within 3 s; switch it off and on"
+            ),
             Self::BrakeStaysOpen { axis } => write!(
                 f,
                 "axis {axis} frees its brake when it is armed, and a stop by coast leaves it open: choose hold or brake"

@@ -438,6 +438,11 @@ errors! {
         /// The axis.
         axis: u8,
     }
+    /// The motor did not restart within 3 s: it has not been silent, or its run time did not begin again.
+    63 NotRestarted {
+        /// The axis.
+        axis: u8,
+    }
     /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be set.
     65 BitrateNotOffered {
         /// The bus.

@@ -209,6 +209,7 @@ messages! {
     0x0034 Clear -> Done
     0x0035 ClearUnreachable -> Done
     0x0036 OutputOff -> Done
+    0x0037 ClearByRestart -> Done
 
     0x0040 Setpoint -> Done
     0x0041 ReadState -> AxisReport

@@ -164,6 +164,14 @@ wire! {
         pub axis: u8,
     }
 
+    /// Restarts the motor of a tripped axis whose stop is confirmed, waits until it is back, and clears the trip: some faults last until
+    /// a restart. During the restart, at most 3 s, the motor's output is off and what it held may drop. Never arms.
+    #[derive(Copy, Eq)]
+    pub struct ClearByRestart {
+        /// Number of the axis, from 0.
+        pub axis: u8,
+    }
+
     /// Says what an armed axis should do now.
     #[derive(Copy)]
     pub struct Setpoint {

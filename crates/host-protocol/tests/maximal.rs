@@ -85,6 +85,7 @@ fn largest_requests() -> Vec<(Request, usize)> {
         row(Clear { target: ClearTarget::Axis(u8::MAX) }),
         row(ClearUnreachable { axis: u8::MAX }),
         row(OutputOff { axis: u8::MAX }),
+        row(ClearByRestart { axis: u8::MAX }),
         row(Setpoint { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, setpoint: impedance }),
         row(ReadState { axis: u8::MAX }),
         row(MoveRelative {

@@ -99,6 +99,7 @@ pub enum Ask {
     EStop,
     ClearGateway,
     Clear { axis: u8 },
+    ClearByRestart { axis: u8 },
     ClearUnreachable { axis: u8 },
     OutputOff { axis: u8 },
     Setpoint { permit: Permit, goal: Goal },

@@ -190,6 +190,7 @@ impl Generator {
                 }
             }
             Told::Tripped { .. } if self.dice.percent(20) => Ask::ClearGateway,
+            Told::Tripped { confirmed: true } if self.dice.percent(10) => Ask::ClearByRestart { axis },
             Told::Tripped { confirmed: true } => Ask::Clear { axis },
             Told::Tripped { .. } if self.dice.percent(5) => Ask::ClearUnreachable { axis },
             Told::Arming if self.dice.percent(2) => Ask::Stop { axis },

@@ -85,6 +85,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
         Ask::EStop => Request::EStop(requests::EStop {}),
         Ask::ClearGateway => Request::Clear(requests::Clear { target: ClearTarget::Gateway }),
         Ask::Clear { axis } => Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }),
+        Ask::ClearByRestart { axis } => Request::ClearByRestart(requests::ClearByRestart { axis }),
         Ask::ClearUnreachable { axis } => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
         Ask::OutputOff { axis } => Request::OutputOff(requests::OutputOff { axis }),
         Ask::Setpoint { ref permit, goal } => Request::Setpoint(requests::Setpoint {

@@ -6,6 +6,8 @@ use host_protocol::{Protocol, StopAction};
 
 /// How fast a shaft follows, per second.
 const FOLLOWS: f64 = 200.0;
+/// An RMD that restarts is silent for so long.
+const RESTART_US: u64 = 700_000;
 
 /// One motor.
 #[derive(Debug, Clone)]
@@ -17,6 +19,8 @@ pub struct Motor {
     /// Degrees.
     angle: f64,
     seen_us: u64,
+    /// When it was switched on, or has restarted.
+    started_us: u64,
     faults: u16,
     brake_released: bool,
     /// D5: speed that waits for an execute command.
@@ -45,6 +49,7 @@ impl Motor {
             speed: 0.0,
             angle: 0.0,
             seen_us: 0,
+            started_us: 0,
             faults: 0,
             brake_released: wired.stop != StopAction::Brake,
             prepared: None,
@@ -68,9 +73,16 @@ impl Motor {
             Does::Lies { data } => self.lie = Some(data.clone()),
             Does::Refuses => self.refuses = true,
             Does::Faults { word } => self.faults = *word,
-            Does::Restarts => *self = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) },
+            Does::Restarts => {
+                *self = Self { seen_us: now, started_us: now, angle: self.angle, ..Self::new(self.wired) }
+            }
             Does::Off { for_us } => {
-                let restarted = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) };
+                let restarted = Self {
+                    seen_us: now,
+                    started_us: now + for_us,
+                    angle: self.angle,
+                    ..Self::new(self.wired)
+                };
                 *self = Self { mute_until: now + for_us, deaf_until: now + for_us, ..restarted };
             }
             Does::Disobeys { for_us } => self.disobeys_until = now + for_us,
@@ -123,6 +135,7 @@ impl Motor {
         answers
     }
 
+    #[allow(clippy::cast_precision_loss)] // short times
     fn rmd(&mut self, now: u64, data: &[u8], refuses: bool) -> Option<Vec<u8>> {
         let mut reply: [u8; 8] = data.try_into().ok()?;
         match data[0] {
@@ -147,7 +160,14 @@ impl Motor {
                 let [low, high] = self.faults.to_le_bytes();
                 reply = [0x9A, 30, 0, u8::from(self.brake_released), 0xE5, 1, low, high];
             }
-            0x76 => return None,
+            // §2.25: no answer, silence, and output off and brake locked as when it is switched on.
+            0x76 => {
+                let restarted = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) };
+                let back_us = now + RESTART_US;
+                *self = Self { deaf_until: back_us, started_us: back_us, ..restarted };
+                return None;
+            }
+            0xB1 => reply[4..].copy_from_slice(&int32(now.saturating_sub(self.started_us) as f64 / 1e3)),
             _ => {}
         }
         if matches!(data[0], 0x9C | 0xA1..=0xA8) {

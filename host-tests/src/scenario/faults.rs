@@ -32,6 +32,7 @@ impl Bench {
             (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
             (Some(&"encoder"), Some(on)) => Injection::Encoder(on),
             (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
+            (Some(&"ignore-restart"), Some(on)) => Injection::IgnoreRestart(on),
             (Some(&"brake"), Some(on)) => Injection::Brake(on),
             (Some(&"stuck-brake"), Some(on)) => Injection::StuckBrake(on),
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),

@@ -41,6 +41,9 @@ impl Bench {
             "estop" => {
                 self.ask(&requests::EStop {})?;
             }
+            "clear-by-restart" => {
+                self.ask(&requests::ClearByRestart { axis: parse(rest, 0, "axis")? })?;
+            }
             "clear" => {
                 let target = match rest.first() {
                     Some(&"gateway") => ClearTarget::Gateway,

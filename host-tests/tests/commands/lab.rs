@@ -97,6 +97,11 @@ impl Lab {
         self.client.configure_axis(AXIS, parameter, value).unwrap_or_else(|e| panic!("{parameter:?}: {e}"));
     }
 
+    /// Puts something into the motor, or takes it out.
+    pub fn inject(&mut self, injection: Injection) {
+        self.world.borrow_mut().inject(0, injection);
+    }
+
     /// Arms the axis and returns its epoch.
     pub fn arm(&mut self) -> u32 {
         self.arm_axis(AXIS)

@@ -4,7 +4,7 @@ use host_protocol::{
     AxisParameter, ClearTarget, Protocol, Setpoint, StopAction, StopTarget, Value, requests,
 };
 use mgw_client::ClientError;
-use mgw_sim::Wire;
+use mgw_sim::{Injection, Wire};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -89,6 +89,7 @@ fn possible(protocol: Protocol, action: StopAction) -> bool {
 fn quiet_lab(protocol: Protocol, action: StopAction) -> Lab {
     let mut lab = Lab::quiet(protocol, false, action);
     if action == StopAction::Brake {
+        lab.inject(Injection::Brake(true));
         lab.configure(AxisParameter::ReleaseBrakeWhenArming, Value::Bool(true));
     }
     lab
@@ -170,6 +171,13 @@ impl Session<'_> {
         self.ask(stop, STOPPED, |lab| lab.client.estop());
         self.lab.client.clear(ClearTarget::Gateway).unwrap();
         self.ask("Clear", SOON, |lab| lab.client.clear(ClearTarget::Axis(AXIS)));
+        // Other motors have no restart.
+        if self.protocol == Protocol::Rmd {
+            self.armed();
+            self.ask(stop, STOPPED, |lab| lab.client.estop());
+            self.lab.client.clear(ClearTarget::Gateway).unwrap();
+            self.ask("ClearByRestart", SOON, |lab| lab.client.clear_by_restart(AXIS));
+        }
         if self.protocol == Protocol::D5 {
             self.start_together();
         }

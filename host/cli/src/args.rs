@@ -141,7 +141,7 @@ pub enum Command {
     Estop,
 
     /// Clear the trip of an axis, or the latched e-stop of the gateway; never arms
-    #[command(after_help = "Examples:\n  mgw clear 0\n  mgw clear gateway")]
+    #[command(after_help = "Examples:\n  mgw clear 0\n  mgw clear 0 --restart\n  mgw clear gateway")]
     Clear {
         /// An axis, or `gateway`
         #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
@@ -149,6 +149,9 @@ pub enum Command {
         /// Unsafe: leave a trip whose stop the motor does not confirm; it may still be turning
         #[arg(long)]
         unreachable: bool,
+        /// Restart the motor (RMD) and clear once it is back: some faults last until then; what it holds may drop
+        #[arg(long, conflicts_with = "unreachable")]
+        restart: bool,
     },
 
     /// Switch the output of a holding motor off: it lets go, and a load that it holds drops

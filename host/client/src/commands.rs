@@ -248,6 +248,15 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ClearUnreachable { axis }).map(drop)
     }
 
+    /// Restarts the motor of a tripped axis whose stop is confirmed, and clears the trip. Takes up to 3 s, in which what the motor held
+    /// may drop.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn clear_by_restart(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request_within(&ask::ClearByRestart { axis }, MOTOR_DEADLINE).map(drop)
+    }
+
     /// Switches the output of a holding motor off: it lets go, and a load that it held may drop.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
 use super::exchanges::{Pending, Silence};
+use super::restart::Restart;
 use super::{Axis, Observation};
 use crate::motor::{self, Command, Exchange};
 use crate::outbox::{Outbox, Ticket};
@@ -19,11 +20,11 @@ use host_protocol::{
 pub(crate) struct Job {
     pub(super) kind: JobKind,
     ticket: Ticket,
-    step: usize,
+    pub(super) step: usize,
     /// Requests of this step that were not answered.
     unanswered: u8,
-    /// When the step began, or its latest request ended.
-    since: Instant,
+    /// When the step began, its latest request ended, or the next one is due.
+    pub(super) since: Instant,
     /// The holding brake has been freed.
     brake_freed: bool,
     /// The motor's output is on, as the axis held before the job or a command of the job has switched it on.
@@ -52,6 +53,8 @@ pub(crate) enum JobKind {
     OutputOff,
     /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the tripped state.
     Clear,
+    /// Have the motor start anew, see that it has, and clear.
+    Restart(Restart),
     /// Send a native command that is no motion, and hand its reply on.
     Native {
         /// The command.
@@ -94,6 +97,7 @@ impl JobKind {
             Self::Arm { .. } => sequences.arming,
             Self::ReadState => sequences.state,
             Self::Clear => sequences.clearing,
+            Self::Restart(_) => return Restart::step(index, sequences.clearing),
             Self::Provision { timeout_ms } => {
                 return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
             }
@@ -223,6 +227,11 @@ impl Axis {
             self.fail(now, error, out);
             return;
         }
+        if let Some(run_time_ms) = seen.run_time_ms
+            && self.awaits_restart(now, run_time_ms, out)
+        {
+            return;
+        }
         self.step_done(now, seen, data, out);
     }
 
@@ -240,6 +249,10 @@ impl Axis {
     pub(super) fn job_unanswered(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
         let exchange = pending.exchange;
         if self.job_exchange() != Some(exchange) {
+            return;
+        }
+        if self.is_restarting() {
+            self.ask_restarted_again(now, Error::NoReply { axis: self.index, hint: NoReplyHint::None }, out);
             return;
         }
         let has_left = pending.is_waiting();
@@ -316,7 +329,7 @@ impl Axis {
 
     /// Ends a clearing, for a stop that somebody has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.job.as_ref().is_some_and(|job| job.kind == JobKind::Clear) {
+        if self.job.as_ref().is_some_and(|job| matches!(job.kind, JobKind::Clear | JobKind::Restart(_))) {
             self.fail(now, Error::Busy { axis: self.index }, out);
         }
     }
@@ -347,16 +360,18 @@ impl Axis {
         let axis = self.index;
         match self.job.as_ref().map(|job| job.kind) {
             Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
-            Some(JobKind::Clear) => match (self.barring(seen), seen.velocity_rad_s, &self.trip) {
-                (Some(faults), ..) => {
-                    Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
+            Some(JobKind::Clear | JobKind::Restart(_)) => {
+                match (self.barring(seen), seen.velocity_rad_s, &self.trip) {
+                    (Some(faults), ..) => {
+                        Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
+                    }
+                    (_, Some(velocity), Some(_)) if self.must_stand() && !self.is_standstill(velocity) => {
+                        Err(Error::StopNotConfirmed { axis })
+                    }
+                    (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
+                    _ => Ok(()),
                 }
-                (_, Some(velocity), Some(_)) if self.must_stand() && !self.is_standstill(velocity) => {
-                    Err(Error::StopNotConfirmed { axis })
-                }
-                (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
-                _ => Ok(()),
-            },
+            }
             Some(JobKind::Native { command, .. })
                 if exchange == Exchange::AckLevel
                     && seen.ack_level.is_some_and(|level| !motor::has_set_ack_level(&command, level)) =>
@@ -464,11 +479,12 @@ impl Axis {
                 Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout(now) }))
             }
             JobKind::Clear => {
-                self.stop = None;
-                if self.trip.take().is_some() {
-                    self.enter_rest(now, self.holds_after_stop(), out);
-                }
+                self.cleared(now, out);
                 Ok(Reply::Clear(Done {}))
+            }
+            JobKind::Restart(_) => {
+                self.cleared(now, out);
+                Ok(Reply::ClearByRestart(Done {}))
             }
             JobKind::OutputOff => {
                 self.enter_rest(now, false, out);
@@ -492,6 +508,14 @@ impl Axis {
                 }
             }
             Err(error) => self.fail(now, error, out),
+        }
+    }
+
+    /// The trip is over, and the repeated stop with it.
+    fn cleared(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        self.stop = None;
+        if self.trip.take().is_some() {
+            self.enter_rest(now, self.holds_after_stop(), out);
         }
     }
 

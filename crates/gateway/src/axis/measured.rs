@@ -22,6 +22,8 @@ pub(crate) struct Observation {
     pub fault_record: Option<u16>,
     /// RMD: the holding brake is locked.
     pub brake_locked: Option<bool>,
+    /// RMD: time since the motor started.
+    pub run_time_ms: Option<u32>,
     /// D5: the acknowledgement level read back.
     pub ack_level: Option<u8>,
     /// D5: the motor's own communication timeout is switched on.

@@ -10,6 +10,7 @@ mod jobs;
 mod limits;
 mod measured;
 mod motion;
+mod restart;
 mod stop;
 mod timeout;
 mod together;
@@ -22,6 +23,7 @@ pub(crate) use jobs::{Job, JobKind};
 use measured::Measured;
 pub(crate) use measured::Observation;
 pub(crate) use motion::{NativeMotion, Permit};
+pub(crate) use restart::Restart;
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 

@@ -159,6 +159,11 @@ impl Axis {
         motor::command(Exchange::OutputOff, &self.config).is_some()
     }
 
+    /// Whether the motor has a command that makes it start anew.
+    pub fn can_restart(&self) -> bool {
+        motor::command(Exchange::Restart, &self.config).is_some()
+    }
+
     /// Whether the motor must be kept polled once it is stopped, for the same reason.
     pub(super) fn must_hold(&self) -> bool {
         self.config.protocol() == Some(Protocol::Rmd) && self.config.stop_action() == Some(StopAction::Hold)

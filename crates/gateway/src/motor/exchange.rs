@@ -37,6 +37,10 @@ pub(crate) enum Exchange {
     MotorTemperature,
     /// Read the driver's temperature.
     DriverTemperature,
+    /// Read the time since the motor started (RMD).
+    RunTime,
+    /// Have the motor start anew (RMD).
+    Restart,
     /// Read the fault word.
     Faults,
     /// Read all faults since the motor started.

@@ -36,6 +36,8 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
         Exchange::OutputOff => Request::Shutdown,
         Exchange::Velocity => Request::ReadStatus2,
         Exchange::Position => Request::ReadMultiTurnAngle,
+        Exchange::RunTime => Request::ReadRunTime,
+        Exchange::Restart => Request::Reset,
         Exchange::Faults => Request::ReadStatus1,
         Exchange::SetTimeout { timeout_ms } => {
             Request::SetCommunicationTimeout { timeout: Milliseconds(timeout_ms) }
@@ -130,8 +132,8 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::IncrementalPosition { max_speed, .. } => {
             Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: degrees(max_speed) })
         }
+        // A restart does not lose what 0xB3 has written to ROM (§2.25, §2.30).
         Request::SetCommunicationTimeout { .. }
-        | Request::Reset
         | Request::SetBaudRate { .. }
         | Request::SetCanId { .. }
         | Request::SetRs485Id { .. } => Effect::Changes { timeout: true },
@@ -171,6 +173,7 @@ pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
             faults: Some(faults.bits()),
             ..Observation::default()
         },
+        Reply::RunTime { time } => Observation { run_time_ms: Some(time.0), ..Observation::default() },
         Reply::Status2 { motion }
         | Reply::TorqueCurrent { motion }
         | Reply::Velocity { motion }

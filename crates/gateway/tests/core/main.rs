@@ -36,6 +36,7 @@ mod raw_frames;
 mod raw_matrix;
 mod relative_moves;
 mod rest;
+mod restart;
 mod rig;
 mod rules;
 mod stop_again;

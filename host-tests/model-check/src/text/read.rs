@@ -133,6 +133,7 @@ impl Words<'_> {
             "e-stop" => Ask::EStop,
             "clear-gateway" => Ask::ClearGateway,
             "clear" => Ask::Clear { axis: self.number()? },
+            "clear-by-restart" => Ask::ClearByRestart { axis: self.number()? },
             "clear-unreachable" => Ask::ClearUnreachable { axis: self.number()? },
             "output-off" => Ask::OutputOff { axis: self.number()? },
             "setpoint" => {

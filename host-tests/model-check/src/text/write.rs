@@ -98,6 +98,7 @@ fn asks(ask: &Ask) -> String {
         Ask::EStop => "e-stop".into(),
         Ask::ClearGateway => "clear-gateway".into(),
         Ask::Clear { axis } => format!("clear {axis}"),
+        Ask::ClearByRestart { axis } => format!("clear-by-restart {axis}"),
         Ask::ClearUnreachable { axis } => format!("clear-unreachable {axis}"),
         Ask::OutputOff { axis } => format!("output-off {axis}"),
         Ask::Setpoint { permit, goal } => {

@@ -77,7 +77,9 @@ impl Oracle {
                 }
             }
 
-            Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) => {
+            Request::Clear(Clears::Axis(axis))
+            | Request::ClearByRestart(axis)
+            | Request::ClearUnreachable(axis) => {
                 let at = self.asked_us(link, sequence).unwrap_or(now);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.cleared_us = Some(now);

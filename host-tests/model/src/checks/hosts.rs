@@ -55,7 +55,9 @@ impl Oracle {
         self.stop_on_request(now, &request);
         let in_command = self.holder.is_some_and(|(holder, _)| holder == link);
         match request {
-            Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) => {
+            Request::Clear(Clears::Axis(axis))
+            | Request::ClearByRestart(axis)
+            | Request::ClearUnreachable(axis) => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.clearing += 1;
                 }

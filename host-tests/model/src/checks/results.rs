@@ -101,7 +101,9 @@ impl Oracle {
                     self.holder = None;
                 }
                 if !refused
-                    && let Request::Clear(Clears::Axis(axis)) | Request::ClearUnreachable(axis) = request
+                    && let Request::Clear(Clears::Axis(axis))
+                    | Request::ClearByRestart(axis)
+                    | Request::ClearUnreachable(axis) = request
                     && let Some(axis) = self.axes.get_mut(usize::from(axis))
                 {
                     axis.clearing = axis.clearing.saturating_sub(1);

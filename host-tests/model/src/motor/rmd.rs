@@ -34,11 +34,11 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     }
 }
 
-/// §2.30 (0xB3) with its milliseconds; a reset, another baud rate.
+/// §2.30 (0xB3) with its milliseconds; another id, another baud rate. A restart (§2.25) does not lose what is in ROM.
 pub(super) fn timeout_touched(data: &[u8]) -> Option<Timeout> {
     match data.first()? {
         0xB3 => Some(Timeout::of_ms(u32::from_le_bytes(data.get(4..8)?.try_into().ok()?))),
-        0x76 | 0x79 | 0xB4 => Some(Timeout::Unknown),
+        0x79 | 0xB4 => Some(Timeout::Unknown),
         _ => None,
     }
 }

@@ -66,7 +66,7 @@ fn a_motor_whose_timeout_nobody_knows() {
     let mut trace = Trace::new(HOLD);
     trace.allow_unknown_timeout(0);
     trace.exchange(timeout, timeout);
-    trace.send(&[0x76, 0, 0, 0, 0, 0, 0, 0]);
+    trace.send(&[0xB4, 0, 0, 0, 0, 0, 0, 1]);
     armed_after(trace, &ASKED).breaks(Check::ArmedUnproved);
 }
 

@@ -32,6 +32,8 @@ pub enum Request {
     EStop,
     /// 0x0034
     Clear(Clears),
+    /// Restart the motor of a tripped axis and clear.
+    ClearByRestart(u8),
     /// 0x0035
     ClearUnreachable(u8),
     /// 0x0036
@@ -122,6 +124,7 @@ impl Request {
             }),
             0x0035 => Self::ClearUnreachable(b.byte()?),
             0x0036 => Self::OutputOff(b.byte()?),
+            0x0037 => Self::ClearByRestart(b.byte()?),
             0x0040 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
                 let numbers = match b.varint(32)? {
@@ -178,6 +181,7 @@ impl Request {
             | Self::Clear(_)
             | Self::ClearUnreachable(_)
             | Self::OutputOff(_)
+            | Self::ClearByRestart(_)
             | Self::Setpoint { .. }
             | Self::MoveRelative { .. }
             | Self::RawOpen { .. }

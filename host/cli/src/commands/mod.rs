@@ -79,7 +79,9 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Native(arguments) => native::run(session, arguments),
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),
-        Command::Clear { target, unreachable } => stop::clear(session, *target, *unreachable),
+        Command::Clear { target, unreachable, restart } => {
+            stop::clear(session, *target, *unreachable, *restart)
+        }
         Command::OutputOff { axis } => stop::output_off(session, *axis),
         Command::State { axis } => {
             let axes = session.axes_or_all(axis.as_slice())?;

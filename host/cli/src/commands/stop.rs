@@ -58,8 +58,17 @@ pub fn estop(session: &mut Session) -> Result<(), Failure> {
 }
 
 /// Clears a trip or the e-stop; a trip whose stop is not confirmed only if that is asked for.
-pub fn clear(session: &mut Session, target: ClearTarget, unreachable: bool) -> Result<(), Failure> {
+pub fn clear(
+    session: &mut Session,
+    target: ClearTarget,
+    unreachable: bool,
+    restart: bool,
+) -> Result<(), Failure> {
     match target {
+        ClearTarget::Axis(axis) if restart => session.client.clear_by_restart(axis)?,
+        ClearTarget::Gateway if restart => {
+            return Err(Failure::Usage("--restart goes with an axis".to_owned()));
+        }
         ClearTarget::Axis(axis) if unreachable => session.client.clear_unreachable(axis)?,
         ClearTarget::Gateway if unreachable => {
             return Err(Failure::Usage("--unreachable goes with an axis".to_owned()));

@@ -56,6 +56,8 @@ pub enum Injection {
     Lenient(bool),
     /// RMD: it has a holding brake, locked from when it is switched on until 0x77 (RMD V3.6 §2.27).
     Brake(bool),
+    /// RMD: it hears 0x76 and does not restart.
+    IgnoreRestart(bool),
     /// RMD: its brake does not open; 0x77 is echoed.
     StuckBrake(bool),
     /// D5: its register 0x2B is 1. It holds, and ignores speeds.
@@ -114,6 +116,7 @@ pub(crate) struct Injections {
     pub(crate) encoder: bool,
     pub(crate) resume_after_timeout: bool,
     pub(crate) lenient: bool,
+    pub(crate) ignore_restart: bool,
     pub(crate) brake: bool,
     pub(crate) stuck_brake: bool,
     pub(crate) brake_on: bool,
@@ -150,6 +153,7 @@ impl Injections {
             Injection::Encoder(on) => self.encoder = on,
             Injection::ResumeAfterTimeout(on) => self.resume_after_timeout = on,
             Injection::Lenient(on) => self.lenient = on,
+            Injection::IgnoreRestart(on) => self.ignore_restart = on,
             Injection::Brake(on) => self.brake = on,
             Injection::StuckBrake(on) => self.stuck_brake = on,
             Injection::BrakeOn(on) => self.brake_on = on,

@@ -110,8 +110,13 @@ impl Axis {
         exchange: Exchange,
         out: &mut Outbox<'_>,
     ) {
+        let restarts = self.is_restarting();
         let Some(stop) = &mut self.stop else { return };
         stop.went_on_at = now;
+        // A motor that restarts misses stops, and its output is off.
+        if restarts && stop.phase == Phase::Confirmed {
+            return;
+        }
         match stop.phase {
             // Nothing of these is needed for the stop itself, and confirmed it is already.
             Phase::Confirmed => {}
