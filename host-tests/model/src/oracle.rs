@@ -125,6 +125,12 @@ impl Oracle {
         duty.is_some_and(|duty| !duty.confirmed)
     }
 
+    /// Whether a controller holds a frame for an axis.
+    #[must_use]
+    pub fn is_held(&self, axis: u8) -> bool {
+        self.buses.iter().flat_map(|bus| &bus.held).any(|held| held.axis == Some(axis))
+    }
+
     /// Stop frames of an axis that have left since its stop became due.
     #[must_use]
     pub fn stops_left(&self, axis: u8) -> u32 {

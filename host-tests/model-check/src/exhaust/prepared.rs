@@ -2,8 +2,8 @@
 
 use super::alphabet::fresh;
 use super::pairs::Pair;
-use crate::action::{Action, Ask, Number, Step};
-use crate::plant::{BUS_SETUP, BUSES, MOTORS};
+use crate::action::{Action, Ask, Does, Number, Step};
+use crate::plant::{BUS_SETUP, BUSES, KINDS, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol, StopAction};
 use promise_model::Told;
@@ -13,6 +13,8 @@ use promise_model::Told;
 pub enum Prepared {
     /// Both are idle.
     Idle,
+    /// Both are idle and watched; a poll of the first is on its way and comes to nothing.
+    Watched,
     /// Both are armed.
     Armed,
     /// Both move.
@@ -25,7 +27,8 @@ pub enum Prepared {
 
 impl Prepared {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Idle, Self::Armed, Self::Active, Self::Stopping, Self::Tripped];
+    pub const ALL: [Self; 6] =
+        [Self::Idle, Self::Watched, Self::Armed, Self::Active, Self::Stopping, Self::Tripped];
 }
 
 /// Between two requests of the preparation, µs.
@@ -33,6 +36,10 @@ const REQUEST_US: u64 = 60;
 /// How often the host looks, and how long, µs.
 const LOOK_US: u64 = 5_000;
 const LOOKS: u32 = 200;
+/// How often a host is told what it watches, µs.
+const PERIOD_US: u32 = 5_000;
+/// For so long a cable is cut, µs: idle motors that are watched are polled every 50 ms.
+const CUT_US: u64 = 150_000;
 /// The motors' own timeout, ms.
 const MOTOR_TIMEOUT_MS: u32 = 200;
 /// Reply window of the buses, µs.
@@ -54,14 +61,14 @@ pub fn prepare(start_us: u64, pair: &Pair, prepared: Prepared) -> Result<(World,
     let mut preparation = Preparation { world: World::new(start_us), steps: Vec::new() };
     preparation.configure(pair);
     let [first, second] = pair.axes;
-    if prepared != Prepared::Idle {
+    if !matches!(prepared, Prepared::Idle | Prepared::Watched) {
         for axis in pair.axes {
             preparation.ask(Ask::Arm { axis });
             preparation.until(axis, Told::Armed)?;
         }
     }
     let moving: &[u8] = match prepared {
-        Prepared::Idle | Prepared::Armed => &[],
+        Prepared::Idle | Prepared::Watched | Prepared::Armed => &[],
         Prepared::Active | Prepared::Stopping => &pair.axes,
         Prepared::Tripped => &[first],
     };
@@ -76,6 +83,7 @@ pub fn prepare(start_us: u64, pair: &Pair, prepared: Prepared) -> Result<(World,
             preparation.until(first, Told::Tripped { confirmed: true })?;
             preparation.until(second, Told::Armed)?;
         }
+        Prepared::Watched => preparation.watch(first)?,
         Prepared::Idle | Prepared::Armed | Prepared::Active => {}
     }
     match preparation.world.broken() {
@@ -90,6 +98,28 @@ impl Preparation {
             Step { at_us: self.world.since_start_us() + REQUEST_US, action: Action::Ask { link: 0, ask } };
         self.world.step(&step);
         self.steps.push(step);
+    }
+
+    /// Has the axes polled, and cuts the cable of one of them, or its motor off, before its poll.
+    fn watch(&mut self, axis: u8) -> Result<(), String> {
+        let bus = MOTORS[usize::from(axis)].bus;
+        self.ask(Ask::Subscribe { axes: u32::MAX, period_us: PERIOD_US });
+        let for_us = CUT_US;
+        let action = match usize::from(bus) < KINDS.len() - 1 {
+            true => Action::Cut { bus, for_us },
+            false => Action::Motor { motor: axis, does: Does::Deaf { for_us } },
+        };
+        let step = Step { at_us: self.world.since_start_us(), action };
+        self.world.step(&step);
+        self.steps.push(step);
+        let end = self.world.since_start_us() + CUT_US / 2;
+        while !self.world.oracle().is_held(axis) {
+            self.world.run_to_next();
+            if self.world.since_start_us() > end {
+                return Err(format!("axis {axis} is not polled"));
+            }
+        }
+        Ok(())
     }
 
     fn wait(&mut self, us: u64) {

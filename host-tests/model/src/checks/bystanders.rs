@@ -111,9 +111,9 @@ impl Oracle {
         });
     }
 
-    /// What was left behind by an axis that was moved away must not be sent.
+    /// What was left behind by an axis that was moved away is asked back; from a serial line nothing is, but nothing harmful is on its way then.
     pub(super) fn judge_left_behind(&mut self, now: u64, held: &Held) {
-        if held.is_left_behind && !held.asked_back && held.is_harmful {
+        if held.is_left_behind && !held.asked_back && (held.is_harmful || held.id.is_some()) {
             let seen =
                 format!("{:02X?} of {} µs is sent for an axis that was moved", held.data, held.handed_us);
             self.broken(Check::LeftBehind, now, seen);

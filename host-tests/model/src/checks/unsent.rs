@@ -43,7 +43,8 @@ impl Oracle {
             return;
         }
         let none_has = duty.left + duty.left_before == 0 && duty.last.is_none();
-        let has_just = duty.last.is_some_and(|(at, _)| now < at + UNSENT_US);
+        // Its frame may have left at the very instant at which time was up.
+        let has_just = duty.last.is_some_and(|(at, _)| at < now && now < at + UNSENT_US);
         if if stop_sent { none_has } else { has_just } {
             let seen = format!("axis {index} is unreachable, sent: {stop_sent}; {duty:?}");
             self.broken(Check::UnsentUntold, now, seen);

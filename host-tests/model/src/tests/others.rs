@@ -177,12 +177,14 @@ fn two_raw_requests_of_which_the_second_is_swallowed_by_the_first_only_for_some(
 
 #[test]
 pub fn a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor() {
-    let mut trace = Trace::new(HOLD);
-    trace.hand(SET_ZERO);
-    trace.done(0, 0x20, &[0, 3, 1, 2]); // node 2
-    trace.now += 135;
-    trace.oracle.left(trace.now, 0, 0);
-    trace.breaks(Check::LeftBehind);
+    for left_behind in [SET_ZERO, READ_SPEED] {
+        let mut trace = Trace::new(HOLD);
+        trace.hand(left_behind);
+        trace.done(0, 0x20, &[0, 3, 1, 2]); // node 2
+        trace.now += 135;
+        trace.oracle.left(trace.now, 0, 0);
+        trace.breaks(Check::LeftBehind);
+    }
 }
 
 #[test]
