@@ -4,7 +4,7 @@ use super::line::{GAP_BITS, LineTimes};
 use super::load::SERIAL_FRAME_BITS;
 use super::schedule::Room;
 use super::{Bus, InFlight};
-use crate::axis::{Axis, Want};
+use crate::axis::{Axis, Priority, Want};
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
@@ -235,7 +235,8 @@ impl Bus {
         };
         let transmit = self.launch(now, slot, Some(axis.index), frame, within);
         if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut) {
-            in_flight.is_stop = want.exchange.is_stop();
+            // The stop command with which an arming begins stops nothing that must be stopped.
+            in_flight.is_stop = want.exchange.is_stop() && want.priority < Priority::Ordinary;
             in_flight.is_first_stop = want.priority.is_first_stop();
             in_flight.collided_at = collided_at;
         }
