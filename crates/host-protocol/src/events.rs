@@ -171,6 +171,8 @@ events! {
         data: [u8; 8],
         /// How many of them were sent.
         length: u8,
+        /// Frames of this axis that were not asked for and not told, since the event before.
+        untold: u16,
     }
     /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable, or none could be sent. It may be turning.
     0x800A AxisUnreachable {

@@ -30,9 +30,9 @@ pub fn event(message: &EventMessage) -> Value {
         Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
         Event::FrameRejected { reason, count } => json!({ "reason": reason, "count": count }),
         Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": to_json(state) }),
-        Event::MotorNotice { axis, data, length } => {
+        Event::MotorNotice { axis, data, length, untold } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
-            json!({ "axis": axis, "data": words::hex(data) })
+            json!({ "axis": axis, "data": words::hex(data), "untold": untold })
         }
         Event::AxisUnreachable { axis, stop_sent } => json!({ "axis": axis, "stop_sent": stop_sent }),
         Event::RequestDropped { count } => json!({ "count": count }),

@@ -122,9 +122,13 @@ fn event_in_words(event: &Event) -> String {
             format!("{count} frames from this host were rejected: {}", name.unwrap_or("unknown reason"))
         }
         Event::BusStateChanged { bus, state } => format!("bus {bus} is {state:?}"),
-        Event::MotorNotice { axis, data, length } => {
+        Event::MotorNotice { axis, data, length, untold } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
-            format!("axis {axis}: the motor sent {} unasked", hex(data))
+            let before = match untold {
+                0 => String::new(),
+                untold => format!(", and {untold} frames before it"),
+            };
+            format!("axis {axis}: the motor sent {} unasked{before}", hex(data))
         }
         Event::AxisUnreachable { axis, stop_sent: true } => {
             format!("axis {axis} does not confirm its stops and may be turning: cut its power")

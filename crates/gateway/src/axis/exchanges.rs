@@ -434,10 +434,13 @@ impl Axis {
         self.resend_motion(now);
     }
 
-    /// A frame nobody asked for: what it says of faults counts all the same.
+    /// A frame nobody asked for: what it says of faults counts all the same, and of what a motor sends by itself everything.
     fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
         let seen = received.observation(&self.config);
-        let told = Observation { faults: seen.faults, ..Observation::default() };
+        let told = match received.telemetry() {
+            Some(_) => seen,
+            None => Observation { faults: seen.faults, ..Observation::default() },
+        };
         self.observe(now, &told, out);
         Reception::Unasked
     }

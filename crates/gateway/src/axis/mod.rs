@@ -12,6 +12,7 @@ mod measured;
 mod motion;
 mod restart;
 mod stop;
+mod telemetry;
 mod timeout;
 mod together;
 mod trips;
@@ -38,6 +39,7 @@ use host_protocol::{
     AxisParameter, AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
 };
 use motion::Motion;
+use telemetry::Telemetry;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
 const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
@@ -99,6 +101,8 @@ pub(crate) struct Axis {
     unanswered_since: Option<Instant>,
     /// D5: an asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
+    /// What hosts have been told of the frames that its motor sends by itself.
+    pub telemetry: Telemetry,
 }
 
 impl Axis {
@@ -138,6 +142,7 @@ impl Axis {
             uncommanded_since: None,
             unanswered_since: None,
             write_waits: false,
+            telemetry: Telemetry::NONE,
         }
     }
 

@@ -89,19 +89,27 @@ impl Bus {
     ) {
         match axis.received(now, received, data, out) {
             Reception::Answer => self.line.answered(),
-            Reception::Unasked if received.is_notice() => {
-                let mut notice = [0; MAX_CAN_DATA];
-                for (place, byte) in notice.iter_mut().zip(data) {
-                    *place = *byte;
+            Reception::Unasked if received.is_notice() => tell(axis.index, data, 0, out),
+            Reception::Unasked if received.telemetry().is_some() => {
+                if let Some(untold) = received.telemetry().and_then(|kind| axis.telemetry.tells(now, kind)) {
+                    tell(axis.index, data, untold, out);
                 }
-                let length = u8::try_from(data.len()).unwrap_or(u8::MAX);
-                out.event(&Event::MotorNotice { axis: axis.index, data: notice, length });
             }
             Reception::Late | Reception::Unasked => {
                 self.counters.late = self.counters.late.saturating_add(1);
             }
         }
     }
+}
+
+/// Tells the hosts what the motor of an axis has sent unasked.
+fn tell(axis: u8, data: &[u8], untold: u16, out: &mut Outbox<'_>) {
+    let mut notice = [0; MAX_CAN_DATA];
+    for (place, byte) in notice.iter_mut().zip(data) {
+        *place = *byte;
+    }
+    let length = u8::try_from(data.len()).unwrap_or(u8::MAX);
+    out.event(&Event::MotorNotice { axis, data: notice, length, untold });
 }
 
 /// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one while it changes its id.

@@ -95,6 +95,13 @@ impl Received {
         matches!(self, Self::Rmd { reply, .. } if notice(reply))
     }
 
+    /// What a thruster sends by itself, or beyond the reply that VM has: ML, MM, SR. Its kind, counted from 0, where it is such a frame
+    /// if nobody has asked for it.
+    pub fn telemetry(&self) -> Option<u8> {
+        let Self::Thruster { reply, .. } = self else { return None };
+        thruster::telemetry(reply)
+    }
+
     /// What the frame tells by itself, whoever asked.
     pub fn observation(&self, config: &AxisConfig) -> Observation {
         match self {

@@ -222,6 +222,16 @@ pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Ve
     }
 }
 
+/// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM (Thruster manual §2.1, §2.4, §2.5).
+pub(super) fn telemetry(reply: &Reply) -> Option<u8> {
+    match reply {
+        Reply::Returned(returned) => returned.frame.number().checked_sub(1),
+        Reply::MeasuredSpeed { .. } => Some(3),
+        Reply::Current { .. } => Some(4),
+        _ => None,
+    }
+}
+
 pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     let none = Observation::default();
     match reply {

@@ -45,6 +45,7 @@ mod subscriptions;
 mod text;
 mod thruster;
 mod thruster_returns;
+mod thruster_streams;
 mod together;
 mod trip_groups;
 mod uncommanded;

@@ -1,0 +1,58 @@
+//! How much hosts are told of the frames that a motor sends by itself: a thruster can be set to one each millisecond.
+
+use crate::time::Instant;
+
+/// Of each kind one frame is told in this time, µs. Samples, at the pace that a host asks for, have the values of all.
+const PERIOD_US: u32 = 1_000_000;
+
+/// What has been told of one axis.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Telemetry {
+    /// When the period under way began, the low bits of its µs.
+    since: u32,
+    /// Frames not told since the latest that was.
+    untold: u16,
+    /// The kinds told in this period, a bit for each.
+    told: u8,
+}
+
+impl Telemetry {
+    pub const NONE: Self = Self { since: 0, untold: 0, told: 0 };
+
+    /// A frame of this kind has come. Whether hosts are told, and how many were left out before it.
+    pub fn tells(&mut self, now: Instant, kind: u8) -> Option<u16> {
+        if now.low_bits().wrapping_sub(self.since) >= PERIOD_US {
+            (self.since, self.told) = (now.low_bits(), 0);
+        }
+        let bit = 1u8.checked_shl(u32::from(kind)).unwrap_or_default();
+        if self.told & bit != 0 {
+            self.untold = self.untold.saturating_add(1);
+            return None;
+        }
+        self.told |= bit;
+        Some(core::mem::take(&mut self.untold))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(us: u64) -> Instant {
+        Instant::from_micros(us)
+    }
+
+    #[test]
+    fn of_each_kind_one_frame_in_a_second_is_told_and_the_others_are_counted() {
+        let mut telemetry = Telemetry::NONE;
+        assert_eq!(telemetry.tells(at(2_000_000), 0), Some(0));
+        assert_eq!(telemetry.tells(at(2_000_100), 2), Some(0));
+        for us in 0..1_500 {
+            assert_eq!(telemetry.tells(at(2_001_000 + us), 0), None);
+        }
+        assert_eq!(telemetry.tells(at(2_900_000), 1), Some(1_500));
+        assert_eq!(telemetry.tells(at(3_000_000), 0), Some(0));
+        assert_eq!(telemetry.tells(at(3_000_000), 0), None);
+        assert_eq!(telemetry.tells(at(9_000_000_000), 0), Some(1));
+    }
+}
