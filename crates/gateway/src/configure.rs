@@ -2,15 +2,13 @@
 
 use crate::axis::{Address, Axis, AxisConfig};
 use crate::bus::check_load;
+use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::motor;
 use crate::outbox::Outbox;
 use crate::rules;
 use crate::time::Instant;
-use host_protocol::{
-    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, MAX_BITRATES, Quantity,
-    REPLY_WINDOW_US, Value, requests,
-};
+use host_protocol::{AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Value, requests};
 
 impl Gateway {
     pub(crate) fn configure_gateway(&mut self, request: &requests::ConfigureGateway) -> Result<(), Error> {
@@ -32,30 +30,13 @@ impl Gateway {
         request: &requests::ConfigureBus,
     ) -> Result<(), Error> {
         let bus = self.bus(request.bus)?;
-        if !bus.port().bitrates.contains(&request.bitrate) {
-            return Err(not_offered(request.bus, request.bitrate, bus.port().bitrates.iter().copied()));
-        }
-        let (min, max) = REPLY_WINDOW_US;
-        if !(min..=max).contains(&request.reply_window_us) {
-            return Err(out_of_range(Quantity::ReplyWindow, request.reply_window_us, min, max));
-        }
-        for protocol in request.protocols.iter() {
-            rules::check_kind(request.bus, bus.kind(), protocol)?;
-            if let Some((min, max)) = motor::own_bitrates(protocol) {
-                if !(min..=max).contains(&request.bitrate) {
-                    return Err(out_of_range(Quantity::Bitrate, request.bitrate, min, max));
-                }
-                if request.protocols.iter().any(|other| other != protocol) {
-                    return Err(Error::NeedsOwnBus { bus: request.bus, protocol });
-                }
-            }
-        }
         let config = BusConfig {
             bitrate: request.bitrate,
             protocols: request.protocols,
             wholly_ours: request.wholly_ours,
             reply_window_us: request.reply_window_us,
         };
+        bus_rules::check_bus_config(request.bus, bus.kind(), bus.port().bitrates, &config)?;
         let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(request.bus));
         for axis in here() {
             if !axis.is_at_rest() || axis.is_kept_holding() && bus.config() != Some(&config) {
@@ -214,19 +195,4 @@ pub(crate) fn is_of_address(parameter: AxisParameter) -> bool {
             | AxisParameter::D5RequestId
             | AxisParameter::D5ReplyId
     )
-}
-
-/// A bitrate that a bus cannot have, and those that it can.
-pub(crate) fn not_offered(bus: u8, bitrate: u32, rates: impl Iterator<Item = u32>) -> Error {
-    let mut offered = [0; MAX_BITRATES];
-    for (place, rate) in offered.iter_mut().zip(rates) {
-        *place = rate;
-    }
-    Error::BitrateNotOffered { bus, bitrate, offered }
-}
-
-/// The numbers of an error are for people to read: f32 is precise enough.
-#[allow(clippy::cast_precision_loss)]
-fn out_of_range(quantity: Quantity, value: u32, min: u32, max: u32) -> Error {
-    Error::OutOfRange { quantity, value: value as f32, min: min as f32, max: max as f32 }
 }

@@ -8,6 +8,7 @@
 mod authority;
 mod axis;
 mod bus;
+mod bus_rules;
 mod configure;
 mod convert;
 mod gateway;
@@ -28,6 +29,7 @@ mod state_text;
 pub mod time;
 mod together;
 
+pub use bus_rules::check_bus_config;
 pub use gateway::Gateway;
 pub use log::LogEntry;
 pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Store, Transmit};

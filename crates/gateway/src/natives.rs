@@ -1,7 +1,7 @@
 //! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
 
 use crate::axis::{JobKind, NativeMotion, Permit};
-use crate::configure::not_offered;
+use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::motor::{self, Effect, Native};
 use crate::outbox::Ticket;
@@ -143,7 +143,7 @@ impl Gateway {
         if rates.clone().any(|rate| motor::is_within_tolerance(bitrate, rate)) {
             return Ok(());
         }
-        Err(not_offered(bus, bitrate, rates.filter(|rate| motor::can_be_set_to(protocol, *rate))))
+        Err(bus_rules::not_offered(bus, bitrate, rates.filter(|rate| motor::can_be_set_to(protocol, *rate))))
     }
 
     fn move_natively(

@@ -2,6 +2,7 @@
 //! anything that moves; a program may make the same ones before it arms, as arming may free a brake.
 
 use crate::axis::{Address, AxisConfig};
+use crate::bus_rules;
 use crate::motor::{self, Command, Demand, Effect, Native};
 use host_protocol::{AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value};
 
@@ -119,7 +120,7 @@ impl AxisRules {
 /// Refuses a motor that its protocol does not have: on a bus of this kind, with this id, with this stop action.
 pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
     let Some(Address { bus: number, protocol, node }) = config.address() else { return Ok(()) };
-    check_kind(number, bus, protocol)?;
+    bus_rules::check_kind(number, bus, protocol)?;
     let max = match protocol {
         Protocol::Rmd => rmd::Node::MAX,
         Protocol::Thruster => thruster::Node::MAX,
@@ -132,14 +133,6 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     match config.stop_action() {
         Some(action) if !motor::can_stop_by(protocol, action) => Err(Error::Unsupported { axis, protocol }),
         _ => Ok(()),
-    }
-}
-
-/// Which protocol runs on which kind of bus.
-pub(crate) fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
-    match (protocol, kind) {
-        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
-        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
     }
 }
 

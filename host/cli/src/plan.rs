@@ -5,7 +5,8 @@ mod check;
 mod file;
 
 use host_protocol::{
-    AxisParameter, Error, GatewayParameter, Protocol, ProtocolSet, Quantity, REPLY_WINDOW_US, Value,
+    AxisParameter, BusConfig, Error, GatewayParameter, Protocol, ProtocolSet, Quantity, REPLY_WINDOW_US,
+    Value,
 };
 use mgw_client::{Client, ClientError, Transport};
 use std::time::Duration;
@@ -133,7 +134,12 @@ impl BusPlan {
         }
     }
 
-    /// Refuses what no gateway takes.
+    fn config(&self) -> BusConfig {
+        let Self { bitrate, protocols, wholly_ours, reply_window_us, .. } = *self;
+        BusConfig { bitrate, protocols, wholly_ours, reply_window_us }
+    }
+
+    /// Refuses what no gateway takes, whatever its board.
     fn check(&self) -> Result<(), Error> {
         AxisParameter::Bus.check(Value::Unsigned(self.bus.into()))?;
         let (min, max) = REPLY_WINDOW_US;

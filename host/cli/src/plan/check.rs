@@ -20,6 +20,7 @@ impl Plan {
         };
         for bus in &self.buses {
             check_bus(&bus.what, hello)
+                .map_err(Failure::would_be_refused)
                 .map_err(|failure| place(bus.line, format!("bus {}", bus.what.bus), failure))?;
         }
         for (index, axis) in self.axes.iter().enumerate() {
@@ -33,25 +34,9 @@ impl Plan {
     }
 }
 
-fn check_bus(plan: &BusPlan, hello: &HelloReply) -> Result<(), Failure> {
-    let BusCapability { kind, bitrates, protocols } =
-        capability(plan.bus, hello).map_err(Failure::would_be_refused)?;
-    if !bitrates.contains(&plan.bitrate) {
-        let allowed: Vec<String> = bitrates.iter().map(ToString::to_string).collect();
-        let text = format!("bitrate {} is none of this bus, which has {}", plan.bitrate, allowed.join(", "));
-        let [value, min, max] = [
-            plan.bitrate,
-            bitrates.iter().copied().min().unwrap_or(0),
-            bitrates.iter().copied().max().unwrap_or(0),
-        ]
-        .map(super::approximate);
-        let quantity = host_protocol::Quantity::Bitrate;
-        return Err(Failure::Explained { error: Error::OutOfRange { quantity, value, min, max }, text });
-    }
-    if plan.protocols.iter().any(|protocol| !protocols.contains(protocol)) {
-        return Err(Failure::would_be_refused(Error::WrongBusKind { bus: plan.bus, kind: *kind }));
-    }
-    Ok(())
+fn check_bus(plan: &BusPlan, hello: &HelloReply) -> Result<(), Error> {
+    let BusCapability { kind, bitrates, .. } = capability(plan.bus, hello)?;
+    gateway::check_bus_config(plan.bus, *kind, bitrates, &plan.config())
 }
 
 /// What is wrong with an axis by itself. One that lacks its bus or its protocol is completed by what the gateway has already.

@@ -174,11 +174,8 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
             "OutOfRange",
             "100 ms",
         ),
-        (
-            bus.replace("1_000_000", "123"),
-            "OutOfRange",
-            "line 2, bus 0: bitrate 123 is none of this bus, which has 1000000",
-        ),
+        (bus.replace("1_000_000", "123"), "BitrateNotOffered", "line 2, bus 0: "),
+        (bus.replace("rmd", "d5").replace("1_000_000", "210_526"), "NeedsOwnBus", "line 2, bus 0: "),
         (bus.replace("bus = 0", "bus = 2"), "WrongBusKind", "line 2, bus 2: "),
     ] {
         let gateway = "[gateway]\nlink_silence_us = 300_000\n";

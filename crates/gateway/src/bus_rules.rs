@@ -1,0 +1,54 @@
+//! What a bus may be configured with: every check that needs no more than its port. The gateway makes them, and a program may before it asks.
+
+use crate::motor;
+use host_protocol::{BusConfig, BusKind, Error, MAX_BITRATES, Protocol, Quantity, REPLY_WINDOW_US};
+
+/// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates, whatever is on it.
+///
+/// # Errors
+/// [`Error::BitrateNotOffered`], [`Error::OutOfRange`], [`Error::WrongBusKind`] and [`Error::NeedsOwnBus`].
+pub fn check_bus_config(bus: u8, kind: BusKind, bitrates: &[u32], config: &BusConfig) -> Result<(), Error> {
+    let BusConfig { bitrate, protocols, reply_window_us, .. } = *config;
+    if !bitrates.contains(&bitrate) {
+        return Err(not_offered(bus, bitrate, bitrates.iter().copied()));
+    }
+    let (min, max) = REPLY_WINDOW_US;
+    if !(min..=max).contains(&reply_window_us) {
+        return Err(out_of_range(Quantity::ReplyWindow, reply_window_us, min, max));
+    }
+    for protocol in protocols.iter() {
+        check_kind(bus, kind, protocol)?;
+        if let Some((min, max)) = motor::own_bitrates(protocol) {
+            if !(min..=max).contains(&bitrate) {
+                return Err(out_of_range(Quantity::Bitrate, bitrate, min, max));
+            }
+            if protocols.iter().any(|other| other != protocol) {
+                return Err(Error::NeedsOwnBus { bus, protocol });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A bitrate that a bus cannot have, and those that it can.
+pub(crate) fn not_offered(bus: u8, bitrate: u32, rates: impl Iterator<Item = u32>) -> Error {
+    let mut offered = [0; MAX_BITRATES];
+    for (place, rate) in offered.iter_mut().zip(rates) {
+        *place = rate;
+    }
+    Error::BitrateNotOffered { bus, bitrate, offered }
+}
+
+/// The numbers of an error are for people to read: f32 is precise enough.
+#[allow(clippy::cast_precision_loss)]
+fn out_of_range(quantity: Quantity, value: u32, min: u32, max: u32) -> Error {
+    Error::OutOfRange { quantity, value: value as f32, min: min as f32, max: max as f32 }
+}
+
+/// Which protocol runs on which kind of bus.
+pub(crate) fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
+    match (protocol, kind) {
+        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
+        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
+    }
+}
