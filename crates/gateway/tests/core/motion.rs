@@ -112,6 +112,7 @@ fn arming_sends_each_protocols_sequence_and_no_motion() {
         "00B#D50B04021000002 1".replace(' ', ""), // 0B+04+02+10 = 21
         "00B#D50B040211000022".into(),
         "00B#D50B040212000023".into(),
+        "00B#D50B04022B00003C".into(),
         "00B#D50B04022C00003D".into(),
         "00B#D50B050320000033".into(), // D5 manual, quick start 5
         "00B#D50B050220000032".into(),
