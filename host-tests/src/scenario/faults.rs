@@ -38,6 +38,7 @@ impl Bench {
             (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
             (Some(&"lenient"), Some(on)) => Injection::Lenient(on),
             (Some(&"brake-on"), Some(on)) => Injection::BrakeOn(on),
+            (Some(&"answers-others"), Some(on)) => Injection::AnswersOthers(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
             (Some(&"lose-answers-like"), Some(false)) => Injection::LoseAnswersLike(Beginning::default()),

@@ -162,6 +162,7 @@ impl Axis {
         }
         let is_answered = motor::is_answered(&pending.command, &self.config);
         self.unanswered_since = is_answered.then_some(now);
+        self.objections_due = 0;
         if !is_answered {
             self.pending = None;
             self.completed(now, &pending, Observation::default(), &[], out);
@@ -192,6 +193,27 @@ impl Axis {
     pub fn reply_with_our_id_since(&self) -> Option<Instant> {
         let same_id = self.config.protocol().is_some_and(motor::replies_with_the_id_of_the_request);
         self.unanswered_since.filter(|_| same_id)
+    }
+
+    /// A request to another motor of the bus has left: this one may answer it as well, under the id that its own frames have.
+    pub fn may_object(&mut self, now: Instant) {
+        if !self.objects {
+            return;
+        }
+        self.objections_due = self.objections_due.saturating_add(1);
+        if !self.pending.as_ref().is_some_and(Pending::is_waiting) {
+            self.unanswered_since = Some(now);
+        }
+    }
+
+    /// Since when an objection is due, where one is.
+    fn objection_due(&self, now: Instant) -> Option<Instant> {
+        (self.objections_due > 0).then_some(now)
+    }
+
+    /// Whether the motor answers requests to others.
+    pub fn objects(&self) -> bool {
+        self.objects
     }
 
     /// The next frame to the motor has met its reply on the bus and was taken back: the reply is let pass first.
@@ -232,6 +254,10 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Reception {
         self.heard(now);
+        if received.is_objection() {
+            self.objects = true;
+            self.objections_due = self.objections_due.saturating_sub(1);
+        }
         // What has not left cannot be answered: an answer of that kind is one that came twice.
         let displaced = self.displaced.as_ref().filter(|displaced| displaced.until.is_some());
         let late = displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));
@@ -247,12 +273,12 @@ impl Axis {
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
             // Late beyond everything that is remembered, but it has come.
-            self.unanswered_since = None;
+            self.unanswered_since = self.objection_due(now);
             return self.unasked(now, received, out);
         };
         let verdict = motor::judge(&pending.command, received, &self.config);
         if verdict != Verdict::Unrelated {
-            self.unanswered_since = None;
+            self.unanswered_since = self.objection_due(now);
         }
         match verdict {
             Verdict::Unrelated => self.unasked(now, received, out),
@@ -313,6 +339,7 @@ impl Axis {
         self.pending = None;
         self.displaced = None;
         self.unanswered_since = None;
+        self.objects = false;
         self.silence = Silence::NONE;
         self.quiet = Quiet::NONE;
         self.state_poll_at = FIRST_OF_ALL;

@@ -103,6 +103,10 @@ pub(crate) struct Axis {
     write_waits: bool,
     /// What hosts have been told of the frames that its motor sends by itself.
     pub telemetry: Telemetry,
+    /// D5: the motor has answered a request to another one with an id error (D5 manual, table row 5), and will again.
+    objects: bool,
+    /// How often it may still do so, since the last frame to it.
+    objections_due: u8,
 }
 
 impl Axis {
@@ -143,6 +147,8 @@ impl Axis {
             unanswered_since: None,
             write_waits: false,
             telemetry: Telemetry::NONE,
+            objects: false,
+            objections_due: 0,
         }
     }
 

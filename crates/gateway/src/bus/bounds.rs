@@ -1,6 +1,7 @@
 //! Within what time a stop must have left the bus, and what follows where one has not (GUARANTEES G4, G5).
 
 use super::Bus;
+use super::load::objections;
 use super::schedule::MAX_OUTSTANDING;
 use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
@@ -29,7 +30,11 @@ impl Bus {
                 let replies = replies + self.further_replies(axes);
                 let wait =
                     if self.carries(Protocol::D5) { self.line_times().stop_delay() } else { Duration::ZERO };
-                SOFTWARE + wait + self.bit_time(LONGEST_FRAME_BITS).times(2 * stops + replies)
+                let frame = self.bit_time(LONGEST_FRAME_BITS);
+                // Behind each stop those motors have their say that answer what was for others, and are waited for.
+                let objections =
+                    if self.axes_here(axes).any(Axis::objects) { wait + frame } else { Duration::ZERO };
+                SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
@@ -37,7 +42,10 @@ impl Bus {
 
     /// Frames beyond the first with which motors here answer one motion each.
     fn further_replies(&self, axes: &[Axis]) -> u64 {
-        self.axes_here(axes).map(|axis| motor::replies_to_motion(&axis.config) - 1).sum()
+        let of_other_motors = |axis: &Axis| objections(axis, self.axes_here(axes));
+        self.axes_here(axes)
+            .map(|axis| motor::replies_to_motion(&axis.config) - 1 + of_other_motors(axis))
+            .sum()
     }
 
     /// Within what time a frame that is no stop has left after it was due, if nobody else talks: behind the stop of each axis here, behind two requests

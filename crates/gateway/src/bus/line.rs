@@ -8,7 +8,7 @@ use rmd::rs485::{Deframer, FRAME_LEN};
 /// Idle bits between the last byte heard and the next byte sent.
 pub(super) const GAP_BITS: u64 = 20;
 /// The part of a reply window that delays a stop, at most (GUARANTEES G5).
-const STOP_DELAY: Duration = Duration::from_millis(1);
+pub(super) const STOP_DELAY: Duration = Duration::from_millis(1);
 
 /// What a byte from the line is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

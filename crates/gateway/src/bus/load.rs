@@ -1,12 +1,12 @@
 //! Whether what the axes of a bus must send and hear fits on it.
 
-use super::line::GAP_BITS;
+use super::line::{GAP_BITS, STOP_DELAY};
 use super::transmit::LONGEST_FRAME_BITS;
 use super::{Bus, bits_at};
 use crate::axis::Axis;
 use crate::motor;
 use crate::time::Duration;
-use host_protocol::{BusConfig, BusKind, Error};
+use host_protocol::{BusConfig, BusKind, Error, Protocol};
 
 /// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
@@ -19,11 +19,18 @@ const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
 pub(crate) fn check<'a>(
     bus: &Bus,
     config: &BusConfig,
-    axes: impl Iterator<Item = &'a Axis>,
+    axes: impl Iterator<Item = &'a Axis> + Clone,
 ) -> Result<(), Error> {
     let exchange = exchange_time(bus.kind(), config.bitrate);
     let frame = bits_at(LONGEST_FRAME_BITS, config.bitrate);
-    let needed: u64 = axes.map(|axis| needed_permille(axis, exchange, frame)).sum();
+    let needed_by = |axis: &Axis| {
+        let objections = objections(axis, axes.clone());
+        // Behind them nothing is to come for a while, before the next request.
+        let quiet = if objections > 0 { STOP_DELAY + frame } else { Duration::ZERO };
+        let exchange = exchange + frame.times(objections) + quiet;
+        needed_permille(axis, exchange, frame)
+    };
+    let needed: u64 = axes.clone().map(needed_by).sum();
     let needed = u32::try_from(needed).unwrap_or(u32::MAX);
     if needed <= AVAILABLE_PERMILLE {
         return Ok(());
@@ -33,6 +40,14 @@ pub(crate) fn check<'a>(
         needed_permille: needed,
         available_permille: AVAILABLE_PERMILLE,
     })
+}
+
+/// How many other motors of the bus answer a request to this one by saying that it was not for them (D5 manual, table row 5).
+pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) -> u64 {
+    if axis.config.protocol() != Some(Protocol::D5) {
+        return 0;
+    }
+    axes.filter(|other| other.index != axis.index && other.objects()).count() as u64
 }
 
 /// Time that one request and its reply take.

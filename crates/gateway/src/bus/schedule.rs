@@ -48,7 +48,8 @@ impl Bus {
             && matches!(stops, Stops::None | Stops::Sent)
             && self.may_send_ordinary(now)
             && self.may_be_answered(axes)
-            && !self.lets_replies_pass(now, axes);
+            && !self.lets_replies_pass(now, axes)
+            && self.objections_are_over_at(axes).is_none_or(|at| at <= now);
         if stops == Stops::None && !may_ordinary {
             return None;
         }
@@ -274,7 +275,9 @@ impl Bus {
     /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
-        let delay = self.line_times().stop_delay();
+        // Another motor's objection may be under way when the bus was quiet for so long, and that of this one behind it.
+        let behind = if axis.objects() { self.bit_time(LONGEST_FRAME_BITS) } else { Duration::ZERO };
+        let delay = self.line_times().stop_delay() + behind;
         let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
         (since.max(self.active_at) + delay).min(since + others + delay)
     }
@@ -290,5 +293,13 @@ impl Bus {
             })
         };
         self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
+    }
+
+    /// When every motor has had its say to the latest request, where some answer what was for others: each under the id of the next frame to
+    /// it, so that what is no stop waits until nothing has come for as long as a motor takes and its frame.
+    pub(super) fn objections_are_over_at(&self, axes: &[Axis]) -> Option<Instant> {
+        let objects = self.axes_here(axes).any(Axis::objects);
+        let frame = self.bit_time(LONGEST_FRAME_BITS);
+        objects.then(|| self.active_at + self.line_times().stop_delay() + frame)
     }
 }

@@ -66,6 +66,12 @@ impl Bus {
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.left(now, slot, window, out);
+            let (from, index) = (axis.index, self.index);
+            for other in axes.iter_mut().filter(|other| other.config.bus() == Some(index)) {
+                if other.index != from {
+                    other.may_object(now);
+                }
+            }
         }
     }
 
@@ -159,15 +165,19 @@ impl Bus {
             next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
         // One look at the axes: most wait for nothing, and a command that comes meanwhile waits for this.
-        let (mut stops, mut delivery) = (false, None::<Instant>);
+        let (mut stops, mut objects, mut delivery) = (false, false, None::<Instant>);
         for axis in self.axes_here(axes) {
             stops |= axis.has_stop();
+            objects |= axis.objects();
             if let Some(due) = axis.delivery_due_at() {
                 delivery = Some(delivery.map_or(due, |earliest| earliest.min(due)));
             }
             if axis.reply_with_our_id_since().is_some() {
                 next.consider(Some(self.id_is_free_at(axis, axes)));
             }
+        }
+        if objects {
+            next.consider(self.objections_are_over_at(axes));
         }
         next.consider(delivery.map(|due| due + self.ordinary_bound(axes)));
         if stops {
@@ -224,7 +234,8 @@ impl Bus {
         };
         self.turn = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
-        let may_collide = axis.reply_with_our_id_since().is_some() && !self.let_reply_pass;
+        let may_come = axis.reply_with_our_id_since().is_some() || axis.objects();
+        let may_collide = may_come && !self.let_reply_pass;
         let frames = self.bit_time(LONGEST_FRAME_BITS).times(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);
         axis.handed(now, want.exchange, command, slot);

@@ -102,6 +102,11 @@ impl Received {
         thruster::telemetry(reply)
     }
 
+    /// Whether a motor says that a request was not for it.
+    pub fn is_objection(&self) -> bool {
+        matches!(self, Self::D5 { reply: ::d5::Reply::Error { error: ::d5::MotorError::Id, .. }, .. })
+    }
+
     /// What the frame tells by itself, whoever asked.
     pub fn observation(&self, config: &AxisConfig) -> Observation {
         match self {

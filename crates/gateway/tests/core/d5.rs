@@ -5,8 +5,8 @@ use crate::bench::{
 };
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint, StopAction, replies,
-    requests,
+    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
+    StopAction, replies, requests,
 };
 
 #[test]
@@ -324,4 +324,53 @@ fn a_write_that_is_not_answered_points_to_the_ack_level() {
     rig.instead(|_| Instead::Nothing);
     let request = bench::native(&rig, 0, "D50B04031548006F");
     assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::AckLevelBelow }));
+}
+
+/// D5 manual, table row 5: a motor objects to a request for another. Its frame has the id of the next one to it, which waits.
+#[test]
+fn the_frame_to_a_motor_that_objects_waits_for_its_objection() {
+    let (mut rig, _) = bench::d5();
+    configure_axis(&mut rig, 1, 1, Protocol::D5, 1, StopAction::Hold);
+    rig.receive(1, "001#5D01050201EEEEE5"); // to a read, of somebody else
+    rig.run(2_000);
+    let since = rig.now_us;
+    rig.send(&Request::ReadState(requests::ReadState { axis: 0 }));
+    rig.run(FRAME_US + 10);
+    rig.send(&Request::EStop(requests::EStop {}));
+    rig.run(400);
+    assert!(!rig.sent_since(1, since).iter().any(|sent| sent.starts_with("001#")));
+    // To the read and to the stop of motor 0x0B.
+    rig.receive(1, "001#5D01050201EEEEE5");
+    rig.receive(1, "001#5D01050301EEEEE6");
+    rig.run(10);
+    assert!(rig.sent_since(1, since).contains(&STOP_1));
+}
+
+/// What objects counts in the load of the bus: a request to one of three motors takes four frames of 135 bits, not two.
+#[test]
+fn objections_count_in_the_load_of_the_bus() {
+    let needed = |objections: bool| {
+        let (mut rig, _) = bench::d5();
+        configure_axis(&mut rig, 1, 1, Protocol::D5, 1, StopAction::Hold);
+        configure_axis(&mut rig, 2, 1, Protocol::D5, 2, StopAction::Hold);
+        if objections {
+            for reply in ["00B#5D0B050201EEEEEF", "001#5D01050201EEEEE5", "002#5D02050201EEEEE6"] {
+                rig.receive(1, reply);
+            }
+        }
+        let number = AxisParameter::RefreshUs.number();
+        let value = host_protocol::Value::Unsigned(1_000);
+        let request = requests::ConfigureAxis { axis: 0, parameter: number, value };
+        match rig.ask(Request::ConfigureAxis(request)) {
+            Err(Error::BusOverloaded { bus: 1, needed_permille, .. }) => needed_permille,
+            other => panic!("{other:?}"),
+        }
+    };
+    // 1 283 µs for two frames; 2 567 µs for four, and 1 ms and a frame in which nothing is to come. In 1 ms for the refresh of one axis, in 20 ms for
+    // that of the others, in 90 and 50 ms for the polls of all.
+    let of = |us: u64| {
+        let share = |period_us: u64| (us * 1_000).div_ceil(period_us);
+        u32::try_from(share(1_000) + 2 * share(20_000) + 3 * (share(90_000) + share(50_000))).unwrap()
+    };
+    assert_eq!((needed(false), needed(true)), (of(1_283), of(1_283 + 3 * 642 + 1_000)));
 }

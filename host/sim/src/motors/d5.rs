@@ -280,7 +280,8 @@ impl D5 {
 impl Model for D5 {
     fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
         let Id::Standard(id) = frame.id() else { return };
-        if id != self.can_id && id.as_raw() != u16::from(Address::BROADCAST_ID) {
+        let is_for_it = id == self.can_id || id.as_raw() == u16::from(Address::BROADCAST_ID);
+        if !is_for_it && !cx.injected.answers_others {
             return;
         }
         let frame = if cx.injected.lenient { lenient::as_d5(self.node.get(), frame) } else { *frame };

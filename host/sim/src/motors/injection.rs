@@ -60,6 +60,8 @@ pub enum Injection {
     IgnoreRestart(bool),
     /// RMD: its brake does not open; 0x77 is echoed.
     StuckBrake(bool),
+    /// D5: it hears what goes to other motors, and answers that it was not for it (D5 manual, table row 5).
+    AnswersOthers(bool),
     /// D5: its register 0x2B is 1. It holds, and ignores speeds.
     BrakeOn(bool),
     /// Something outside turns its shaft, whatever the motor does.
@@ -120,6 +122,7 @@ pub(crate) struct Injections {
     pub(crate) brake: bool,
     pub(crate) stuck_brake: bool,
     pub(crate) brake_on: bool,
+    pub(crate) answers_others: bool,
     pub(crate) outside: Outside,
 }
 
@@ -157,6 +160,7 @@ impl Injections {
             Injection::Brake(on) => self.brake = on,
             Injection::StuckBrake(on) => self.stuck_brake = on,
             Injection::BrakeOn(on) => self.brake_on = on,
+            Injection::AnswersOthers(on) => self.answers_others = on,
             Injection::Turning(turning) => self.outside.turning = turning,
             Injection::Current(ma) => self.outside.current_ma = ma,
             Injection::MotorTemperature(celsius) => self.outside.motor_c = celsius,
