@@ -106,7 +106,7 @@ impl Gateway {
 
     /// Takes over the configuration that an axis had before a reset, if this firmware would accept it, and the timeout that was
     /// written to its motor.
-    pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig, timeout_ms: u32) {
+    pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig, told: u32) {
         let complete = config.missing().is_none();
         if self.check_axis(index, &config).is_err() {
             return;
@@ -114,7 +114,7 @@ impl Gateway {
         let Ok(axis) = self.axis_mut(index) else { return };
         axis.config = config;
         axis.state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
-        axis.timeout_written_before_reset(timeout_ms);
+        axis.told_before_reset(told);
     }
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {

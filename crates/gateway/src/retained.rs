@@ -340,9 +340,9 @@ fn bits() -> impl Iterator<Item = u32> {
 /// The words of an axis: its configuration, and the timeout last written to its motor.
 fn axis_words(axis: &Axis) -> [u32; AXIS_WORDS] {
     let mut words = [0; AXIS_WORDS];
-    let [config @ .., timeout_ms] = &mut words;
+    let [config @ .., told] = &mut words;
     config.copy_from_slice(&axis.config.to_words());
-    *timeout_ms = axis.written_timeout_ms();
+    *told = axis.told_word();
     words
 }
 

@@ -136,6 +136,9 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     }
 }
 
+/// As far as a target of RMD 0xA3 may lie from where the motor is, rad: the motor goes there as fast as it can.
+const NEAR_RAD: f32 = 0.2;
+
 /// The limits of an axis.
 const LIMITS: [AxisParameter; 7] = [
     AxisParameter::VelocityLimitRadS,
@@ -239,6 +242,13 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
             if min.is_finite() || max.is_finite() { unnoticed(Quantity::Position) } else { Ok(()) }
         }
     }
+}
+
+/// Refuses a target to which nothing limits the speed unless it is near where the motor is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33).
+pub(crate) fn check_nearness(axis: u8, demand: Demand, position_rad: Option<f32>) -> Result<(), Error> {
+    let Demand::Unlimited { position_rad: target } = demand else { return Ok(()) };
+    let at = position_rad.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
+    within(Quantity::Position, target, at - NEAR_RAD, at + NEAR_RAD)
 }
 
 /// Refuses a setpoint that is not a number or lies beyond a limit of the axis.

@@ -124,6 +124,8 @@ wire! {
         Uncommanded,
         /// A setpoint was accepted and not sent in time.
         NotDelivered,
+        /// The motor restarted by itself: its run time began again.
+        MotorRestarted,
     }
 
     /// A trip: why, when, and the last values before it.
@@ -256,6 +258,7 @@ impl fmt::Display for TripReason {
             Self::Group { axis } => write!(f, "axis {axis} of its trip group tripped"),
             Self::Uncommanded => f.write_str("the motor turned without a setpoint"),
             Self::NotDelivered => f.write_str("a setpoint was not sent in time"),
+            Self::MotorRestarted => f.write_str("the motor restarted by itself"),
         }
     }
 }

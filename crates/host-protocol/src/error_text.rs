@@ -177,6 +177,10 @@ impl fmt::Display for Error {
                 "the brake of the motor of axis {axis} is locked; set release_brake_when_arming, or allow_unverified_brake \
                  too where its firmware does not tell (0x9A byte 3)"
             ),
+            Self::RestartOwed { axis } => write!(
+                f,
+                "the motor of axis {axis} has a new zero point that acts after a restart; restart it first (0x76)"
+            ),
             Self::NotRestarted { axis } => write!(
                 f,
                 "the motor of axis {axis} was told to restart and did not within 3 s; switch it off and on"

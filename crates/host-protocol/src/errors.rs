@@ -443,6 +443,11 @@ errors! {
         /// The axis.
         axis: u8,
     }
+    /// The motor was told something that acts after a restart, and has not restarted since.
+    64 RestartOwed {
+        /// The axis.
+        axis: u8,
+    }
     /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be set.
     65 BitrateNotOffered {
         /// The bus.

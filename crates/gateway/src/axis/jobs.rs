@@ -419,6 +419,9 @@ impl Axis {
         {
             return Err(Error::MotorFault { axis, faults });
         }
+        if seen.run_time_ms.is_some() && self.owes_restart() {
+            return Err(Error::RestartOwed { axis });
+        }
         // A motion against a locked brake ends in a stall (RMD V3.6 §2.12, §2.27).
         if seen.brake_locked == Some(true) && !self.brake_is_freed_unseen() && self.config.has_brake() {
             return Err(Error::BrakeLocked { axis });

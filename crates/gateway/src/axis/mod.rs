@@ -99,6 +99,10 @@ pub(crate) struct Axis {
     uncommanded_since: Option<Instant>,
     /// When the request left that the motor has not answered.
     unanswered_since: Option<Instant>,
+    /// RMD: time since the motor started, as last read, ms; 0 where it is not known.
+    run_time_ms: u32,
+    /// When the motor was told something that acts after a restart, if it has not been seen to restart since; 0 where nothing is owed.
+    restart_owed_since: Instant,
     /// D5: an asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
     /// What hosts have been told of the frames that its motor sends by itself.
@@ -145,6 +149,8 @@ impl Axis {
             faults_unread: 0,
             uncommanded_since: None,
             unanswered_since: None,
+            run_time_ms: 0,
+            restart_owed_since: Instant::from_micros(0),
             write_waits: false,
             telemetry: Telemetry::NONE,
             objects: false,
@@ -238,6 +244,7 @@ impl Axis {
         if is_of_address(parameter) {
             self.leave_bus();
             self.forget_motor_timeout();
+            self.forget_run_time();
             self.measured = Measured::new();
         }
         let state = match self.state {

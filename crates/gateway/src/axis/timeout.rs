@@ -7,6 +7,8 @@ use host_protocol::{AxisParameter, Error, MotorTimeout, Protocol};
 
 /// A timeout that acts later than this counts as off (GUARANTEES G1).
 const LONGEST_TIMEOUT_MS: u32 = 60_000;
+/// Bit of the retained word beside the timeout, which never reaches it.
+const RESTART_OWED: u32 = 1 << 31;
 
 /// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
 const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
@@ -88,9 +90,10 @@ impl Axis {
         };
     }
 
-    /// What outlives a reset of the gateway: the timeout last written to the motor, ms; 0 where none is known.
-    pub fn written_timeout_ms(&self) -> u32 {
-        self.written_timeout_ms
+    /// What outlives a reset of the gateway: the timeout last written to the motor, ms, 0 where none is known; and whether it owes a
+    /// restart, in the highest bit.
+    pub fn told_word(&self) -> u32 {
+        self.written_timeout_ms | if self.owes_restart() { RESTART_OWED } else { 0 }
     }
 
     /// Whether that has changed and has still to be saved.
@@ -100,7 +103,12 @@ impl Axis {
 
     /// What was written before the gateway was reset. The motor's power may have been off since, so it is believed at once where the motor
     /// stores it; elsewhere arming writes it again, and until then it only says how long a silence must be for it to act.
-    pub fn timeout_written_before_reset(&mut self, timeout_ms: u32) {
+    pub fn told_before_reset(&mut self, word: u32) {
+        if word & RESTART_OWED != 0 {
+            // From the start of the gateway on, as nobody knows since when.
+            self.owe_restart(Instant::from_micros(1));
+        }
+        let timeout_ms = word & !RESTART_OWED;
         if timeout_ms == 0 || timeout_ms > LONGEST_TIMEOUT_MS {
             return;
         }

@@ -5,6 +5,9 @@ use crate::motor::{self, Command, Exchange};
 use crate::time::Instant;
 use host_protocol::{AxisParameter, AxisState};
 
+/// Of so many polls of an armed motor one asks for its run time.
+const RUN_TIME_EVERY: usize = 16;
+
 /// What goes first on a bus. The order is the order of sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Priority {
@@ -173,6 +176,12 @@ impl Axis {
     fn armed_poll(&self) -> Option<Exchange> {
         if self.in_doubt || self.uncommanded_since.is_some() {
             return Some(Exchange::Velocity);
+        }
+        // Where the motor tells for how long it has run, it is asked now and then: it may have restarted by itself.
+        if self.poll_turn % RUN_TIME_EVERY == RUN_TIME_EVERY - 1
+            && motor::command(Exchange::RunTime, &self.config).is_some()
+        {
+            return Some(Exchange::RunTime);
         }
         let sequences = motor::sequences(self.config.protocol()?);
         let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);

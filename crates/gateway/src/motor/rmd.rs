@@ -6,7 +6,8 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
 use rmd::{
-    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request, SpeedLimit,
+    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Function, Milliseconds, Motion, Reply, Request,
+    SpeedLimit,
 };
 
 pub(super) const SEQUENCES: Sequences = Sequences {
@@ -14,6 +15,7 @@ pub(super) const SEQUENCES: Sequences = Sequences {
     arming: &[
         Exchange::Stop,
         Exchange::Stop,
+        Exchange::RunTime,
         Exchange::ReleaseBrake,
         Exchange::Velocity,
         Exchange::Position,
@@ -143,11 +145,25 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
+/// Whether a request acts only after a restart (§2.9, §2.10, §2.33.4).
+pub(super) fn acts_after_restart(request: &Request) -> bool {
+    matches!(
+        request,
+        Request::WriteEncoderOffset { .. }
+            | Request::WritePositionAsZero
+            | Request::Function { function: Function::ClearMultiTurn }
+    )
+}
+
 pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
     match rmd::answer(request, reply) {
         // All zero is an answer that may as well be the request thrown back: it tells nothing (PROTOCOL-NOTES R30).
         Answer::Reply(
-            Reply::TorqueCurrent { motion } | Reply::Velocity { motion } | Reply::AbsolutePosition { motion },
+            Reply::TorqueCurrent { motion }
+            | Reply::Velocity { motion }
+            | Reply::PositionTracking { motion }
+            | Reply::AbsolutePosition { motion }
+            | Reply::LimitedPositionTracking { motion },
         ) if motion == Motion::default() => {
             Verdict::Answer(Observation { may_be_thrown_back: true, ..Observation::default() })
         }
@@ -177,7 +193,10 @@ pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
         Reply::Status2 { motion }
         | Reply::TorqueCurrent { motion }
         | Reply::Velocity { motion }
-        | Reply::AbsolutePosition { motion } => observe_motion(motion, sign),
+        | Reply::PositionTracking { motion }
+        | Reply::AbsolutePosition { motion }
+        | Reply::LimitedPositionTracking { motion }
+        | Reply::IncrementalPosition { motion } => observe_motion(motion, sign),
         _ => Observation::default(),
     }
 }

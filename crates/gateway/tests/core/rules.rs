@@ -121,7 +121,8 @@ const RMD_COMMANDS: [&str; 6] = [
     "A40000000A000000",
 ];
 /// §2.19, §2.22: a position at any speed, and distances.
-const RMD_UNLIMITED: [&str; 3] = ["A300000028230000", "A800F40128230000", "A800000028230000"];
+// 361°: the bench's motor stands at 360°.
+const RMD_UNLIMITED: [&str; 3] = ["A3000000048D0000", "A800F40128230000", "A800000028230000"];
 
 #[test]
 fn the_gateway_and_the_rules_agree_on_an_rmd() {
