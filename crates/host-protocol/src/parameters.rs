@@ -267,9 +267,9 @@ parameters! {
     21 AllowUnknownMotorTimeout "allow_unknown_motor_timeout": Bool("") [false, true] false;
     /// D5: the acknowledge level that the motor is set to.
     22 D5AckLevel "d5_ack_level": Unsigned("") [0, 2] 2;
-    /// D5: CAN id of requests, where the motor's is not the usual one.
+    /// D5: CAN id of requests, of 11 bits, where it is not the number of the motor. The manual gives no ids: that it is this number is an assumption.
     23 D5RequestId "d5_request_id": Unsigned("") [0, 0x7FF] optional;
-    /// D5: CAN id of replies, where the motor's is not the usual one.
+    /// D5: CAN id of replies, of 11 bits; without it any will do, as the frame itself names its motor. That a reply has the id of its request is an assumption.
     24 D5ReplyId "d5_reply_id": Unsigned("") [0, 0x7FF] optional;
     /// Thruster protocol: the device has an encoder.
     25 PositionDevice "position_device": Bool("") [false, true] false;

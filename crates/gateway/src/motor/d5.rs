@@ -212,7 +212,7 @@ pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option
     d5::can::request(Id::Standard(request_id(config)?), d5::Address::Node(node), request).ok()
 }
 
-/// The arbitration id of requests: the axis's, by default the motor's id (D14).
+/// The arbitration id of requests: the axis's, by default the motor's id, which is an assumption (D14).
 pub(super) fn request_id(config: &AxisConfig) -> Option<StandardId> {
     match config.unsigned(AxisParameter::D5RequestId) {
         Some(id) => StandardId::new(u16::try_from(id).ok()?),

@@ -185,7 +185,8 @@ pub(crate) fn further(
     Ok(Further { command, start_rad, target_rad: sign * to_rad(target) })
 }
 
-/// Whether motors of a protocol answer on CAN with the id that they were asked with (D5 manual, CAN frame format).
+/// Whether motors of a protocol answer on CAN with the id that they were asked with. That a D5 does is an assumption, on the safe side: its
+/// manual gives no ids.
 pub(crate) fn replies_with_the_id_of_the_request(protocol: Protocol) -> bool {
     match protocol {
         Protocol::D5 => true,
