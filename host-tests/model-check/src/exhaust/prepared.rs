@@ -39,7 +39,9 @@ const LOOKS: u32 = 200;
 /// How often a host is told what it watches, µs.
 const PERIOD_US: u32 = 5_000;
 /// For so long a cable is cut, µs: idle motors that are watched are polled every 50 ms.
-const CUT_US: u64 = 150_000;
+const CUT_US: u64 = 100_000;
+/// And for so long still when the poll is on its way, µs: less than a frame may stay in a controller.
+const STILL_CUT_US: u64 = 10_000;
 /// The motors' own timeout, ms.
 const MOTOR_TIMEOUT_MS: u32 = 200;
 /// Reply window of the buses, µs.
@@ -100,11 +102,23 @@ impl Preparation {
         self.steps.push(step);
     }
 
-    /// Has the axes polled, and cuts the cable of one of them, or its motor off, before its poll.
+    /// Has the axes polled, and cuts the cable of one of them, or its motor off, from before its poll until a little later.
     fn watch(&mut self, axis: u8) -> Result<(), String> {
-        let bus = MOTORS[usize::from(axis)].bus;
         self.ask(Ask::Subscribe { axes: u32::MAX, period_us: PERIOD_US });
-        let for_us = CUT_US;
+        self.cut(axis, CUT_US);
+        let end = self.world.since_start_us() + CUT_US;
+        while !self.world.oracle().is_held(axis) {
+            self.world.run_to_next();
+            if self.world.since_start_us() > end {
+                return Err(format!("axis {axis} is not polled"));
+            }
+        }
+        self.cut(axis, STILL_CUT_US);
+        Ok(())
+    }
+
+    fn cut(&mut self, axis: u8, for_us: u64) {
+        let bus = MOTORS[usize::from(axis)].bus;
         let action = match usize::from(bus) < KINDS.len() - 1 {
             true => Action::Cut { bus, for_us },
             false => Action::Motor { motor: axis, does: Does::Deaf { for_us } },
@@ -112,14 +126,6 @@ impl Preparation {
         let step = Step { at_us: self.world.since_start_us(), action };
         self.world.step(&step);
         self.steps.push(step);
-        let end = self.world.since_start_us() + CUT_US / 2;
-        while !self.world.oracle().is_held(axis) {
-            self.world.run_to_next();
-            if self.world.since_start_us() > end {
-                return Err(format!("axis {axis} is not polled"));
-            }
-        }
-        Ok(())
     }
 
     fn wait(&mut self, us: u64) {
