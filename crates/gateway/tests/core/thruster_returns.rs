@@ -182,6 +182,7 @@ fn the_frames_of_a_signal_do_not_acknowledge_the_stop_that_follows() {
         // Twice: one may be that of a signal that was given up long before.
         rig.receive(0, frame);
         rig.receive(0, frame);
+        assert!(!state(&mut rig).stop_acknowledged, "{mode:#06x}");
         run_with_host(&mut rig, 40_000);
         assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: false }, "{mode:#06x}");
         // Nothing older is due any more: from here on one frame acknowledges.
