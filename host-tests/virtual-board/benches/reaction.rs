@@ -1,7 +1,7 @@
 //! Measures reaction times, prints the table and compares it with the committed one; `--renew` writes that anew.
 //!
-//! `.ci/virtual-board reaction [--phases N] [--only SITUATION] [--trace | --renew]` builds the image and runs it, in virtual
-//! time. `--trace` prints instead what the bus carried about the e-stop with the latest last stop.
+//! `.ci/virtual-board reaction [--phases N] [--only LINE] [--trace | --renew]` builds the image and runs it, in virtual
+//! time. `--trace` prints instead what the bus carried about the slowest stop of each line.
 
 use std::error::Error;
 use std::fs;
@@ -18,7 +18,7 @@ const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reaction-times.txt
 #[derive(Debug, Default)]
 struct Arguments {
     phases: Option<u32>,
-    /// Only the situations whose names contain it.
+    /// Only the lines whose names contain it.
     only: Option<String>,
     renew: bool,
     trace: bool,
@@ -40,14 +40,14 @@ impl Arguments {
                 _ => return None,
             }
         }
-        // A table of some situations is none.
+        // A table of some lines is none.
         (!read.renew || read.only.is_none() && !read.trace).then_some(read)
     }
 }
 
 fn main() -> ExitCode {
     let Some(arguments) = Arguments::read(std::env::args().skip(1)) else {
-        eprintln!("usage: reaction [--phases N] [--only SITUATION] [--trace | --renew]");
+        eprintln!("usage: reaction [--phases N] [--only LINE] [--trace | --renew]");
         return ExitCode::from(2);
     };
     match run(&arguments) {

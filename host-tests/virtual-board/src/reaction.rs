@@ -44,9 +44,13 @@ pub const LEGEND: &str = "\
 # quiet      the axes stand, nothing else is on the bus at that time
 # own        all axes move; refresh and polls take the 80 % of the bus that the gateway allows
 # foreign    the axes stand; another node sends its id 0x7FF without a pause
+# behind lowest, middle, before highest
+#            the same with an id right behind that of the first axis, in the middle of the axes, right before that of the last, from
+#            shortly before the command on: the stops with a lower id than that have a bound, and are measured. The others have none: a
+#            test shows that they are reported, and their axes unreachable
 # one        Stop of one axis, another one in each phase
 # first      EStop of all axes: the first of their stops
-# last       EStop of all axes: the last
+# last       EStop of all axes: the last, of those that have a bound
 ";
 
 /// An image that cannot be run.
@@ -61,7 +65,7 @@ impl fmt::Display for NotRunnable {
 
 impl std::error::Error for NotRunnable {}
 
-/// Measures an image in every situation, or those whose names contain `filter`.
+/// Measures the lines of the table whose names contain `filter`.
 ///
 /// # Errors
 ///
@@ -74,13 +78,14 @@ pub fn measure(image: &Path, phases: u32, filter: &str) -> Result<Table, NotRunn
     // Once as a trial: from then on it is the same file.
     Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
-    let left =
-        &Mutex::new(Situation::all().into_iter().filter(|one| one.to_string().contains(filter)).enumerate());
+    let left = &Mutex::new(wanted(filter).into_iter().enumerate());
     let workers = thread::available_parallelism().map_or(1, usize::from);
     let mut found = thread::scope(|scope| {
         let work = || {
             let next = || left.lock().expect("no worker panics here").next();
-            let measured = |(place, situation)| (place, rows(board, situation, phases));
+            let measured = |(place, (situation, lines)): (usize, (Situation, Vec<Line>))| {
+                (place, rows(board, situation, &lines, phases))
+            };
             std::iter::from_fn(next).map(measured).collect::<Vec<_>>()
         };
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
@@ -93,7 +98,7 @@ pub fn measure(image: &Path, phases: u32, filter: &str) -> Result<Table, NotRunn
     Ok(Table { image, phases, rows: found.into_iter().flat_map(|(_, (_, rows))| rows).collect() })
 }
 
-/// What the bus carried about the e-stop that took longest to its last stop: of each situation whose name contains `filter`.
+/// What the bus carried about the stop that took longest: of each line of the table whose name contains `filter`.
 ///
 /// # Errors
 ///
@@ -106,46 +111,98 @@ pub fn traces(image: &Path, phases: u32, filter: &str) -> Result<String, NotRunn
     Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
     let board = || Builder::new(image).expect("the image that was just read");
     let mut text = String::new();
-    for situation in Situation::all().into_iter().filter(|one| one.to_string().contains(filter)) {
+    for (situation, lines) in wanted(filter) {
         let rig = Rig::new(&board, situation);
-        let bound = situation.bound(situation.bus.axes());
-        let last = |phase: &u32| {
-            let axes = 0..situation.bus.axes();
-            let stops = rig.react(situation.offset(*phase, phases), &EStop {}, bound, axes);
-            last_stop(&stops).unwrap_or(Duration::MAX)
-        };
-        let worst = (0..phases).max_by_key(last).unwrap_or_default();
-        let trace = rig.trace(situation.offset(worst, phases), &EStop {}, bound);
-        text += &format!("{situation}, phase {worst} of {phases}\n{trace}");
+        for line in lines {
+            let took = |phase: &u32| {
+                let times = times(&rig, situation, &[line], *phase, phases);
+                times.into_iter().flatten().max().unwrap_or(Duration::MAX)
+            };
+            let worst = (0..phases).max_by_key(took).unwrap_or_default();
+            let (after, bound) = (situation.offset(worst, phases), line.bound(situation));
+            let trace = match line {
+                Line::One => rig.trace(after, &stop_of(situation.stopped(worst)), bound),
+                Line::First | Line::Last => rig.trace(after, &EStop {}, bound),
+            };
+            text += &format!("{}, phase {worst} of {phases}\n{trace}", line.name(situation));
+        }
     }
     Ok(text)
 }
 
-/// `None`: an axis is not stopped at all.
-fn last_stop(stops: &[Option<Duration>]) -> Option<Duration> {
-    stops.iter().copied().collect::<Option<Vec<_>>>().and_then(|stops| stops.into_iter().max())
+/// The lines of the table of one situation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Line {
+    /// Stop of one axis, another one in each phase.
+    One,
+    /// E-stop of all: the first of the stops that have a bound,
+    First,
+    /// and the last of them.
+    Last,
+}
+
+impl Line {
+    const ALL: [Self; 3] = [Self::One, Self::First, Self::Last];
+
+    fn name(self, situation: Situation) -> String {
+        let stop = match self {
+            Self::One => "one",
+            Self::First => "first",
+            Self::Last => "last",
+        };
+        format!("{situation}, {stop}")
+    }
+
+    fn bound(self, situation: Situation) -> Duration {
+        match self {
+            Self::One | Self::First => situation.bound(1),
+            Self::Last => situation.bound(situation.winners()),
+        }
+    }
+}
+
+/// The lines whose names contain `filter`, by their situations.
+fn wanted(filter: &str) -> Vec<(Situation, Vec<Line>)> {
+    let lines = |situation: Situation| {
+        let named = |line: &Line| line.name(situation).contains(filter);
+        (situation, Line::ALL.into_iter().filter(named).collect::<Vec<_>>())
+    };
+    Situation::all().into_iter().map(lines).filter(|(_, lines)| !lines.is_empty()).collect()
+}
+
+fn stop_of(axis: u8) -> Stop {
+    Stop { target: StopTarget::Axis(axis) }
+}
+
+/// What these lines take in one phase; `None`: an axis is not stopped at all.
+fn times(rig: &Rig, situation: Situation, lines: &[Line], phase: u32, phases: u32) -> Vec<Option<Duration>> {
+    let after = situation.offset(phase, phases);
+    let one = || {
+        let axis = situation.stopped(phase);
+        rig.react(after, &stop_of(axis), Line::One.bound(situation), axis..axis + 1)
+    };
+    let all = || rig.react(after, &EStop {}, Line::Last.bound(situation), 0..situation.winners());
+    let all = if lines.iter().any(|line| *line != Line::One) { all() } else { Vec::new() };
+    let took = |line: &Line| match line {
+        Line::One => one().into_iter().flatten().min(),
+        Line::First => all.iter().copied().flatten().min(),
+        Line::Last => all.iter().copied().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max()),
+    };
+    lines.iter().map(took).collect()
 }
 
 /// The build that runs, and the rows of one situation.
-fn rows(board: &dyn Fn() -> Builder, situation: Situation, phases: u32) -> (String, Vec<Row>) {
+fn rows(
+    board: &dyn Fn() -> Builder,
+    situation: Situation,
+    lines: &[Line],
+    phases: u32,
+) -> (String, Vec<Row>) {
     let rig = Rig::new(board, situation);
-    let axes = situation.bus.axes();
-    let [mut one, mut first, mut last] = [Vec::new(), Vec::new(), Vec::new()];
-    for phase in 0..phases {
-        let after = situation.offset(phase, phases);
-        let axis = u8::try_from(phase % u32::from(axes)).expect("small");
-        let stop = Stop { target: StopTarget::Axis(axis) };
-        one.extend(rig.react(after, &stop, situation.bound(1), axis..axis + 1));
-        let stops = rig.react(after, &EStop {}, situation.bound(axes), 0..axes);
-        first.push(stops.iter().copied().flatten().min());
-        last.push(last_stop(&stops));
-    }
-    let row =
-        |stop: &str, took: &[Option<Duration>], bound| Row::new(&format!("{situation}, {stop}"), took, bound);
-    let rows = vec![
-        row("one", &one, situation.bound(1)),
-        row("first", &first, situation.bound(1)),
-        row("last", &last, situation.bound(axes)),
-    ];
-    (rig.build_id().to_owned(), rows)
+    let times: Vec<_> = (0..phases).map(|phase| times(&rig, situation, lines, phase, phases)).collect();
+    let row = |(index, line): (usize, &Line)| {
+        let took: Vec<_> = times.iter().map(|times| times[index]).collect();
+        Row::new(&line.name(situation), &took, line.bound(situation))
+    };
+    (rig.build_id().to_owned(), lines.iter().enumerate().map(row).collect())
 }

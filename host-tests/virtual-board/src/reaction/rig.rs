@@ -12,7 +12,7 @@ use host_protocol::{
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
 
-use super::situation::{Bus, Load, Situation};
+use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
 use crate::host_uart::HostUart;
@@ -63,7 +63,7 @@ fn wired(board: &dyn Fn() -> Builder, situation: Situation) -> (Builder, Outside
     let bus = situation.bus;
     let motor =
         |node| MotorWiring { bus: bus.index(), protocol: bus.protocol(), node, bitrate: bus.bitrate() };
-    let motors: Vec<MotorWiring> = (1..=bus.axes()).map(motor).collect();
+    let motors: Vec<MotorWiring> = (0..bus.axes()).map(|axis| motor(bus.node(axis))).collect();
     let mut board = board();
     let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
     let probes = [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
@@ -92,8 +92,9 @@ impl Rig {
         drop((client, connect(1, 2)));
         {
             let mut machine = machine.borrow_mut();
-            if situation.load == Load::Foreign {
-                babble(&mut machine, probes[usize::from(situation.bus.index())], situation);
+            if situation.load == Load::Foreign(Place::BehindAll) {
+                let now = machine.now();
+                babble(&mut machine, probes, situation, now);
             }
             machine.run_for(SETTLED);
             for port in [CanPort::Bus0, CanPort::Bus1] {
@@ -102,8 +103,15 @@ impl Rig {
             machine.line(outside.rs485).clear_sent();
         }
         let mut rig = Self { situation, machine, begin: Duration::ZERO, build_id };
-        if situation.load == Load::Quiet {
-            rig.begin = rig.quiet_spell();
+        match situation.load {
+            Load::Own | Load::Foreign(Place::BehindAll) => {}
+            Load::Quiet => rig.begin = rig.quiet_spell(),
+            Load::Foreign(_) => {
+                rig.begin = rig.quiet_spell();
+                let mut machine = rig.machine.borrow_mut();
+                let from = machine.now() + rig.begin;
+                babble(&mut machine, probes, situation, from);
+            }
         }
         rig
     }
@@ -246,7 +254,7 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
             (AxisParameter::FaultPollUs, RARELY_US),
             (AxisParameter::StopAction, StopAction::Hold.into()),
             (AxisParameter::Protocol, bus.protocol().into()),
-            (AxisParameter::Node, u32::from(axis) + 1),
+            (AxisParameter::Node, bus.node(axis).into()),
             // From here on it counts on its bus.
             (AxisParameter::Bus, bus.index().into()),
         ];
@@ -292,20 +300,20 @@ fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result
     Ok(())
 }
 
-/// The node sends without a pause from now on, and loses against everybody.
-fn babble(machine: &mut Machine, node: CanNode<Probe>, situation: Situation) {
-    let now = machine.now();
+/// The node on the bus sends without a pause from an instant on.
+fn babble(machine: &mut Machine, probes: [CanNode<Probe>; 2], situation: Situation, from: Duration) {
     let frames = (SETTLED + LASTS).as_nanos() / (situation.bus.frame() * 3 / 4).as_nanos();
-    let frame = CanFrame::standard(0x7FF, &[0x55; 8]).expect("a frame");
-    let probe = machine.node(node);
+    let frame = CanFrame::standard(situation.load_id(), &[0x55; 8]).expect("a frame");
+    let probe = machine.node(probes[usize::from(situation.bus.index())]);
     for _ in 0..frames {
-        probe.send(now, &frame);
+        probe.send(from, &frame);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use host_protocol::requests::EStop;
+    use host_protocol::{Deframer, Event};
 
     use crate::fdcan::Sender;
 
@@ -315,7 +323,7 @@ mod tests {
     /// Under the load of the others' frames there is no pause in which a stop could go unnoticed.
     #[test]
     fn a_load_is_one() {
-        for load in [Load::Own, Load::Foreign] {
+        for load in [Load::Own, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
             let rig = Rig::new(&Machine::builder, situation);
             let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16);
@@ -333,6 +341,56 @@ mod tests {
                 Load::Own => assert!(ours > 50 && frames.len() > 100, "{ours} of {}", frames.len()),
                 _ => assert!(frames.len() > 140, "{} frames of others", frames.len()),
             }
+        }
+    }
+
+    /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries them.
+    fn told(rig: &Rig, within: Duration) -> Vec<Event> {
+        let bytes = rig.branch(Duration::ZERO, &EStop {}, within, |part, _| {
+            part.serial[UartPort::Host1.index()].peer_mut::<HostUart>().expect("a computer").take()
+        });
+        let mut deframer = Deframer::new();
+        let mut events = Vec::new();
+        for byte in bytes {
+            if let Some(Ok(frame)) = deframer.push(byte)
+                && frame.kind == Kind::Event
+            {
+                events.push(Event::decode(frame.number, frame.body).expect("an event of the table"));
+            }
+        }
+        events
+    }
+
+    /// A stop with an id behind that of a load that leaves no pause has no bound. It is reported, and its axis counts as unreachable; the
+    /// others are stopped in time.
+    #[test]
+    fn stops_that_lose_to_a_load_are_reported_and_the_others_leave_in_time() {
+        for place in [Place::BehindLowest, Place::Middle, Place::BeforeHighest] {
+            let situation = Situation { bus: Bus::Can, load: Load::Foreign(place) };
+            let rig = Rig::new(&Machine::builder, situation);
+            let (winners, axes) = (situation.winners(), situation.bus.axes());
+            let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(winners), 0..axes);
+            for (k, stop) in (1..=winners).zip(&stops) {
+                assert!(
+                    stop.is_some_and(|at| at <= situation.bound(winners)),
+                    "{situation}: stop {k}: {stop:?}"
+                );
+            }
+            assert!(stops[usize::from(winners)..].iter().all(Option::is_none), "{situation}: {stops:?}");
+            let events = told(&rig, situation.bound(axes) + PATIENCE * 2);
+            let named = |name: fn(&Event) -> Option<u8>| events.iter().filter_map(name).collect::<Vec<_>>();
+            let unsent = named(|event| match event {
+                Event::AxisUnreachable { axis, stop_sent: false } => Some(*axis),
+                _ => None,
+            });
+            assert_eq!(unsent, (winners..axes).collect::<Vec<_>>(), "{situation}");
+            // Sixteen events wait for a host, and those of the trips come before.
+            let delayed = named(|event| match event {
+                Event::StopDelayed { axis, .. } => Some(*axis),
+                _ => None,
+            });
+            let loses = |axis: &u8| (winners..axes).contains(axis);
+            assert!(!delayed.is_empty() && delayed.iter().all(loses), "{situation}: {delayed:?}");
         }
     }
 }

@@ -22,6 +22,8 @@ const IDLE_BITS: u32 = 20;
 const WINDOW: Duration = Duration::from_millis(1);
 /// Different periods of the traffic that the phases are taken in.
 const PERIODS: u32 = 16;
+/// The same of a load that keeps axes from their motors.
+const FEW_PERIODS: u32 = 3;
 /// Frames between two of them.
 const FRAMES_APART: u32 = 7;
 
@@ -43,7 +45,24 @@ pub(super) enum Bus {
 pub(super) enum Load {
     Quiet,
     Own,
-    Foreign,
+    Foreign(Place),
+}
+
+/// Where the id of another node lies among those of the axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Behind the lowest: the first axis wins against it, and nobody else.
+    BehindLowest,
+    /// In the middle.
+    Middle,
+    /// Before the highest: the last axis alone loses against it.
+    BeforeHighest,
+    /// Behind all.
+    BehindAll,
+}
+
+impl Place {
+    const ALL: [Self; 4] = [Self::BehindLowest, Self::Middle, Self::BeforeHighest, Self::BehindAll];
 }
 
 /// A bus with its axes, and its load.
@@ -85,6 +104,17 @@ impl Bus {
         }
     }
 
+    /// The node of an axis: between two of them there is an id for a stranger.
+    pub(super) fn node(self, axis: u8) -> u8 {
+        if self.is_can() { 2 * axis + 1 } else { axis + 1 }
+    }
+
+    /// The id of what is sent to an axis.
+    fn request_id(self, axis: u8) -> u16 {
+        let base = if self.protocol() == Protocol::Rmd { 0x140 } else { 0 };
+        base + u16::from(self.node(axis))
+    }
+
     /// Axes on it.
     pub(super) fn axes(self) -> u8 {
         if self == Self::SlowCan { D5_AXES } else { MOST_AXES }
@@ -114,12 +144,9 @@ impl Situation {
     /// Every one that the table has.
     pub(super) fn all() -> Vec<Self> {
         let loads = |bus: Bus| {
-            let loads: &[Load] = if bus.is_can() {
-                &[Load::Quiet, Load::Own, Load::Foreign]
-            } else {
-                &[Load::Quiet, Load::Own]
-            };
-            loads.iter().map(move |load| Self { bus, load: *load })
+            let places: &[Place] = if bus.is_can() { &Place::ALL } else { &[] };
+            let foreign = places.iter().map(|place| Load::Foreign(*place));
+            [Load::Quiet, Load::Own].into_iter().chain(foreign).map(move |load| Self { bus, load })
         };
         Bus::ALL.into_iter().flat_map(loads).collect()
     }
@@ -142,12 +169,40 @@ impl Situation {
         }
     }
 
+    /// How many axes, from the first, win against the load; the stops of the others have no bound.
+    pub(super) fn winners(self) -> u8 {
+        let axes = self.bus.axes();
+        match self.load {
+            Load::Foreign(Place::BehindLowest) => 1,
+            Load::Foreign(Place::Middle) => axes / 2,
+            Load::Foreign(Place::BeforeHighest) => axes - 1,
+            Load::Quiet | Load::Own | Load::Foreign(Place::BehindAll) => axes,
+        }
+    }
+
+    /// The axis that is stopped alone in a phase.
+    pub(super) fn stopped(self, phase: u32) -> u8 {
+        u8::try_from(phase % u32::from(self.winners())).expect("small")
+    }
+
+    /// The id of the load: right behind the last of those that win against it.
+    pub(super) fn load_id(self) -> u16 {
+        match self.load {
+            Load::Foreign(Place::BehindAll) => 0x7FF,
+            _ => self.bus.request_id(self.winners() - 1) + 1,
+        }
+    }
+
     /// How long after the snapshot the command of a phase is sent.
     pub(super) fn offset(self, phase: u32, phases: u32) -> Duration {
         let within = self.bus.frame() * phase / phases;
         match self.load {
             Load::Quiet => within,
-            Load::Own | Load::Foreign => within + self.bus.frame() * FRAMES_APART * (phase % PERIODS),
+            Load::Own | Load::Foreign(Place::BehindAll) => {
+                within + self.bus.frame() * FRAMES_APART * (phase % PERIODS)
+            }
+            // The load begins shortly before: an axis that it keeps from its motor trips by itself.
+            Load::Foreign(_) => within + self.bus.frame() * FRAMES_APART * (1 + phase % FEW_PERIODS),
         }
     }
 }
@@ -158,7 +213,10 @@ impl fmt::Display for Situation {
         let load = match self.load {
             Load::Quiet => "quiet",
             Load::Own => "own",
-            Load::Foreign => "foreign",
+            Load::Foreign(Place::BehindAll) => "foreign",
+            Load::Foreign(Place::BehindLowest) => "behind lowest",
+            Load::Foreign(Place::Middle) => "middle",
+            Load::Foreign(Place::BeforeHighest) => "before highest",
         };
         write!(f, "{kind} {}, {load}", self.bus.bitrate())
     }
@@ -183,12 +241,29 @@ mod tests {
     fn the_bounds_are_those_of_the_guarantees() {
         assert_bound(Bus::Can, Load::Quiet, 1, 200.0);
         assert_bound(Bus::SlowCan, Load::Quiet, 1, 200.0);
-        assert_bound(Bus::Can, Load::Foreign, 1, 235.0);
+        assert_bound(Bus::Can, Load::Foreign(Place::Middle), 1, 235.0);
         assert_bound(Bus::Can, Load::Own, 16, 100.0 + 31.0 * 135.0);
-        assert_bound(Bus::SlowCan, Load::Foreign, 1, 741.3);
+        assert_bound(Bus::SlowCan, Load::Foreign(Place::BehindAll), 1, 741.3);
         assert_bound(Bus::Rs485, Load::Own, 1, 3530.6);
         assert_bound(Bus::FastRs485, Load::Own, 1, 1240.0);
         assert_bound(Bus::FastRs485, Load::Quiet, 1, 210.0);
+    }
+
+    /// The ids of the axes are 0x141 to 0x15F, and 1 to 21, every other one.
+    #[test]
+    fn a_load_lies_between_two_axes() {
+        let load = |bus, place| {
+            let situation = Situation { bus, load: Load::Foreign(place) };
+            (situation.load_id(), situation.winners())
+        };
+        assert_eq!(
+            Place::ALL.map(|place| load(Bus::Can, place)),
+            [(0x142, 1), (0x150, 8), (0x15E, 15), (0x7FF, 16)]
+        );
+        assert_eq!(
+            Place::ALL.map(|place| load(Bus::SlowCan, place)),
+            [(2, 1), (10, 5), (20, 10), (0x7FF, 11)]
+        );
     }
 
     #[test]

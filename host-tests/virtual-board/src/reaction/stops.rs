@@ -9,7 +9,7 @@ use crate::fdcan::{FrameEnd, FrameRecord, Sender};
 use crate::nodes::since_start;
 use crate::rs485_line::SentByte;
 
-/// When the first stop of each axis began since an instant; the node of axis n is n + 1.
+/// When the first stop of each axis began since an instant; the node of axis n is n + 1 on RS485, and 2n + 1 on CAN.
 pub(super) type FirstStops = [Option<Duration>; MOST_AXES as usize];
 
 /// RMD V3.6 §2.15: 0x81 at 0x140 plus the node.
@@ -28,7 +28,7 @@ fn on_can(frame: &Frame) -> Option<usize> {
         [0xD5, node, stop @ .., _] if *stop == D5_STOP && u16::from(*node) == id => id,
         _ => return None,
     };
-    axis(node)
+    (node % 2 == 1).then(|| axis(node / 2 + 1)).flatten()
 }
 
 /// The axis that a message on RS485 stops.
@@ -83,10 +83,11 @@ mod tests {
     #[test]
     fn a_stop_is_known_by_its_bytes() {
         assert_eq!(on_can(&frame(0x141, RMD_STOP)), Some(0));
-        assert_eq!(on_can(&frame(0x150, RMD_STOP)), Some(15));
-        assert_eq!(on_can(&frame(0x151, RMD_STOP)), None, "no axis of ours");
+        assert_eq!(on_can(&frame(0x15F, RMD_STOP)), Some(15));
+        assert_eq!(on_can(&frame(0x161, RMD_STOP)), None, "no axis of ours");
+        assert_eq!(on_can(&frame(0x142, RMD_STOP)), None, "between two axes");
         assert_eq!(on_can(&frame(0x141, [0x9C, 0, 0, 0, 0, 0, 0, 0])), None);
-        assert_eq!(on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0, 0, 0x33])), Some(10));
+        assert_eq!(on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0, 0, 0x33])), Some(5));
         assert_eq!(on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0x73, 0, 0xA6])), None, "a speed");
         let stop = [0x3E, 1, 8, 0x81, 0, 0, 0, 0, 0, 0, 0, 0x32, 0xA5];
         assert_eq!(on_rs485(&stop), Some(0));
