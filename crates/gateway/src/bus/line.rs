@@ -32,7 +32,9 @@ pub(super) struct Line {
     deframer: Deframer,
     /// When the last byte was sent or heard.
     active_at: Instant,
-    /// When the last bit of what we sent last had left.
+    /// When the port took what we sent last.
+    taken_at: Instant,
+    /// When the last bit of that had left.
     sent_at: Instant,
     /// A request that may still be answered.
     awaited: Option<Awaited>,
@@ -77,6 +79,7 @@ impl Line {
             sent_frame: None,
             deframer: Deframer::new(),
             active_at: Instant::from_micros(0),
+            taken_at: Instant::from_micros(0),
             sent_at: Instant::from_micros(0),
             awaited: None,
         }
@@ -107,7 +110,8 @@ impl Line {
     }
 
     /// The port has taken these bytes.
-    pub fn taken(&mut self, bytes: &[u8]) {
+    pub fn taken(&mut self, now: Instant, bytes: &[u8]) {
+        self.taken_at = now;
         self.awaited = None;
         self.deframer.reset();
         self.echo.clear();
@@ -121,11 +125,12 @@ impl Line {
         }
     }
 
-    /// The last bit has left; a reply may come.
+    /// The last bit has left; a reply may come. A stop waits for the reply from when the bits had their time on the line: the port
+    /// may report them much later, as after an e-stop of many axes.
     pub fn sent(&mut self, now: Instant, times: LineTimes) {
         self.active_at = now;
-        self.sent_at = now;
-        let (until, until_for_stop) = (now + times.window, now + times.stop_delay());
+        self.sent_at = now.min(self.taken_at + times.frame);
+        let (until, until_for_stop) = (now + times.window, self.sent_at + times.stop_delay());
         self.awaited = Some(Awaited { until, until_for_stop });
     }
 

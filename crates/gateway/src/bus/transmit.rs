@@ -277,7 +277,7 @@ impl Bus {
         let id: Option<Id> = match &frame {
             Outgoing::Can(frame) => Some(frame.id()),
             Outgoing::Serial(bytes) => {
-                self.line.taken(bytes);
+                self.line.taken(now, bytes);
                 None
             }
         };

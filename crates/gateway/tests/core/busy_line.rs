@@ -103,3 +103,28 @@ fn a_port_that_loses_a_frame_is_started_again_and_the_stop_goes_out() {
     let first = stops_since(&rig, since)[0];
     assert!((20_000..=30_000).contains(&first), "{first}");
 }
+
+/// A frame takes 1129 µs. Its reply has 1 ms from then on to begin, however late the port says that the frame has left.
+#[test]
+fn a_port_that_reports_a_frame_late_holds_no_stop_back() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.motor = Box::new(|_, _, _| None);
+    let taken = loop {
+        rig.now_us += 50;
+        rig.gateway.handle(rig.now(), Event::Tick, &mut |_, _| {});
+        if let Some(transmit) = rig.gateway.poll_transmit(rig.now(), 2) {
+            break transmit;
+        }
+    };
+    let since = rig.now_us;
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    rig.now_us = since + 1_129 + 500;
+    rig.gateway.handle(rig.now(), Event::Transmitted { bus: 2, slot: taken.slot }, &mut |_, _| {});
+    while rig.gateway.poll_transmit(rig.now(), 2).is_none() {
+        rig.now_us += 10;
+        rig.gateway.handle(rig.now(), Event::Tick, &mut |_, _| {});
+    }
+    let waited = rig.now_us - since;
+    assert!((2_129..=2_139).contains(&waited), "{waited}");
+}
