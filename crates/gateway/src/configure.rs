@@ -90,12 +90,13 @@ impl Gateway {
             return Err(error);
         }
         let Self { axes, buses, links, .. } = self;
-        if is_of_address(parameter) {
-            buses.iter_mut().for_each(|bus| bus.disown(request.axis));
-        }
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
+            let moved = is_of_address(parameter) && axis.config.get(parameter) != previous.get(parameter);
+            if moved {
+                buses.iter_mut().for_each(|bus| bus.disown(request.axis));
+            }
             let same = axis.config.address() == previous.address();
-            axis.configured(parameter, same, complete, &mut Outbox::new(now, links));
+            axis.configured(moved, same, complete, &mut Outbox::new(now, links));
         }
         for bus in touched.into_iter().flatten() {
             self.end_raw(now, bus);

@@ -5,8 +5,8 @@ mod check;
 mod file;
 
 use host_protocol::{
-    AxisParameter, BusConfig, Error, GatewayParameter, Protocol, ProtocolSet, Quantity, REPLY_WINDOW_US,
-    Value,
+    AxisParameter, BusConfig, Error, GatewayParameter, MotorTimeout, Protocol, ProtocolSet, Quantity,
+    REPLY_WINDOW_US, Value,
 };
 use mgw_client::{Client, ClientError, Transport};
 use std::time::Duration;
@@ -86,7 +86,7 @@ impl Plan {
         }
         for AxisPlan { axis, motor_timeout_ms, .. } in self.axes() {
             if let Some(timeout_ms) = motor_timeout_ms {
-                client.provision_motor_timeout(*axis, *timeout_ms)?;
+                provision(client, *axis, *timeout_ms)?;
             }
         }
         Ok(())
@@ -99,6 +99,20 @@ impl Plan {
     pub fn axes(&self) -> impl Iterator<Item = &AxisPlan> {
         self.axes.iter().map(|axis| &axis.what)
     }
+}
+
+/// Writes a motor's own timeout, unless the gateway knows that the motor has it: an RMD keeps it in ROM, which wears (RMD V3.6 §2.30).
+fn provision<T: Transport>(client: &mut Client<T>, axis: u8, timeout_ms: u32) -> Result<(), Failure> {
+    let is_known = match client.read_state_when_free(axis).map(|report| report.motor_timeout) {
+        Ok(MotorTimeout::Written { timeout_ms: written }) => written == timeout_ms,
+        // The switch of a D5.
+        Ok(MotorTimeout::Verified) => timeout_ms != 0,
+        _ => false,
+    };
+    if !is_known {
+        client.provision_motor_timeout(axis, timeout_ms)?;
+    }
+    Ok(())
 }
 
 impl BusPlan {

@@ -28,7 +28,6 @@ pub(crate) use restart::Restart;
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
-use crate::configure::is_of_address;
 use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Earliest, Instant};
@@ -36,7 +35,7 @@ use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Quiet, Silence};
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
+    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
 };
 use motion::Motion;
 use telemetry::Telemetry;
@@ -239,9 +238,10 @@ impl Axis {
             && !(self.is_kept_holding() && exchange == Exchange::Velocity)
     }
 
-    /// A parameter has been set. Another motor is another motor: nothing is known of it. The `same` motor goes on holding.
-    pub fn configured(&mut self, parameter: AxisParameter, same: bool, complete: bool, out: &mut Outbox<'_>) {
-        if is_of_address(parameter) {
+    /// A parameter has been set. Where it has `moved` what decides by which frames the motor is reached, nothing is known of the motor; the
+    /// `same` one goes on holding.
+    pub fn configured(&mut self, moved: bool, same: bool, complete: bool, out: &mut Outbox<'_>) {
+        if moved {
             self.leave_bus();
             self.forget_motor_timeout();
             self.forget_run_time();

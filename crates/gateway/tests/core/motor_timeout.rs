@@ -150,19 +150,19 @@ fn what_may_have_changed_the_motor_makes_it_unknown() {
 
 #[test]
 fn another_address_is_another_motor() {
-    for (changed, value) in [
-        (AxisParameter::Node, Value::Unsigned(2)),
-        (AxisParameter::Bus, Value::Unsigned(1)),
-        (AxisParameter::Protocol, Value::Unsigned(Protocol::Rmd.number().into())),
+    let unknown = Err(Error::MotorTimeoutUnknown { axis: 0 });
+    for (changed, value, expected) in [
+        (AxisParameter::Node, 2, unknown),
+        (AxisParameter::Bus, 1, unknown),
+        // It is the same motor.
+        (AxisParameter::Node, 1, Ok(KNOWN)),
+        (AxisParameter::Bus, 0, Ok(KNOWN)),
+        (AxisParameter::Protocol, Protocol::Rmd.number().into(), Ok(KNOWN)),
     ] {
         let (mut rig, _) = bench::rmd_with_timeout(400);
         bench::configure_bus(&mut rig, 1, 1_000_000, &[Protocol::Rmd]);
-        parameter(&mut rig, 0, changed, value);
-        assert_eq!(
-            arm_allowing(&mut rig, false, false),
-            Err(Error::MotorTimeoutUnknown { axis: 0 }),
-            "{changed:?}"
-        );
+        parameter(&mut rig, 0, changed, Value::Unsigned(value));
+        assert_eq!(arm_allowing(&mut rig, false, false), expected, "{changed:?} {value}");
     }
     for changed in [AxisParameter::D5RequestId, AxisParameter::D5ReplyId] {
         let (mut rig, _) = bench::d5();

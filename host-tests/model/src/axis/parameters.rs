@@ -51,9 +51,11 @@ pub(crate) enum StopAction {
 }
 
 impl Axis {
-    pub fn set(&mut self, number: u16, bits: u32) {
-        self.parameters.insert(number, bits);
-        if Self::is_address(number) {
+    /// Sets a parameter; whether it is another motor from now on, which is reached by other frames.
+    pub fn set(&mut self, number: u16, bits: u32) -> bool {
+        let before = self.parameters.insert(number, bits);
+        let moved = Self::is_address(number) && before != Some(bits);
+        if moved {
             self.motor_timeout_ms = None;
             self.motor_timeouts_asked.clear();
             self.timeout = Timeout::Unknown;
@@ -61,10 +63,11 @@ impl Axis {
             // It is another motor, which owes nothing.
             self.duty = None;
         }
+        moved
     }
 
     /// Whether a parameter says which motor it is.
-    pub fn is_address(number: u16) -> bool {
+    fn is_address(number: u16) -> bool {
         use parameter::{BUS, D5_REPLY_ID, D5_REQUEST_ID, NODE, PROTOCOL};
         matches!(number, BUS | PROTOCOL | NODE | D5_REQUEST_ID | D5_REPLY_ID)
     }

@@ -39,7 +39,7 @@ impl Oracle {
             Request::ConfigureAxis { axis: index, parameter, value } => {
                 let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
                 let before = axis.bus();
-                axis.set(parameter, value);
+                let moved = axis.set(parameter, value);
                 let after = axis.bus();
                 let open =
                     after.and_then(|bus| self.buses.get(bus)).filter(|bus| bus.raw_open && bus.raw_unsafe);
@@ -50,7 +50,7 @@ impl Oracle {
                 }
                 self.close_raw(before, now);
                 self.close_raw(after, now);
-                if Axis::is_address(parameter) {
+                if moved {
                     self.orphan(index);
                 }
                 self.judge_configuration(now, index.into());

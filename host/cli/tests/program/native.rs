@@ -45,7 +45,7 @@ fn what_moves_is_armed_kept_up_and_stopped() {
     ] {
         let text = native(&sim, words).failure(2);
         assert!(text.contains("--for SECONDS"), "{words}: {text}");
-        let lines = native(&sim, &format!("{words} --for 1 --json")).json_lines();
+        let lines = native(&sim, &format!("{words} --for 2 --json")).json_lines();
         let has = |is: &dyn Fn(&Value) -> bool| lines.iter().any(is);
         assert!(has(&|line| line["frame"].as_str().is_some_and(|data| data.starts_with(frame))), "{lines:?}");
         let moved =
