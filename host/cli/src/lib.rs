@@ -9,6 +9,7 @@ mod decode;
 mod demo;
 mod encode;
 mod failure;
+mod faults;
 mod four_motors;
 mod frames;
 mod interrupt;

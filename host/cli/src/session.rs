@@ -8,6 +8,7 @@ use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
+use crate::faults;
 use crate::json;
 use crate::output::{Output, to_json};
 use crate::states;
@@ -69,11 +70,28 @@ impl Session {
             }
         }
         self.out.table(&states::table(&reports))?;
+        self.explain_faults(&reports)?;
         for (axis, error) in &unread {
             self.out.text(format!("axis {axis} is not read: {error}"))?;
         }
         let unread = unread.iter().map(|(axis, error)| json!({ "axis": axis, "error": error.name() }));
         self.out.object(&json!({ "axes": reports.iter().map(to_json).chain(unread).collect::<Vec<_>>() }))
+    }
+
+    /// Says in words what the fault words mean.
+    pub fn explain_faults(&mut self, reports: &[AxisReport]) -> Result<(), Failure> {
+        let word = |report: &AxisReport| report.faults.map_or(0, |faults| faults.word);
+        if reports.iter().all(|report| word(report) == 0) {
+            return Ok(());
+        }
+        let axes = self.client.list_axes()?;
+        for report in reports {
+            let protocol = axes.iter().find(|axis| axis.axis == report.axis).and_then(|axis| axis.protocol);
+            for line in protocol.into_iter().flat_map(|p| faults::explain(report.axis, p, word(report))) {
+                self.out.text(line)?;
+            }
+        }
+        Ok(())
     }
 
     /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive meanwhile.

@@ -1,0 +1,79 @@
+//! The bits of a motor's fault word in words: what its manual calls them, what the motor's light shows, how they end.
+
+use host_protocol::Protocol;
+use rmd::FaultLevel;
+
+/// A line for each bit of the word that the manual lists, and one for those that it does not.
+pub fn explain(axis: u8, protocol: Protocol, word: u16) -> Vec<String> {
+    let line = |bits: u16, name: &str, more: &str| format!("axis {axis}: {name} ({bits:#06x}){more}");
+    let mut lines: Vec<String> = match protocol {
+        Protocol::Rmd => rmd::Faults::from_bits_retain(word)
+            .infos()
+            .map(|info| line(info.fault.bits(), info.name, &rmd_end(axis, info.level)))
+            .collect(),
+        Protocol::Thruster => thruster::Faults::from_bits_retain(word)
+            .infos()
+            .map(|info| line(info.fault.bits(), info.name, ""))
+            .collect(),
+        Protocol::D5 => d5::Faults::from_bits_retain(word.to_le_bytes()[0])
+            .infos()
+            .map(|info| line(u16::from(info.fault.bits()), info.name, ""))
+            .collect(),
+    };
+    let unlisted = word & !listed(protocol);
+    if unlisted != 0 {
+        lines.push(line(unlisted, "a fault that the manual does not list", ""));
+    }
+    lines
+}
+
+/// What the light of an RMD shows, and how the fault ends (RMD V3.6 §8.1).
+fn rmd_end(axis: u8, level: FaultLevel) -> String {
+    match level {
+        FaultLevel::Recovers => {
+            ": the motor's light flashes slowly until the cause is gone; then the motor resumes by itself"
+                .into()
+        }
+        FaultLevel::UntilRestart => format!(
+            ": the motor's light flashes fast until the motor restarts; remove the cause, then `mgw clear {axis} --restart`"
+        ),
+    }
+}
+
+fn listed(protocol: Protocol) -> u16 {
+    match protocol {
+        Protocol::Rmd => rmd::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits()),
+        Protocol::Thruster => thruster::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits()),
+        Protocol::D5 => d5::FAULTS.iter().fold(0, |bits, info| bits | u16::from(info.fault.bits())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RMD V3.6 §8.1: a fast flash is level 1, a slow one level 2.
+    #[test]
+    fn the_light_of_an_rmd_tells_how_its_fault_ends() {
+        assert_eq!(
+            explain(3, Protocol::Rmd, 0x8006),
+            [
+                "axis 3: stall (0x0002): the motor's light flashes fast until the motor restarts; remove the cause, \
+                 then `mgw clear 3 --restart`",
+                "axis 3: under_voltage (0x0004): the motor's light flashes slowly until the cause is gone; then the \
+                 motor resumes by itself",
+                "axis 3: a fault that the manual does not list (0x8000)",
+            ]
+        );
+    }
+
+    #[test]
+    fn faults_of_the_other_protocols_have_their_names() {
+        assert_eq!(explain(0, Protocol::Thruster, 0x0800), ["axis 0: timeout (0x0800)"]);
+        assert_eq!(
+            explain(1, Protocol::D5, 0x0150),
+            ["axis 1: stall (0x0040)", "axis 1: a fault that the manual does not list (0x0110)"]
+        );
+        assert!(explain(0, Protocol::D5, 0).is_empty());
+    }
+}
