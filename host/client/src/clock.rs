@@ -72,6 +72,11 @@ impl Clock {
         self.samples.iter().map(bound).min()
     }
 
+    /// How far apart the bounds are, in µs; `None` before the first exchange.
+    pub(crate) fn width_us(&self, now: Duration) -> Option<u64> {
+        self.latest_us(now).map(|latest| latest.saturating_sub(self.earliest_us(now)))
+    }
+
     /// The best guess of the gateway's time, in µs.
     pub(crate) fn estimate_us(&self, now: Duration) -> u64 {
         let earliest = self.earliest_us(now);
@@ -114,6 +119,16 @@ mod tests {
         clock.measure(at(40_000), at(70_000), 1_045_000);
         // The second one says 1 030 100 at 30 200: 39 800 µs later less 39 µs of drift.
         assert_eq!(clock.earliest_us(at(70_000)), 1_030_100 + 39_800 - 39);
+    }
+
+    #[test]
+    fn the_bounds_are_as_far_apart_as_the_quickest_exchange_took() {
+        let mut clock = Clock::default();
+        assert_eq!(clock.width_us(at(0)), None);
+        clock.measure(at(0), at(160_000), 1_100_000);
+        assert_eq!(clock.width_us(at(160_000)), Some(160_160));
+        clock.measure(at(170_000), at(170_300), 1_170_200);
+        assert_eq!(clock.width_us(at(170_300)), Some(300));
     }
 
     #[test]

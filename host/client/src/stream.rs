@@ -43,13 +43,16 @@ pub(crate) struct Flow {
     pub(crate) epoch: u32,
     pub(crate) ttl: Duration,
     pub(crate) motion: Motion,
-    awaited: VecDeque<u16>,
+    /// The setpoints that have not been answered, and what `excess` and `narrowed` came to together when each was sent.
+    awaited: VecDeque<(u16, Duration)>,
     /// When the gateway took one last, or the stream began.
     taken: Duration,
     /// It has come at the wrong time since.
     miss: Option<Error>,
-    /// By how much the expiries of earlier setpoints lay too far ahead for the gateway.
+    /// By how much the expiries of earlier setpoints lay too far ahead for the gateway, as far as its clock is not known better since.
     excess: Duration,
+    /// By how much the bounds on the gateway's clock have come nearer to each other, in all.
+    narrowed: Duration,
     /// Why it has ended.
     refusal: Option<ClientError>,
 }
@@ -65,11 +68,18 @@ impl Flow {
             taken: Duration::ZERO,
             miss: None,
             excess: Duration::ZERO,
+            narrowed: Duration::ZERO,
             refusal: None,
         }
     }
 
-    fn take(&mut self, now: Duration, answer: &Answer, reply: &mut Option<Bytes<MAX_CAN_DATA>>) {
+    fn take(
+        &mut self,
+        now: Duration,
+        answer: &Answer,
+        sent_with: Duration,
+        reply: &mut Option<Bytes<MAX_CAN_DATA>>,
+    ) {
         let read = match self.motion {
             Motion::Setpoint(_) => answer.read::<ask::Setpoint>().map(|Done {}| None),
             Motion::Native(_) => answer.read::<ask::Native>().map(|native| Some(native.data)),
@@ -86,7 +96,7 @@ impl Flow {
             Err(ClientError::Gateway(error)) if is_miss(&error) => {
                 self.miss = Some(error);
                 if let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error {
-                    self.stay_below(f64::from(value) - f64::from(max));
+                    self.stay_below(f64::from(value) - f64::from(max), sent_with);
                 }
             }
             Err(error) => {
@@ -101,10 +111,17 @@ impl Flow {
         (self.ttl - self.ttl / MARGIN_PART).saturating_sub(self.excess)
     }
 
-    /// The gateway has found an expiry too far ahead, by so many µs.
-    fn stay_below(&mut self, excess_us: f64) {
+    /// The gateway has found an expiry too far ahead, by so many µs. What the clock has told since that setpoint was sent counts already.
+    fn stay_below(&mut self, excess_us: f64, sent_with: Duration) {
         let excess = Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default();
-        self.excess = self.excess.saturating_add(excess).min(self.ttl / 2);
+        let needed = sent_with.saturating_add(excess).saturating_sub(self.narrowed);
+        self.excess = self.excess.max(needed).min(self.ttl / 2);
+    }
+
+    /// The bounds on the gateway's time have come nearer to each other by so much: so much less can an expiry lie too far ahead.
+    fn clock_narrowed(&mut self, by: Duration) {
+        self.excess = self.excess.saturating_sub(by);
+        self.narrowed = self.narrowed.saturating_add(by);
     }
 
     fn check(&mut self, now: Duration) -> Result<(), ClientError> {
@@ -184,7 +201,7 @@ impl Stream {
         if flow.awaited.len() == AWAITED {
             flow.awaited.pop_front();
         }
-        flow.awaited.push_back(sequence);
+        flow.awaited.push_back((sequence, flow.excess.saturating_add(flow.narrowed)));
     }
 
     /// Takes an answer if it is one to this stream.
@@ -195,7 +212,10 @@ impl Stream {
             if let Some((_, sent)) = self.pings.remove(at)
                 && let Ok(pong) = arrived.answer.read::<ask::Ping>()
             {
+                let before = clock.width_us(now);
                 clock.measure(sent, now, pong.time_us);
+                let narrowed = before.unwrap_or(0).saturating_sub(clock.width_us(now).unwrap_or(0));
+                self.flows.iter_mut().for_each(|flow| flow.clock_narrowed(Duration::from_micros(narrowed)));
                 self.ponged = now;
             }
             return true;
@@ -205,9 +225,9 @@ impl Stream {
                 Motion::Setpoint(_) => ask::Setpoint::NUMBER,
                 Motion::Native(_) => ask::Native::NUMBER,
             };
-            if let Some(at) = flow.awaited.iter().position(|sequence| arrived.answers(*sequence, number)) {
-                flow.awaited.remove(at);
-                flow.take(now, &arrived.answer, &mut self.reply);
+            let position = flow.awaited.iter().position(|(sequence, _)| arrived.answers(*sequence, number));
+            if let Some((_, sent_with)) = position.and_then(|at| flow.awaited.remove(at)) {
+                flow.take(now, &arrived.answer, sent_with, &mut self.reply);
                 return true;
             }
         }
