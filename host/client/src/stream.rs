@@ -149,6 +149,8 @@ pub(crate) struct Stream {
     next_ping: Duration,
     pings: VecDeque<(u16, Duration)>,
     ponged: Duration,
+    /// The nearest that the bounds on the gateway's clock have come to each other, µs.
+    narrowest_us: Option<u64>,
     /// What a motor answered to a native command, last.
     pub(crate) reply: Option<Bytes<MAX_CAN_DATA>>,
 }
@@ -160,7 +162,8 @@ impl Stream {
         let axes = u32::try_from(flows.len()).unwrap_or(u32::MAX).max(1);
         let period = (ttl / RENEWALS_PER_TTL).min(RENEW_WITHIN).max(SHORTEST_SPACE.saturating_mul(axes));
         flows.iter_mut().for_each(|flow| flow.taken = now);
-        Self { flows, period, next: now, next_ping: now, pings: VecDeque::new(), ponged: now, reply: None }
+        let (pings, narrowest_us, reply) = (VecDeque::new(), None, None);
+        Self { flows, period, next: now, next_ping: now, pings, ponged: now, narrowest_us, reply }
     }
 
     /// When something is to be sent next.
@@ -212,10 +215,12 @@ impl Stream {
             if let Some((_, sent)) = self.pings.remove(at)
                 && let Ok(pong) = arrived.answer.read::<ask::Ping>()
             {
-                let before = clock.width_us(now);
+                let before = self.narrowest_us.or(clock.width_us(now)).unwrap_or(0);
                 clock.measure(sent, now, pong.time_us);
-                let narrowed = before.unwrap_or(0).saturating_sub(clock.width_us(now).unwrap_or(0));
-                self.flows.iter_mut().for_each(|flow| flow.clock_narrowed(Duration::from_micros(narrowed)));
+                let after = clock.width_us(now).unwrap_or(0).min(before);
+                self.narrowest_us = Some(after);
+                let narrowed = Duration::from_micros(before - after);
+                self.flows.iter_mut().for_each(|flow| flow.clock_narrowed(narrowed));
                 self.ponged = now;
             }
             return true;
