@@ -79,6 +79,10 @@ impl Gateway {
             return Err(Error::NotIdle { axis: request.axis, state: axis.state });
         }
         let touched = [axis.config.bus(), config.bus()];
+        // What waits in its motor would not be asked for any more before the frame that starts all of the bus.
+        if touched.into_iter().flatten().any(|bus| self.starts_together_on(bus)) {
+            return Err(Error::Busy { axis: request.axis });
+        }
         if let Some(bus) = config.bus()
             && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
         {

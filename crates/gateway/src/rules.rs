@@ -244,11 +244,13 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
     }
 }
 
-/// Refuses a target to which nothing limits the speed unless it is near where the motor is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33).
-pub(crate) fn check_nearness(axis: u8, demand: Demand, position_rad: Option<f32>) -> Result<(), Error> {
+/// Refuses a target to which nothing limits the speed unless it is near where the motor is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33). `measured`
+/// is where it was, and how far it has gone since.
+pub(crate) fn check_nearness(axis: u8, demand: Demand, measured: Option<(f32, f32)>) -> Result<(), Error> {
     let Demand::Unlimited { position_rad: target } = demand else { return Ok(()) };
-    let at = position_rad.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
-    within(Quantity::Position, target, at - NEAR_RAD, at + NEAR_RAD)
+    let (at, way) = measured.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
+    let near = (NEAR_RAD - way).max(0.0);
+    within(Quantity::Position, target, at - near, at + near)
 }
 
 /// Refuses a setpoint that is not a number or lies beyond a limit of the axis.

@@ -49,6 +49,13 @@ fn bit(axis: &Axis) -> u32 {
 }
 
 impl Gateway {
+    /// Whether motors of this bus are about to start together.
+    pub(crate) fn starts_together_on(&self, bus: u8) -> bool {
+        self.together.is_some_and(|together| {
+            self.axes.iter().any(|axis| together.concerns(axis) && axis.config.bus() == Some(bus))
+        })
+    }
+
     pub(crate) fn start_together(
         &mut self,
         now: Instant,

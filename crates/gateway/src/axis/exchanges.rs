@@ -105,6 +105,14 @@ pub(super) struct Silence {
 impl Silence {
     pub const NONE: Self = Self { missed: 0, since: Instant::from_micros(0) };
 
+    /// What a motor has not answered for so long it answers no more (the longest reply window, GUARANTEES).
+    const LATEST_REPLY: Duration = Duration::from_millis(300);
+
+    /// Whether what it has not answered may still be answered.
+    pub fn may_end(&self, now: Instant) -> bool {
+        self.missed > 0 && now.since(self.since) < Self::LATEST_REPLY
+    }
+
     /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES G3).
     const SHORTEST: Duration = Duration::from_millis(50);
 
@@ -121,7 +129,7 @@ impl Silence {
 impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
-        let unambiguous = !self.may_answer_an_older(&command);
+        let unambiguous = !self.may_answer_an_older(now, &command);
         let motion = self.motion.as_ref().filter(|_| exchange == Exchange::Motion);
         self.pending = Some(Pending {
             exchange,

@@ -103,6 +103,13 @@ impl Measured {
         self.known.contains(StateField::Faults).then_some(self.faults)
     }
 
+    /// The position last read, and how far the motor has gone since at the velocity last read, rad.
+    pub fn position_and_way(&self, now: Instant) -> Option<(f32, f32)> {
+        let (position, velocity) = (self.number(StateField::Position)?, self.number(StateField::Velocity)?);
+        let age_s = self.age_us(now, StateField::Position) as f32 / 1e6;
+        Some((position, velocity.abs() * age_s))
+    }
+
     /// The velocity, if it was measured at `since` or later.
     pub fn velocity_since(&self, since: Instant) -> Option<f32> {
         let at = self.at.get(index(StateField::Velocity)).copied()?;

@@ -350,8 +350,10 @@ impl Axis {
     }
 
     /// Whether a reply to this command may be the late one to a command sent before.
-    fn may_answer_an_older(&self, command: &Command) -> bool {
+    fn may_answer_an_older(&self, now: Instant, command: &Command) -> bool {
         let displaced = self.displaced.as_ref().map(Displaced::command);
-        displaced.is_some_and(|older| motor::are_answered_alike(older, command, &self.config))
+        let unanswered =
+            self.motion_silence.may_end(now) && !motor::replies_tell_values(command, &self.config);
+        unanswered || displaced.is_some_and(|older| motor::are_answered_alike(older, command, &self.config))
     }
 }

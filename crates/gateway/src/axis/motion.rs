@@ -6,7 +6,7 @@ use crate::outbox::{Outbox, Ticket};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
-use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, StateField, TripReason};
+use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, TripReason};
 
 /// What a host gives with everything that moves.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +89,7 @@ impl Axis {
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
         rules::check_demand(self.index, motion.demand, &self.config)?;
-        rules::check_nearness(self.index, motion.demand, self.measured.number(StateField::Position))?;
+        rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
         self.make_way(now, out);
         self.supersede(now, out);
         if self.is_busy() {
