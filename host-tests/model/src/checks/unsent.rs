@@ -39,7 +39,8 @@ impl Oracle {
     /// An axis is told to be unreachable: because its stops came to nothing, or because none could be sent.
     pub(super) fn judge_unreachable(&mut self, now: u64, index: usize, stop_sent: bool) {
         let Some(duty) = self.axes.get(index).and_then(|axis| axis.duty.as_ref()) else { return };
-        if duty.cause == Cause::Reset {
+        // What is owed since this very instant is not what came to nothing: that of before was, and somebody has just cleared it.
+        if duty.cause == Cause::Reset || duty.since_us >= now {
             return;
         }
         let none_has = duty.left + duty.left_before == 0 && duty.last.is_none();
