@@ -120,7 +120,7 @@ fn a_motor_turns_while_nobody_looks_and_a_reset_of_the_port_leaves_it_alone() {
         registers.reset();
         port.reset_line(registers, context);
     });
-    bench.run(1_500 * MS);
+    bench.run(8_000 * MS);
     assert_eq!(line(&mut bench).motor(0).speed_rad_s(), 0.0);
     assert!(log(&mut bench, 0).contains(&"own timeout after 1000 ms without a command".to_owned()));
 }
