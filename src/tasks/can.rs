@@ -43,14 +43,20 @@ impl CanBus<'_> {
     /// Until the setup changes.
     async fn run(mut self, setup: BusSetup, life: &Watch, turn: &Turn) {
         self.follow_error_state().await;
+        let mut followed = false;
         while self.gateway.bus_setup_to_poll(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            // A full queue must not keep the other tasks waiting.
-            turn.end().await;
+            // A full queue must not keep the other tasks waiting; what another task's event brings about counts there.
+            if core::mem::take(&mut followed) {
+                turn.end().await;
+            } else {
+                turn.pause().await;
+            }
             if let Either::Second(happening) = turn.wait(self.next(life)).await {
                 self.follow(happening).await;
                 self.report_losses();
+                followed = true;
                 // What follows from it takes as long again, and a demand may have come.
                 turn.pause().await;
             }

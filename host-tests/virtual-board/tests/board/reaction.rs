@@ -25,7 +25,8 @@ pub fn stop_within(axis: u8) -> Duration {
         RMD => SOFTWARE + FRAME_1M * 3,
         // The second, and the reply of the RMD outranks it: g + F(2k − 1 + m), k = 2, m = 1.
         THRUSTER => SOFTWARE + FRAME_1M * 4,
-        // A reply that is due has its id, so it waits for that: g + W + F(2k − 1), k = 1.
+        // A reply that is due has its id, so it waits for that: g + W + F(2k − 1), k = 1. G5 allows another F for a reply that begins
+        // at the end of W; the motors here begin within 0.4 ms, and what is later is our own delay.
         D5 => SOFTWARE + WINDOW + FRAME_210K,
         // g + 2C + W + 20 / baud.
         _ => SOFTWARE + MESSAGE * 2 + WINDOW + IDLE,
