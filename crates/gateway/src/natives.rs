@@ -121,9 +121,6 @@ impl Gateway {
         if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
-        if motor::acts_after_restart(&native.command) {
-            self.axis_mut(index)?.owe_restart(now);
-        }
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
     }
 

@@ -44,6 +44,11 @@ impl Pending {
         self.until
     }
 
+    /// When the frame had left.
+    fn left_at(&self) -> Option<Instant> {
+        self.until.map(|until| until - self.window)
+    }
+
     /// Since when the motion in it has waited, if it is one that has not left.
     pub fn undelivered_since(&self) -> Option<Instant> {
         let waits = self.exchange == Exchange::Motion && self.until.is_none();
@@ -374,7 +379,7 @@ impl Axis {
         if pending.exchange == Exchange::Motion {
             silent |= self.motion_silence.goes_on(now, pending.window, enough);
         }
-        let unread = pending.exchange == Exchange::Faults && self.faults_stay_unread();
+        let unread = self.stays_unread(pending.exchange);
         // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
         if self.is_armed() && (silent || unread || pending.once) {
             self.trip(now, TripReason::MotorSilent, out);
@@ -405,6 +410,9 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         self.observe(now, &seen, out);
+        if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, pending.left_at()) {
+            self.note_run_time(now, asked, run_time_ms, out);
+        }
         self.judge_motion(now, pending, &seen, out);
         self.stop_answered(now, pending, &seen, out);
         self.job_answered(now, pending, &seen, data, out);
@@ -434,7 +442,7 @@ impl Axis {
     }
 
     fn refused(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
-        if self.is_armed() && pending.exchange == Exchange::Faults && self.faults_stay_unread() {
+        if self.is_armed() && self.stays_unread(pending.exchange) {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
@@ -446,11 +454,16 @@ impl Axis {
         self.job_refused(now, pending.exchange, out);
     }
 
-    /// Counts a request for the fault word that told nothing, and says whether there were too many: motion replies do not
-    /// carry faults, so a motor that answers everything else is as good as silent.
-    fn faults_stay_unread(&mut self) -> bool {
-        self.faults_unread = self.faults_unread.saturating_add(1);
-        self.faults_unread >= self.config.missed_replies()
+    /// Counts a request that told nothing for what no other reply carries, the fault word and the run time, and says whether there were
+    /// too many: a motor that answers everything else is as good as silent.
+    fn stays_unread(&mut self, exchange: Exchange) -> bool {
+        let unread = match exchange {
+            Exchange::Faults => &mut self.faults_unread,
+            Exchange::RunTime => &mut self.run_time_unread,
+            _ => return false,
+        };
+        *unread = unread.saturating_add(1);
+        *unread >= self.config.missed_replies()
     }
 
     /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal (PROTOCOL-NOTES R20, R30).

@@ -103,7 +103,10 @@ impl JobKind {
             }
             Self::OutputOff => &[Exchange::OutputOff],
             Self::Native { command, .. } => {
-                return [Some(Exchange::Native), motor::read_back(&command)].get(index).copied().flatten();
+                // Whether it has restarted since is seen by its run time before.
+                let before = motor::acts_after_restart(&command).then_some(Exchange::RunTime);
+                let steps = [before, Some(Exchange::Native), motor::read_back(&command)];
+                return steps.into_iter().flatten().nth(index);
             }
             Self::NativeMotion => &[Exchange::Motion],
             Self::Prepare { .. } => &[Exchange::Native, Exchange::PendingWrite],
@@ -227,9 +230,7 @@ impl Axis {
             self.fail(now, error, out);
             return;
         }
-        if let Some(run_time_ms) = seen.run_time_ms
-            && self.awaits_restart(now, run_time_ms, out)
-        {
+        if exchange == Exchange::RunTime && self.awaits_restart(now, out) {
             return;
         }
         self.step_done(now, seen, data, out);

@@ -21,9 +21,6 @@ impl Axis {
         if let Some(waits) = seen.write_pending {
             self.write_waits = waits;
         }
-        if let Some(run_time_ms) = seen.run_time_ms {
-            self.note_run_time(now, run_time_ms, out);
-        }
         if self.state == AxisState::Holding
             && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity))
         {

@@ -38,6 +38,7 @@ use host_protocol::{
     AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
 };
 use motion::Motion;
+use restart::RunTime;
 use telemetry::Telemetry;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
@@ -98,10 +99,12 @@ pub(crate) struct Axis {
     uncommanded_since: Option<Instant>,
     /// When the request left that the motor has not answered.
     unanswered_since: Option<Instant>,
-    /// RMD: time since the motor started, as last read, ms; 0 where it is not known.
-    run_time_ms: u32,
-    /// When the motor was told something that acts after a restart, if it has not been seen to restart since; 0 where nothing is owed.
-    restart_owed_since: Instant,
+    /// RMD: time since the motor started, as last read.
+    run_time: RunTime,
+    /// Requests in a row for it that told nothing.
+    run_time_unread: u8,
+    /// RMD: the motor was told something that acts after a restart, and has not been seen to restart since.
+    restart_owed: bool,
     /// D5: an asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
     /// What hosts have been told of the frames that its motor sends by itself.
@@ -148,8 +151,9 @@ impl Axis {
             faults_unread: 0,
             uncommanded_since: None,
             unanswered_since: None,
-            run_time_ms: 0,
-            restart_owed_since: Instant::from_micros(0),
+            run_time: RunTime::UNKNOWN,
+            run_time_unread: 0,
+            restart_owed: false,
             write_waits: false,
             telemetry: Telemetry::NONE,
             objects: false,

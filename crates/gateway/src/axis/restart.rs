@@ -1,9 +1,10 @@
-//! A restart of the motor (RMD V3.6 §2.25): asked for, waited out, and seen by its run time (§2.28), which begins again.
+//! A restart of the motor (RMD V3.6 §2.25): asked for, waited out, and seen by its run time (§2.28), which has not gone on as our clock has.
 
 use super::{Axis, JobKind};
-use crate::motor::Exchange;
+use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
+use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
 
 /// So long a motor that restarts may be silent (GUARANTEES G10).
@@ -11,14 +12,40 @@ const RESTARTS_WITHIN: Duration = Duration::from_millis(3_000);
 /// How often it is asked whether it is back.
 const BACK_POLL: Duration = Duration::from_millis(100);
 
-/// A motor that has restarted since something has run for at least so much less than since then: it was silent meanwhile.
-const SILENT_AT_LEAST: Duration = Duration::from_millis(50);
+/// A motor's clock may be slower than ours by a part in so many,
+const CLOCK_PART: NonZeroU64 = NonZeroU64::new(20).unwrap();
+/// and its run time older by so much than the request for it.
+const READING: Duration = Duration::from_millis(50);
+
+/// A run time that the motor has told, and when; at first, of a motor that has told nothing, the least that it can have been.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct RunTime {
+    ms: u32,
+    at: Instant,
+}
+
+impl RunTime {
+    pub const UNKNOWN: Self = Self { ms: 0, at: Instant::from_micros(0) };
+
+    /// Whether a motor has restarted since this reading that was asked at `asked` and tells `run_time_ms`: what it has run for must have
+    /// grown by about the time between.
+    fn is_before_a_restart(&self, asked: Instant, run_time_ms: u32) -> bool {
+        let passed = asked.since(self.at);
+        let before = Duration::from_millis(self.ms.into());
+        // After 49.7 days the motor's count begins again, without a restart.
+        let overflows = before + passed.times(2) > Duration::from_millis(u32::MAX.into());
+        let least = before + (passed - passed.part(CLOCK_PART) - READING);
+        !overflows && Duration::from_millis(run_time_ms.into()) < least
+    }
+}
 
 /// A restart under way.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Restart {
     /// When the motor's run time was read before it was told.
     since: Option<Instant>,
+    /// It has restarted since.
+    is_seen: bool,
 }
 
 impl Restart {
@@ -37,11 +64,6 @@ impl Restart {
     }
 }
 
-/// Whether a motor that has run for so long now has restarted since a time.
-fn has_restarted(now: Instant, since: Instant, run_time_ms: u32) -> bool {
-    Duration::from_millis(u64::from(run_time_ms)) + SILENT_AT_LEAST < now.since(since)
-}
-
 impl Axis {
     /// Whether the motor has been told to restart and is not known to be back: its silence says nothing.
     pub(super) fn is_restarting(&self) -> bool {
@@ -56,54 +78,60 @@ impl Axis {
         }
     }
 
-    /// The motor tells its run time. Whether that is not yet the one after the restart, so that it is asked again.
-    pub(super) fn awaits_restart(&mut self, now: Instant, run_time_ms: u32, out: &mut Outbox<'_>) -> bool {
-        let Some((step, restart)) = self.restart_under_way() else { return false };
-        match restart.since {
-            Some(since) if step == Restart::WAITS && !has_restarted(now, since, run_time_ms) => {
+    /// The job has read the run time. Whether that is not yet the one after the restart, so that it is asked again.
+    pub(super) fn awaits_restart(&mut self, now: Instant, out: &mut Outbox<'_>) -> bool {
+        let Some(job) = &mut self.job else { return false };
+        match &mut job.kind {
+            JobKind::Restart(restart) if job.step < Restart::TELLS => restart.since = Some(now),
+            JobKind::Restart(restart) if job.step == Restart::WAITS && !restart.is_seen => {
                 self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
-                true
+                return true;
             }
-            None if step < Restart::TELLS => {
-                let kind = JobKind::Restart(Restart { since: Some(now) });
-                self.job.as_mut().into_iter().for_each(|job| job.kind = kind);
-                false
+            JobKind::Native { command, .. } if motor::acts_after_restart(command) => {
+                self.set_restart_owed(true);
             }
-            _ => false,
+            _ => {}
         }
+        false
     }
 
-    /// The motor tells its run time. One that is shorter than before has begun again: an armed axis trips, as whatever the motor was told
-    /// for this motion is lost, and perhaps the turns that it had counted (§2.33.4, index 4).
-    pub(super) fn note_run_time(&mut self, now: Instant, run_time_ms: u32, out: &mut Outbox<'_>) {
-        let restarted = run_time_ms < core::mem::replace(&mut self.run_time_ms, run_time_ms);
-        if self.owes_restart() && has_restarted(now, self.restart_owed_since, run_time_ms) {
-            self.set_restart_owed(Instant::default());
+    /// The motor tells its run time, asked for at `asked`. Where it has restarted an armed axis trips, as whatever the motor was told for
+    /// this motion is lost, and perhaps the turns that it had counted (§2.33.4, index 4).
+    pub(super) fn note_run_time(
+        &mut self,
+        now: Instant,
+        asked: Instant,
+        run_time_ms: u32,
+        out: &mut Outbox<'_>,
+    ) {
+        self.run_time_unread = 0;
+        let before = core::mem::replace(&mut self.run_time, RunTime { ms: run_time_ms, at: now });
+        if !before.is_before_a_restart(asked, run_time_ms) {
+            return;
         }
-        if restarted && self.is_armed() {
+        self.set_restart_owed(false);
+        if let Some(JobKind::Restart(restart)) = self.job.as_mut().map(|job| &mut job.kind) {
+            restart.is_seen = restart.since.is_some();
+        }
+        if self.is_armed() {
             self.trip(now, TripReason::MotorRestarted, out);
         }
     }
 
-    /// The motor is about to be told something that acts after a restart.
-    pub fn owe_restart(&mut self, now: Instant) {
-        self.set_restart_owed(now);
-    }
-
     /// Whether the motor has to restart before it may be armed.
     pub fn owes_restart(&self) -> bool {
-        self.restart_owed_since != Instant::default()
+        self.restart_owed
     }
 
     /// Another motor has a run time of its own, and owes nothing.
     pub(super) fn forget_run_time(&mut self) {
-        self.run_time_ms = 0;
-        self.set_restart_owed(Instant::default());
+        self.run_time = RunTime::UNKNOWN;
+        self.set_restart_owed(false);
     }
 
-    fn set_restart_owed(&mut self, since: Instant) {
-        self.timeout_unsaved |= (since != Instant::default()) != self.owes_restart();
-        self.restart_owed_since = since;
+    pub(super) fn set_restart_owed(&mut self, owed: bool) {
+        self.timeout_unsaved |= owed != self.restart_owed;
+        self.restart_owed = owed;
     }
 
     /// Asks again a little later, unless the motor has had its time: then the job fails.
@@ -113,6 +141,35 @@ impl Axis {
             self.fail(now, error, out);
         } else if let Some(job) = &mut self.job {
             job.since = now + BACK_POLL;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_time_that_has_not_gone_on_as_our_clock_has_shows_a_restart() {
+        let cases = [
+            // Read, when (ms), asked again, read, restarted.
+            (17, 1_000, 1_775, 468, true),
+            (10_000, 0, 800, 10_800, false),
+            // A clock slower by 5 %, and 50 ms for the reading.
+            (10_000, 0, 100_000, 104_950, false),
+            (10_000, 0, 100_000, 104_949, true),
+            // It went back, however soon it is asked.
+            (10_000, 0, 20, 9_999, true),
+            // Nothing is known but that the gateway has run for a minute.
+            (0, 0, 60_000, 30_000, true),
+            (0, 0, 60_000, 56_950, false),
+            // Its count begins again.
+            (u32::MAX - 400, 0, 800, 399, false),
+        ];
+        for (before, at, asked, told, restarted) in cases {
+            let ms = |ms: u64| Instant::default() + Duration::from_millis(ms);
+            let read = RunTime { ms: before, at: ms(at) };
+            assert_eq!(read.is_before_a_restart(ms(asked), told), restarted, "{before} {at} {asked} {told}");
         }
     }
 }

@@ -105,8 +105,7 @@ impl Axis {
     /// stores it; elsewhere arming writes it again, and until then it only says how long a silence must be for it to act.
     pub fn told_before_reset(&mut self, word: u32) {
         if word & RESTART_OWED != 0 {
-            // From the start of the gateway on, as nobody knows since when.
-            self.owe_restart(Instant::from_micros(1));
+            self.set_restart_owed(true);
         }
         let timeout_ms = word & !RESTART_OWED;
         if timeout_ms == 0 || timeout_ms > LONGEST_TIMEOUT_MS {

@@ -22,7 +22,7 @@ pub type Shared = Rc<RefCell<Play>>;
 /// All RMD nodes of a CAN bus, each with a holding brake, free at first.
 pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
     let mut locked = Vec::new();
-    move |_, _, text| {
+    move |now_us, _, text| {
         let play = play.borrow();
         let (id, data) = text.split_once('#')?;
         let node =
@@ -38,6 +38,8 @@ pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
                 format!("9A3200{free}E501{faults}00")
             }
             "92" => "92000000A08C0000".into(),
+            // It has run for as long as the gateway.
+            "B1" => format!("B1000000{:08X}", u32::try_from(now_us / 1_000).ok()?.swap_bytes()),
             "A1" | "A2" | "A4" if play.refuses => data.into(),
             command @ ("9C" | "A1" | "A2" | "A4") => format!("{command}326400{speed}2D00"),
             command => {

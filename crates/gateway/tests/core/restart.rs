@@ -6,16 +6,15 @@ use host_protocol::{
     AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, StopAction, Value, replies, requests,
 };
 
-/// 10 s, and 20 ms.
-const BEFORE: &str = "241#B100000010270000";
-const AFTER: &str = "241#B100000014000000";
+/// 20 ms.
+const AFTER: Instead = Instead::Says("241#B100000014000000");
 const TELL: &str = "141#7600000000000000";
 const ASK: &str = "141#B100000000000000";
 const RESTART: Request = Request::ClearByRestart(requests::ClearByRestart { axis: 0 });
 
 /// An axis that has tripped and stands confirmed. Its motor, once told to restart, is silent for so many requests and then tells
 /// `after` as its run time.
-fn tripped(silent_for: u32, after: &'static str) -> Rig {
+fn tripped(silent_for: u32, after: Instead) -> Rig {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::StopsBeforeUnreachable, Value::Unsigned(3));
     move_axis(&mut rig, VELOCITY);
@@ -27,12 +26,11 @@ fn tripped(silent_for: u32, after: &'static str) -> Rig {
             *unheard = Some(0);
             Instead::Nothing
         }
-        (ASK, None) => Instead::Says(BEFORE),
         (_, Some(count)) if *count < silent_for => {
             *count += 1;
             Instead::Nothing
         }
-        (ASK, Some(_)) => Instead::Says(after),
+        (ASK, Some(_)) => after,
         _ => Instead::AsUsual,
     });
     rig
@@ -59,7 +57,7 @@ fn a_restart_is_told_once_waited_out_and_seen_and_the_silence_counts_as_no_misse
 
 #[test]
 fn a_motor_whose_run_time_goes_on_has_not_restarted() {
-    let mut rig = tripped(0, BEFORE);
+    let mut rig = tripped(0, Instead::AsUsual);
     let sequence = rig.send(&RESTART);
     run_with_host(&mut rig, 2_900_000);
     assert_eq!(rig.answer(sequence), None);

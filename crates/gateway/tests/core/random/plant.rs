@@ -107,12 +107,12 @@ impl ToMotor {
     }
 
     /// What the motor answers: now and then a fault, a refusal, a speed that is not 0, or nothing.
-    pub fn reply(&self, dice: &mut Dice) -> Option<FromMotor> {
+    pub fn reply(&self, now_us: u64, dice: &mut Dice) -> Option<FromMotor> {
         let mut data = self.data.clone();
         match MOTORS[self.axis].protocol {
             // Nothing turns and nothing pulls (RMD V3.6 §5.3).
             _ if self.motion_mode => data = vec![MOTORS[self.axis].node, 0x80, 0, 0x80, 0x08, 0, 0, 0],
-            Protocol::Rmd => rmd_reply(&mut data, dice),
+            Protocol::Rmd => rmd_reply(&mut data, now_us, dice),
             Protocol::Thruster => thruster_reply(&mut data, dice),
             Protocol::D5 => d5_reply(&mut data, dice),
         }
@@ -120,13 +120,15 @@ impl ToMotor {
     }
 }
 
-fn rmd_reply(data: &mut [u8], dice: &mut Dice) {
+fn rmd_reply(data: &mut [u8], now_us: u64, dice: &mut Dice) {
     match data[0] {
         0x9A => {
             let brake = u8::from(dice.percent(50));
             let faults = if dice.one_in(3_000) { 4 } else { 0 };
             data.copy_from_slice(&[0x9A, 30, 0, brake, 0xE5, 1, faults, 0]);
         }
+        // It has run for as long as the gateway.
+        0xB1 => data[4..].copy_from_slice(&u32::try_from(now_us / 1_000).unwrap_or(0).to_le_bytes()),
         // Thrown back: received, not carried out.
         0xA1..=0xA8 if dice.one_in(1_000) => {}
         command @ (0x9C | 0xA1..=0xA8) => {

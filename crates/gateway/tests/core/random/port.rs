@@ -96,7 +96,7 @@ impl Port {
         let index = self.held.iter().position(|held| held.leaves_at_us <= now_us)?;
         let held = self.held.remove(index);
         let request = ToMotor::read(held.bus, &held.frame).filter(|request| !self.mute[request.axis]);
-        if let Some(reply) = request.and_then(|request| request.reply(dice)) {
+        if let Some(reply) = request.and_then(|request| request.reply(now_us, dice)) {
             let late_us = if dice.percent(3) { dice.below(9_000) } else { 0 };
             if dice.percent(2) {
                 let at_us = now_us + 400 + dice.below(5_000);
