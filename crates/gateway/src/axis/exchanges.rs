@@ -32,6 +32,8 @@ pub(super) struct Pending {
 
 /// Since when something is overdue that goes before all other polls.
 const FIRST_OF_ALL: Instant = Instant::from_micros(0);
+/// What a motor has not answered for so long it answers no more (the longest reply window, GUARANTEES).
+const LATEST_REPLY: Duration = Duration::from_millis(300);
 /// How often a motor that does not answer is asked for who watches it.
 const SILENT_POLL: Duration = Duration::from_millis(1_000);
 
@@ -73,10 +75,6 @@ impl Displaced {
         self.until.is_some() && !self.given_up
     }
 
-    pub fn command(&self) -> &Command {
-        &self.command
-    }
-
     pub fn deadline(&self) -> Option<Instant> {
         self.until
     }
@@ -109,14 +107,6 @@ pub(super) struct Silence {
 
 impl Silence {
     pub const NONE: Self = Self { missed: 0, since: Instant::from_micros(0) };
-
-    /// What a motor has not answered for so long it answers no more (the longest reply window, GUARANTEES).
-    const LATEST_REPLY: Duration = Duration::from_millis(300);
-
-    /// Whether what it has not answered may still be answered.
-    pub fn may_end(&self, now: Instant) -> bool {
-        self.missed > 0 && now.since(self.since) < Self::LATEST_REPLY
-    }
 
     /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES G3).
     const SHORTEST: Duration = Duration::from_millis(50);
@@ -321,8 +311,11 @@ impl Axis {
 
     /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.displaced.as_ref().and_then(Displaced::deadline).is_some_and(|until| until <= now) {
-            self.displaced = None;
+        let is_over = |displaced: &mut Displaced| displaced.deadline().is_some_and(|until| until <= now);
+        if let Some(displaced) = self.displaced.take_if(is_over)
+            && displaced.is_awaited()
+        {
+            self.may_be_answered_late(now, &displaced.command);
         }
         if self.pending.as_ref().and_then(Pending::deadline).is_some_and(|until| until <= now) {
             self.give_up_pending(now, out);
@@ -337,6 +330,26 @@ impl Axis {
             let Pending { command, slot, until, .. } = pending;
             self.displaced = Some(Displaced { command, slot, until, given_up: false });
         }
+    }
+
+    /// A request was not answered within its window. Where its reply cannot be told from that of the stop, it must not be taken for it.
+    fn may_be_answered_late(&mut self, now: Instant, command: &Command) {
+        if self.is_answered_like_the_stop(command) {
+            self.stop_like_reply_until = now + LATEST_REPLY;
+        }
+    }
+
+    fn is_answered_like_the_stop(&self, command: &Command) -> bool {
+        let stop = motor::command(Exchange::Stop, &self.config);
+        stop.is_some_and(|stop| motor::are_answered_alike(command, &stop, &self.config))
+    }
+
+    /// Whether a reply to this command may be the late one to a command sent before.
+    fn may_answer_an_older(&self, now: Instant, command: &Command) -> bool {
+        let displaced = self.displaced.as_ref().map(|displaced| &displaced.command);
+        let is_alike = |older| motor::are_answered_alike(older, command, &self.config);
+        displaced.is_some_and(is_alike)
+            || now < self.stop_like_reply_until && self.is_answered_like_the_stop(command)
     }
 
     /// Forgets what is under way, for a bus that starts anew.
@@ -378,6 +391,7 @@ impl Axis {
         // A motor that answers polls and no motion may be doing anything.
         if pending.exchange == Exchange::Motion {
             silent |= self.motion_silence.goes_on(now, pending.window, enough);
+            self.may_be_answered_late(now, &pending.command);
         }
         let unread = self.stays_unread(pending.exchange);
         // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
@@ -423,6 +437,10 @@ impl Axis {
         match (pending.exchange, seen.velocity_rad_s) {
             (Exchange::Motion, _) => {
                 self.motion_silence = Silence::NONE;
+                if !pending.unambiguous {
+                    // It may have been the reply to the one before: then its own is still to come.
+                    self.may_be_answered_late(now, &pending.command);
+                }
                 self.in_doubt = seen.may_be_thrown_back;
                 self.not_executed &= self.in_doubt;
                 if self.in_doubt {

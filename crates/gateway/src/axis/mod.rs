@@ -28,7 +28,7 @@ pub(crate) use restart::Restart;
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
-use crate::motor::{self, Command, Exchange};
+use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Earliest, Instant};
 use core::num::NonZeroU64;
@@ -91,6 +91,8 @@ pub(crate) struct Axis {
     in_doubt: bool,
     /// How long motions have not been answered, whatever else has.
     motion_silence: Silence,
+    /// Until when a reply may come late that cannot be told from the one to the axis's stop.
+    stop_like_reply_until: Instant,
     /// Somebody has subscribed to the axis: an idle one is polled too.
     watched: bool,
     /// Requests in a row for the fault word that told nothing.
@@ -147,6 +149,7 @@ impl Axis {
             not_executed: false,
             in_doubt: false,
             motion_silence: Silence::NONE,
+            stop_like_reply_until: Instant::from_micros(0),
             watched: false,
             faults_unread: 0,
             uncommanded_since: None,
@@ -351,13 +354,5 @@ impl Axis {
         next.consider(self.job_stalls_at());
         next.consider(self.stop.as_ref().and_then(Stop::gives_up_at));
         next.at()
-    }
-
-    /// Whether a reply to this command may be the late one to a command sent before.
-    fn may_answer_an_older(&self, now: Instant, command: &Command) -> bool {
-        let displaced = self.displaced.as_ref().map(Displaced::command);
-        let unanswered =
-            self.motion_silence.may_end(now) && !motor::replies_tell_values(command, &self.config);
-        unanswered || displaced.is_some_and(|older| motor::are_answered_alike(older, command, &self.config))
     }
 }

@@ -301,16 +301,6 @@ pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
     }
 }
 
-/// Whether the reply to a command says which value the motor has taken.
-pub(crate) fn replies_tell_values(command: &Command, config: &AxisConfig) -> bool {
-    match command {
-        Command::Thruster(request) => {
-            !returned::is_motion(request) || returned::ReturnMode::of(config) == returned::ReturnMode::Echo
-        }
-        _ => true,
-    }
-}
-
 /// How many frames answer a motion command.
 pub(crate) fn replies_to_motion(config: &AxisConfig) -> u64 {
     match config.protocol() {

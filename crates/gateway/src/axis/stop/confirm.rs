@@ -48,6 +48,9 @@ impl Axis {
                 stop.go(now, Phase::Command);
                 stop.next_at = now + REFUSED_PAUSE;
             }
+            (Phase::OverwritePending, Exchange::OverwritePending) if !stop.acknowledged => {
+                stop.go(now, Phase::Command);
+            }
             (Phase::PositionStop, Exchange::PositionStop)
             | (Phase::OverwritePending, Exchange::OverwritePending) => self.seek_standstill(now),
             (Phase::PendingWrite, Exchange::PendingWrite) => match seen.write_pending {
@@ -111,6 +114,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let restarts = self.is_restarting();
+        let may_wait = motor::command(Exchange::OverwritePending, &self.config).is_some();
         let Some(stop) = &mut self.stop else { return };
         stop.went_on_at = now;
         // A motor that restarts misses stops, and its output is off.
@@ -120,6 +124,14 @@ impl Axis {
         match stop.phase {
             // Nothing of these is needed for the stop itself, and confirmed it is already.
             Phase::Confirmed => {}
+            // A motor that hears and does not answer may keep a speed that waits, for anybody's 05: that is overwritten unasked.
+            Phase::Command | Phase::ReadBack | Phase::PendingWrite if may_wait => {
+                stop.go(now, Phase::OverwritePending);
+            }
+            Phase::OverwritePending if !stop.acknowledged => {
+                stop.go(now, Phase::Command);
+                return;
+            }
             Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
             // Past the wait the brake is locked even if the speed cannot be read.
             Phase::Standstill => self.lock_when_overdue(now),
