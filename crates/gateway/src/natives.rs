@@ -118,6 +118,7 @@ impl Gateway {
         }
         self.check_node_after(index, &native)?;
         self.check_bitrate_after(index, &native)?;
+        self.admit_stream_after(index, &native)?;
         if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
@@ -144,6 +145,24 @@ impl Gateway {
             return Ok(());
         }
         Err(bus_rules::not_offered(bus, bitrate, rates.filter(|rate| motor::can_be_set_to(protocol, *rate))))
+    }
+
+    /// Refuses frames that the motor would send by itself and that the bus could not carry beside what its axes need. They count from now on, and
+    /// fewer only once the motor has taken them.
+    fn admit_stream_after(&mut self, index: u8, native: &Native) -> Result<()> {
+        let Some(word) = motor::stream_after(&native.command) else { return Ok(()) };
+        let axis = self.axis_mut(index)?;
+        let streams = motor::stream(&axis.config);
+        if motor::Stream::of_word(word).is_none_or(|new| !new.is_heavier_than(streams)) {
+            return Ok(());
+        }
+        let previous = axis.config.clone();
+        axis.set_stream(word)?;
+        self.check_axis_load(index).inspect_err(|_| {
+            if let Ok(axis) = self.axis_mut(index) {
+                axis.config = previous;
+            }
+        })
     }
 
     fn move_natively(

@@ -182,11 +182,11 @@ impl Gateway {
         true
     }
 
-    /// Those that have changed; that of an axis also when its motor was told a timeout.
+    /// Those that have changed; that of an axis also when its motor was told what is kept with it.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, .. } = self;
         for (axis, bit) in axes.iter_mut().zip(bits()) {
-            if axis.take_unsaved_timeout() {
+            if axis.take_unsaved() {
                 retention.axes |= bit;
             }
         }

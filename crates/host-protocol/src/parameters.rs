@@ -299,6 +299,8 @@ parameters! {
     37 AllowUncommanded "allow_uncommanded": Bool("") [false, true] false;
     /// RMD: what the motor says of its brake (0x9A byte 3) is not believed, as newer firmware does not tell: an echoed 0x77 counts as released, an echoed 0x78 and 1 s as locked.
     38 AllowUnverifiedBrake "allow_unverified_brake": Bool("") [false, true] false;
+    /// Thruster protocol: bytes 5 to 7 of the SR that the device is set to, as one number: 0x10000, 0x20000 and 0x40000 for the frames 1, 2 and 3 that it sends by itself, plus the milliseconds between them. The load of the bus counts them; a native SR that the device takes sets it.
+    39 Stream "stream": Unsigned("") [0, 0xFF_FFFF] 0;
     /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the device only reports, bar arming and trip like its faults. A broken sensor does anyway where the axis has temperature_limit_c.
     44 WarningsAreFaults "warnings_are_faults": Bool("") [false, true] false;
     /// Thruster protocol: bytes 6 and 7 of the VM that the device is set to, as one number. 0: it echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with bit 8 it returns nothing and cannot be armed.

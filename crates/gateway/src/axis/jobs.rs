@@ -12,7 +12,7 @@ use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply,
-    TogetherBar, TripReason,
+    TogetherBar, TripReason, Value,
 };
 
 /// A sequence of exchanges under way for a host.
@@ -495,6 +495,11 @@ impl Axis {
                 Ok(Reply::OutputOff(Done {}))
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
+                if let JobKind::Native { command, .. } = kind
+                    && let Some(stream) = motor::stream_after(&command)
+                {
+                    let _ = self.set_stream(stream);
+                }
                 Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
             }
             JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => match seen.position_count {
@@ -513,6 +518,12 @@ impl Axis {
             }
             Err(error) => self.fail(now, error, out),
         }
+    }
+
+    /// From now on the motor sends these frames by itself (`stream`).
+    pub fn set_stream(&mut self, word: u32) -> Result<(), Error> {
+        self.is_unsaved = true;
+        self.config.set(AxisParameter::Stream, Value::Unsigned(word))
     }
 
     /// The trip is over, and the repeated stop with it.

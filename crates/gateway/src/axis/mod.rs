@@ -57,8 +57,8 @@ pub(crate) struct Axis {
     /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or something may have changed it since.
     /// It outlives a reset of the gateway, and arming writes it to a thruster again, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
-    /// It has still to be saved.
-    timeout_unsaved: bool,
+    /// What outlives a reset of the gateway has changed and has still to be saved.
+    is_unsaved: bool,
     /// When the motor sent something last.
     heard_at: Instant,
     pub measured: Measured,
@@ -126,7 +126,7 @@ impl Axis {
             state: AxisState::Unconfigured,
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
-            timeout_unsaved: false,
+            is_unsaved: false,
             heard_at: Instant::from_micros(0),
             measured: Measured::new(),
             trip: None,

@@ -130,7 +130,7 @@ impl Axis {
     }
 
     pub(super) fn set_restart_owed(&mut self, owed: bool) {
-        self.timeout_unsaved |= owed != self.restart_owed;
+        self.is_unsaved |= owed != self.restart_owed;
         self.restart_owed = owed;
     }
 

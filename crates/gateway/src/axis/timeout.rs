@@ -62,7 +62,7 @@ impl Axis {
     /// The motor is about to be changed: what was known of its timeout may no longer hold.
     pub fn forget_motor_timeout(&mut self) {
         self.motor_timeout = MotorTimeout::Unknown;
-        self.timeout_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
+        self.is_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
     }
 
     /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it again.
@@ -84,7 +84,7 @@ impl Axis {
             (too_long, _) if too_long > LONGEST_TIMEOUT_MS => MotorTimeout::Off,
             _ => {
                 self.written_timeout_ms = timeout_ms;
-                self.timeout_unsaved = true;
+                self.is_unsaved = true;
                 MotorTimeout::Written { timeout_ms }
             }
         };
@@ -97,8 +97,8 @@ impl Axis {
     }
 
     /// Whether that has changed and has still to be saved.
-    pub fn take_unsaved_timeout(&mut self) -> bool {
-        core::mem::take(&mut self.timeout_unsaved)
+    pub fn take_unsaved(&mut self) -> bool {
+        core::mem::take(&mut self.is_unsaved)
     }
 
     /// What was written before the gateway was reset. The motor's power may have been off since, so it is believed at once where the motor

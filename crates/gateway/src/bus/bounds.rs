@@ -1,7 +1,7 @@
 //! Within what time a stop must have left the bus, and what follows where one has not (GUARANTEES G4, G5).
 
 use super::Bus;
-use super::load::objections;
+use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
@@ -34,10 +34,27 @@ impl Bus {
                 // Behind each stop those motors have their say that answer what was for others, and are waited for.
                 let objections =
                     if self.axes_here(axes).any(Axis::objects) { wait + frame } else { Duration::ZERO };
-                SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies)
+                let alone = SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
+                self.beside_streams(alone, axes)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
+    }
+
+    /// What takes so long on a bus to itself, beside the frames that motors here send by themselves: those that are due when it begins, and those
+    /// that come due meanwhile.
+    fn beside_streams(&self, alone: Duration, axes: &[Axis]) -> Duration {
+        let frame = self.bit_time(LONGEST_FRAME_BITS);
+        let streamed: u64 = self.axes_here(axes).map(|axis| streamed_permille(axis, frame)).sum();
+        // More than the load of a bus may be is refused when it is configured.
+        let left = NonZeroU64::new(1_000 - streamed.min(999)).unwrap_or(NonZeroU64::MIN);
+        (alone + frame.times(self.streamed_at_once(axes))).times(1_000).part(left)
+    }
+
+    /// The frames that motors here may send by themselves one behind the other.
+    pub(super) fn streamed_at_once(&self, axes: &[Axis]) -> u64 {
+        let streams = self.axes_here(axes).filter_map(|axis| motor::stream(&axis.config));
+        streams.map(|stream| stream.frames).sum()
     }
 
     /// Frames beyond the first with which motors here answer one motion each.
@@ -64,7 +81,7 @@ impl Bus {
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };
         let further = self.bit_time(LONGEST_FRAME_BITS).times(2 * self.further_replies(all));
-        self.bound(axes, all) + window.times(2) + exchange.times(2 * axes) + further
+        self.bound(axes, all) + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further, all)
     }
 
     /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).

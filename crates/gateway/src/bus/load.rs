@@ -60,10 +60,18 @@ fn exchange_time(kind: BusKind, bitrate: u32) -> Duration {
 
 /// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
-    let share =
-        |time: Duration, period: Duration| (time.as_micros() * 1_000).div_ceil(period.as_micros().max(1));
     let motion = exchange + frame.times(motor::replies_to_motion(&axis.config) - 1);
     share(motion, axis.refresh())
         + share(exchange, axis.config.fault_poll())
         + share(exchange, axis.config.state_poll())
+        + streamed_permille(axis, frame)
+}
+
+/// The share of the bus that goes to the frames which the axis's motor sends by itself.
+pub(super) fn streamed_permille(axis: &Axis, frame: Duration) -> u64 {
+    motor::stream(&axis.config).map_or(0, |stream| share(frame.times(stream.frames), stream.interval))
+}
+
+fn share(time: Duration, period: Duration) -> u64 {
+    (time.as_micros() * 1_000).div_ceil(period.as_micros().max(1))
 }

@@ -146,7 +146,7 @@ impl Bus {
 
     /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found as soon as one of them does.
     fn first_stops_bar(&self, now: Instant, axes: &[Axis]) -> bool {
-        let bars_for = self.first_stops_bar_for();
+        let bars_for = self.first_stops_bar_for(axes);
         let bars = |since: Instant| now < since + bars_for;
         self.kind() == BusKind::Rs485
             || bars(self.first_stops_since)
@@ -160,12 +160,13 @@ impl Bus {
             return None;
         }
         let may_leave = self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes));
-        Some(may_leave.max()?.max(self.first_stops_since) + self.first_stops_bar_for())
+        Some(may_leave.max()?.max(self.first_stops_since) + self.first_stops_bar_for(axes))
     }
 
-    fn first_stops_bar_for(&self) -> Duration {
+    fn first_stops_bar_for(&self, axes: &[Axis]) -> Duration {
         let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-        self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies)
+        let streamed = self.streamed_at_once(axes);
+        self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies + streamed)
     }
 
     /// From when on the first stop of the axis may leave, while it has not.

@@ -12,6 +12,7 @@ mod native;
 mod raw;
 mod returned;
 mod rmd;
+mod stream;
 mod thruster;
 
 use counts::{fit, position, turned};
@@ -19,6 +20,7 @@ pub(crate) use exchange::Exchange;
 pub(crate) use ids::sent_on_an_id_of;
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
+pub(crate) use stream::Stream;
 
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
@@ -298,6 +300,22 @@ pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
             one == other || returned::ReturnMode::of(config).answers_alike(one, other)
         }
         _ => one == other,
+    }
+}
+
+/// The frames that the motor sends by itself, and how often.
+pub(crate) fn stream(config: &AxisConfig) -> Option<Stream> {
+    match config.protocol()? {
+        Protocol::Thruster => Stream::of_word(config.unsigned(AxisParameter::Stream)?),
+        Protocol::Rmd | Protocol::D5 => None,
+    }
+}
+
+/// What `stream` of an axis says once its motor has carried out a command; `None` where that stays as it was.
+pub(crate) fn stream_after(command: &Command) -> Option<u32> {
+    match command {
+        Command::Thruster(request) => stream::word_after(request),
+        _ => None,
     }
 }
 
