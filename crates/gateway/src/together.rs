@@ -71,7 +71,9 @@ impl Gateway {
         if members.len() < 2 {
             return barred(first, TogetherBar::TooFew);
         }
-        let bus_index = self.axis(first)?.config.bus().unwrap_or(u8::MAX);
+        let first_config = &self.axis(first)?.config;
+        let bus_index = first_config.bus().unwrap_or(u8::MAX);
+        let extended = motor::has_extended_request_id(first_config);
         let mut together = Together {
             ticket,
             members: 0,
@@ -94,6 +96,9 @@ impl Gateway {
             }
             if axis.config.bus() != Some(bus_index) {
                 return barred(index, TogetherBar::OtherBus);
+            }
+            if motor::has_extended_request_id(&axis.config) != extended {
+                return barred(index, TogetherBar::OtherFrameType);
             }
             // That the right speed waits is known from the motor's echo alone.
             if !motor::answers_writes(&axis.config) {

@@ -8,13 +8,11 @@ use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::MaxSize;
+use crate::{CanId, MaxSize};
 
 /// Data bytes of a classic CAN frame, at most.
 pub const MAX_CAN_DATA: usize = 8;
 
-/// Bit of the id on the wire that marks a 29-bit id, as in SocketCAN.
-const EXTENDED_FLAG: u32 = 1 << 31;
 /// Bit of the id on the wire that marks a remote frame, as in SocketCAN.
 const REMOTE_FLAG: u32 = 1 << 30;
 
@@ -88,20 +86,12 @@ impl CanFrame {
 
     /// The id with its two flags as on the wire.
     fn flagged_id(&self) -> u32 {
-        let id = match self.id {
-            Id::Standard(id) => u32::from(id.as_raw()),
-            Id::Extended(id) => id.as_raw() | EXTENDED_FLAG,
-        };
+        let id = CanId(self.id).to_wire();
         if self.remote { id | REMOTE_FLAG } else { id }
     }
 
     fn from_flagged_id(flagged: u32, data: &[u8]) -> Option<Self> {
-        let raw = flagged & !(EXTENDED_FLAG | REMOTE_FLAG);
-        let id = if flagged & EXTENDED_FLAG == 0 {
-            Id::Standard(StandardId::new(u16::try_from(raw).ok()?)?)
-        } else {
-            Id::Extended(ExtendedId::new(raw)?)
-        };
+        let CanId(id) = CanId::from_wire(flagged & !REMOTE_FLAG)?;
         if flagged & REMOTE_FLAG == 0 {
             Self::data_frame(id, data)
         } else {

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use crate::axis::AxisState;
+use crate::can_id::CanId;
 use crate::errors::{Error, NoReplyHint, TogetherBar};
 use crate::messages::request_name;
 use crate::parameters::{self, ValueKind};
@@ -199,6 +200,12 @@ impl fmt::Display for Error {
             Self::CannotStartTogether { axis, reason } => {
                 write!(f, "the motors are not started together: axis {axis} {}", together_bar(reason))
             }
+            Self::NotACanId { parameter, value } => write!(
+                f,
+                "{}: 0x{value:X} is no CAN id; there are {}",
+                Quantity::Parameter(parameter),
+                CanId::ALLOWED
+            ),
             Self::NotIdle { axis, state: AxisState::Holding } => {
                 write!(
                     f,
@@ -281,7 +288,7 @@ impl fmt::Display for Error {
             ),
             Self::IdInUse { axis, id, other } => write!(
                 f,
-                "axis {axis} would be sent frames on CAN id 0x{id:03X}, on which the motor of axis {other} acts or \
+                "axis {axis} would be sent frames on CAN id {id}, on which the motor of axis {other} acts or \
                  answers; choose another node or d5_request_id, or another bus"
             ),
             Self::RawNotHarmless { bus } => write!(
@@ -340,6 +347,9 @@ fn together_bar(reason: TogetherBar) -> &'static str {
         TogetherBar::OtherBus => "is on another bus than the first",
         TogetherBar::SharedBus => {
             "is on a bus that is not declared wholly ours, so that motors unknown to the gateway could start too"
+        }
+        TogetherBar::OtherFrameType => {
+            "is asked with CAN ids of another length than the first: no frame reaches both"
         }
         TogetherBar::WriteWaits => "has a speed that waits in its motor and is not to be started; disarm it",
     }

@@ -3,6 +3,7 @@
 
 use crate::axis::{AxisState, TripReason};
 use crate::bus::{BusKind, MAX_BITRATES};
+use crate::can_id::CanId;
 use crate::encode::{EncodeError, encode};
 use crate::frame::Kind;
 use crate::messages::{DecodeError, MessageInfo, decode_body};
@@ -39,6 +40,8 @@ wire! {
         SharedBus,
         /// A speed waits in the motor, which is not among those that are to be started.
         WriteWaits,
+        /// The axis is asked with ids of another length than the first: no one frame reaches both.
+        OtherFrameType,
     }
 }
 
@@ -396,7 +399,7 @@ errors! {
         /// The axis that is sent frames.
         axis: u8,
         /// The id.
-        id: u16,
+        id: CanId,
         /// The axis whose motor uses it.
         other: u8,
     }
@@ -475,6 +478,13 @@ errors! {
         axis: u8,
         /// Why.
         reason: TogetherBar,
+    }
+    /// The value of this parameter is no CAN id: bits 0 to 30 are one of 11 bits, or with bit 31 set one of 29 bits.
+    70 NotACanId {
+        /// The parameter.
+        parameter: u16,
+        /// Its value.
+        value: u32,
     }
 }
 

@@ -26,6 +26,7 @@
 mod axis;
 mod bus;
 mod can_frame;
+mod can_id;
 mod deframer;
 mod encode;
 mod error_text;
@@ -51,6 +52,7 @@ pub use bus::{
     ReceivedFrame,
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
+pub use can_id::{CanId, NoCanId};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};

@@ -4,6 +4,7 @@
 
 use core::fmt;
 
+use crate::can_id::CanId;
 use crate::errors::Error;
 use crate::value::{Quantity, Value};
 
@@ -66,11 +67,14 @@ impl ParameterInfo {
     /// Whether `value` is one that this parameter can have.
     ///
     /// # Errors
-    /// [`Error::WrongType`], [`Error::NotANumber`] or [`Error::OutOfRange`] with the bounds.
+    /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or [`Error::OutOfRange`] with the bounds.
     pub fn check(&self, value: Value) -> Result<(), Error> {
         let inside = match (value, self.min, self.max) {
             (Value::Bool(_), Value::Bool(_), Value::Bool(_)) => true,
             (Value::Unsigned(value), Value::Unsigned(min), Value::Unsigned(max)) => {
+                if self.is_can_id() && CanId::from_wire(value).is_none() {
+                    return Err(Error::NotACanId { parameter: self.number, value });
+                }
                 (min..=max).contains(&value)
             }
             // The only signed parameter is a direction: one of its two bounds and nothing between.
@@ -82,6 +86,12 @@ impl ParameterInfo {
             _ => return Err(Error::WrongType { parameter: self.number }),
         };
         if inside { Ok(()) } else { Err(self.out_of_range(value)) }
+    }
+
+    /// Whether its values are ids of CAN frames, as the numbers of [`CanId::to_wire`].
+    #[must_use]
+    pub const fn is_can_id(&self) -> bool {
+        self.number == AxisParameter::D5RequestId.number() || self.number == AxisParameter::D5ReplyId.number()
     }
 
     fn out_of_range(&self, value: Value) -> Error {
@@ -205,7 +215,7 @@ macro_rules! parameters {
             /// Whether `value` is one that this parameter can have.
             ///
             /// # Errors
-            /// [`Error::WrongType`], [`Error::NotANumber`] or [`Error::OutOfRange`] with the bounds.
+            /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or [`Error::OutOfRange`] with the bounds.
             pub fn check(self, value: Value) -> Result<(), Error> {
                 self.info().check(value)
             }
@@ -267,10 +277,10 @@ parameters! {
     21 AllowUnknownMotorTimeout "allow_unknown_motor_timeout": Bool("") [false, true] false;
     /// D5: the acknowledge level that the motor is set to.
     22 D5AckLevel "d5_ack_level": Unsigned("") [0, 2] 2;
-    /// D5: CAN id of requests, of 11 bits, where it is not the number of the motor. The manual gives no ids: that it is this number is an assumption.
-    23 D5RequestId "d5_request_id": Unsigned("") [0, 0x7FF] optional;
-    /// D5: CAN id of replies, of 11 bits; without it any will do, as the frame itself names its motor. That a reply has the id of its request is an assumption.
-    24 D5ReplyId "d5_reply_id": Unsigned("") [0, 0x7FF] optional;
+    /// D5: CAN id of requests, of 11 bits, or with bit 31 set of 29, where it is not the number of the motor as one of 11 bits. The manual gives neither ids nor frame type: that it is this number is an assumption.
+    23 D5RequestId "d5_request_id": Unsigned("") [0, 0x9FFF_FFFF] optional;
+    /// D5: CAN id of replies, of 11 bits, or with bit 31 set of 29; without it any will do, as the frame itself names its motor. That a reply has the id of its request is an assumption.
+    24 D5ReplyId "d5_reply_id": Unsigned("") [0, 0x9FFF_FFFF] optional;
     /// Thruster protocol: the device has an encoder.
     25 PositionDevice "position_device": Bool("") [false, true] false;
     /// Lets arming release a mechanical brake.
@@ -401,6 +411,19 @@ mod tests {
         );
         assert!(AxisParameter::SignalLimit.check(Value::Float(f32::INFINITY)).is_err());
         assert!(AxisParameter::Direction.check(Value::Signed(0)).is_err());
+    }
+
+    #[test]
+    fn a_value_between_the_ids_of_11_and_of_29_bits_is_no_id() {
+        for parameter in [AxisParameter::D5RequestId, AxisParameter::D5ReplyId] {
+            for id in [0, 0x7FF, 0x8000_0000, 0x9FFF_FFFF] {
+                assert_eq!(parameter.check(Value::Unsigned(id)), Ok(()), "{id:#X}");
+            }
+            for value in [0x800, 0x7FFF_FFFF, 0xA000_0000, u32::MAX] {
+                let refusal = Error::NotACanId { parameter: parameter.number(), value };
+                assert_eq!(parameter.check(Value::Unsigned(value)), Err(refusal), "{value:#X}");
+            }
+        }
     }
 
     #[test]

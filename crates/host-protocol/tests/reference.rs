@@ -222,7 +222,10 @@ fn types_are_those_of_the_code() {
         let bit = format!("bit {bit} {}", field.name());
         assert!(documented["StateFields"].contains(&bit), "{bit}");
     }
-    assert!(documented.keys().eq(&["CanFrame", "Protocol", "ProtocolSet", "StateFields"]), "{documented:?}");
+    assert!(
+        documented.keys().eq(&["CanFrame", "CanId", "Protocol", "ProtocolSet", "StateFields"]),
+        "{documented:?}"
+    );
 }
 
 #[test]

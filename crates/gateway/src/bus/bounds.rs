@@ -3,7 +3,6 @@
 use super::Bus;
 use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
-use super::transmit::LONGEST_FRAME_BITS;
 use crate::axis::Axis;
 use crate::motor;
 use crate::outbox::Outbox;
@@ -30,7 +29,7 @@ impl Bus {
                 let replies = replies + self.further_replies(axes);
                 let wait =
                     if self.carries(Protocol::D5) { self.line_times().stop_delay() } else { Duration::ZERO };
-                let frame = self.bit_time(LONGEST_FRAME_BITS);
+                let frame = self.frame_time(1);
                 // Behind each stop those motors have their say that answer what was for others, and are waited for.
                 let objections =
                     if self.axes_here(axes).any(Axis::objects) { wait + frame } else { Duration::ZERO };
@@ -44,7 +43,7 @@ impl Bus {
     /// What takes so long on a bus to itself, beside the frames that motors here send by themselves: those that are due when it begins, and those
     /// that come due meanwhile.
     fn beside_streams(&self, alone: Duration, axes: &[Axis]) -> Duration {
-        let frame = self.bit_time(LONGEST_FRAME_BITS);
+        let frame = self.frame_time(1);
         let streamed: u64 = self.axes_here(axes).map(|axis| streamed_permille(axis, frame)).sum();
         // More than the load of a bus may be is refused when it is configured.
         let left = NonZeroU64::new(1_000 - streamed.min(999)).unwrap_or(NonZeroU64::MIN);
@@ -75,12 +74,11 @@ impl Bus {
             // A request and its reply, and what a D5's reply may wait for; of thrusters so many share a window.
             BusKind::Can => {
                 let thrusters = self.carries(Protocol::Thruster);
-                self.bit_time(LONGEST_FRAME_BITS).times(3)
-                    + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
+                self.frame_time(3) + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
             }
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };
-        let further = self.bit_time(LONGEST_FRAME_BITS).times(2 * self.further_replies(all));
+        let further = self.frame_time(2 * self.further_replies(all));
         self.bound(axes, all) + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further, all)
     }
 

@@ -1,7 +1,7 @@
 //! Whether what the axes of a bus must send and hear fits on it.
 
+use super::frame_bits::longest_frame_bits;
 use super::line::{GAP_BITS, STOP_DELAY};
-use super::transmit::LONGEST_FRAME_BITS;
 use super::{Bus, bits_at};
 use crate::axis::Axis;
 use crate::motor;
@@ -21,8 +21,9 @@ pub(crate) fn check<'a>(
     config: &BusConfig,
     axes: impl Iterator<Item = &'a Axis> + Clone,
 ) -> Result<(), Error> {
-    let exchange = exchange_time(bus.kind(), config.bitrate);
-    let frame = bits_at(LONGEST_FRAME_BITS, config.bitrate);
+    let frame_bits = longest_frame_bits(axes.clone());
+    let exchange = exchange_time(bus.kind(), frame_bits, config.bitrate);
+    let frame = bits_at(frame_bits, config.bitrate);
     let needed_by = |axis: &Axis| {
         let objections = objections(axis, axes.clone());
         // Behind them nothing is to come for a while, before the next request.
@@ -51,9 +52,9 @@ pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) 
 }
 
 /// Time that one request and its reply take.
-fn exchange_time(kind: BusKind, bitrate: u32) -> Duration {
+fn exchange_time(kind: BusKind, frame_bits: u64, bitrate: u32) -> Duration {
     match kind {
-        BusKind::Can => bits_at(2 * LONGEST_FRAME_BITS, bitrate),
+        BusKind::Can => bits_at(2 * frame_bits, bitrate),
         BusKind::Rs485 => bits_at(2 * SERIAL_FRAME_BITS + 2 * GAP_BITS, bitrate) + SERIAL_TURNAROUND,
     }
 }

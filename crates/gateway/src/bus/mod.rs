@@ -1,6 +1,7 @@
 //! One bus: its configuration, what is on its way, and what it counts.
 
 mod bounds;
+mod frame_bits;
 mod line;
 mod load;
 mod raw;
@@ -16,6 +17,7 @@ use crate::outbox::Outbox;
 use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
+use frame_bits::STANDARD_FRAME_BITS;
 use host_protocol::replies::BusReport;
 use host_protocol::{AxisState, BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
 use line::Line;
@@ -58,6 +60,8 @@ pub(crate) struct Bus {
     pause: Duration,
     /// The start after which the pause last grew.
     paused_for: Option<u32>,
+    /// Of a frame here, bits; kept where axes change.
+    longest_frame_bits: u64,
     /// The axis that was served last; the next one after it goes first.
     turn: u8,
 }
@@ -111,6 +115,7 @@ impl Bus {
             started_at: Instant::from_micros(0),
             pause: Duration::ZERO,
             paused_for: None,
+            longest_frame_bits: STANDARD_FRAME_BITS,
             turn: 0,
         }
     }

@@ -1,6 +1,5 @@
 //! What goes out next on a bus: stops first, on CAN those with the lowest id, everything else in turn.
 
-use super::transmit::LONGEST_FRAME_BITS;
 use super::{Bus, InFlight};
 use crate::axis::{Axis, Priority, Want};
 use crate::motor;
@@ -10,8 +9,8 @@ use host_protocol::{BusKind, Protocol};
 
 /// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
 pub(super) const MAX_OUTSTANDING: usize = 4;
-/// A request and its reply, on CAN or RS485, bits.
-const LONGEST_EXCHANGE_BITS: u64 = 2 * LONGEST_FRAME_BITS;
+/// The frames of a request and its reply, on CAN or RS485.
+const EXCHANGE_FRAMES: u64 = 2;
 /// A first stop that may leave and has not within so many frame times keeps no other stop from being repeated and confirmed (GUARANTEES G4).
 const FIRST_STOPS_BAR_FRAMES: u64 = 4;
 
@@ -24,8 +23,8 @@ pub(super) enum Room {
     All,
 }
 
-/// What decides between requests: the least goes first. The priority, then the id where that decides, and 0 where it does not.
-type Precedence = (u8, u16);
+/// What decides between requests: the least goes first. The priority, then the id where that decides, compared as in the arbitration.
+type Precedence = (u8, Option<Id>);
 
 /// How far the stops on a bus are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,23 +108,25 @@ impl Bus {
     fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
         let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {
-            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => (Priority::Ordinary as u8, 0),
-            (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, 0),
+            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => {
+                (Priority::Ordinary as u8, None)
+            }
+            (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, None),
             // One of those that are held up stays in the controller; beside it goes what wins against them.
             (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held) if self.holds_first_stop() => {
                 (Priority::Stop as u8, id)
             }
             (Priority::FirstStop | Priority::FirstStopAtRest, _) => (first, id),
             (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id),
-            (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, 0),
+            (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, None),
         }
     }
 
     /// Nothing of the axis goes before this.
     fn first_stop_precedence(&self, axis: &Axis) -> Precedence {
         let id = match self.kind() {
-            BusKind::Can => motor::stop_id(&axis.config).map_or(0, |id| id.as_raw() + 1),
-            BusKind::Rs485 => 0,
+            BusKind::Can => motor::stop_id(&axis.config),
+            BusKind::Rs485 => None,
         };
         (Priority::FirstStop as u8, id)
     }
@@ -166,7 +167,7 @@ impl Bus {
     fn first_stops_bar_for(&self, axes: &[Axis]) -> Duration {
         let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
         let streamed = self.streamed_at_once(axes);
-        self.bit_time(LONGEST_FRAME_BITS).times(FIRST_STOPS_BAR_FRAMES + replies + streamed)
+        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + streamed)
     }
 
     /// From when on the first stop of the axis may leave, while it has not.
@@ -190,7 +191,7 @@ impl Bus {
         if has_room && self.may_go_beside_others(axis) {
             return None;
         }
-        let id = motor::stop_id(&axis.config).map(Id::Standard);
+        let id = motor::stop_id(&axis.config);
         let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
         let held = self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
         let loses = |f: &InFlight| match is_first {
@@ -249,7 +250,7 @@ impl Bus {
 
     /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
     fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
-        let until = now + self.reply_window() + self.bit_time(LONGEST_EXCHANGE_BITS);
+        let until = now + self.reply_window() + self.bit_time(EXCHANGE_FRAMES * self.longest_frame_bits);
         let due = |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
         self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
     }
@@ -257,7 +258,7 @@ impl Bus {
     fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis], room: Room) -> bool {
         match self.kind() {
             BusKind::Can => {
-                let id = motor::stop_id(&axis.config).map(Id::Standard);
+                let id = motor::stop_id(&axis.config);
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
                 let fits = room == Room::All || self.may_go_beside_others(axis);
                 !taken && fits && self.id_is_free_at(axis, axes) <= now
@@ -277,9 +278,9 @@ impl Bus {
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
         // Another motor's objection may be under way when the bus was quiet for so long, and that of this one behind it.
-        let behind = if axis.objects() { self.bit_time(LONGEST_FRAME_BITS) } else { Duration::ZERO };
+        let behind = if axis.objects() { self.frame_time(1) } else { Duration::ZERO };
         let delay = self.line_times().stop_delay() + behind;
-        let others = self.bit_time(3 * LONGEST_FRAME_BITS).times(self.axes_here(axes).count() as u64);
+        let others = self.bit_time(3 * self.longest_frame_bits).times(self.axes_here(axes).count() as u64);
         (since.max(self.active_at) + delay).min(since + others + delay)
     }
 
@@ -300,7 +301,7 @@ impl Bus {
     /// it, so that what is no stop waits until nothing has come for as long as a motor takes and its frame.
     pub(super) fn objections_are_over_at(&self, axes: &[Axis]) -> Option<Instant> {
         let objects = self.axes_here(axes).any(Axis::objects);
-        let frame = self.bit_time(LONGEST_FRAME_BITS);
+        let frame = self.frame_time(1);
         objects.then(|| self.active_at + self.line_times().stop_delay() + frame)
     }
 }

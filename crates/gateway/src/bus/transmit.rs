@@ -20,8 +20,6 @@ const ACKNOWLEDGE_FRAMES: u64 = 4;
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// A frame that waited in vain for a reply with its own id, and has not left after so many frame times, has met that reply.
 const COLLIDED_AFTER_FRAMES: u64 = 3;
-/// Longest stuffed standard data frame with intermission, bits.
-pub(super) const LONGEST_FRAME_BITS: u64 = 135;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
 const INTERNAL_ENCODING: u16 = 1;
 
@@ -80,7 +78,7 @@ impl Bus {
         if self.kind() != BusKind::Can {
             return None;
         }
-        let within = CANCELLED_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let first_stop = self.first_stop_in_controller(now, axes);
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
@@ -236,10 +234,10 @@ impl Bus {
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
         let may_come = axis.reply_with_our_id_since().is_some() || axis.objects();
         let may_collide = may_come && !self.let_reply_pass;
-        let frames = self.bit_time(LONGEST_FRAME_BITS).times(COLLIDED_AFTER_FRAMES);
+        let frames = self.frame_time(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);
         axis.handed(now, want.exchange, command, slot);
-        let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let within = match want.exchange {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
@@ -262,7 +260,7 @@ impl Bus {
             RawFrame::Can(frame) => Outgoing::Can(frame),
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
-        let within = ACKNOWLEDGE_WITHIN + self.bit_time(LONGEST_FRAME_BITS).times(ACKNOWLEDGE_FRAMES);
+        let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         Some(self.launch(now, ORDINARY_SLOT, None, frame, within))
     }
 

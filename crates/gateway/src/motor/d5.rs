@@ -5,8 +5,7 @@ use super::{Command, Exchange, Sequences, Verdict, fit, turned};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, DEGREES};
 use d5::{AckLevel, Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
-use embedded_can::{Id, StandardId};
-use host_protocol::{AxisParameter, CanFrame, Error, Quantity, Setpoint};
+use host_protocol::{AxisParameter, CanFrame, CanId, Error, Quantity, Setpoint};
 
 pub(super) const SEQUENCES: Sequences = Sequences {
     arming: &[
@@ -201,29 +200,34 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
 }
 
 /// The frame that has every motor carry out what waits (D5 manual, quick start (4)). The manual gives no CAN id: that of the frame's own id
-/// byte, 0x0FE, is an assumption.
-pub(super) fn execute_all() -> Option<CanFrame> {
-    let id = StandardId::new(Address::BROADCAST_ID.into())?;
-    d5::can::request(Id::Standard(id), Address::Broadcast, &Request::Execute).ok()
+/// byte, 0x0FE, in a frame of the type that the motor of the axis is asked with, is an assumption.
+pub(super) fn execute_all(config: &AxisConfig) -> Option<CanFrame> {
+    let raw = u32::from(Address::BROADCAST_ID);
+    let extended = request_id(config)?.is_extended();
+    let CanId(id) = if extended { CanId::extended(raw) } else { CanId::standard(raw) }?;
+    d5::can::request(id, Address::Broadcast, &Request::Execute).ok()
 }
 
 pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option<CanFrame> {
     let node = Node::new(node).ok()?;
-    d5::can::request(Id::Standard(request_id(config)?), d5::Address::Node(node), request).ok()
+    let CanId(id) = request_id(config)?;
+    d5::can::request(id, d5::Address::Node(node), request).ok()
 }
 
-/// The arbitration id of requests: the axis's, by default the motor's id, which is an assumption (D14).
-pub(super) fn request_id(config: &AxisConfig) -> Option<StandardId> {
+/// The arbitration id of requests: the axis's, by default the motor's id as a standard one, which is an assumption (D14).
+pub(super) fn request_id(config: &AxisConfig) -> Option<CanId> {
     match config.unsigned(AxisParameter::D5RequestId) {
-        Some(id) => StandardId::new(u16::try_from(id).ok()?),
-        None => Node::new(config.node()?).ok().map(d5::can::default_request_id),
+        Some(id) => CanId::from_wire(id),
+        None => Node::new(config.node()?).ok().map(|node| CanId(d5::can::default_request_id(node).into())),
     }
+}
+
+/// The arbitration id of replies, where the axis names one.
+pub(super) fn reply_id(config: &AxisConfig) -> Option<CanId> {
+    config.unsigned(AxisParameter::D5ReplyId).and_then(CanId::from_wire)
 }
 
 /// Replies may carry any id unless the axis names one (D14).
 pub(super) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
-    match config.unsigned(AxisParameter::D5ReplyId) {
-        Some(wanted) => matches!(frame.id(), Id::Standard(id) if u32::from(id.as_raw()) == wanted),
-        None => true,
-    }
+    reply_id(config).is_none_or(|CanId(wanted)| frame.id() == wanted)
 }

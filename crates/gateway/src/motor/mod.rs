@@ -17,7 +17,7 @@ mod thruster;
 
 use counts::{fit, position, turned};
 pub(crate) use exchange::Exchange;
-pub(crate) use ids::sent_on_an_id_of;
+pub(crate) use ids::{has_extended_ids, has_extended_request_id, sent_on_an_id_of};
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
 pub(crate) use stream::Stream;
@@ -26,9 +26,11 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use crate::port::MAX_SERIAL;
 use crate::time::Duration;
-use embedded_can::StandardId;
+use embedded_can::Id;
 use heapless::Vec;
-use host_protocol::{AxisParameter, BusKind, CanFrame, Error, Protocol, Quantity, Setpoint, StopAction};
+use host_protocol::{
+    AxisParameter, BusKind, CanFrame, CanId, Error, Protocol, Quantity, Setpoint, StopAction,
+};
 
 /// A command for a motor in the words of its protocol's codec.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -466,17 +468,17 @@ pub(crate) fn to_can(command: &Command, config: &AxisConfig) -> Option<CanFrame>
             ::thruster::can::request(::thruster::Node::new(node).ok()?, request).ok()
         }
         Command::D5(request) => d5::to_can(node, request, config),
-        Command::D5Execute => d5::execute_all(),
+        Command::D5Execute => d5::execute_all(config),
     }
 }
 
 /// The id on CAN of every frame that a stop sends to the axis's motor.
-pub(crate) fn stop_id(config: &AxisConfig) -> Option<StandardId> {
+pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
     let node = config.node()?;
     match config.protocol()? {
-        Protocol::Rmd => Some(::rmd::can::request_id(::rmd::Node::new(node).ok()?)),
-        Protocol::Thruster => Some(::thruster::can::request_id(::thruster::Node::new(node).ok()?)),
-        Protocol::D5 => d5::request_id(config),
+        Protocol::Rmd => Some(::rmd::can::request_id(::rmd::Node::new(node).ok()?).into()),
+        Protocol::Thruster => Some(::thruster::can::request_id(::thruster::Node::new(node).ok()?).into()),
+        Protocol::D5 => d5::request_id(config).map(|CanId(id)| id),
     }
 }
 

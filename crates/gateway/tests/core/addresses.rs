@@ -4,7 +4,7 @@
 use crate::bench::{self, hello};
 use crate::rig::Rig;
 use host_protocol::{
-    AxisParameter as Parameter, Error, Protocol, Reply, Request, StopAction, Value, requests,
+    AxisParameter as Parameter, CanId, Error, Protocol, Reply, Request, StopAction, Value, requests,
 };
 
 /// An axis as far as its ids go.
@@ -12,8 +12,8 @@ use host_protocol::{
 struct Motor {
     protocol: Protocol,
     node: u8,
-    request_id: Option<u16>,
-    reply_id: Option<u16>,
+    request_id: Option<u32>,
+    reply_id: Option<u32>,
 }
 
 const fn rmd(node: u8) -> Motor {
@@ -24,13 +24,14 @@ const fn thruster(node: u8) -> Motor {
     Motor { protocol: Protocol::Thruster, node, request_id: None, reply_id: None }
 }
 
-const fn d5(node: u8, request_id: Option<u16>, reply_id: Option<u16>) -> Motor {
+/// A D5. Its ids are numbers of the wire: bit 31 makes one of 29 bits.
+const fn d5(node: u8, request_id: Option<u32>, reply_id: Option<u32>) -> Motor {
     Motor { protocol: Protocol::D5, node, request_id, reply_id }
 }
 
 /// RMD V3.6 §1.1.2 and §5: 0x140 + node, in motion mode 0x400 + node. Thruster manual §1.1: 0x300 + node. D5: the node (D14).
-fn sent(motor: Motor) -> Vec<u16> {
-    let node = u16::from(motor.node);
+fn sent(motor: Motor) -> Vec<u32> {
+    let node = u32::from(motor.node);
     match motor.protocol {
         Protocol::Rmd => vec![0x140 + node, 0x400 + node],
         Protocol::Thruster => vec![0x300 + node],
@@ -39,8 +40,8 @@ fn sent(motor: Motor) -> Vec<u16> {
 }
 
 /// Those, the replies (RMD 0x240 + node and 0x500 + node, thruster 0x280 + node), and the groups of RMD (§3 and §4).
-fn used(motor: Motor, asked_in: Protocol) -> Vec<u16> {
-    let node = u16::from(motor.node);
+fn used(motor: Motor, asked_in: Protocol) -> Vec<u32> {
+    let node = u32::from(motor.node);
     let mut ids = sent(motor);
     match motor.protocol {
         Protocol::Rmd => ids.extend([0x240 + node, 0x500 + node, 0x280, 0x300]),
@@ -57,7 +58,7 @@ fn expected(a: Motor, b: Motor) -> Vec<Error> {
     let hits = both.into_iter().flat_map(|(axis, motor, other, motor_of_other)| {
         let used = used(motor_of_other, motor.protocol);
         let hits = sent(motor).into_iter().filter(move |id| used.contains(id));
-        hits.map(move |id| Error::IdInUse { axis, id, other })
+        hits.map(move |id| Error::IdInUse { axis, id: CanId::from_wire(id).unwrap(), other })
     });
     hits.collect()
 }
@@ -76,8 +77,8 @@ fn steps(motor: Motor) -> Vec<(Parameter, u32)> {
         (Parameter::Node, motor.node.into()),
         (Parameter::StopAction, stop.number().into()),
     ];
-    steps.extend(motor.request_id.map(|id| (Parameter::D5RequestId, id.into())));
-    steps.extend(motor.reply_id.map(|id| (Parameter::D5ReplyId, id.into())));
+    steps.extend(motor.request_id.map(|id| (Parameter::D5RequestId, id)));
+    steps.extend(motor.reply_id.map(|id| (Parameter::D5ReplyId, id)));
     steps
 }
 
@@ -105,12 +106,22 @@ const RMD_NODES: [u8; 5] = [1, 2, 16, 31, 32];
 const THRUSTER_NODES: [u8; 6] = [1, 2, 11, 64, 126, 127];
 const D5_NODES: [u8; 4] = [1, 2, 0x0B, 0xFD];
 
+/// An id of 29 bits is that of no RMD and no thruster, nor that of a D5 with the same number of 11 bits: those of node 1 and 2, of RMD 1
+/// and of node 2 in bits 28 to 18 among them.
+const EXTENDED_IDS: [(u32, Option<u32>); 4] = [
+    (0x8000_0002, None),
+    (0x8000_0401, Some(0x8000_0141)),
+    (0x8008_0000, Some(0x8000_030B)),
+    (0x9FFF_FFFF, Some(0x8000_0002)),
+];
+
 fn motors() -> Vec<Motor> {
     let with_ids = [(0x401, None), (0x7FF, Some(0x141)), (0x241, Some(0x30B)), (0x0B, Some(0x0B)), (2, None)];
     let mut motors: Vec<_> = RMD_NODES.map(rmd).to_vec();
     motors.extend(THRUSTER_NODES.map(thruster));
     motors.extend(D5_NODES.map(|node| d5(node, None, None)));
     motors.extend(with_ids.map(|(request, reply)| d5(0x20, Some(request), reply)));
+    motors.extend(EXTENDED_IDS.map(|(request, reply)| d5(0x21, Some(request), reply)));
     motors
 }
 
@@ -135,6 +146,23 @@ fn of_every_two_motors_those_are_refused_whose_ids_meet_in_either_order() {
     assert_eq!(refused, 12);
 }
 
+/// 2147483664 is bit 31 and 0x10.
+#[test]
+fn two_d5_motors_with_one_id_of_29_bits_are_refused_and_with_11_bits_of_that_number_not() {
+    let mut rig = rig();
+    configure(&mut rig, 0, &steps(d5(1, Some(2_147_483_664), None))).unwrap();
+    configure(&mut rig, 1, &steps(d5(2, Some(0x10), None))).unwrap();
+    let refused = configure(&mut rig, 2, &steps(d5(3, Some(2_147_483_664), None)));
+    assert_eq!(refused, Err(Error::IdInUse { axis: 2, id: CanId::extended(0x10).unwrap(), other: 0 }));
+    let refused = set(&mut rig, 2, Parameter::D5RequestId, 0x10);
+    assert_eq!(refused, Err(Error::IdInUse { axis: 2, id: CanId::standard(0x10).unwrap(), other: 1 }));
+    // No motor can be asked with these.
+    for value in [0x800, 0x1234_5678, 0xA000_0000] {
+        let refused = set(&mut rig, 2, Parameter::D5RequestId, value);
+        assert_eq!(refused, Err(Error::NotACanId { parameter: 23, value }));
+    }
+}
+
 /// All 2,048 ids as request and as reply id of a D5 beside every kind of axis.
 #[test]
 fn of_all_ids_of_a_d5_those_of_another_axis_are_refused() {
@@ -145,12 +173,12 @@ fn of_all_ids_of_a_d5_those_of_another_axis_are_refused() {
         configure(&mut rig, 0, &steps(other)).unwrap();
         configure(&mut rig, 1, &steps(d5(1, Some(0x7F0), None))).unwrap();
         for id in 0..=0x7FF {
-            let outcome = set(&mut rig, 1, Parameter::D5RequestId, id.into()).map(drop);
+            let outcome = set(&mut rig, 1, Parameter::D5RequestId, id).map(drop);
             assert_outcome(outcome, (other, d5(1, Some(id), None)));
         }
         set(&mut rig, 1, Parameter::D5RequestId, 0x7F0).unwrap();
         for id in 0..=0x7FF {
-            let outcome = set(&mut rig, 1, Parameter::D5ReplyId, id.into()).map(drop);
+            let outcome = set(&mut rig, 1, Parameter::D5ReplyId, id).map(drop);
             assert_outcome(outcome, (other, d5(1, Some(0x7F0), Some(id))));
         }
     }
