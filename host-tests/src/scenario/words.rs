@@ -1,7 +1,8 @@
 //! The words of a step.
 
 use host_protocol::{
-    AxisParameter, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction, Value, ValueKind,
+    AxisParameter, CanId, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction, Value,
+    ValueKind,
 };
 use mgw_sim::Wiring;
 use std::str::FromStr;
@@ -88,11 +89,15 @@ pub fn protocols(text: &str) -> Result<ProtocolSet, String> {
     })
 }
 
-/// `motor BUS PROTOCOL NODE`: one more motor on the buses.
+/// `motor BUS PROTOCOL NODE [CAN_ID]`: one more motor on the buses, a D5 on a CAN id of its own.
 pub fn motor(wiring: Wiring, words: &[&str]) -> Result<Wiring, String> {
     let name: String = parse(words, 2, "protocol")?;
     let protocol = Protocol::from_name(&name).ok_or_else(|| format!("{name} is no protocol"))?;
-    Ok(wiring.with(parse(words, 1, "bus")?, protocol, parse(words, 3, "node")?))
+    let mut wiring = wiring.with(parse(words, 1, "bus")?, protocol, parse(words, 3, "node")?);
+    if let Some(motor) = wiring.motors.last_mut().filter(|_| words.len() > 4) {
+        motor.can_id = Some(parse(words, 4, "CAN id")?);
+    }
+    Ok(wiring)
 }
 
 /// `name=value`
@@ -102,6 +107,7 @@ pub fn parameter(text: &str) -> Result<(AxisParameter, Value), String> {
     let named = match parameter {
         AxisParameter::Protocol => Protocol::from_name(value).map(u32::from),
         AxisParameter::StopAction => StopAction::from_name(value).map(u32::from),
+        _ if parameter.info().is_can_id() => value.parse().ok().map(CanId::to_wire),
         _ => None,
     };
     if let Some(number) = named {

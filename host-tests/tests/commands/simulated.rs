@@ -151,7 +151,7 @@ impl Lone {
             (false, Protocol::D5) => 210_526,
             (false, _) => 1_000_000,
         };
-        let wiring = MotorWiring { bus: 0, protocol, node: lab::node(protocol), bitrate };
+        let wiring = MotorWiring { bus: 0, protocol, node: lab::node(protocol), bitrate, can_id: None };
         let motor = if serial { Motor::on_rs485(wiring, 1) } else { Motor::on_can(wiring, 1) };
         Self { motor: motor.unwrap(), protocol, serial, now: Duration::ZERO }
     }

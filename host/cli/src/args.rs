@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use host_protocol::CanId;
 
 use crate::plan::Plan;
 
@@ -63,6 +64,9 @@ pub enum Command {
         /// Leave buses and axes unconfigured, as a board is after power-on
         #[arg(long)]
         unconfigured: bool,
+        /// CAN id of the D5 motor, 0x123 or, of 29 bits, extended:0x12345678; its node unless given
+        #[arg(long, value_name = "CAN_ID")]
+        d5_id: Option<CanId>,
     },
 
     /// Show what the gateway is: versions, board, buses, boot reason, who commands, e-stop, enable output

@@ -102,7 +102,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let out = Output::new(cli.json);
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
-        Some(Command::Sim { listen, unconfigured }) => serve::run(*listen, *unconfigured, out),
+        Some(Command::Sim { listen, unconfigured, d5_id }) => serve::run(*listen, *unconfigured, *d5_id, out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(command) => {

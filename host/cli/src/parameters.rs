@@ -1,6 +1,8 @@
 //! Values of parameters as people write them: `stop_action=hold`, `ttl_us=100000`.
 
-use host_protocol::{AxisParameter, GatewayParameter, ParameterInfo, Protocol, StopAction, Value, ValueKind};
+use host_protocol::{
+    AxisParameter, CanId, GatewayParameter, ParameterInfo, Protocol, StopAction, Value, ValueKind,
+};
 
 use crate::failure::Failure;
 
@@ -37,6 +39,9 @@ pub fn unknown(owner: &str, name: &str, names: impl Iterator<Item = &'static str
 pub fn value(info: &ParameterInfo, text: &str) -> Result<Value, Failure> {
     let parsed = match info.kind {
         ValueKind::Bool => text.parse().ok().map(Value::Bool),
+        ValueKind::Unsigned if info.is_can_id() => {
+            text.parse().ok().map(|id: CanId| Value::Unsigned(id.to_wire()))
+        }
         ValueKind::Unsigned => named(info, text).or_else(|| unsigned(text)).map(Value::Unsigned),
         ValueKind::Signed => text.parse().ok().map(Value::Signed),
         ValueKind::Float => text.parse().ok().map(Value::Float),
@@ -57,6 +62,9 @@ pub fn unsigned(text: &str) -> Option<u32> {
 
 /// What a parameter takes, for people.
 pub fn allowed(info: &ParameterInfo) -> String {
+    if info.is_can_id() {
+        return CanId::ALLOWED.to_owned();
+    }
     if let Some(names) = names(info) {
         return names.map(|(name, _)| name).collect::<Vec<_>>().join(", ");
     }
@@ -74,6 +82,7 @@ pub fn allowed(info: &ParameterInfo) -> String {
 /// A value for people: a name where the number has one.
 pub fn shown(info: &ParameterInfo, value: Value) -> String {
     let name = match value {
+        Value::Unsigned(number) if info.is_can_id() => CanId::from_wire(number).map(|id| id.to_string()),
         Value::Unsigned(number) => names(info)
             .and_then(|mut names| names.find(|(_, of)| *of == number))
             .map(|(name, _)| name.to_owned()),
@@ -124,7 +133,26 @@ mod tests {
         assert_eq!(text, "`-5` is no value for ttl_us. It takes 5000 to 60000000 µs");
         let text = read("speed", "1").unwrap_err().to_string();
         assert!(text.contains("no parameter `speed`. There are: bus, protocol, node"), "{text}");
+        for id in ["0x800", "extended:0x20000000", "extended"] {
+            let text = read("d5_request_id", id).unwrap_err().to_string();
+            let takes = "It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF";
+            assert_eq!(text, format!("`{id}` is no value for d5_request_id. {takes}"));
+        }
         assert!(split("node").is_err() && split("=1").is_err() && split("node=").is_err());
+    }
+
+    #[test]
+    fn an_id_of_29_bits_is_another_than_that_of_11_with_its_number() {
+        for (name, text, value) in [
+            ("d5_request_id", "0x010", 0x10),
+            ("d5_request_id", "extended:0x00000010", 0x8000_0010),
+            ("d5_reply_id", "extended:0x1FFFFFFF", 0x9FFF_FFFF),
+        ] {
+            let value = Value::Unsigned(value);
+            assert_eq!(read(name, text).unwrap(), value);
+            assert_eq!(shown(axis_parameter(name).unwrap().info(), value), text);
+        }
+        assert_eq!(read("d5_request_id", "16").unwrap(), Value::Unsigned(16));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::net::{SocketAddr, TcpListener};
 use std::rc::Rc;
 
+use host_protocol::{AxisParameter, CanId, Value};
 use serde_json::json;
 
 use crate::failure::Failure;
@@ -10,15 +11,19 @@ use crate::four_motors;
 use crate::output::Output;
 
 /// Serves until the process is ended.
-pub fn run(listen: SocketAddr, unconfigured: bool, out: Output) -> Result<(), Failure> {
+pub fn run(listen: SocketAddr, unconfigured: bool, d5_id: Option<CanId>, out: Output) -> Result<(), Failure> {
     let failed = |source| Failure::Server { address: listen.to_string(), source };
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
 
-    let world = four_motors::world();
+    let world = four_motors::world(d5_id);
     if !unconfigured {
         let mut client = four_motors::connect(&world)?;
         four_motors::plan()?.apply(&mut client)?;
+        if let Some(id) = d5_id {
+            let id = Value::Unsigned(id.to_wire());
+            client.configure_axis(four_motors::D5_AXIS, AxisParameter::D5RequestId, id)?;
+        }
         client.release_authority()?;
     }
     let world = Rc::into_inner(world).expect("the session that shared it has ended").into_inner();

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt;
 
 use gateway::{Board, BusPort, BusPortKind, MAX_LINKS};
-use host_protocol::{BootReason, Protocol};
+use host_protocol::{BootReason, CanId, Protocol};
 
 /// Bitrate of RMD and thruster motors on CAN.
 const MBIT: u32 = 1_000_000;
@@ -49,6 +49,8 @@ pub struct MotorWiring {
     pub node: u8,
     /// Its bitrate, bit/s.
     pub bitrate: u32,
+    /// The CAN id on which a D5 listens and answers, where that is not its node. It hears 0xFE as well in frames of the same type.
+    pub can_id: Option<CanId>,
 }
 
 /// A board, its motors and the seed of everything random.
@@ -82,6 +84,11 @@ pub enum WiringError {
         /// The id asked for.
         node: u8,
     },
+    /// The protocol's manual says on which CAN ids its motors listen.
+    CanId {
+        /// The protocol.
+        protocol: Protocol,
+    },
     /// The simulator has this motor on CAN only.
     NotOnSerial {
         /// The protocol.
@@ -104,7 +111,7 @@ impl Wiring {
             (_, Protocol::D5) => D5_BITRATE,
             (_, Protocol::Rmd | Protocol::Thruster) => MBIT,
         };
-        self.with_motor(MotorWiring { bus, protocol, node, bitrate })
+        self.with_motor(MotorWiring { bus, protocol, node, bitrate, can_id: None })
     }
 
     /// Connects a motor.
@@ -139,6 +146,9 @@ impl fmt::Display for WiringError {
         match self {
             WiringError::Bus { bus, buses } => write!(f, "there is no bus {bus}: the board has {buses}"),
             WiringError::Node { protocol, node } => write!(f, "no {protocol} motor can have the id {node}"),
+            WiringError::CanId { protocol } => {
+                write!(f, "a {protocol} motor listens on the CAN ids of its manual")
+            }
             WiringError::NotOnSerial { protocol } => {
                 write!(f, "the simulated {protocol} motor speaks CAN only")
             }

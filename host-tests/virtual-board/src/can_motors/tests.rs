@@ -18,7 +18,8 @@ fn ms(ms: u64) -> Duration {
 }
 
 fn rmd() -> CanMotor {
-    CanMotor::new(MotorWiring { bus: 0, protocol: Protocol::Rmd, node: 1, bitrate: MBIT }, 3).unwrap()
+    CanMotor::new(MotorWiring { bus: 0, protocol: Protocol::Rmd, node: 1, bitrate: MBIT, can_id: None }, 3)
+        .unwrap()
 }
 
 fn to_rmd(data: [u8; 8]) -> CanFrame {

@@ -87,7 +87,7 @@ impl Bench {
         let motors: Vec<MotorWiring> = (0..AXES)
             .map(|axis| {
                 let (bus, node) = place(axis);
-                MotorWiring { bus, protocol: Protocol::Rmd, node, bitrate: BITRATE }
+                MotorWiring { bus, protocol: Protocol::Rmd, node, bitrate: BITRATE, can_id: None }
             })
             .collect();
         let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");

@@ -189,10 +189,10 @@ fn a_motor_at_another_rate_answers_nothing_and_breaks_frames() {
 #[test]
 fn a_wiring_that_cannot_be_is_refused() {
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 3, protocol: Protocol::Rmd, node: 1, bitrate: 1_000_000 };
+    let motor = MotorWiring { bus: 3, protocol: Protocol::Rmd, node: 1, bitrate: 1_000_000, can_id: None };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::Bus { bus: 3, buses: 3 }));
-    let motor = MotorWiring { bus: 2, protocol: Protocol::D5, node: 11, bitrate: 115_200 };
+    let motor = MotorWiring { bus: 2, protocol: Protocol::D5, node: 11, bitrate: 115_200, can_id: None };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::NotOnSerial { protocol: Protocol::D5 }));
 }

@@ -61,8 +61,13 @@ pub(super) struct Rig {
 /// A board with what hangs on it, not yet switched on.
 fn wired(board: &dyn Fn() -> Builder, situation: Situation) -> (Builder, Outside, [CanNode<Probe>; 2]) {
     let bus = situation.bus;
-    let motor =
-        |node| MotorWiring { bus: bus.index(), protocol: bus.protocol(), node, bitrate: bus.bitrate() };
+    let motor = |node| MotorWiring {
+        bus: bus.index(),
+        protocol: bus.protocol(),
+        node,
+        bitrate: bus.bitrate(),
+        can_id: None,
+    };
     let motors: Vec<MotorWiring> = (0..bus.axes()).map(|axis| motor(bus.node(axis))).collect();
     let mut board = board();
     let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");

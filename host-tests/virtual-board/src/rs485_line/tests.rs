@@ -16,7 +16,7 @@ const STATUS_2: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0
 fn line_with(bitrates: &[u32]) -> Rs485Line {
     let mut line = Rs485Line::new();
     for (bitrate, node) in bitrates.iter().zip(1..) {
-        let wiring = MotorWiring { bus: 2, protocol: Protocol::Rmd, node, bitrate: *bitrate };
+        let wiring = MotorWiring { bus: 2, protocol: Protocol::Rmd, node, bitrate: *bitrate, can_id: None };
         line.connect(wiring, u64::from(node)).unwrap();
     }
     line

@@ -18,7 +18,7 @@ const TTL: Duration = Duration::from_millis(100);
 /// A board with one RMD motor on its RS485 line.
 fn board(bitrate: u32) -> (Rc<RefCell<Machine>>, Outside) {
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate };
+    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate, can_id: None };
     let outside = Outside::connect(&mut builder, &[motor], 1).unwrap();
     (Rc::new(RefCell::new(builder.power_on())), outside)
 }
@@ -149,7 +149,7 @@ fn a_board_and_its_motor_go_on_from_a_snapshot() {
         (log, position, machine.line(outside.rs485).sent().to_vec(), machine.access_digest())
     };
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate: 115_200 };
+    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate: 115_200, can_id: None };
     let other = Outside::connect(&mut builder, &[motor], 1).unwrap();
     let copy = life(&mut builder.resume(&snapshot), &other);
     let original = life(&mut machine.borrow_mut(), &outside);

@@ -15,7 +15,7 @@ use trace::Trace;
 
 /// Shows it all; fails if any axis does not stop as it must.
 pub fn run(out: Output) -> Result<(), Failure> {
-    let world = four_motors::world();
+    let world = four_motors::world(None);
     let plan = four_motors::plan()?;
     let mut trace = Trace::new(&plan);
 

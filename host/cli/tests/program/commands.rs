@@ -92,6 +92,34 @@ fn a_file_configures_everything_at_once() {
 }
 
 #[test]
+fn a_d5_listens_on_an_id_of_29_bits() {
+    let sim = Sim::with(&["--d5-id", "extended:0x12345678"]);
+    let text = sim.mgw(&["set", "2", "velocity", "2", "--for", "0.5"]).success();
+    assert!(text.contains("axis 2 is armed"), "{text}");
+    let shown = &sim.mgw(&["--json", "configure", "show", "2"]).json_lines()[0]["parameters"];
+    assert_eq!(shown["d5_request_id"], "extended:0x12345678");
+    // Where it does not listen it does not answer.
+    sim.mgw(&["configure", "axis", "2", "d5_request_id=0x678"]).success();
+    sim.mgw(&["arm", "2"]).failure(1);
+    let refused = sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
+    assert!(refused.contains("It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF"), "{refused}");
+    // The standard id of the motor's node is another than the extended one of that number.
+    sim.mgw(&[
+        "configure",
+        "axis",
+        "4",
+        "bus=1",
+        "protocol=d5",
+        "node=12",
+        "d5_request_id=extended:0x12345678",
+    ])
+    .success();
+    let refused = sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
+    assert!(refused.contains("axis 2 would be sent frames on CAN id extended:0x12345678"), "{refused}");
+    assert!(refused.contains("axis 4"), "{refused}");
+}
+
+#[test]
 fn arm_holds_and_disarms() {
     let sim = Sim::patient();
     let text = sim.mgw(&["arm", "0", "2", "--for", "0.5"]).success();

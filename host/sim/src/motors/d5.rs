@@ -8,8 +8,7 @@ use d5::{
     MotorError, Node, REGISTERS, Register, Reply, Request, TurnDegrees, Value, Width, decode_speed,
     encode_angle, encode_speed, encode_temperature,
 };
-use embedded_can::{Id, StandardId};
-use host_protocol::CanFrame;
+use host_protocol::{CanFrame, CanId};
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
 use super::dynamics::{Characteristics, Drive, Plant};
@@ -51,8 +50,7 @@ const LATCHED: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct D5 {
     /// Requests are heard, and answers sent, under this CAN id.
-    #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::can_id"))]
-    can_id: StandardId,
+    can_id: CanId,
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_node"))]
     node: Node,
     plant: Plant,
@@ -69,9 +67,10 @@ pub(super) struct D5 {
 }
 
 impl D5 {
-    pub(super) fn new(node: Node) -> Self {
+    /// `can_id`: where it is not the node.
+    pub(super) fn new(node: Node, can_id: Option<CanId>) -> Self {
         let mut motor = Self {
-            can_id: d5::can::default_request_id(node),
+            can_id: can_id.unwrap_or_else(|| CanId(d5::can::default_request_id(node).into())),
             node,
             plant: Plant::new(CHARACTERISTICS),
             registers: [0; 256],
@@ -259,12 +258,18 @@ impl D5 {
         }
     }
 
+    /// Of frames to all: the manual gives neither id nor frame type (D14).
+    fn broadcast_id(&self) -> Option<CanId> {
+        let raw = u32::from(Address::BROADCAST_ID);
+        if self.can_id.is_extended() { CanId::extended(raw) } else { CanId::standard(raw) }
+    }
+
     fn ack_level(&self) -> AckLevel {
         AckLevel::of(self.byte(Register::ACK_LEVEL))
     }
 
     fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
-        if let Ok(frame) = d5::can::reply(self.can_id, self.node, reply) {
+        if let Ok(frame) = d5::can::reply(self.can_id.0, self.node, reply) {
             let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
             cx.send(delay, Wire::Can(frame), true);
         }
@@ -279,8 +284,8 @@ impl D5 {
 
 impl Model for D5 {
     fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame) {
-        let Id::Standard(id) = frame.id() else { return };
-        let is_for_it = id == self.can_id || id.as_raw() == u16::from(Address::BROADCAST_ID);
+        let id = CanId(frame.id());
+        let is_for_it = id == self.can_id || Some(id) == self.broadcast_id();
         if !is_for_it && !cx.injected.answers_others {
             return;
         }
@@ -321,7 +326,7 @@ impl Model for D5 {
     /// What survives a power cycle the manual does not say; here only the id does.
     fn power_cycle(&mut self) {
         let (can_id, node, plant) = (self.can_id, self.node, self.plant.clone());
-        *self = Self { can_id, plant, ..Self::new(node) };
+        *self = Self { plant, ..Self::new(node, Some(can_id)) };
     }
 
     fn plant(&self) -> &Plant {

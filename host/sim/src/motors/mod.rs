@@ -104,6 +104,9 @@ impl Motor {
 
     pub(crate) fn new(wiring: MotorWiring, serial: bool, seed: u64) -> Result<Self, WiringError> {
         let refused = WiringError::Node { protocol: wiring.protocol, node: wiring.node };
+        if wiring.can_id.is_some() && wiring.protocol != Protocol::D5 {
+            return Err(WiringError::CanId { protocol: wiring.protocol });
+        }
         let make = match wiring.protocol {
             Protocol::Rmd => {
                 let node = ::rmd::Node::new(wiring.node).map_err(|_| refused)?;
@@ -117,7 +120,7 @@ impl Motor {
             }
             Protocol::D5 if !serial => {
                 let node = ::d5::Node::new(wiring.node).map_err(|_| refused)?;
-                Make::D5(Box::new(d5::D5::new(node)))
+                Make::D5(Box::new(d5::D5::new(node, wiring.can_id)))
             }
             Protocol::Thruster | Protocol::D5 => {
                 return Err(WiringError::NotOnSerial { protocol: wiring.protocol });

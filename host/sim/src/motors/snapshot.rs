@@ -1,7 +1,6 @@
 //! How values of the codecs, which know no serde, are serialised with a motor: as the numbers on the wire.
 
 use d5::{Register, Value};
-use embedded_can::StandardId;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -42,7 +41,6 @@ as_number!(thruster_faults, ::thruster::Faults, u16, |faults| faults.bits(), |bi
 as_number!(d5_faults, ::d5::Faults, u8, |faults| faults.bits(), |bits| {
     Some(::d5::Faults::from_bits_retain(bits))
 });
-as_number!(can_id, StandardId, u16, |id| id.as_raw(), StandardId::new);
 as_number!(d5_registers, [u8; 256], Vec<u8>, |registers| registers.to_vec(), |bytes| bytes.try_into().ok());
 // Register, byte or word.
 as_number!(

@@ -10,7 +10,7 @@ use crate::wiring::MotorWiring;
 const MS: Duration = Duration::from_millis(1);
 
 fn motor(protocol: Protocol, node: u8, serial: bool) -> Motor {
-    let wiring = MotorWiring { bus: 0, protocol, node, bitrate: 115_200 };
+    let wiring = MotorWiring { bus: 0, protocol, node, bitrate: 115_200, can_id: None };
     Motor::new(wiring, serial, 7).unwrap()
 }
 

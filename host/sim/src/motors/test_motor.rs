@@ -14,7 +14,7 @@ pub(super) struct TestMotor {
 
 impl TestMotor {
     pub(super) fn new(protocol: Protocol, node: u8, serial: bool) -> Self {
-        let wiring = MotorWiring { bus: 0, protocol, node, bitrate: 115_200 };
+        let wiring = MotorWiring { bus: 0, protocol, node, bitrate: 115_200, can_id: None };
         Self { motor: Motor::new(wiring, serial, 1).unwrap(), now: Duration::ZERO }
     }
 
