@@ -32,6 +32,7 @@ static BOARD: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000, 210_526] },
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &[115_200] },
     ],
+    bus_limit: None,
     links: LINKS,
 };
 

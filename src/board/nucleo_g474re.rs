@@ -41,7 +41,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::BootReason;
+use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::host_links::HostLinks;
@@ -51,6 +51,32 @@ use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::tasks;
+
+// First of all: after a start by the ROM bootloader (DFU) that ROM may still lie at address 0. Only MEM_MODE is cleared; FB_MODE, the
+// order of the flash banks, stays. It touches no RAM.
+core::arch::global_asm!(
+    ".section .text.__pre_init, \"ax\"",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    "ldr r0, ={apb2enr}",
+    "ldr r1, [r0]",
+    "orr r1, r1, #1", // SYSCFGEN
+    "str r1, [r0]",
+    "ldr r1, [r0]", // two cycles, as the clock needs
+    "ldr r0, ={memrmp}",
+    "ldr r1, [r0]",
+    "bic r1, r1, #7", // MEM_MODE: main flash
+    "str r1, [r0]",
+    "dsb",
+    "bx lr",
+    apb2enr = const RCC_APB2ENR,
+    memrmp = const SYSCFG_MEMRMP,
+);
+/// The clock of SYSCFG, and its memory map (RM0440, RCC and SYSCFG chapters).
+const RCC_APB2ENR: u32 = 0x4002_1060;
+const SYSCFG_MEMRMP: u32 = 0x4001_0000;
 
 /// CAN buses, numbered first.
 pub const CAN_BUSES: usize = 3;
@@ -278,11 +304,11 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
 
 /// What the core must know of this board.
 fn description(boot: BootReason, last_words: &'static str) -> Board {
-    let buses: &[BusPort] = if starts_from_flash_always() {
-        &[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
+    let (buses, bus_limit): (&[BusPort], _) = if starts_from_flash_always() {
+        (&[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], None)
     } else {
         defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
-        &[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS]
+        (&[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
     };
     Board {
         name: "nucleo-g474re",
@@ -293,6 +319,7 @@ fn description(boot: BootReason, last_words: &'static str) -> Board {
         e_stop_input: true,
         enable_output: true,
         buses,
+        bus_limit,
         links: HostLinks::COUNT,
     }
 }

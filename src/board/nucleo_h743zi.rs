@@ -32,7 +32,7 @@ use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use embassy_time::{Duration, Instant, Timer};
 use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::BootReason;
+use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::host_links::HostLinks;
@@ -42,6 +42,38 @@ use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::tasks;
+
+// Before the RAM is used: on revisions before X reads of the AXI SRAM can be wrong unless its port reads one word at a time (ES0392
+// 2.2.9; ST's SystemInit does the same). It touches no RAM itself.
+core::arch::global_asm!(
+    ".section .text.__pre_init, \"ax\"",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    "ldr r0, ={idcode}",
+    "ldr r0, [r0]",
+    "lsrs r0, r0, #16", // REV_ID
+    "cmp r0, #{first_sound}",
+    "bhs 1f",
+    "ldr r0, ={axi_sram_functions}",
+    "movs r1, #1", // READ_ISS_OVERRIDE
+    "str r1, [r0]",
+    "dsb",
+    "1: bx lr",
+    idcode = const DBGMCU_IDCODE,
+    first_sound = const FIRST_WITH_SOUND_READS,
+    axi_sram_functions = const AXI_TARG7_FN_MOD,
+);
+/// DBGMCU_IDC: the revision of the chip in its upper half.
+const DBGMCU_IDCODE: u32 = 0x5C00_1000;
+/// AXI_TARG7_FN_MOD: how the interconnect accesses the AXI SRAM.
+const AXI_TARG7_FN_MOD: u32 = 0x5100_8108;
+/// REV_ID from which on the reads are right; ST's SystemInit compares with the same.
+const FIRST_WITH_SOUND_READS: u32 = 0x2000;
+/// REV_ID of revisions X and V (stm32h7xx_hal.h); Y has 0x1003.
+const REVISION_X: u16 = 0x2001;
+const REVISION_V: u16 = 0x2003;
 
 /// CAN buses, numbered first.
 pub const CAN_BUSES: usize = 2;
@@ -79,6 +111,8 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 
 const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+/// A CAN bus that this chip cannot serve.
+const OFF_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
 const RS485_BUS: BusPort =
     BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
 
@@ -148,9 +182,16 @@ impl UsbPort {
             ConstStaticCell::new([0; USB_RECEIVE_BUFFER]);
         pac::PWR.cr3().modify(|w| w.set_usb33den(true));
         is_soon(|| pac::PWR.cr3().read().usb33rdy()).await?;
+        // The clock of an external transceiver, which is not there, must not be waited for. It is on in sleep after a reset.
+        pac::RCC.ahb1enr().modify(|w| w.set_usb_otg_fs_ulpien(false));
+        pac::RCC.ahb1lpenr().modify(|w| w.set_usb_otg_fs_ulpilpen(false));
         rcc::enable_and_reset::<USB_OTG_FS>();
         let registers = pac::USB_OTG_FS;
-        registers.gusbcfg().modify(|w| w.set_fdmod(true));
+        // Without its transceiver the controller does not take the role of a device.
+        registers.gusbcfg().modify(|w| {
+            w.set_physel(true);
+            w.set_fdmod(true);
+        });
         registers.gintsts().write_value(pac::otg::regs::Gintsts(u32::MAX));
         is_soon(|| {
             let flags = registers.gintsts().read();
@@ -225,6 +266,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     set_clocks(&mut config.rcc);
     let p = embassy_stm32::init(config);
+    trim_by_usb_2();
     // An output until the next reset: dropped, it would become an input.
     core::mem::forget(Output::new(p.PE9, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
@@ -302,8 +344,28 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
 }
 
+/// CRS_CFGR.SYNCSRC: the frames of the host on USB2, which has PA11 and PA12 (stm32h7xx_hal_rcc_ex.h). The driver chooses USB1.
+const SYNC_BY_USB_2: u8 = 3;
+
+/// Has the 48 MHz of USB trimmed by the frames of its host. The source can be changed only while the trimming is off.
+fn trim_by_usb_2() {
+    pac::CRS.cr().modify(|w| w.set_cen(false));
+    pac::CRS.cfgr().modify(|w| w.set_syncsrc(pac::crs::vals::Syncsrc::from_bits(SYNC_BY_USB_2)));
+    pac::CRS.cr().modify(|w| w.set_cen(true));
+}
+
 /// What the core must know of this board.
 fn description(boot: BootReason, last_words: &'static str) -> Board {
+    let (buses, bus_limit): (&[BusPort], _) = if reads_frames_right() {
+        (&[CAN_BUS, CAN_BUS, RS485_BUS], None)
+    } else {
+        let revision = pac::DBGMCU.idc().read().rev_id();
+        defmt::error!(
+            "bus 1 is off: a chip of revision {=u16:#06x} can read wrong frames with two",
+            revision
+        );
+        (&[CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::ChipRevision))
+    };
     Board {
         name: "nucleo-h743zi",
         firmware: FIRMWARE,
@@ -312,9 +374,16 @@ fn description(boot: BootReason, last_words: &'static str) -> Board {
         last_words,
         e_stop_input: true,
         enable_output: true,
-        buses: &[CAN_BUS, CAN_BUS, RS485_BUS],
+        buses,
+        bus_limit,
         links: HostLinks::COUNT,
     }
+}
+
+/// Whether both CAN controllers may run. On revisions other than X and V the processor can read wrong words from the message RAM while
+/// both do, and nothing shows it (ES0392, "Wrong data may be read from Message RAM by the CPU when using two FDCANs"; no workaround).
+fn reads_frames_right() -> bool {
+    matches!(pac::DBGMCU.idc().read().rev_id(), REVISION_X | REVISION_V)
 }
 
 /// Why the chip was reset. Several flags may be set: the rarer cause counts.

@@ -62,6 +62,7 @@ impl Gateway {
             enable_output: self.board.enable_output.then_some(self.enabled),
             random_number: self.epoch.is_some(),
             memory_damaged: self.memory_is_damaged(),
+            bus_limit: self.board.bus_limit,
         }
     }
 }

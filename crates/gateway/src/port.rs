@@ -186,6 +186,8 @@ pub struct Board {
     pub enable_output: bool,
     /// Its buses, at most [`MAX_BUSES`](crate::MAX_BUSES).
     pub buses: &'static [BusPort],
+    /// Why one of them has no bitrates, if one has none.
+    pub bus_limit: Option<host_protocol::BusLimit>,
     /// How many host links it has, at most [`MAX_LINKS`](crate::MAX_LINKS).
     pub links: u8,
 }

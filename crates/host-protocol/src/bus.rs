@@ -22,6 +22,17 @@ wire! {
         Rs485,
     }
 
+    /// Why a board offers a bus without bitrates.
+    #[derive(Copy, Eq)]
+    pub enum BusLimit {
+        /// The input of bus 0 also decides where the chip starts from.
+        BootPin,
+        /// This revision of the chip can read wrong frames where two CAN controllers run.
+        ChipRevision,
+        /// The chip runs without its quartz clock: no CAN bitrate would be within its tolerance.
+        NoQuartz,
+    }
+
     /// What a bus of this board can do.
     #[derive(Eq)]
     pub struct BusCapability {

@@ -48,8 +48,8 @@ pub use axis::{
     TripReason,
 };
 pub use bus::{
-    BusCapability, BusConfig, BusCounters, BusKind, BusState, MAX_BITRATES, MAX_SERIAL_FRAME, RawFrame,
-    ReceivedFrame,
+    BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState, MAX_BITRATES, MAX_SERIAL_FRAME,
+    RawFrame, ReceivedFrame,
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};

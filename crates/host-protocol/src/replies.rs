@@ -2,7 +2,7 @@
 //! to which.
 
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
-use crate::bus::{BusCapability, BusConfig, BusCounters, BusState, ReceivedFrame};
+use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::incident::{BootReason, Incident};
 use crate::size::wire;
@@ -99,6 +99,8 @@ wire! {
         /// Whether a word that a reset should have left alone had changed at this start: the e-stop was latched and every axis
         /// tripped.
         pub memory_damaged: bool,
+        /// Why the board offers a bus without bitrates, if it does.
+        pub bus_limit: Option<BusLimit>,
     }
 
     /// The value of a parameter.

@@ -4,9 +4,9 @@ use host_protocol::messages::Call;
 use host_protocol::replies::*;
 use host_protocol::requests::*;
 use host_protocol::{
-    AxisState, AxisSummary, BootReason, BusCapability, BusConfig, BusCounters, BusKind, BusState, CanFrame,
-    ClearTarget, Deframer, Error, Event, FaultReading, Incident, MAX_FRAME, MaxSize, MotorTimeout, Protocol,
-    ProtocolSet, Quantity, REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request,
+    AxisState, AxisSummary, BootReason, BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState,
+    CanFrame, ClearTarget, Deframer, Error, Event, FaultReading, Incident, MAX_FRAME, MaxSize, MotorTimeout,
+    Protocol, ProtocolSet, Quantity, REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request,
     Setpoint as SetpointValue, StateFields, StopTarget, Text, Trip, TripReason, Value, Vec as List,
 };
 
@@ -164,6 +164,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         enable_output: Some(true),
         random_number: true,
         memory_damaged: true,
+        bus_limit: Some(BusLimit::NoQuartz),
     };
     let incident = Incident::Tripped { start: u32::MAX, axis: u8::MAX, trip: TRIP };
     let summary = AxisSummary {

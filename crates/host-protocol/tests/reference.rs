@@ -183,6 +183,7 @@ fn types_are_those_of_the_code() {
         ClearTarget,
         RawFrame,
         BusKind,
+        BusLimit,
         BusState,
         BootReason,
         Incident,

@@ -24,6 +24,7 @@ const BOARD_OF_A_START: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &[2_000_000] },
     ],
+    bus_limit: None,
     links: LINKS,
     last_words: "",
     e_stop_input: true,

@@ -1,6 +1,7 @@
 //! The virtual board: the very image that would be flashed onto a NUCLEO-H743ZI, on an emulated STM32H743.
 
 pub mod can_motors;
+pub mod crs;
 pub mod fdcan;
 pub mod host_uart;
 pub mod iwdg;
@@ -12,6 +13,7 @@ pub mod outside;
 pub mod part;
 pub mod pins;
 pub mod reaction;
+pub mod revision;
 pub mod rs485_line;
 pub mod serial_port;
 pub mod serve;

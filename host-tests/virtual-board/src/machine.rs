@@ -18,6 +18,7 @@ mod power;
 mod recorder;
 mod reports;
 mod retention;
+mod rom;
 mod snapshot;
 
 pub use builder::{Builder, ImageError, image_path};

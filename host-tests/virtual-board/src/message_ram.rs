@@ -2,6 +2,9 @@
 //!
 //! Source: stm32-metapac 21 (`FDCANRAM` at 0x4000_AC00) and RM0433's 10 Kbyte. The controllers reach the same words
 //! through a clone of [`MessageRam`]; the processor reaches them through [`MessageRamWindow`].
+//!
+//! On revision Y the processor can read wrong words while both controllers run (ES0392). How often, and what, no source says: here
+//! it is every seventh word, which reads as the one before it.
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -11,6 +14,7 @@ use rigless::device::{DeviceContext, ErasedDevice, RegisterFile, RequestChange};
 use rigless::snapshot::{Error, Reader, Store, Writer};
 use rigless::soc::{Gate, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
+use serde::{Deserialize, Serialize};
 
 /// Words of the RAM.
 pub const WORDS: usize = 2560;
@@ -66,11 +70,48 @@ impl Store for MessageRam {
     }
 }
 
+/// Of so many words that the processor reads while it is disturbed, one is wrong. Prime to the words of a frame.
+const DISTURBED_PERIOD: u64 = 7;
+
+/// What two controllers do to the reads of the processor.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Disturbance {
+    active: bool,
+    reads: u64,
+    /// The word that was read last.
+    before: u32,
+    wrong: u64,
+}
+
+impl Disturbance {
+    fn read(&mut self, word: u32) -> u32 {
+        let before = std::mem::replace(&mut self.before, word);
+        self.reads += u64::from(self.active);
+        if self.active && self.reads % DISTURBED_PERIOD == 0 {
+            self.wrong += u64::from(before != word);
+            return before;
+        }
+        word
+    }
+}
+
 /// The RAM as the processor's bus reaches it.
 #[derive(Debug)]
 pub struct MessageRamWindow {
     words: MessageRam,
     layout: &'static [RegisterSpec],
+    disturbance: Disturbance,
+}
+
+impl Store for MessageRamWindow {
+    fn store(&self, to: &mut Writer) -> Result<(), Error> {
+        to.put(&self.disturbance)
+    }
+
+    fn load(&mut self, from: &mut Reader) -> Result<(), Error> {
+        self.disturbance = from.take()?;
+        Ok(())
+    }
 }
 
 impl MessageRamWindow {
@@ -83,7 +124,18 @@ impl MessageRamWindow {
     /// Over `words`, for the slot whose table is `layout`.
     #[must_use]
     pub fn new(words: MessageRam, layout: &'static [RegisterSpec]) -> Self {
-        Self { words, layout }
+        Self { words, layout, disturbance: Disturbance::default() }
+    }
+
+    /// Whether the reads of the processor are disturbed from now on.
+    pub fn disturb(&mut self, active: bool) {
+        self.disturbance.active = active;
+    }
+
+    /// How many words the processor has read wrong.
+    #[must_use]
+    pub fn wrong_reads(&self) -> u64 {
+        self.disturbance.wrong
     }
 
     fn word_at(&self, offset: u64) -> u32 {
@@ -121,7 +173,8 @@ impl ErasedDevice for MessageRamWindow {
         if width != Width::W32 {
             context.tell(NAME, "read otherwise than as a word");
         }
-        u64::from(self.word_at(offset)) >> (offset % WORD_BYTES * 8)
+        let word = self.disturbance.read(self.word_at(offset));
+        u64::from(word) >> (offset % WORD_BYTES * 8)
     }
 
     fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {

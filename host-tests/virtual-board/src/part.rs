@@ -5,16 +5,19 @@ use rigless::emulator::{Access, Checked, Memory};
 use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743::generated::dbgmcu::Register as DebugRegister;
 use rigless::soc::stm32h743::generated::gpioa::Register as PortRegister;
 use rigless::soc::stm32h743::generated::rcc::Register as ClockRegister;
 use rigless::soc::stm32h743::peripherals::gpio::PORTS;
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
+use crate::crs::{self, Crs};
 use crate::fdcan::Fdcan;
 use crate::iwdg::Iwdg;
 use crate::message_ram::{MessageRam, MessageRamWindow};
 use crate::pins::Driven;
+use crate::revision::{Interconnect, Revision};
 use crate::serial_port::SerialPort;
 use crate::usb::{self, Usb};
 
@@ -26,6 +29,9 @@ pub(crate) const FDCAN_NAMES: [&str; FDCANS] = ["FDCAN1", "FDCAN2"];
 pub const SERIAL_PORTS: usize = 3;
 /// Their names on the bus.
 const SERIAL_NAMES: [&str; SERIAL_PORTS] = ["USART3", "USART6", "USART2"];
+/// The debug unit's name on the bus, and the interconnect's.
+const DEBUG_NAME: &str = "DBGMCU";
+const INTERCONNECT_NAME: &str = "AXI";
 /// The watchdog's name on the bus.
 const IWDG_NAME: &str = "IWDG";
 /// The flags of RCC_RSR after power-on (RM0433 §8.7.39).
@@ -44,13 +50,25 @@ pub struct Part {
     pub iwdg: Iwdg,
     /// The USB controller, with nothing plugged in.
     pub usb: Usb,
+    /// What trims the clock of the USB.
+    pub crs: Crs,
+    /// The AXI interconnect.
+    pub interconnect: Interconnect,
     /// The message RAM of the FDCANs.
     pub message_ram: MessageRam,
-    window: MessageRamWindow,
+    /// The same as the processor reads it.
+    pub window: MessageRamWindow,
+    revision: Revision,
+    /// What the chip says of itself, where that is not true.
+    pretended: Option<Revision>,
     slots: Slots,
 }
 
-store!(Part { values: [], parts: [stm32, fdcan, serial, iwdg, usb, message_ram], built: [window, slots] });
+store!(Part {
+    values: [revision, pretended],
+    parts: [stm32, fdcan, serial, iwdg, usb, crs, interconnect, message_ram, window],
+    built: [slots]
+});
 
 /// Where our models answer on the bus.
 #[derive(Debug, Clone, Copy)]
@@ -59,6 +77,9 @@ struct Slots {
     serial: [usize; SERIAL_PORTS],
     iwdg: usize,
     usb: usize,
+    crs: usize,
+    interconnect: usize,
+    debug: usize,
     message_ram: usize,
     gpio: [usize; PORTS.len()],
 }
@@ -85,6 +106,9 @@ impl Part {
             serial: [bus.slot(host_0)?, bus.slot(host_1)?, bus.slot(rs485)?],
             iwdg: bus.slot(IWDG_NAME)?,
             usb: bus.slot(usb::NAME)?,
+            crs: bus.slot(crs::NAME)?,
+            interconnect: bus.slot(INTERCONNECT_NAME)?,
+            debug: bus.slot(DEBUG_NAME)?,
         };
         let layout = bus.slots()[slots.message_ram].peripheral().registers;
         let message_ram = MessageRam::new();
@@ -94,10 +118,25 @@ impl Part {
             serial: std::array::from_fn(|_| SerialPort::new()),
             iwdg: Iwdg::default(),
             usb: Usb::default(),
+            crs: Crs::default(),
+            interconnect: Interconnect::default(),
+            revision: Revision::V,
+            pretended: None,
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
             slots,
         })
+    }
+
+    /// Makes the chip one of that revision; `pretended` is what it says of itself, where that is not true.
+    pub fn set_revision(&mut self, revision: Revision, pretended: Option<Revision>) {
+        (self.revision, self.pretended) = (revision, pretended);
+        self.identify();
+    }
+
+    fn identify(&mut self) {
+        let identity = self.pretended.unwrap_or(self.revision).identity();
+        self.stm32.bus_mut().slot_mut(self.slots.debug).registers_mut().set(DebugRegister::Idc, identity);
     }
 
     /// The registers of a port of pins.
@@ -172,7 +211,11 @@ impl Mcu for Part {
         } else {
             self.stm32.reset(at, cause);
         }
+        self.identify();
         Device::reset(&mut self.iwdg);
+        Device::reset(&mut self.usb);
+        Device::reset(&mut self.crs);
+        Device::reset(&mut self.interconnect);
         self.fdcan.iter_mut().for_each(Device::reset);
         self.each_fdcan(at, |fdcan, _, context| fdcan.restarted(context));
         for port in 0..SERIAL_PORTS {
@@ -189,13 +232,21 @@ impl Mcu for Part {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let Self { stm32, fdcan: [first, second], serial, iwdg, usb, window, slots, .. } = self;
+        let disturbs = self.revision.disturbs_message_ram() && self.fdcan.iter().all(Fdcan::is_on_bus);
+        let Self {
+            stm32, fdcan: [first, second], serial, iwdg, usb, crs, interconnect, window, slots, ..
+        } = self;
         let model: &mut dyn ErasedDevice = match slot {
             slot if slot == slots.fdcan[0] => first,
             slot if slot == slots.fdcan[1] => second,
             slot if slot == slots.iwdg => iwdg,
             slot if slot == slots.usb => usb,
-            slot if slot == slots.message_ram => window,
+            slot if slot == slots.crs => crs,
+            slot if slot == slots.interconnect => interconnect,
+            slot if slot == slots.message_ram => {
+                window.disturb(disturbs);
+                window
+            }
             slot => match slots.serial.iter().position(|serial| *serial == slot) {
                 Some(port) => &mut serial[port],
                 None => return stm32.split(slot),

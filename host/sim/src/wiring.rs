@@ -34,6 +34,7 @@ pub static BOARD: Board = Board {
             bitrates: &[RMD_BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
         },
     ],
+    bus_limit: None,
     links: LINKS,
 };
 

@@ -25,6 +25,7 @@ const BOARD_VALUES: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
     ],
+    bus_limit: None,
     links: 3,
 };
 

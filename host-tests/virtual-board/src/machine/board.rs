@@ -31,7 +31,7 @@ const CPUID: u32 = 0x411F_C271;
 /// 16 KiB each of instruction and data cache.
 const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 /// The vector table at reset: BOOT_ADD0 as delivered.
-const VECTOR_TABLE: u32 = 0x0800_0000;
+pub const FLASH: u32 = 0x0800_0000;
 /// The access control registers of the Cortex-M7 (PM0253): offset, reset value, writable bits.
 const ACCESS_CONTROL: [(u64, u32, u32); 6] = [
     (0xF90, 0x0000_0038, 0x0000_0007), // ITCMCR: 64 KiB
@@ -47,15 +47,17 @@ const ACCESS_CONTROL: [(u64, u32, u32); 6] = [
 pub struct NucleoH743zi {
     part: Option<Box<Part>>,
     instructions_per_second: NonZeroU64,
+    /// The vector table at reset.
+    vector_table: u32,
 }
 
 impl NucleoH743zi {
     /// Around a part out of reset.
-    pub fn new(mut part: Box<Part>, instructions_per_second: NonZeroU64) -> Self {
+    pub fn new(mut part: Box<Part>, instructions_per_second: NonZeroU64, vector_table: u32) -> Self {
         part.stm32.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         part.stm32.set_supply(SUPPLY_MILLIVOLTS);
         part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);
-        Self { part: Some(part), instructions_per_second }
+        Self { part: Some(part), instructions_per_second, vector_table }
     }
 
     /// Lends the part.
@@ -102,14 +104,14 @@ impl Board for NucleoH743zi {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let rate = self.instructions_per_second;
+        let (rate, vector_table) = (self.instructions_per_second, self.vector_table);
         let part = self.part_mut();
-        let core = config(part, rate).spec();
+        let core = config(part, rate, vector_table).spec();
         vec![Target::new("stm32h743", part, core)]
     }
 }
 
-fn config(part: &Part, instructions_per_second: NonZeroU64) -> Config {
+fn config(part: &Part, instructions_per_second: NonZeroU64, vector_table: u32) -> Config {
     let lines = u32::from(part.cpu().interrupt_lines);
     let core = Core {
         variant: Variant::M7,
@@ -129,6 +131,6 @@ fn config(part: &Part, instructions_per_second: NonZeroU64) -> Config {
     config.implementation_registers = ACCESS_CONTROL
         .map(|(offset, reset, writable)| ImplementationRegister { offset, reset, writable })
         .to_vec();
-    config.vector_table = Some(VECTOR_TABLE);
+    config.vector_table = Some(vector_table);
     config
 }

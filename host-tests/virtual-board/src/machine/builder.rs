@@ -12,14 +12,16 @@ use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
-use super::board::NucleoH743zi;
+use super::board::{FLASH, NucleoH743zi};
 use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
 use super::names::Names;
 use super::recorder::Recorder;
+use super::rom::{ROM, rom_bootloader};
 use super::{Machine, Snapshot};
 use crate::part::Part;
 use crate::pins::E_STOP;
+use crate::revision::Revision;
 use crate::serial_port::FarEnd;
 
 /// The variable that names the image.
@@ -69,6 +71,7 @@ pub fn image_path() -> Result<PathBuf, ImageError> {
 pub struct Builder {
     part: Box<Part>,
     image: Image,
+    started_by_rom: bool,
     symbols: Symbols,
     names: Names,
     instructions_per_second: NonZeroU64,
@@ -93,7 +96,36 @@ impl Builder {
         let mut part = Box::new(Part::new().unwrap_or_else(|error| panic!("{error}")));
         // Nobody has pressed an emergency stop.
         part.drive_pin(E_STOP, Some(Level::Low), VirtualNanos(0));
-        Ok(Self { part, image, symbols, names, instructions_per_second: INSTRUCTIONS_PER_SECOND })
+        Ok(Self {
+            part,
+            image,
+            started_by_rom: false,
+            symbols,
+            names,
+            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+        })
+    }
+
+    /// Which revision the chip is; V unless set.
+    #[must_use]
+    pub fn revision(mut self, revision: Revision) -> Self {
+        self.part.set_revision(revision, None);
+        self
+    }
+
+    /// A chip of one revision that says it is of another.
+    #[must_use]
+    pub fn disguised(mut self, revision: Revision, pretended: Revision) -> Self {
+        self.part.set_revision(revision, Some(pretended));
+        self
+    }
+
+    /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector table still in place, as after an
+    /// update over USB (DFU `:leave`, AN3156).
+    #[must_use]
+    pub fn started_by_rom(mut self) -> Self {
+        self.started_by_rom = true;
+        self
     }
 
     /// How fast the core is; 250 million instructions a second unless set.
@@ -132,12 +164,14 @@ impl Builder {
     }
 
     fn start(self, from: Option<Snapshot>) -> Machine {
-        let Self { part, image, symbols, names, instructions_per_second } = self;
-        let firmware = digest(std::slice::from_ref(&image), None);
+        let Self { part, image, started_by_rom, symbols, names, instructions_per_second } = self;
+        let (vector_table, rom) = if started_by_rom { (ROM, Some(rom_bootloader())) } else { (FLASH, None) };
+        let images: Vec<Image> = std::iter::once(image).chain(rom).collect();
+        let firmware = digest(&images, None);
         let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok());
-        let board = NucleoH743zi::new(part, instructions_per_second);
+        let board = NucleoH743zi::new(part, instructions_per_second, vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
-        let core = CoreThread::start(PoweredOff { board, image, firmware, recorder }, from);
+        let core = CoreThread::start(PoweredOff { board, images, firmware, recorder }, from);
         Machine { core, firmware, symbols, names, planted: None, reached }
     }
 }

@@ -22,8 +22,8 @@ use crate::part::Part;
 pub struct PoweredOff {
     /// The board.
     pub board: NucleoH743zi,
-    /// What it runs.
-    pub image: Image,
+    /// What it runs, and what else is in its memory.
+    pub images: Vec<Image>,
     /// Which image that is, as a snapshot names it.
     pub firmware: [u8; 32],
     /// What is kept of the run.
@@ -161,7 +161,7 @@ fn run(
     orders: Receiver<(Box<Part>, Order)>,
     stops: Sender<Lent>,
 ) {
-    let PoweredOff { board, image, firmware, recorder } = powered_off;
+    let PoweredOff { board, images, firmware, recorder } = powered_off;
     // Asked to reach instant 0: it stops before the first instruction.
     let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
     session.watch(Retention::WATCH);
@@ -169,7 +169,6 @@ fn run(
     let resume = from.map(|snapshot| {
         snapshot.load(&mut session, &firmware, &mut recorder).unwrap_or_else(|error| failed(error))
     });
-    let images = [image];
     let mut start = Start::new(&images);
     start.resume = resume.as_ref();
     let driver = Rendezvous {

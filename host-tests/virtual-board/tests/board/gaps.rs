@@ -51,13 +51,6 @@ pub const KNOWN: &[Known] = &[
         reason: "embassy-stm32 writes RTCSEL, the value that stands there already; no RTC is used",
     },
     Known {
-        kind: Kind::Unimplemented,
-        address: 0x4000_8400,
-        register: "CRS.CR",
-        reason: "trims the oscillator of the USB, whose frequency is exact here",
-    },
-    Known { kind: Kind::Unimplemented, address: 0x4000_8404, register: "CRS.CFGR", reason: "the same" },
-    Known {
         kind: Kind::Undefined,
         address: 0x4008_0050,
         register: "OTG2_HS_GLOBAL",

@@ -11,5 +11,6 @@ mod lab;
 mod log;
 mod reaction;
 mod serial_settings;
+mod silicon;
 mod unmodelled;
 mod wire;

@@ -1,7 +1,7 @@
 //! `mgw info`
 
-use host_protocol::BusKind;
 use host_protocol::replies::GatewayReport;
+use host_protocol::{BusKind, BusLimit};
 use serde_json::Value;
 
 use crate::failure::Failure;
@@ -60,7 +60,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
             },
         ),
     ];
-    for (name, text) in lines {
+    let limit = status.bus_limit.map(|limit| ("buses", bus_limit(limit).to_owned()));
+    for (name, text) in lines.into_iter().chain(limit) {
         out.text(format!("{name:<10}{text}"))?;
     }
     let mut table = Table::new(&[">bus", "kind", "protocols", "bitrates"]);
@@ -78,6 +79,18 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
 const NO_RANDOM_NUMBER: &str = "the random generator gave no number: nothing can be armed";
 const MEMORY_DAMAGED: &str =
     "the memory that outlives a reset was damaged: the e-stop was latched and every axis tripped";
+
+/// Why a bus has no bitrate in the table.
+fn bus_limit(limit: BusLimit) -> &'static str {
+    match limit {
+        BusLimit::BootPin => "bus 0 is off: its input is BOOT0 too; set nSWBOOT0 = 0 and nBOOT0 = 1",
+        BusLimit::ChipRevision => {
+            "bus 1 is off: with two CAN controllers this chip can read wrong frames; \
+             buy one of revision V (NUCLEO-H743ZI2)"
+        }
+        BusLimit::NoQuartz => "CAN is off: the chip runs without its quartz clock (ST-LINK without power?)",
+    }
+}
 
 fn e_stop(status: &GatewayReport) -> String {
     let latched = if status.e_stop_latched { "latched" } else { "not latched" };

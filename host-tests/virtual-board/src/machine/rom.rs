@@ -1,0 +1,39 @@
+//! A ROM bootloader that does one thing: it leaves for the image in the flash, and its own vector table stays in place.
+
+use std::path::Path;
+
+use rigless::image::Image;
+
+/// Where it lies: the first system memory, aligned as a vector table must be.
+pub const ROM: u32 = 0x1FF0_0000;
+/// Its initial stack pointer: the end of the DTCM.
+const STACK: u32 = 0x2002_0000;
+/// Entries of its vector table: 16 of the core, 150 of the part.
+const VECTORS: usize = 166;
+/// Where its code begins.
+const CODE: u32 = 0x400;
+/// Where every interrupt leads: `b .`, 16 bytes into the code.
+const HANDLER: u32 = CODE + 0x10;
+/// Thumb code.
+const THUMB: u32 = 1;
+
+/// Takes stack pointer and entry from the vector table of the image.
+const LEAVE: [u16; 9] = [
+    0x4802, // ldr r0, [pc, #8]: the literal
+    0x6801, // ldr r1, [r0]
+    0xF381, 0x8808, // msr msp, r1
+    0x6841, // ldr r1, [r0, #4]
+    0x4708, // bx r1
+    0x0000, 0x0800, // the image: 0x0800_0000
+    0xE7FE, // b .
+];
+
+/// The bootloader, to be placed beside an image.
+pub fn rom_bootloader() -> Image {
+    let mut words = vec![STACK, ROM + CODE + THUMB];
+    words.resize(VECTORS, ROM + HANDLER + THUMB);
+    let mut bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+    bytes.resize(CODE as usize, 0xFF);
+    bytes.extend(LEAVE.into_iter().flat_map(u16::to_le_bytes));
+    Image::new(Path::new("ROM bootloader"), bytes, Some(ROM.into())).expect("no ELF file, and placed")
+}

@@ -1,0 +1,165 @@
+//! What the emulator's own part hides: revisions of the chip, starts by the ROM, and what the drivers get wrong on this part.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use host_protocol::{BusLimit, CanFrame, Protocol, ProtocolSet, RawFrame};
+use mgw_client::{Client, ClientError};
+use rigless::chip::can::{Frame, Id, Offer, Pattern};
+use rigless::emulator::Watch;
+use rigless::mcu::Mcu;
+use rigless::soc::stm32h743::generated::rcc::{Register as Clocks, ahb1enr, ahb1lpenr};
+use rigless::time::VirtualNanos;
+use virtual_board::crs::Source;
+use virtual_board::host_uart::HostUart;
+use virtual_board::machine::{Builder, CanNode, CanPort, Machine, UartPort};
+use virtual_board::revision::Revision;
+use virtual_board::transport::BoardTransport;
+
+use crate::log;
+
+const BITRATE: u32 = 1_000_000;
+/// The RAM that revision Y reads wrong unless it is told otherwise.
+const AXI_SRAM: Watch = Watch::Writes { address: 0x2400_0000, length: 512 << 10 };
+/// More than the start takes, USB included.
+const START: Duration = Duration::from_millis(60);
+
+/// A board with a node on bus 0 and a computer on host link 0.
+struct Bench {
+    machine: Rc<RefCell<Machine>>,
+    node: CanNode<Pattern>,
+    client: Client<BoardTransport>,
+}
+
+impl Bench {
+    fn of(mut builder: Builder) -> Self {
+        let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
+        let host = builder.line(UartPort::Host0, HostUart::new());
+        let machine = Rc::new(RefCell::new(builder.power_on()));
+        let client = Client::connect_as(BoardTransport::new(&machine, host), 1, 1).expect("hello");
+        Self { machine, node, client }
+    }
+
+    fn configure(&mut self, bus: u8) -> Result<(), ClientError> {
+        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
+        self.client.configure_bus(bus, BITRATE, protocols, false, Duration::from_millis(5))
+    }
+
+    /// How many of a hundred frames on bus 0 arrive with another id or other data.
+    fn wrong_frames(&mut self) -> usize {
+        self.client.raw_open_unsafe(0).expect("open");
+        let mut wrong = 0;
+        for number in 0..100 {
+            let data = [number, !number, 3, 4, 5, 6, 7, 8];
+            {
+                let mut machine = self.machine.borrow_mut();
+                let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
+                let frame = Frame::data_frame(Id::Standard(0x241), &data);
+                machine.node(self.node).queue(Offer { since, frame, fault: None });
+                machine.run_for(Duration::from_millis(1));
+            }
+            let sent = RawFrame::Can(CanFrame::standard(0x241, &data).expect("a frame"));
+            let received = self.client.raw_receive(0).expect("frames").frames;
+            assert_eq!(received.len(), 1, "frame {number}");
+            wrong += received.iter().filter(|received| received.frame != sent).count();
+        }
+        wrong
+    }
+
+    fn is_on_bus(&self, port: CanPort) -> bool {
+        self.machine.borrow().can(port).is_on_bus()
+    }
+
+    fn wrong_reads(&self) -> u64 {
+        self.machine.borrow().part().window.wrong_reads()
+    }
+}
+
+#[test]
+fn revision_y_offers_one_can_bus_and_says_why() {
+    let mut bench = Bench::of(Machine::builder().revision(Revision::Y));
+    let offered: Vec<bool> = bench.client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
+    assert_eq!(offered, [true, false, true]);
+    assert_eq!(bench.client.gateway_status().expect("a status").bus_limit, Some(BusLimit::ChipRevision));
+    bench.configure(0).expect("bus 0 runs");
+    assert!(matches!(bench.configure(1), Err(ClientError::Gateway(_))), "bus 1 is refused");
+    assert_eq!(bench.wrong_frames(), 0);
+    assert!(bench.is_on_bus(CanPort::Bus0) && !bench.is_on_bus(CanPort::Bus1));
+    assert_eq!(bench.wrong_reads(), 0);
+    let lines = log::take(&mut bench.machine.borrow_mut());
+    let line = "ERROR bus 1 is off: a chip of revision 0x1003 can read wrong frames with two";
+    assert!(lines.iter().any(|logged| logged == line), "{lines:?}");
+}
+
+#[test]
+fn revisions_x_and_v_offer_both_can_buses() {
+    for revision in [Revision::X, Revision::V] {
+        let mut bench = Bench::of(Machine::builder().revision(revision));
+        assert_eq!(bench.client.gateway_status().expect("a status").bus_limit, None);
+        bench.configure(0).expect("bus 0 runs");
+        bench.configure(1).expect("bus 1 runs");
+        assert_eq!(bench.wrong_frames(), 0, "{revision:?}");
+        assert!(bench.is_on_bus(CanPort::Bus1));
+    }
+}
+
+/// What the limit is for: with the chip in disguise both run.
+#[test]
+fn two_can_buses_on_revision_y_would_give_wrong_frames() {
+    let mut bench = Bench::of(Machine::builder().disguised(Revision::Y, Revision::V));
+    bench.configure(0).expect("bus 0 runs");
+    assert_eq!(bench.wrong_frames(), 0, "one alone is right");
+    bench.client.raw_close(0).expect("closed");
+    bench.configure(1).expect("bus 1 runs");
+    assert!(bench.wrong_frames() > 0);
+    assert!(bench.wrong_reads() > 0);
+}
+
+#[test]
+fn the_ram_of_revision_y_is_set_before_it_is_used_after_every_reset() {
+    let mut machine = Machine::builder().revision(Revision::Y).power_on();
+    for start in ["power", "pin"] {
+        machine.watch(AXI_SRAM);
+        machine.run_for(Duration::from_micros(20));
+        machine.unwatch(AXI_SRAM);
+        let set = machine.part().interconnect.sram_set().unwrap_or_else(|| panic!("{start}: not set"));
+        let used = machine.take_hits().first().unwrap_or_else(|| panic!("{start}: not used")).at;
+        assert!(set < used, "{start}: set at {set:?}, used at {used:?}");
+        machine.reset_by_pin();
+        machine.run_for(Duration::ZERO);
+    }
+}
+
+#[test]
+fn the_ram_of_revision_v_is_left_as_it_is() {
+    let mut machine = Machine::builder().revision(Revision::V).power_on();
+    machine.run_for(START);
+    assert_eq!(machine.part().interconnect.sram_set(), None);
+}
+
+#[test]
+fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
+    let bench = Bench::of(Machine::builder().started_by_rom());
+    bench.machine.borrow_mut().run_for(START);
+    let resets = bench.machine.borrow_mut().reports().resets;
+    assert!(resets.is_empty(), "{resets:?}");
+}
+
+#[test]
+fn the_clock_of_usb_is_trimmed_by_the_controller_that_has_the_pins() {
+    let mut machine = Machine::builder().power_on();
+    machine.run_for(START);
+    assert_eq!(machine.part().crs.source(), Some(Source::Usb2));
+}
+
+#[test]
+fn usb_starts_without_the_clock_of_an_external_transceiver() {
+    let mut machine = Machine::builder().power_on();
+    machine.run_for(START);
+    let lines = log::take(&mut machine);
+    assert!(lines.iter().any(|line| line.starts_with("INFO host link 2: USB, serial number")), "{lines:?}");
+    let clocks = machine.part().bus().registers("RCC").expect("the part has one");
+    assert!(!ahb1enr::USB2OTGHSULPIEN.is_set(clocks.get(Clocks::Ahb1enr)));
+    assert!(!ahb1lpenr::USB2OTGHSULPILPEN.is_set(clocks.get(Clocks::Ahb1lpenr)));
+}
