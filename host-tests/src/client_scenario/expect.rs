@@ -63,6 +63,12 @@ impl Bench {
             "moved" => self.expect_motion(words, true),
             "unmoved" => self.expect_motion(words, false),
             "tripped" | "untripped" => self.expect_trip(words, what == "tripped"),
+            "wire-order" => self.expect_order(words),
+            "no-wire" => {
+                let (bus, unwanted): (u8, String) = (parse(words, 1, "bus")?, parse(words, 2, "frame")?);
+                let seen = self.seen(bus).into_iter().find(|text| text.starts_with(&unwanted));
+                hold(seen.is_none(), || format!("{seen:?}"))
+            }
             "state" => {
                 let axis = parse(words, 1, "axis")?;
                 let state = self.observer()?.read_state_when_free(axis).map_err(|e| e.to_string())?.state;
@@ -125,6 +131,20 @@ impl Bench {
         let stopped = motor.log().entries().rfind(|entry| matches!(entry.what, MotorEvent::Stopped { .. }));
         let at = stopped.map(|entry| Duration::from_micros(entry.time_us));
         hold(at.is_some_and(|at| at <= latest), || format!("it came to rest at {at:?}, not by {latest:?}"))
+    }
+
+    /// The frames of a bus while the last command ran.
+    fn seen(&self, bus: u8) -> Vec<String> {
+        self.trace.iter().filter(|entry| entry.bus == bus).map(|entry| entry.wire.to_string()).collect()
+    }
+
+    /// `wire-order BUS FRAME FRAME …`: each of them at some time after the one before.
+    fn expect_order(&self, words: &[&str]) -> Result<(), String> {
+        let mut rest = self.seen(parse(words, 1, "bus")?).into_iter();
+        for frame in words.get(2..).unwrap_or_default() {
+            hold(rest.any(|text| text.starts_with(frame)), || format!("{frame} was not seen in its place"))?;
+        }
+        Ok(())
     }
 
     /// `moved MOTOR`, `unmoved MOTOR`: in the last command.

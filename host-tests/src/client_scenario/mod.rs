@@ -16,9 +16,9 @@ use std::time::Duration;
 
 use mgw_cli::{Outcome, run_on};
 use mgw_client::{Client, Interrupt};
-use mgw_sim::{Injection, SimTransport, Wiring, World};
+use mgw_sim::{Injection, SimTransport, TraceEntry, Wiring, World};
 
-use crate::scenario::words::{duration, parse, without_comment};
+use crate::scenario::words::{duration, motor, parse, without_comment};
 use action::{Action, Moment};
 use line::{Line, Wire};
 
@@ -35,6 +35,8 @@ struct Bench {
     line: Rc<RefCell<Line>>,
     /// How the last command ended, and how long it took.
     outcome: Option<(Outcome, Duration)>,
+    /// What was on the buses while it ran.
+    trace: Vec<TraceEntry>,
 }
 
 /// Plays a scenario with one seed.
@@ -42,12 +44,17 @@ struct Bench {
 /// # Errors
 /// The line that was wrong, what was expected, and what the program wrote.
 pub fn run(text: &str, seed: u64) -> Result<(), String> {
-    let mut bench = Bench::new(seed)?;
-    for (number, line) in (1..).zip(text.lines()) {
-        let words: Vec<&str> = without_comment(line).split_whitespace().collect();
-        if words.is_empty() {
-            continue;
-        }
+    let lines = (1..).zip(text.lines());
+    let words = |line| without_comment(line).split_whitespace().collect::<Vec<&str>>();
+    let lines = lines.map(|(number, line)| (number, line, words(line)));
+    let mut steps = lines.filter(|(_, _, words)| !words.is_empty()).peekable();
+    // What hangs on the buses must be known before the world begins.
+    let mut wiring = Wiring { seed, ..Wiring::four_motors() };
+    while let Some((number, line, words)) = steps.next_if(|(_, _, words)| words.first() == Some(&"motor")) {
+        wiring = motor(wiring, &words).map_err(|error| format!("line {number}: {line}\n  {error}"))?;
+    }
+    let mut bench = Bench::new(wiring, seed)?;
+    for (number, line, words) in steps {
         bench
             .step(&words)
             .map_err(|error| format!("line {number}: {line}\n  {error}\n{}", bench.report()))?;
@@ -56,10 +63,10 @@ pub fn run(text: &str, seed: u64) -> Result<(), String> {
 }
 
 impl Bench {
-    fn new(seed: u64) -> Result<Self, String> {
+    fn new(wiring: Wiring, seed: u64) -> Result<Self, String> {
         // The client library draws the numbers of its sessions.
         fastrand::seed(seed);
-        let world = World::try_new(Wiring { seed, ..Wiring::four_motors() }).map_err(|e| e.to_string())?;
+        let world = World::try_new(wiring).map_err(|e| e.to_string())?;
         let world = Rc::new(RefCell::new(world));
         let line = Rc::new(RefCell::new(Line::new(world.clone(), seed)));
         let motors = world.borrow().motors().len();
@@ -67,7 +74,7 @@ impl Bench {
             let jitter = Duration::from_micros(line.borrow_mut().random.u64(..REPLY_JITTER_US));
             world.borrow_mut().inject(motor, Injection::ReplyJitter(jitter));
         }
-        let mut bench = Self { world, line, outcome: None };
+        let mut bench = Self { world, line, outcome: None, trace: Vec::new() };
         bench.set_up(&["configure", "--file", CONFIGURATION])?;
         Ok(bench)
     }
@@ -116,8 +123,11 @@ impl Bench {
     /// Runs a command of `mgw` on the line under test.
     fn command(&mut self, arguments: &[&str]) -> Result<(), String> {
         self.line.borrow_mut().begin();
+        // What came before it is not its own.
+        self.world.borrow_mut().trace();
         let interrupt = self.line.borrow().interrupt.clone();
         let outcome = run_on(Box::new(Wire(self.line.clone())), interrupt, arguments);
+        self.trace = self.world.borrow_mut().trace();
         let line = self.line.borrow();
         self.outcome = Some((outcome, line.elapsed()));
         match line.still_to_come() {

@@ -118,6 +118,15 @@ pub enum Command {
             mgw move 0 -0.1 --speed-limit 0.5 --for 4 --tolerance 0.01")]
     Move(MoveArgs),
 
+    /// Arm several D5 motors of one bus, set them in motion by one frame, then stop them and wait for the confirmed stops
+    ///
+    /// The speed of each waits in it until all are told to start, so that they start in the same instant. The bus must be `wholly_ours`, as
+    /// every D5 motor on it hears that frame, and nothing may wait in any other.
+    #[command(after_help = "Examples:\n  \
+            mgw together 3 velocity 10.47 4 velocity -10.47 --for 2\n  \
+            mgw together 3 velocity 2 4 velocity 2 5 velocity 2            until Ctrl-C")]
+    Together(TogetherArgs),
+
     /// Have the motor of an axis carry out a command of its own manual, and decode its reply
     ///
     /// What only asks needs no authority, what changes the motor needs an idle axis, and what stops it is carried out as a
@@ -400,6 +409,50 @@ pub struct MoveArgs {
     /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
     #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
     pub duration: Option<std::time::Duration>,
+}
+
+#[derive(Debug, Args)]
+pub struct TogetherArgs {
+    /// An axis and its velocity, rad/s; two axes or more
+    #[arg(required = true, value_name = "AXIS velocity RAD_S", allow_negative_numbers = true)]
+    pub words: Vec<String>,
+    /// Seconds to keep them turning; without it until Ctrl-C
+    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub duration: Option<std::time::Duration>,
+}
+
+/// One of several axes that start together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// The axis.
+    pub axis: u8,
+    /// rad/s
+    pub velocity: f32,
+}
+
+impl Target {
+    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong.
+    pub fn all(words: &[String]) -> Result<Vec<Self>, String> {
+        let wanted = "write AXIS velocity RAD_S for each, for example `3 velocity 2 4 velocity -2`";
+        let targets = words.chunks(3).map(|words| match words {
+            [axis, mode, velocity] if mode == "velocity" => {
+                let axis =
+                    axis.parse().map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
+                let velocity =
+                    velocity.parse().map_err(|_| format!("`{velocity}` is not a velocity: {wanted}"))?;
+                Ok(Self { axis, velocity })
+            }
+            [_, mode, ..] if mode != "velocity" => {
+                Err(format!("`{mode}`: motors start together by their velocity: {wanted}"))
+            }
+            _ => Err(format!("`{}` is not complete: {wanted}", words.join(" "))),
+        });
+        let targets: Vec<Self> = targets.collect::<Result<_, _>>()?;
+        if targets.len() < 2 {
+            return Err(format!("one motor does not start together with others: {wanted}"));
+        }
+        Ok(targets)
+    }
 }
 
 #[derive(Debug, Args)]

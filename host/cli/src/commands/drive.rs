@@ -1,4 +1,4 @@
-//! What `set`, `native` and `move` have in common: arming an axis, looking after it while it moves, stopping and disarming it.
+//! What `set`, `native`, `move` and `together` have in common: arming an axis, looking after it while it moves, stopping and disarming it.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -84,26 +84,26 @@ pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Fail
 
 /// The rounds of a hold: events and a table of states that grows with time, until something ends them.
 pub struct Rounds {
-    axis: u8,
-    epoch: u32,
+    axes: Vec<ArmedAxis>,
     out: Output,
     headings_printed: bool,
     next: Duration,
     failure: Option<Failure>,
-    /// The state that was printed last.
+    /// The state that was printed last, of the last axis.
     pub latest: Option<AxisReport>,
 }
 
 impl Rounds {
-    pub fn new(session: &Session, armed: ArmedAxis) -> Self {
-        let ArmedAxis { axis, epoch, .. } = armed;
-        let next = session.client.now();
-        Self { axis, epoch, out: session.out, headings_printed: false, next, failure: None, latest: None }
+    /// Of the axes that are held.
+    pub fn new(session: &Session, armed: &[ArmedAxis]) -> Self {
+        let (axes, next) = (armed.to_vec(), session.client.now());
+        Self { axes, out: session.out, headings_printed: false, next, failure: None, latest: None }
     }
 
     /// One round of a hold.
     pub fn turn<T: Transport>(&mut self, client: &mut Client<T>) -> Round {
-        let printed = print_events(client, &[self.axis], self.out)
+        let axes: Vec<u8> = self.axes.iter().map(|armed| armed.axis).collect();
+        let printed = print_events(client, &axes, self.out)
             .and_then(|tripped| self.print_if_due(client).map(|no_longer| tripped.or(no_longer)));
         match printed {
             // An interrupt, or a stop that nothing answers: the hold ends as itself.
@@ -138,37 +138,42 @@ impl Rounds {
         if let Some(failure) = self.failure {
             return Err(failure);
         }
-        let axis = self.axis;
         match held {
             Ok(()) | Err(ClientError::Interrupted { .. }) => Ok(()),
-            Err(ClientError::Gateway(Error::NotArmed { state, .. })) => {
+            Err(ClientError::Gateway(Error::NotArmed { axis, state })) => {
                 Err(Failure::StoppedElsewhere { axis, state })
             }
-            Err(ClientError::Gateway(Error::StaleEpoch { .. })) => {
-                Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
-            }
+            Err(error @ ClientError::Gateway(Error::StaleEpoch { .. })) => match *self.axes {
+                [ArmedAxis { axis, .. }] => Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed }),
+                // Of several it does not say which.
+                _ => Err(error.into()),
+            },
             Err(error) => Err(error.into()),
         }
     }
 
-    /// Prints the state from time to time; returns why the axis is no longer armed, if it is not.
+    /// Prints the states from time to time; returns why an axis is no longer armed, if one is not.
     fn print_if_due<T: Transport>(&mut self, client: &mut Client<T>) -> Result<Option<Failure>, Failure> {
         if client.now() < self.next {
             return Ok(None);
         }
         self.next = client.now() + PRINT_EVERY;
-        let report = match client.read_state(self.axis) {
-            // Another host has asked something; the next round tells.
-            Err(ClientError::Gateway(Error::Busy { .. })) => return Ok(None),
-            report => report?,
-        };
-        for line in states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed)) {
-            self.out.text(line)?;
+        let mut no_longer = None;
+        for armed in self.axes.clone() {
+            let report = match client.read_state(armed.axis) {
+                // Another host has asked something; the next round tells.
+                Err(ClientError::Gateway(Error::Busy { .. })) => continue,
+                report => report?,
+            };
+            for line in states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed)) {
+                self.out.text(line)?;
+            }
+            self.headings_printed = true;
+            self.latest = Some(report);
+            self.out.object(&to_json(&report))?;
+            no_longer = no_longer.or(no_longer_armed(&report, armed.epoch));
         }
-        self.headings_printed = true;
-        self.latest = Some(report);
-        self.out.object(&to_json(&report))?;
-        Ok(no_longer_armed(&report, self.epoch))
+        Ok(no_longer)
     }
 }
 

@@ -13,6 +13,7 @@ mod raw;
 mod set;
 mod stop;
 mod stop_report;
+mod together;
 mod trips;
 mod watch;
 
@@ -49,6 +50,7 @@ pub fn run(
             | Command::Arm { .. }
             | Command::Set(_)
             | Command::Move(_)
+            | Command::Together(_)
             | Command::Native(_)
             | Command::Clear { .. }
             | Command::OutputOff { .. }
@@ -76,6 +78,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Arm { axes, duration } => arm::run(session, axes, *duration),
         Command::Set(arguments) => set::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),
+        Command::Together(arguments) => together::run(session, arguments),
         Command::Native(arguments) => native::run(session, arguments),
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),

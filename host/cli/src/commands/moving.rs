@@ -35,7 +35,7 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         )?;
         let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
         let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
-        let mut rounds = Rounds::new(session, armed);
+        let mut rounds = Rounds::new(session, &[armed]);
         let is_there = move |report: &AxisReport| has_arrived(report, target_rad, tolerance);
         let held = session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
             rounds.turn_until(client, is_there)

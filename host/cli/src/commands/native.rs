@@ -148,7 +148,7 @@ fn keep_up(
 ) -> Result<(), Failure> {
     let ArmedAxis { axis, epoch, ttl } = armed;
     let hold = NativeHold { axis, epoch, data: command.data.clone(), ttl };
-    let mut rounds = Rounds::new(session, armed);
+    let mut rounds = Rounds::new(session, &[armed]);
     let (out, mut printed) = (session.out, false);
     let held = session.client.hold_native(&hold, duration, |client| {
         if !printed && let Some(reply) = client.native_reply() {
@@ -179,7 +179,7 @@ fn once(
     }
     let end = session.client.now() + duration.min(longest);
     let reply = session.client.native(axis, epoch, command.data.clone(), ttl);
-    let mut rounds = Rounds::new(session, armed);
+    let mut rounds = Rounds::new(session, &[armed]);
     let held = match reply {
         Ok(reply) => {
             print(session.out, command, &reply)?;

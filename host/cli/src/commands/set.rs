@@ -17,7 +17,7 @@ pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     limits::check_setpoint(session, arguments.axis, setpoint)?;
     drive(session, arguments.axis, |session, armed| {
         let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
-        let mut rounds = Rounds::new(session, armed);
+        let mut rounds = Rounds::new(session, &[armed]);
         let duration = arguments.duration.unwrap_or(Duration::MAX);
         let held = session.client.hold_setpoints(&[hold], duration, |client| rounds.turn(client));
         rounds.end(held)?;

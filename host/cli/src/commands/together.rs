@@ -1,0 +1,76 @@
+//! `mgw together`
+
+use std::time::Duration;
+
+use host_protocol::requests::{MAX_MEMBERS, Member};
+use host_protocol::{Setpoint, Vec as Members};
+use mgw_client::Hold;
+use serde_json::json;
+
+use super::arm::while_armed;
+use super::drive::{ArmedAxis, Rounds};
+use super::limits;
+use crate::args::{Target, TogetherArgs};
+use crate::failure::Failure;
+use crate::output::to_json;
+use crate::session::Session;
+use crate::words;
+
+/// Arms D5 motors, sets them in motion by one frame, holds their velocities, stops and disarms them.
+pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failure> {
+    let targets = targets(arguments)?;
+    for Target { axis, velocity } in &targets {
+        limits::check_setpoint(session, *axis, Setpoint::Velocity { velocity_rad_s: *velocity })?;
+    }
+    let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
+    let duration = arguments.duration.unwrap_or(Duration::MAX);
+    let stopped =
+        while_armed(session, &axes, |session, armed| start_and_hold(session, &targets, armed, duration))?;
+    for report in stopped {
+        let axis = report.axis;
+        session.out.either(
+            format!("axis {axis} is {}", words::axis_state(report.state)),
+            &json!({ "axis": axis, "state": to_json(&report.state) }),
+        )?;
+    }
+    Ok(())
+}
+
+/// What stands on the command line: at least two axes, each once.
+fn targets(arguments: &TogetherArgs) -> Result<Vec<Target>, Failure> {
+    let targets = Target::all(&arguments.words).map_err(Failure::Usage)?;
+    let many = || Failure::Usage(format!("at most {MAX_MEMBERS} motors start together"));
+    if targets.len() > MAX_MEMBERS {
+        return Err(many());
+    }
+    for (place, target) in targets.iter().enumerate() {
+        if targets.iter().take(place).any(|before| before.axis == target.axis) {
+            return Err(Failure::Usage(format!("axis {} is named twice", target.axis)));
+        }
+    }
+    Ok(targets)
+}
+
+fn start_and_hold(
+    session: &mut Session,
+    targets: &[Target],
+    armed: &[ArmedAxis],
+    duration: Duration,
+) -> Result<(), Failure> {
+    let mut members: Members<Member, MAX_MEMBERS> = Members::new();
+    let mut holds = Vec::new();
+    for (Target { velocity, .. }, ArmedAxis { axis, epoch, ttl }) in targets.iter().zip(armed.iter().copied())
+    {
+        let velocity_rad_s = *velocity;
+        // There are no more than there may be.
+        let _ = members.push(Member { axis, epoch, velocity_rad_s });
+        holds.push(Hold { axis, epoch, setpoint: Setpoint::Velocity { velocity_rad_s }, ttl });
+    }
+    let ttl = armed.iter().map(|armed| armed.ttl).min().unwrap_or_default();
+    let mut rounds = Rounds::new(session, armed);
+    let held = session
+        .client
+        .start_together(&members, ttl)
+        .and_then(|()| session.client.hold_setpoints(&holds, duration, |client| rounds.turn(client)));
+    rounds.end(held)
+}
