@@ -75,6 +75,12 @@ pub enum Does {
     Off { for_us: u64 },
     /// It answers and does not obey for a while.
     Disobeys { for_us: u64 },
+    /// D5: it answers what is for others, or not any more (D5 manual, table row 5).
+    AnswersOthers { on: bool },
+    /// D5: somebody else has told it a speed that waits, degrees a second.
+    Waits { speed: f32 },
+    /// Thruster: it was told a VM with these bytes 6 and 7 (manual §2.4).
+    Returns { mode: u16 },
     /// Something turns its shaft for a while, degrees a second.
     Turns { speed: f32, for_us: u64 },
 }
@@ -87,34 +93,99 @@ pub enum Ask {
     Ping,
     Take,
     Release,
-    Silence { us: u32 },
-    Bus { bus: u8, window_us: u32, protocols: u8 },
-    Set { axis: u8, parameter: u16, value: Number },
-    Remove { axis: u8 },
-    Provision { axis: u8, timeout_ms: u32 },
-    Arm { axis: u8 },
-    Disarm { axis: u8 },
-    Stop { axis: u8 },
+    Silence {
+        us: u32,
+    },
+    Bus {
+        bus: u8,
+        window_us: u32,
+        protocols: u8,
+        wholly_ours: bool,
+    },
+    Set {
+        axis: u8,
+        parameter: u16,
+        value: Number,
+    },
+    Remove {
+        axis: u8,
+    },
+    Provision {
+        axis: u8,
+        timeout_ms: u32,
+    },
+    Arm {
+        axis: u8,
+    },
+    Disarm {
+        axis: u8,
+    },
+    Stop {
+        axis: u8,
+    },
     StopAll,
     EStop,
     ClearGateway,
-    Clear { axis: u8 },
-    ClearByRestart { axis: u8 },
-    ClearUnreachable { axis: u8 },
-    OutputOff { axis: u8 },
-    Setpoint { permit: Permit, goal: Goal },
-    Move { permit: Permit, distance: f32, speed: f32 },
-    Native { permit: Permit, data: Vec<u8> },
-    Read { axis: u8 },
-    Subscribe { axes: u32, period_us: u32 },
+    Clear {
+        axis: u8,
+    },
+    ClearByRestart {
+        axis: u8,
+    },
+    ClearUnreachable {
+        axis: u8,
+    },
+    OutputOff {
+        axis: u8,
+    },
+    Setpoint {
+        permit: Permit,
+        goal: Goal,
+    },
+    Move {
+        permit: Permit,
+        distance: f32,
+        speed: f32,
+    },
+    Native {
+        permit: Permit,
+        data: Vec<u8>,
+    },
+    /// Axis, epoch as in a [`Permit`], and rad/s of each motor.
+    Together {
+        lead_us: i32,
+        members: Vec<(u8, i32, f32)>,
+    },
+    Read {
+        axis: u8,
+    },
+    Subscribe {
+        axes: u32,
+        period_us: u32,
+    },
     Status,
     List,
-    Incidents { first: u8 },
-    BusStatus { bus: u8 },
-    RawOpen { bus: u8, unsafe_access: bool },
-    RawSend { bus: u8, id: u16, data: Vec<u8> },
-    RawReceive { bus: u8 },
-    RawClose { bus: u8 },
+    Incidents {
+        first: u8,
+    },
+    BusStatus {
+        bus: u8,
+    },
+    RawOpen {
+        bus: u8,
+        unsafe_access: bool,
+    },
+    RawSend {
+        bus: u8,
+        id: u16,
+        data: Vec<u8>,
+    },
+    RawReceive {
+        bus: u8,
+    },
+    RawClose {
+        bus: u8,
+    },
 }
 
 /// A value of an axis parameter.

@@ -4,13 +4,14 @@ mod asks;
 mod moves;
 mod raw;
 mod setup;
+mod together;
 mod trouble;
 
 pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
 use crate::dice::Dice;
-use crate::plant::{BUS_SETUP, BUSES, LISTENER, MOTORS, RMD_AND_THRUSTER};
+use crate::plant::{AXES, BUS_SETUP, BUSES, CAN_BUSES, D5_AXES, LISTENER, MOTORS, RMD_AND_THRUSTER};
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
@@ -38,6 +39,8 @@ pub struct Generator {
     raw_bus: Option<u8>,
     /// How often an axis is moved to another motor, in a thousand.
     moves: u64,
+    /// D5 motors are mostly set in motion several at once: their buses are wholly ours.
+    starts: bool,
     /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that axes are moved between them.
     protocols: [u8; BUSES as usize],
 }
@@ -47,12 +50,13 @@ impl Generator {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut dice = Dice::Seeded(seed);
-        let protocols = if dice.percent(40) {
-            [RMD_AND_THRUSTER, RMD_AND_THRUSTER, 1]
+        let starts = dice.percent(40);
+        let protocols = if !starts && dice.percent(60) {
+            [RMD_AND_THRUSTER, RMD_AND_THRUSTER, 1, BUS_SETUP[3].1]
         } else {
             BUS_SETUP.map(|(_, spoken)| spoken)
         };
-        let first = configuration(&mut dice, protocols).into();
+        let first = configuration(&mut dice, protocols, starts).into();
         let trouble = dice.pick(&[5, 20, 60]);
         let left_armed = if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
         let raw_bus = dice.percent(30).then(|| dice.byte() % BUSES);
@@ -68,6 +72,7 @@ impl Generator {
             left_idle,
             raw_bus,
             moves,
+            starts,
             protocols,
         }
     }
@@ -112,7 +117,7 @@ impl Generator {
             3 => {
                 let id = [self.dice.byte() & 7, self.dice.byte()];
                 let data = self.dice.bytes(9);
-                Action::Stray { bus: self.dice.byte() % 2, id: u16::from_be_bytes(id), data }
+                Action::Stray { bus: self.dice.pick(&CAN_BUSES), id: u16::from_be_bytes(id), data }
             }
             4 => self.noise(),
             _ => self.trouble(world.since_start_us()),
@@ -160,6 +165,9 @@ impl Generator {
         }
         let ask = match world.oracle().told(axis) {
             Told::Armed if self.left_armed >> axis & 1 == 1 && self.dice.percent(98) => Ask::Ping,
+            told @ (Told::Armed | Told::Active) if self.starts_several(axis, told) => {
+                return self.together(world, axis);
+            }
             Told::Armed | Told::Active => match self.dice.below(100) {
                 0..88 => {
                     Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) }
@@ -237,6 +245,9 @@ impl Generator {
     }
 
     fn axis(&mut self) -> u8 {
-        self.dice.byte() % 10
+        if self.starts && self.dice.percent(40) {
+            return self.dice.pick(&D5_AXES);
+        }
+        self.dice.byte() % AXES
     }
 }

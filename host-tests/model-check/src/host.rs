@@ -1,13 +1,15 @@
 //! One host: what it sends, byte for byte, and what it has learnt.
 
 use crate::action::{Ask, Goal, Number, Permit};
-use crate::plant::BUS_SETUP;
+use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, CanFrame, ClearTarget, MAX_FRAME, Protocol, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
-    StopTarget, Value, requests,
+    Bytes, CanFrame, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint,
+    StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
+/// Members of a start together, at most.
+const MAX_MEMBERS: usize = 8;
 /// Requests that a host remembers, to send them again.
 const REMEMBERED: usize = 16;
 
@@ -21,9 +23,9 @@ pub struct Host {
 }
 
 impl Host {
-    /// The bytes of a request.
-    pub fn ask(&mut self, now: u64, ask: &Ask, epoch: u32) -> Vec<u8> {
-        let request = request(now, ask, epoch);
+    /// The bytes of a request; `epochs`: what the host knows of each axis.
+    pub fn ask(&mut self, now: u64, ask: &Ask, epochs: &[u32]) -> Vec<u8> {
+        let request = request(now, ask, epochs);
         let mut frame = [0; MAX_FRAME];
         self.sequence = self.sequence.wrapping_add(1);
         let length = request.encode_frame(self.sequence, &mut frame).unwrap_or(0);
@@ -39,10 +41,12 @@ impl Host {
     }
 }
 
-fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
+fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
     #[allow(clippy::cast_possible_truncation)] // the low 32 bits are what the wire carries
-    let expiry = |permit: &Permit| (now as u32).wrapping_add_signed(permit.lead_us);
-    let epoch = |permit: &Permit| epoch.wrapping_add_signed(permit.epoch);
+    let at = |lead_us| (now as u32).wrapping_add_signed(lead_us);
+    let expiry = |permit: &Permit| at(permit.lead_us);
+    let known = |axis: u8| epochs.get(usize::from(axis)).copied().unwrap_or(0);
+    let epoch = |permit: &Permit| known(permit.axis).wrapping_add_signed(permit.epoch);
     match *ask {
         Ask::Hello => Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 1 }),
         Ask::Ping => Request::Ping(requests::Ping {}),
@@ -52,7 +56,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
             parameter: host_protocol::GatewayParameter::LinkSilenceUs.number(),
             value: Value::Unsigned(us),
         }),
-        Ask::Bus { bus, window_us, protocols } => {
+        Ask::Bus { bus, window_us, protocols, wholly_ours } => {
             let (bitrate, _) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
             let all = [Protocol::Rmd, Protocol::Thruster, Protocol::D5].into_iter().enumerate();
             let spoken: Vec<Protocol> =
@@ -61,7 +65,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
                 bus,
                 bitrate,
                 protocols: ProtocolSet::of(&spoken),
-                wholly_ours: false,
+                wholly_ours,
                 reply_window_us: window_us,
             })
         }
@@ -107,6 +111,15 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
             expires_at_us: expiry(permit),
             data: data.iter().copied().take(8).collect(),
         }),
+        Ask::Together { lead_us, ref members } => {
+            let member = |(axis, epoch, velocity_rad_s): &(u8, i32, f32)| Member {
+                axis: *axis,
+                epoch: known(*axis).wrapping_add_signed(*epoch),
+                velocity_rad_s: *velocity_rad_s,
+            };
+            let members = members.iter().take(MAX_MEMBERS).map(member).collect();
+            Request::StartTogether(requests::StartTogether { expires_at_us: at(lead_us), members })
+        }
         Ask::Read { axis } => Request::ReadState(requests::ReadState { axis }),
         Ask::Subscribe { axes, period_us } => {
             let fields = StateFields::from_bits(u8::MAX);
@@ -120,8 +133,7 @@ fn request(now: u64, ask: &Ask, epoch: u32) -> Request {
         Ask::RawSend { bus, id, ref data } => {
             let can = CanFrame::standard(id, data).map(RawFrame::Can);
             let serial = || RawFrame::Serial(data.iter().copied().take(64).collect::<Bytes<_>>());
-            let is_can = usize::from(bus) < BUS_SETUP.len() - 1;
-            let frame = can.filter(|_| is_can).unwrap_or_else(serial);
+            let frame = can.filter(|_| bus != LINE).unwrap_or_else(serial);
             Request::RawSend(requests::RawSend { bus, frame })
         }
         Ask::RawReceive { bus } => Request::RawReceive(requests::RawReceive { bus }),

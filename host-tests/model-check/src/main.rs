@@ -100,9 +100,15 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
     let seeds = next.load(Ordering::Relaxed) - first_seed;
     let busy = total.busy * 100 / total.events.max(1);
     println!(
-        "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; {} motion frames, {} armings, \
-         {} trips, {} stops confirmed, {} starts",
-        total.events, total.motions, total.armed, total.trips, total.confirmed, total.starts
+        "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; {} motion frames, {} of them for \
+         several motors, {} armings, {} trips, {} stops confirmed, {} starts",
+        total.events,
+        total.motions,
+        total.started_together,
+        total.armed,
+        total.trips,
+        total.confirmed,
+        total.starts
     );
     if let Ok(Some(counterexample)) = found.into_inner() {
         return report(counterexample);

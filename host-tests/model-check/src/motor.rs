@@ -25,6 +25,10 @@ pub struct Motor {
     brake_released: bool,
     /// D5: speed that waits for an execute command.
     prepared: Option<f64>,
+    /// D5: it answers requests to others.
+    answers_others: bool,
+    /// Thruster: bytes 6 and 7 of its VM.
+    returns: u16,
     mute_until: u64,
     deaf_until: u64,
     disobeys_until: u64,
@@ -53,6 +57,8 @@ impl Motor {
             faults: 0,
             brake_released: wired.stop != StopAction::Brake,
             prepared: None,
+            answers_others: false,
+            returns: 0,
             mute_until: 0,
             deaf_until: 0,
             disobeys_until: 0,
@@ -73,25 +79,28 @@ impl Motor {
             Does::Lies { data } => self.lie = Some(data.clone()),
             Does::Refuses => self.refuses = true,
             Does::Faults { word } => self.faults = *word,
-            Does::Restarts => {
-                *self = Self { seen_us: now, started_us: now, angle: self.angle, ..Self::new(self.wired) }
-            }
+            Does::Restarts => *self = Self { seen_us: now, started_us: now, ..self.without_power() },
             Does::Off { for_us } => {
-                let restarted = Self {
-                    seen_us: now,
-                    started_us: now + for_us,
-                    angle: self.angle,
-                    ..Self::new(self.wired)
-                };
-                *self = Self { mute_until: now + for_us, deaf_until: now + for_us, ..restarted };
+                let back_us = now + for_us;
+                let restarted = Self { seen_us: now, started_us: back_us, ..self.without_power() };
+                *self = Self { mute_until: back_us, deaf_until: back_us, ..restarted };
             }
             Does::Disobeys { for_us } => self.disobeys_until = now + for_us,
+            Does::AnswersOthers { on } => self.answers_others = *on,
+            Does::Waits { speed } => self.prepared = Some((*speed).into()),
+            Does::Returns { mode } => self.returns = *mode,
             Does::Turns { speed, for_us } => {
                 self.speed = (*speed).into();
                 self.wanted = self.speed;
                 self.disobeys_until = now + for_us;
             }
         }
+    }
+
+    /// What it is when it is switched on again. Whether VM is kept the manual does not say: here it is.
+    fn without_power(&self) -> Self {
+        let Self { angle, answers_others, returns, .. } = *self;
+        Self { angle, answers_others, returns, ..Self::new(self.wired) }
     }
 
     fn turn(&mut self, now: u64) {
@@ -115,24 +124,66 @@ impl Motor {
             return Vec::new();
         }
         let refuses = std::mem::take(&mut self.refuses);
-        let answer = match self.wired.protocol {
+        let mut told: Vec<Vec<u8>> = match self.wired.protocol {
             Protocol::Rmd if motion_mode => {
                 self.want(now, 60.0);
-                Some(vec![self.wired.node, 0x80, 0, 0x80, 0x08, 0, 0, 0])
+                vec![vec![self.wired.node, 0x80, 0, 0x80, 0x08, 0, 0, 0]]
             }
-            Protocol::Rmd => self.rmd(now, data, refuses),
-            Protocol::Thruster => self.thruster(now, data, refuses),
-            Protocol::D5 => self.d5(now, data, refuses),
+            Protocol::Rmd => self.rmd(now, data, refuses).into_iter().collect(),
+            Protocol::Thruster => {
+                self.thruster(now, data, refuses).map(|echo| self.returned(echo)).unwrap_or_default()
+            }
+            Protocol::D5 => self.d5(now, data, refuses).into_iter().collect(),
         };
-        let Some(data) = answer.filter(|_| now >= self.mute_until) else { return Vec::new() };
-        let data = self.lie.take().unwrap_or(data);
-        // Each motor has a rhythm of its own.
-        let after_us = 120 + 17 * u64::from(self.wired.node) + std::mem::take(&mut self.late_us);
-        let mut answers = vec![Answer { data: data.clone(), after_us, motion_mode }];
-        if std::mem::take(&mut self.twice) {
-            answers.push(Answer { data, after_us: after_us + 900, motion_mode });
+        if now < self.mute_until || told.is_empty() {
+            return Vec::new();
         }
-        answers
+        if let Some(lie) = self.lie.take() {
+            told[0] = lie;
+        }
+        let after_us = self.rhythm_us() + std::mem::take(&mut self.late_us);
+        let again = std::mem::take(&mut self.twice).then(|| told[0].clone());
+        let answer = |after_us| move |data| Answer { data, after_us, motion_mode };
+        told.into_iter().map(answer(after_us)).chain(again.map(answer(after_us + 900))).collect()
+    }
+
+    /// Hears a request to another D5 motor; what it answers: that it was not for it (D5 manual, table row 5).
+    pub fn objects(&self, now: u64, data: &[u8]) -> Option<Answer> {
+        let [0xD5, _, _, command, _, _, _, _] = *data else { return None };
+        let hears = self.answers_others && now >= self.deaf_until && now >= self.mute_until;
+        let mut data = vec![0x5D, self.wired.node, 5, command, 1, 0xEE, 0xEE];
+        data.push(data[1..].iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
+        hears.then(|| Answer { data, after_us: self.rhythm_us(), motion_mode: false })
+    }
+
+    /// Each motor has a rhythm of its own.
+    fn rhythm_us(&self) -> u64 {
+        120 + 17 * u64::from(self.wired.node)
+    }
+
+    /// What a thruster answers in the place of an echo, as its VM is set (Thruster manual §2.4): frames of three words with a header, one of
+    /// four words without, or nothing. It refuses as ever.
+    fn returned(&self, echo: Vec<u8>) -> Vec<Vec<u8>> {
+        let [flags, frames] = self.returns.to_be_bytes();
+        let is_signal = matches!(echo.get(..2), Some(b"TC" | b"VC"));
+        if !is_signal || echo.ends_with(&[0, 0, 0xEE, 0xEE]) || flags & 3 == 0 && frames & 7 == 0 {
+            return vec![echo];
+        }
+        let speed = i16::from_le_bytes(int16(self.speed / 6.0));
+        let status = self.faults.cast_signed();
+        let words = |header: [u8; 2], words: [i16; 3]| {
+            header.into_iter().chain(words.into_iter().flat_map(i16::to_be_bytes)).collect()
+        };
+        match flags {
+            _ if flags & 1 != 0 => Vec::new(),
+            _ if flags & 2 != 0 => vec![words(speed.to_be_bytes(), [480, 10, status])],
+            _ => [[speed, 480, 10], [status, 30, 31], [0, 0, 0]]
+                .into_iter()
+                .zip(1..=3)
+                .filter(|(_, number)| frames >> (number - 1) & 1 != 0)
+                .map(|(told, number)| words([echo[0], number], told))
+                .collect(),
+        }
     }
 
     #[allow(clippy::cast_precision_loss)] // short times
@@ -162,9 +213,9 @@ impl Motor {
             }
             // §2.25: no answer, silence, and output off and brake locked as when it is switched on.
             0x76 => {
-                let restarted = Self { seen_us: now, angle: self.angle, ..Self::new(self.wired) };
                 let back_us = now + RESTART_US;
-                *self = Self { deaf_until: back_us, started_us: back_us, ..restarted };
+                *self =
+                    Self { seen_us: now, deaf_until: back_us, started_us: back_us, ..self.without_power() };
                 return None;
             }
             0xB1 => reply[4..].copy_from_slice(&int32(now.saturating_sub(self.started_us) as f64 / 1e3)),
@@ -194,6 +245,7 @@ impl Motor {
             b"QV" => word = Some(int16(self.speed / 6.0)),
             b"EF" => word = Some(self.faults.to_le_bytes()),
             b"CF" => self.faults = 0,
+            b"VM" => self.returns = u16::from_be_bytes([reply[6], reply[7]]),
             _ => {}
         }
         if let Some([low, high]) = word {

@@ -9,7 +9,13 @@ pub const LINKS: u8 = 3;
 /// The link whose host only listens: it has said hello, and reads everything at once.
 pub const LISTENER: u8 = 2;
 /// Buses.
-pub const BUSES: u8 = 3;
+pub const BUSES: u8 = 4;
+/// The serial line among them.
+pub const LINE: u8 = 2;
+/// The others.
+pub const CAN_BUSES: [u8; 3] = [0, 1, 3];
+/// Those at a rate for D5 motors.
+pub const D5_BUSES: [u8; 2] = [1, 3];
 
 /// The board.
 pub static BOARD: Board = BOARD_OF_A_START;
@@ -23,6 +29,7 @@ const BOARD_OF_A_START: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000] },
         BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &[2_000_000] },
+        BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
     ],
     bus_limit: None,
     links: LINKS,
@@ -36,10 +43,12 @@ pub static BOARD_AGAIN: Board =
     Board { boot: BootReason::Watchdog, last_words: "no life from bus 0", ..BOARD_OF_A_START };
 
 /// The buses as the model knows them.
-pub const KINDS: [BusKind; BUSES as usize] = [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }];
+pub const KINDS: [BusKind; BUSES as usize] =
+    [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }, BusKind::Can];
 
 /// Bitrate of each bus, and the protocols of its motors: bits 0 to 2 are RMD, thruster, D5.
-pub const BUS_SETUP: [(u32, u8); BUSES as usize] = [(1_000_000, 0b011), (210_526, 0b100), (2_000_000, 0b001)];
+pub const BUS_SETUP: [(u32, u8); BUSES as usize] =
+    [(1_000_000, 0b011), (210_526, 0b100), (2_000_000, 0b001), (210_526, 0b100)];
 /// The protocols that share a CAN bus.
 pub const RMD_AND_THRUSTER: u8 = 0b011;
 
@@ -61,7 +70,7 @@ const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired
 }
 
 /// Motor n is that of axis n.
-pub const MOTORS: [Wired; 10] = [
+pub const MOTORS: [Wired; 11] = [
     wired(0, Protocol::Rmd, 1, StopAction::Coast),
     wired(0, Protocol::Rmd, 2, StopAction::Hold),
     wired(0, Protocol::Rmd, 3, StopAction::Brake),
@@ -72,15 +81,25 @@ pub const MOTORS: [Wired; 10] = [
     wired(1, Protocol::D5, 0x27, StopAction::Hold),
     wired(2, Protocol::Rmd, 1, StopAction::Hold),
     wired(2, Protocol::Rmd, 2, StopAction::Coast),
+    wired(1, Protocol::D5, 0x28, StopAction::Hold),
 ];
+/// Axes of D5 motors.
+pub const D5_AXES: [u8; 3] = [6, 7, 10];
+/// Axes.
+pub const AXES: u8 = 11;
+/// Bit 0 is axis 0.
+pub const ALL_AXES: u32 = (1 << AXES) - 1;
+const _: () = assert!(MOTORS.len() == AXES as usize);
 
 /// Motors that no axis is configured for at first: an axis that is moved finds them.
-pub const SPARES: [Wired; 6] = [
+pub const SPARES: [Wired; 8] = [
     wired(0, Protocol::Thruster, 0x12, StopAction::Coast),
     wired(0, Protocol::Rmd, 20, StopAction::Hold),
     wired(1, Protocol::Rmd, 1, StopAction::Coast),
     wired(1, Protocol::Thruster, 0x0E, StopAction::Coast),
-    wired(1, Protocol::D5, 0x28, StopAction::Hold),
+    wired(1, Protocol::D5, 0x29, StopAction::Hold),
+    wired(3, Protocol::D5, 0x26, StopAction::Hold),
+    wired(3, Protocol::D5, 0x27, StopAction::Hold),
     wired(2, Protocol::Rmd, 3, StopAction::Hold),
 ];
 

@@ -12,7 +12,7 @@ use crate::action::{Action, Ask, Step};
 use crate::bus::{Bus, OnWire, crc16};
 use crate::host::Host;
 use crate::motor::Motor;
-use crate::plant::{BOARD, BUSES, KINDS, LINKS, LISTENER, MOTORS, all_motors};
+use crate::plant::{BOARD, BUSES, KINDS, LINE, LINKS, LISTENER, MOTORS, all_motors};
 use embedded_can::Id;
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
 use host_protocol::Protocol;
@@ -27,6 +27,8 @@ const LATE_US: u64 = 90;
 const SERIAL_FRAME: usize = 13;
 /// Id of a request to every RMD motor.
 const RMD_ALL: u16 = 0x280;
+/// D5: id of all motors, on the bus and in the frame.
+const D5_ALL: u8 = 0xFE;
 /// Events that may be due one after another at one moment.
 const MAX_AT_ONCE: u32 = 1_000;
 
@@ -96,7 +98,8 @@ impl World {
     /// What has happened.
     #[must_use]
     pub fn counts(&self) -> Counts {
-        Counts { motions: self.oracle.motions(), ..self.counts }
+        let (motions, started_together) = (self.oracle.motions(), self.oracle.started_together());
+        Counts { motions, started_together, ..self.counts }
     }
 
     /// What the model knows.
@@ -237,7 +240,7 @@ impl World {
 
     /// The motors of a bus hear a frame.
     fn hear(&mut self, bus: u8, id: u16, data: &[u8]) {
-        let is_serial = usize::from(bus) == KINDS.len() - 1;
+        let is_serial = bus == LINE;
         for (index, wired) in all_motors().enumerate().filter(|(_, wired)| wired.bus == bus) {
             let node = u16::from(wired.node);
             let motion_mode = wired.protocol == Protocol::Rmd && !is_serial && id == 0x400 + node;
@@ -247,10 +250,19 @@ impl World {
                 Protocol::Thruster => id == 0x300 + node,
                 Protocol::D5 => id == node && data.get(..2) == Some(&[0xD5, wired.node]),
             };
-            if motion_mode || is_for_it {
-                for answer in self.motors[index].hear(self.now_us, data, motion_mode) {
-                    self.buses[usize::from(bus)].answer(self.now_us, wired, answer);
+            let motor = &mut self.motors[index];
+            let answers = match wired.protocol {
+                _ if motion_mode || is_for_it => motor.hear(self.now_us, data, motion_mode),
+                Protocol::D5 if id == D5_ALL.into() && data.get(..2) == Some(&[0xD5, D5_ALL]) => {
+                    // What goes to all is answered by nobody (PROTOCOL-NOTES D10).
+                    motor.hear(self.now_us, data, false);
+                    Vec::new()
                 }
+                Protocol::D5 => motor.objects(self.now_us, data).into_iter().collect(),
+                Protocol::Rmd | Protocol::Thruster => Vec::new(),
+            };
+            for answer in answers {
+                self.buses[usize::from(bus)].answer(self.now_us, wired, answer);
             }
         }
     }

@@ -29,6 +29,41 @@ pub(crate) struct Permit {
     pub once: bool,
     /// Sent.
     pub sent: bool,
+    /// A start of several motors.
+    pub start: Option<Start>,
+}
+
+impl Permit {
+    /// It lets nothing through but what prepares a start.
+    pub fn is_of_a_start_to_come(&self) -> bool {
+        self.start.as_ref().is_some_and(|start| !start.has_started)
+    }
+}
+
+/// What an axis is in a start of several (PROTOCOL.md, Started together).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Start {
+    /// A bit for each axis that is named.
+    pub members: u32,
+    pub asked_us: u64,
+    /// The speed that its motor was told to have wait.
+    pub told: Option<[u8; 2]>,
+    pub told_us: u64,
+    /// The motor has said that something waits, asked behind that.
+    pub waits: bool,
+    pub has_started: bool,
+}
+
+/// What waits in a D5 motor to be started (D5 manual, quick start 3, 4), as far as its answers tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Waiting {
+    /// Nobody knows.
+    #[default]
+    Unknown,
+    /// Nothing: it was asked at this time.
+    Nothing(u64),
+    /// A speed of 0, which starts nothing: it was told that at this time.
+    Rest(u64),
 }
 
 /// Why a stop is due.
@@ -93,6 +128,8 @@ pub(crate) struct Duty {
     pub locked: bool,
     pub output_off: bool,
     pub confirmed: bool,
+    /// D5: nothing waits in it that would start, by its own words since.
+    pub nothing_waits: bool,
     /// That it has not left was missed once.
     pub unsent_seen: bool,
 }
@@ -153,6 +190,9 @@ pub(crate) struct Axis {
     pub native_stops: Vec<Vec<u8>>,
     /// A host has asked, while it held, that its motor's output be switched off.
     pub output_off_asked: bool,
+    pub waiting: Waiting,
+    /// D5: its motor answers requests to others (D5 manual, table row 5).
+    pub objects: bool,
 }
 
 impl Axis {

@@ -4,6 +4,7 @@ mod tally;
 
 pub(crate) use tally::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, Tally};
 
+use crate::checks::Started;
 use crate::motor::Protocol;
 use std::collections::VecDeque;
 
@@ -43,6 +44,10 @@ pub(crate) struct Held {
     pub is_harmful: bool,
     /// The setpoint, be it zero.
     pub is_setpoint: bool,
+    /// A speed that is to wait for a start.
+    pub prepares: bool,
+    /// It starts several motors.
+    pub start: Option<Started>,
     /// Its axis was moved to another motor since.
     pub is_left_behind: bool,
     /// From then on it counts as not acknowledged.

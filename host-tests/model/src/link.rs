@@ -26,6 +26,8 @@ pub(crate) struct Record {
     pub took: bool,
     /// There may have been no place for its result.
     pub may_be_dropped: bool,
+    /// It has set several motors in motion; `None` where that may have been another one, too.
+    pub has_started: Option<bool>,
 }
 
 /// One link.
@@ -91,6 +93,7 @@ impl Link {
             must_be_refused: false,
             took: false,
             may_be_dropped: owed + again >= WINDOW,
+            has_started: Some(false),
         });
         Arrival::New
     }

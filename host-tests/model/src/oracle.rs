@@ -56,6 +56,8 @@ pub struct Oracle {
     pub(crate) unlisted: Option<Unlisted>,
     pub(crate) violations: Vec<Violation>,
     pub(crate) motions: u64,
+    /// Starts of several motors.
+    pub(crate) started: u64,
 }
 
 impl Oracle {
@@ -79,6 +81,7 @@ impl Oracle {
             unlisted: None,
             violations: Vec::new(),
             motions: 0,
+            started: 0,
         }
     }
 
@@ -92,6 +95,12 @@ impl Oracle {
     #[must_use]
     pub fn motions(&self) -> u64 {
         self.motions
+    }
+
+    /// Frames that have set several motors in motion.
+    #[must_use]
+    pub fn started_together(&self) -> u64 {
+        self.started
     }
 
     /// Whether some axis is armed, active or stopping.
@@ -331,6 +340,7 @@ impl Oracle {
             locked: false,
             output_off: false,
             confirmed: false,
+            nothing_waits: false,
             unsent_seen: false,
         });
     }

@@ -32,6 +32,7 @@ impl Oracle {
             unlisted,
             violations: _,
             motions: _,
+            started: _,
             epochs: _,
         } = self;
         for axis in all.iter().take(axes) {

@@ -6,7 +6,7 @@ use super::bytes::{
 use super::pairs::Pair;
 use super::prepared::WINDOW_US;
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
-use crate::plant::{BUS_SETUP, MOTORS, Wired};
+use crate::plant::{BUS_SETUP, LINE, MOTORS, Wired};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol};
 
@@ -87,7 +87,7 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     let [motor, beside] = [first, second].map(|axis| &MOTORS[usize::from(axis)]);
     let bus = motor.bus;
     // A bus that has no axis, or only the second.
-    let elsewhere = if bus == 2 { 0 } else { 2 };
+    let elsewhere = if bus == LINE { 0 } else { LINE };
     let stranger = Wired { bus: elsewhere, protocol: Protocol::Rmd, node: 1, ..*motor };
     let mut asks = vec![
         // Setpoints: fresh, another one, stale, of another epoch; a move by a distance.
@@ -119,10 +119,15 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         set(first, AxisParameter::Node, beside.node.into()),
         set(first, AxisParameter::Protocol, (motor.protocol.number() % 3 + 1).into()),
         Ask::Remove { axis: first },
-        set(second, AxisParameter::Bus, if beside.bus == 2 { 0 } else { 2 }),
+        set(second, AxisParameter::Bus, if beside.bus == LINE { 0 } else { LINE.into() }),
         Ask::Remove { axis: second },
         Ask::Provision { axis: first, timeout_ms: 100 },
-        Ask::Bus { bus, window_us: WINDOW_US + 1_000, protocols: BUS_SETUP[usize::from(bus)].1 },
+        Ask::Bus {
+            bus,
+            window_us: WINDOW_US + 1_000,
+            protocols: BUS_SETUP[usize::from(bus)].1,
+            wholly_ours: false,
+        },
         // Raw access: a question, motions.
         Ask::RawOpen { bus, unsafe_access: false },
         raw(motor, read(motor)),
@@ -143,7 +148,7 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     if motor.protocol == Protocol::Rmd {
         asks.push(raw(motor, FREE_BRAKE.to_vec()));
     }
-    if bus == 2 {
+    if bus == LINE {
         asks.extend(raw_in_two(motor));
     }
     asks
@@ -206,7 +211,7 @@ fn of_bus(first: u8, second: u8) -> Vec<Action> {
             Action::Short { bus: beside.bus, for_us: 5_000 },
         ]);
     }
-    if bus == 2 {
+    if bus == LINE {
         // Half a frame, and a motor's frame that nobody asked for.
         actions.push(Action::Noise { bus, bytes: vec![0x3E, motor.node, 8] });
         actions.push(Action::Noise { bus, bytes: serial(motor, read(motor)) });

@@ -2,7 +2,7 @@
 
 use crate::action::Ask;
 use crate::bus::crc16;
-use crate::plant::Wired;
+use crate::plant::{LINE, Wired};
 use host_protocol::Protocol;
 
 /// RMD: frees the brake.
@@ -59,7 +59,7 @@ pub fn raw_in_two(motor: &Wired) -> [Ask; 2] {
 
 /// A raw frame to a motor.
 pub fn raw(motor: &Wired, data: Vec<u8>) -> Ask {
-    if motor.bus < 2 {
+    if motor.bus != LINE {
         return Ask::RawSend { bus: motor.bus, id: request_id(motor), data };
     }
     Ask::RawSend { bus: motor.bus, id: 0, data: serial(motor, data) }

@@ -3,7 +3,7 @@
 use super::alphabet::fresh;
 use super::pairs::Pair;
 use crate::action::{Action, Ask, Does, Number, Step};
-use crate::plant::{BUS_SETUP, BUSES, KINDS, MOTORS};
+use crate::plant::{BUS_SETUP, BUSES, LINE, MOTORS};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol, StopAction};
 use promise_model::Told;
@@ -119,7 +119,7 @@ impl Preparation {
 
     fn cut(&mut self, axis: u8, for_us: u64) {
         let bus = MOTORS[usize::from(axis)].bus;
-        let action = match usize::from(bus) < KINDS.len() - 1 {
+        let action = match bus != LINE {
             true => Action::Cut { bus, for_us },
             false => Action::Motor { motor: axis, does: Does::Deaf { for_us } },
         };
@@ -153,7 +153,8 @@ impl Preparation {
         self.world.step(&hello);
         self.steps.push(hello);
         for bus in 0..BUSES {
-            self.ask(Ask::Bus { bus, window_us: WINDOW_US, protocols: BUS_SETUP[usize::from(bus)].1 });
+            let protocols = BUS_SETUP[usize::from(bus)].1;
+            self.ask(Ask::Bus { bus, window_us: WINDOW_US, protocols, wholly_ours: false });
         }
         for axis in pair.axes {
             let motor = &MOTORS[usize::from(axis)];

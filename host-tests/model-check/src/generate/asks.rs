@@ -1,15 +1,15 @@
 //! What hosts ask for: requests of every kind, mostly ones that make sense.
 
 use super::raw::raw_send;
-use super::setup::LIMITS;
+use super::setup::{LIMITS, RETURN_MODES};
 use crate::action::{Ask, Goal, Number, Permit};
 use crate::dice::Dice;
-use crate::plant::{BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE, RMD_AND_THRUSTER};
+use crate::plant::{ALL_AXES, AXES, BUS_SETUP, BUSES, MOTORS, POSITION_DEVICE, RMD_AND_THRUSTER};
 use host_protocol::{AxisParameter, Protocol};
 
 /// A request of any kind.
 pub fn any_ask(dice: &mut Dice) -> Ask {
-    let axis = dice.byte() % 10;
+    let axis = dice.byte() % AXES;
     let bus = dice.byte() % (BUSES + 1);
     match dice.below(40) {
         0 => Ask::Take,
@@ -35,14 +35,19 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         23 => {
             let protocols = BUS_SETUP.get(usize::from(bus)).map_or(RMD_AND_THRUSTER, |(_, spoken)| *spoken);
             let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
-            Ask::Bus { bus, window_us: dice.pick(&[1_000, 3_000, 5_000]), protocols }
+            let window_us = dice.pick(&[1_000, 3_000, 5_000]);
+            Ask::Bus { bus, window_us, protocols, wholly_ours: dice.percent(50) }
         }
         24 if dice.one_in(2) => {
             let parameter = AxisParameter::WarningsAreFaults.number();
             Ask::Set { axis, parameter, value: Number::Bool(dice.one_in(2)) }
         }
+        24 if dice.one_in(4) => {
+            let parameter = AxisParameter::ReturnMode.number();
+            Ask::Set { axis, parameter, value: Number::Unsigned(dice.pick(&RETURN_MODES).into()) }
+        }
         24 => Ask::Remove { axis: 31 },
-        25 => Ask::Subscribe { axes: dice.pick(&[0, 1, 0x3FF]), period_us: 50_000 },
+        25 => Ask::Subscribe { axes: dice.pick(&[0, 1, ALL_AXES]), period_us: 50_000 },
         26..28 => Ask::Read { axis },
         28 => dice.pick(&[Ask::Status, Ask::List]),
         29 => Ask::RawOpen { bus, unsafe_access: dice.percent(30) },
@@ -103,7 +108,8 @@ pub(super) fn native(dice: &mut Dice, axis: u8) -> Ask {
             vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
         }
         Protocol::Thruster => {
-            let [a, b] = *dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ"]);
+            let [a, b] =
+                *dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ", b"VM"]);
             let value = dice.pick(&[0, dice.clone().byte() / 3]);
             let long = vec![a, b, 0, 9, 0, 0, 0, value];
             dice.pick(&[long.clone(), long, vec![a, b, 0, 0]])

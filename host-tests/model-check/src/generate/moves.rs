@@ -4,9 +4,9 @@ use super::Generator;
 use super::asks::native;
 use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Number};
-use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{ALL_AXES, AXES, BUSES, D5_BUSES, MOTORS, POSITION_DEVICE};
 use crate::world::World;
-use host_protocol::AxisParameter;
+use host_protocol::{AxisParameter, Protocol};
 use promise_model::Told;
 
 /// Ids for D5 motors: their own, and those of others.
@@ -21,7 +21,7 @@ impl Generator {
         if self.dice.percent(10) {
             return self.bares();
         }
-        let idle: Vec<u8> = (0..10).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
+        let idle: Vec<u8> = (0..AXES).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
         let axis = if idle.is_empty() || self.dice.percent(10) { self.axis() } else { self.dice.pick(&idle) };
         let old = MOTORS[usize::from(axis)].bus;
         let link = self.commander;
@@ -37,21 +37,24 @@ impl Generator {
                 1 => Ask::Provision { axis, timeout_ms: 300 },
                 2 => Ask::Arm { axis },
                 3 => self.dice.pick(&[Ask::Stop { axis }, Ask::EStop]),
-                _ => Ask::Subscribe { axes: 0x3FF, period_us: 1_000 },
+                _ => Ask::Subscribe { axes: ALL_AXES, period_us: 1_000 },
             });
         }
         if self.dice.percent(10) {
             asks.push(Ask::Remove { axis });
         }
         for _ in 0..=self.dice.below(3) {
-            let (parameter, value) = self.new_address();
+            let (parameter, value) = self.new_address(MOTORS[usize::from(axis)].protocol);
             asks.push(Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) });
         }
         actions.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
         if self.dice.percent(50) {
             actions.push(if self.dice.percent(40) {
                 let protocols = self.protocols[usize::from(old)];
-                Action::Ask { link, ask: Ask::Bus { bus: old, window_us: 3_000, protocols } }
+                Action::Ask {
+                    link,
+                    ask: Ask::Bus { bus: old, window_us: 3_000, protocols, wholly_ours: self.starts },
+                }
             } else {
                 Action::Short { bus: old, for_us: self.dice.below(3_000) }
             });
@@ -82,8 +85,12 @@ impl Generator {
         self.moves_back(axis)
     }
 
-    fn new_address(&mut self) -> (AxisParameter, u32) {
+    fn new_address(&mut self, protocol: Protocol) -> (AxisParameter, u32) {
         match self.dice.below(8) {
+            // Where the others of its protocol are, and back.
+            0..3 if protocol == Protocol::D5 && self.dice.percent(80) => {
+                (AxisParameter::Bus, self.dice.pick(&D5_BUSES).into())
+            }
             0..3 => (AxisParameter::Bus, (self.dice.byte() % BUSES).into()),
             3 => (AxisParameter::Protocol, self.dice.pick(&[1, 2, 3])),
             4 => (AxisParameter::Node, self.dice.pick(&[1, 2, 3, 4, 0x0E, 0x0F, 20, 0x26, 0x27, 0x28])),
@@ -97,7 +104,8 @@ impl Generator {
     pub(super) fn moves_back(&mut self, axis: u8) -> Action {
         let motor = &MOTORS[usize::from(axis)];
         let protocols = self.protocols[usize::from(motor.bus)];
-        let mut asks = vec![Ask::Remove { axis }, Ask::Bus { bus: motor.bus, window_us: 3_000, protocols }];
+        let bus = Ask::Bus { bus: motor.bus, window_us: 3_000, protocols, wholly_ours: self.starts };
+        let mut asks = vec![Ask::Remove { axis }, bus];
         for (parameter, value) in [
             (AxisParameter::Bus, motor.bus.into()),
             (AxisParameter::Protocol, motor.protocol.number().into()),

@@ -5,7 +5,7 @@ use super::asks::native;
 use crate::action::{Action, Ask};
 use crate::bus::crc16;
 use crate::dice::Dice;
-use crate::plant::{BUSES, MOTORS, all_motors};
+use crate::plant::{LINE, MOTORS, all_motors};
 use crate::world::World;
 use host_protocol::Protocol;
 use promise_model::Told;
@@ -14,7 +14,7 @@ impl Generator {
     /// What a host does on a bus whose axes are mostly at rest: it opens it for raw frames, and sends them.
     pub(super) fn raw(&mut self, world: &World, axis: u8) -> Action {
         let bus = MOTORS[usize::from(axis)].bus;
-        if bus == BUSES - 1 && self.dice.percent(15) {
+        if bus == LINE && self.dice.percent(15) {
             // What begins a frame that ends in the first bytes of the next request, in its checksum too.
             let node = self.dice.pick(&[1, 2, 0xCD]);
             let next = frame(node, [0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]);
@@ -51,7 +51,7 @@ pub(super) fn unsafe_access(dice: &mut Dice, bus: u8) -> Vec<Ask> {
 
 /// A raw frame on a CAN bus, or bytes on the serial line.
 pub(super) fn raw_send(dice: &mut Dice, bus: u8) -> Ask {
-    if bus == BUSES - 1 {
+    if bus == LINE {
         return Ask::RawSend { bus, id: 0, data: serial(dice) };
     }
     let here: Vec<_> = all_motors().filter(|motor| motor.bus == bus).collect();

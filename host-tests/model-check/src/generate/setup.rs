@@ -1,7 +1,7 @@
 //! What the first host sets up.
 
 use super::raw::unsafe_access;
-use crate::action::{Action, Ask, Number};
+use crate::action::{Action, Ask, Does, Number};
 use crate::dice::Dice;
 use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
 use host_protocol::AxisParameter;
@@ -10,15 +10,21 @@ use host_protocol::Protocol;
 /// Speeds, rad/s, that are no whole number of the unit of some motor: limits, and what is asked for.
 pub(super) const LIMITS: [f32; 6] = [3.0, 0.009, 0.026_2, 1.234, 0.5, 2.0];
 
-/// The steps of a host that finds nothing configured.
-pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) -> Vec<Action> {
+/// What VM may be set to: bytes 6 and 7 (Thruster manual §2.4).
+pub(super) const RETURN_MODES: [u16; 8] = [0, 0x01, 0x02, 0x03, 0x07, 0x200, 0x203, 0x100];
+
+/// The steps of a host that finds nothing configured, and what the motors are then.
+pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], starts: bool) -> Vec<Action> {
     let mut asks = vec![Ask::Hello, Ask::Silence { us: dice.pick(&[100_000, 250_000]) }];
     asks.extend((0..BUSES).zip(protocols).map(|(bus, protocols)| Ask::Bus {
         bus,
         window_us: dice.pick(&[2_000, 3_000, 5_000]),
         protocols,
+        wholly_ours: starts,
     }));
     let behind_buses = asks.len();
+    let object = dice.percent(20);
+    let returns = if dice.percent(35) { dice.pick(&RETURN_MODES) } else { 0 };
     let grouped = dice.percent(30);
     let provisioned = dice.percent(40);
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
@@ -37,7 +43,8 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         if axis == POSITION_DEVICE {
             set(AxisParameter::PositionDevice, Number::Bool(true));
         }
-        if dice.percent(20) {
+        let limited = if starts && motor.protocol == Protocol::D5 { 3 } else { 20 };
+        if dice.percent(limited) {
             set(AxisParameter::VelocityLimitRadS, Number::Float(dice.pick(&LIMITS)));
         }
         // Nothing tells the current of a D5.
@@ -55,6 +62,14 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         // Less than what a thruster can tell: an axis with it cannot become that of one.
         if motor.protocol != Protocol::Thruster && dice.percent(10) {
             set(AxisParameter::StandstillRadS, Number::Float(0.02));
+        }
+        if object && motor.protocol == Protocol::D5 {
+            // Their answers for others count in the load of the bus, once they are known.
+            set(AxisParameter::FaultPollUs, Number::Unsigned(400_000));
+            set(AxisParameter::StatePollUs, Number::Unsigned(400_000));
+        }
+        if motor.protocol == Protocol::Thruster && returns != 0 {
+            set(AxisParameter::ReturnMode, Number::Unsigned(returns.into()));
         }
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
@@ -79,5 +94,13 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize]) ->
         asks.insert(closes, Ask::RawClose { bus });
         asks.splice(behind_buses..behind_buses, unsafe_access(dice, bus));
     }
-    asks.into_iter().map(|ask| Action::Ask { link: 0, ask }).collect()
+    let motors = (0u8..).zip(&MOTORS).filter_map(|(motor, wired)| {
+        let does = match wired.protocol {
+            Protocol::D5 => Does::AnswersOthers { on: object },
+            Protocol::Thruster => Does::Returns { mode: returns },
+            Protocol::Rmd => return None,
+        };
+        Some(Action::Motor { motor, does })
+    });
+    motors.chain(asks.into_iter().map(|ask| Action::Ask { link: 0, ask })).collect()
 }

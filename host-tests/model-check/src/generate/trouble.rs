@@ -1,9 +1,9 @@
 //! What goes wrong: buses, motors, hosts that fall silent.
 
 use super::Generator;
-use super::setup::configuration;
+use super::setup::{RETURN_MODES, configuration};
 use crate::action::{Action, Ask, Does};
-use crate::plant::{BUSES, LISTENER, MOTORS};
+use crate::plant::{BUSES, CAN_BUSES, LINE, LISTENER, MOTORS};
 use host_protocol::Protocol;
 
 /// Longest silence of the hosts, µs: more than the gateway bears.
@@ -14,9 +14,9 @@ impl Generator {
     pub(super) fn noise(&mut self) -> Action {
         match self.dice.below(4) {
             0 => Action::Bytes { link: self.dice.byte() % LISTENER, bytes: self.dice.bytes(40) },
-            1 => Action::Noise { bus: BUSES - 1, bytes: self.dice.bytes(16) },
+            1 => Action::Noise { bus: LINE, bytes: self.dice.bytes(16) },
             _ => {
-                let bus = self.dice.byte() % 2;
+                let bus = self.dice.pick(&CAN_BUSES);
                 let id = self
                     .dice
                     .pick(&[0x241, 0x242, 0x243, 0x28E, 0x28F, 0x290, 0x26, 0x27, 0x501, 0x7FF, 0x001]);
@@ -31,7 +31,7 @@ impl Generator {
 
     /// Something breaks.
     pub(super) fn trouble(&mut self, now: u64) -> Action {
-        let bus = self.dice.byte() % 2;
+        let bus = self.dice.pick(&CAN_BUSES);
         let motor = self.axis();
         match self.dice.below(20) {
             0 if self.dice.percent(40) => {
@@ -62,7 +62,7 @@ impl Generator {
     fn start(&mut self) -> Action {
         match self.dice.below(8) {
             0 => {
-                self.first = configuration(&mut self.dice, self.protocols).into();
+                self.first = configuration(&mut self.dice, self.protocols, self.starts).into();
                 Action::PowerLoss
             }
             1 => {
@@ -81,6 +81,18 @@ impl Generator {
 
     fn misdeed(&mut self, motor: u8) -> Does {
         let turns = Does::Turns { speed: self.dice.pick(&[90.0, 400.0]), for_us: self.span() };
+        match MOTORS[usize::from(motor)].protocol {
+            Protocol::D5 if self.dice.percent(15) => {
+                return Does::AnswersOthers { on: self.dice.percent(60) };
+            }
+            Protocol::D5 if self.dice.percent(15) => {
+                return Does::Waits { speed: self.dice.pick(&[0.0, 90.0, -400.0]) };
+            }
+            Protocol::Thruster if self.dice.percent(3) => {
+                return Does::Returns { mode: self.dice.pick(&RETURN_MODES) };
+            }
+            _ => {}
+        }
         match self.dice.below(16) {
             0 => Does::Mute { for_us: self.span() },
             1 => Does::Deaf { for_us: self.span() },

@@ -92,6 +92,9 @@ impl Words<'_> {
             "restarts" => Does::Restarts,
             "off" => Does::Off { for_us: self.number()? },
             "disobeys" => Does::Disobeys { for_us: self.number()? },
+            "answers-others" => Does::AnswersOthers { on: self.number()? },
+            "waits" => Does::Waits { speed: self.number()? },
+            "returns" => Does::Returns { mode: self.number()? },
             "turns" => Does::Turns { speed: self.number()?, for_us: self.number()? },
             _ => return None,
         })
@@ -112,6 +115,7 @@ impl Words<'_> {
                 bus: self.number()?,
                 window_us: self.after("window")?,
                 protocols: self.after("protocols")?,
+                wholly_ours: self.0.next() == Some("wholly-ours"),
             },
             "configure" => {
                 let (axis, parameter) = (self.number()?, self.number()?);
@@ -150,6 +154,13 @@ impl Words<'_> {
             }
             "move" => Ask::Move { permit: self.permit()?, distance: self.number()?, speed: self.number()? },
             "native" => Ask::Native { permit: self.permit()?, data: self.hex()? },
+            "together" => {
+                let (lead_us, mut members) = (self.number()?, Vec::new());
+                while let Some(axis) = self.0.next() {
+                    members.push((axis.parse().ok()?, self.number()?, self.number()?));
+                }
+                Ask::Together { lead_us, members }
+            }
             "read" => Ask::Read { axis: self.number()? },
             "subscribe" => Ask::Subscribe { axes: self.number()?, period_us: self.number()? },
             "status" => Ask::Status,

@@ -61,6 +61,9 @@ fn deed(does: &Does) -> String {
         Does::Restarts => "restarts".into(),
         Does::Off { for_us } => format!("off {for_us}"),
         Does::Disobeys { for_us } => format!("disobeys {for_us}"),
+        Does::AnswersOthers { on } => format!("answers-others {on}"),
+        Does::Waits { speed } => format!("waits {speed:?}"),
+        Does::Returns { mode } => format!("returns {mode}"),
         Does::Turns { speed, for_us } => format!("turns {speed:?} {for_us}"),
     }
 }
@@ -76,8 +79,9 @@ fn asks(ask: &Ask) -> String {
         Ask::Take => "take".into(),
         Ask::Release => "release".into(),
         Ask::Silence { us } => format!("silence {us}"),
-        Ask::Bus { bus, window_us, protocols } => {
-            format!("bus {bus} window {window_us} protocols {protocols}")
+        Ask::Bus { bus, window_us, protocols, wholly_ours } => {
+            let ours = if *wholly_ours { " wholly-ours" } else { "" };
+            format!("bus {bus} window {window_us} protocols {protocols}{ours}")
         }
         Ask::Set { axis, parameter, value } => {
             let value = match value {
@@ -113,6 +117,10 @@ fn asks(ask: &Ask) -> String {
         }
         Ask::Move { permit, distance, speed } => format!("move {} {distance:?} {speed:?}", permits(permit)),
         Ask::Native { permit, data } => format!("native {} {}", permits(permit), hex(data)),
+        Ask::Together { lead_us, members } => {
+            let member = |(axis, epoch, speed): &(u8, i32, f32)| format!(" {axis} {epoch} {speed:?}");
+            format!("together {lead_us}{}", members.iter().map(member).collect::<String>())
+        }
         Ask::Read { axis } => format!("read {axis}"),
         Ask::Subscribe { axes, period_us } => format!("subscribe {axes} {period_us}"),
         Ask::Status => "status".into(),

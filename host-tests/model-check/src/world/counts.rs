@@ -20,6 +20,8 @@ pub struct Counts {
     pub confirmed: u64,
     /// Starts after a reset or a loss of power.
     pub starts: u64,
+    /// Frames that have set several motors in motion.
+    pub started_together: u64,
 }
 
 impl Counts {
@@ -34,6 +36,7 @@ impl Counts {
             trips: self.trips + other.trips,
             confirmed: self.confirmed + other.confirmed,
             starts: self.starts + other.starts,
+            started_together: self.started_together + other.started_together,
         }
     }
 }

@@ -14,15 +14,13 @@ impl World {
         let now = self.now_us;
         match action {
             Action::Ask { link, ask } => {
-                let epoch =
-                    axis_of(ask).and_then(|axis| self.epochs.get(usize::from(axis))).copied().unwrap_or(0);
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
                 // Whether bytes are a command, and take authority, the model learns from their result; whether a raw frame was accepted, too.
                 // That is read.
                 if is_judged_by_its_result(ask) {
                     host.unread_until = now;
                 }
-                let bytes = host.ask(now, ask, epoch);
+                let bytes = host.ask(now, ask, &self.epochs);
                 self.feed(Input::Host { link: *link, bytes });
             }
             Action::Again { link, back } => {
@@ -103,14 +101,4 @@ impl World {
 
 fn is_judged_by_its_result(ask: &Ask) -> bool {
     matches!(ask, Ask::Native { .. } | Ask::RawOpen { .. } | Ask::RawSend { .. } | Ask::RawClose { .. })
-}
-
-/// The axis whose epoch a request carries.
-fn axis_of(ask: &Ask) -> Option<u8> {
-    match ask {
-        Ask::Setpoint { permit, .. } | Ask::Move { permit, .. } | Ask::Native { permit, .. } => {
-            Some(permit.axis)
-        }
-        _ => None,
-    }
 }

@@ -1,7 +1,7 @@
 //! What the hosts have configured of an axis.
 
-use super::Axis;
-use crate::motor::{Goal, Protocol, Reading, Timeout};
+use super::{Axis, Waiting};
+use crate::motor::{Goal, Protocol, Reading, Returns, Timeout};
 
 /// Axis parameters (PROTOCOL.md, Axis parameters) with their defaults.
 mod parameter {
@@ -37,6 +37,7 @@ mod parameter {
     pub const ALLOW_UNCOMMANDED: (u16, u32) = (37, 0);
     pub const ALLOW_UNVERIFIED_BRAKE: (u16, u32) = (38, 0);
     pub const WARNINGS_ARE_FAULTS: (u16, u32) = (44, 0);
+    pub const RETURN_MODE: (u16, u32) = (45, 0);
 }
 
 /// −1 as it comes, zigzag.
@@ -62,6 +63,8 @@ impl Axis {
             self.asked.clear();
             // It is another motor, which owes nothing.
             self.duty = None;
+            self.waiting = Waiting::Unknown;
+            self.objects = false;
         }
         moved
     }
@@ -224,6 +227,11 @@ impl Axis {
 
     pub fn allows_unverified_brake(&self) -> bool {
         self.get(parameter::ALLOW_UNVERIFIED_BRAKE) != 0
+    }
+
+    /// What its thruster returns for TC and VC: bytes 6 and 7 of its VM.
+    pub fn return_mode(&self) -> Returns {
+        Returns::of(self.get(parameter::RETURN_MODE))
     }
 
     pub fn d5_ack_level(&self) -> u32 {

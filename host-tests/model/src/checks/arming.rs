@@ -1,7 +1,7 @@
 //! Arming: what the motor must have been asked, and how it must have answered (G1).
 
 use crate::axis::Axis;
-use crate::motor::{Protocol, Question, Timeout};
+use crate::motor::{Protocol, Question, Returns, Timeout};
 
 /// What an arming under way has asked and been told. Allowance: a reply answers every request that it can be the answer to, and one good
 /// answer is enough, whatever else comes: which of two identical requests a reply belongs to, nobody can tell.
@@ -59,9 +59,16 @@ impl Arming {
     }
 
     /// The motor says something; `still` is the speed below which it stands, `warnings` are faults that bar nothing.
-    pub fn answered(&mut self, protocol: Protocol, reply: &[u8], still: f64, warnings: u16) {
+    pub fn answered(
+        &mut self,
+        protocol: Protocol,
+        returns: Returns,
+        reply: &[u8],
+        still: f64,
+        warnings: u16,
+    ) {
         for asked in &self.asked {
-            let Some(reading) = protocol.answer(asked, reply) else { continue };
+            let Some(reading) = protocol.answer(returns, asked, reply) else { continue };
             match protocol.question(asked) {
                 Some(Question::Stop) => self.stopped += u32::from(reading.stops),
                 Some(Question::Speed) => self.stands |= reading.speed.is_some_and(|speed| speed <= still),

@@ -1,5 +1,6 @@
 //! What time brings about: expiry, silence, and stops that are due (G2 to G5).
 
+use super::together::bit_of;
 use crate::axis::{Cause, Duty};
 use crate::bus::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, SOFTWARE_US};
 use crate::oracle::Oracle;
@@ -36,7 +37,11 @@ impl Oracle {
             axis.permits.retain(|p| p.expires_us.is_none_or(|at| at > now));
             if let Some(at) = at {
                 // A host that does not read has not been told that its newer setpoint was taken: it may have been.
-                match axis.permits.iter_mut().rfind(|p| !p.is_relative || p.sent) {
+                match axis
+                    .permits
+                    .iter_mut()
+                    .rfind(|p| (!p.is_relative || p.sent) && !p.is_of_a_start_to_come())
+                {
                     Some(newer) => newer.in_force = true,
                     None => {
                         self.owe_stop(index, Cause::Expired, at);
@@ -56,7 +61,9 @@ impl Oracle {
             return;
         };
         let number = u8::try_from(index).ok();
-        let Some(held) = bus.held.iter().find(|h| h.is_motion && h.axis == number && !h.asked_back) else {
+        let Some(held) =
+            bus.held.iter().find(|h| h.is_motion && !h.prepares && h.axis == number && !h.asked_back)
+        else {
             return;
         };
         let within = (ACKNOWLEDGE_US + ACKNOWLEDGE_FRAMES * bus.frame_us()).min(axis.ttl_us());
@@ -175,12 +182,13 @@ impl Oracle {
         let mut kept = Vec::new();
         for bus in self.buses.iter_mut().filter(|bus| bus.is_can()) {
             for held in bus.held.iter_mut().filter(|held| held.is_motion && !held.asked_back) {
-                let Some(axis) = held.axis.and_then(|axis| self.axes.get(usize::from(axis))) else {
-                    continue;
-                };
+                let started = held.start.as_ref().map_or(0, |start| start.members);
+                let moved = (0u8..)
+                    .zip(&self.axes)
+                    .filter(|(index, _)| Some(*index) == held.axis || started & bit_of(*index) != 0);
                 // A frame that has just been handed over may be on the wire as long as it takes to look.
-                let revoked = axis.revoked.filter(|_| !axis.armed);
-                if revoked.is_some_and(|(_, at)| at + SOFTWARE_US < now) {
+                let mut revoked = moved.filter_map(|(_, axis)| axis.revoked.filter(|_| !axis.armed));
+                if revoked.any(|(_, at)| at + SOFTWARE_US < now) {
                     held.asked_back = true;
                     kept.push(format!("motion of axis {:?} waits after its stop", held.axis));
                 }

@@ -2,6 +2,7 @@
 
 use super::Arming;
 use crate::axis::{Cause, StopAction};
+use crate::motor::Protocol;
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::{Body, Clears, News, Request, Told};
@@ -166,6 +167,7 @@ impl Oracle {
         let axis = &mut self.axes[index];
         axis.unreachable = false;
         let action = axis.stop_action();
+        let is_d5 = axis.protocol() == Some(Protocol::D5);
         let Some(duty) = &mut axis.duty else { return };
         let twice = duty.left >= 2;
         // Allowance: after a reset nobody is told until the hosts are let in; the motor may have stood and turned again before.
@@ -176,7 +178,9 @@ impl Oracle {
             Some(StopAction::Brake) => stood && duty.locked && duty.output_off,
             None => false,
         };
-        let proved = duty.acknowledged_us.is_some() && stands;
+        // A speed that waits in a D5 motor would start with the next that is told to all.
+        let nothing_waits = duty.nothing_waits || !is_d5;
+        let proved = duty.acknowledged_us.is_some() && stands && nothing_waits;
         duty.confirmed = true;
         let seen = format!("axis {index}, {action:?}: {duty:?}");
         if !twice {

@@ -45,6 +45,8 @@ impl Oracle {
             id: if let Frame::Can(id, _) = frame { Some(id) } else { None },
             is_harmful: false,
             is_setpoint: false,
+            prepares: false,
+            start: None,
             is_left_behind: false,
             acknowledged_by: 0,
             missed_us: None,
@@ -53,6 +55,10 @@ impl Oracle {
         if raw {
             held.is_unsafe = self.buses[usize::from(bus)].raw_unsafe;
             self.judge_raw(now, bus, frame);
+        }
+        if !raw && self.judge_start(now, bus, frame, &mut held) {
+            self.judge_order(now, bus, &held, frame);
+            return held;
         }
         held.axis = found.as_ref().filter(|_| !raw).and_then(|(axis, _)| u8::try_from(*axis).ok());
         if !moves_all(frame) {
@@ -69,11 +75,17 @@ impl Oracle {
             return held;
         };
         let purpose = self.axes[axis].protocol().map_or(Purpose::Change, |p| p.purpose(&data));
+        let purpose = self.axes[axis].purpose_as_it_waits(purpose, &data);
+        held.prepares = self.prepares(now, axis, &data);
         held.is_motion = matches!(purpose, Purpose::Motion { .. });
         held.is_stop = purpose == Purpose::Stop;
         held.is_harmful = held.is_motion || purpose == Purpose::Change;
-        held.is_setpoint = matches!(purpose, Purpose::Motion { .. } | Purpose::Stop | Purpose::Rest);
+        held.is_setpoint =
+            !held.prepares && matches!(purpose, Purpose::Motion { .. } | Purpose::Stop | Purpose::Rest);
         match purpose {
+            Purpose::Motion { .. } | Purpose::Rest if held.prepares => {
+                self.judge_prepared(now, axis, &data, frame)
+            }
             Purpose::Motion { once } => self.judge_motion(now, axis, once, &data, frame),
             Purpose::Stop => self.judge_stop(now, axis, &data),
             Purpose::Change if self.axes[axis].armed => {
@@ -187,7 +199,10 @@ impl Oracle {
             self.broken(check, now, why);
             return;
         }
-        let mut alive = axis.permits.iter_mut().filter(|p| p.expires_us.is_none_or(|at| now < at)).peekable();
+        let lives = |p: &&mut crate::axis::Permit| {
+            p.expires_us.is_none_or(|at| now < at) && !p.is_of_a_start_to_come()
+        };
+        let mut alive = axis.permits.iter_mut().filter(lives).peekable();
         if alive.peek().is_none() {
             self.broken(Check::MotionExpired, now, seen);
             return;
@@ -214,8 +229,12 @@ impl Oracle {
         if !permit.is_relative {
             permit.data = Some(data.to_vec());
         }
+        self.judge_limits(now, index, data, frame);
+    }
+
+    pub(super) fn judge_limits(&mut self, now: u64, index: usize, data: &[u8], frame: Frame<'_>) {
         let axis = &self.axes[index];
-        let limit = protocol.and_then(|protocol| axis.limit_exceeded_by(&protocol.goal(data)));
+        let limit = axis.protocol().and_then(|protocol| axis.limit_exceeded_by(&protocol.goal(data)));
         if let Some(parameter) = limit {
             let seen = format!("axis {index}: {} exceeds parameter {parameter}", frame.text());
             self.broken(Check::LimitOnWire, now, seen);
@@ -261,6 +280,7 @@ impl Oracle {
         let axes = self.axes_on(bus);
         self.judge_left_behind(now, &held);
         self.judge_outlived(now, bus, &held);
+        self.started(now, bus, &held);
         let Some(index) = held.axis.map(usize::from) else { return };
         let window = self.buses[bus].window_us;
         let outside = self.not_ours_us(now, &self.axes[index]);
@@ -285,6 +305,7 @@ impl Oracle {
             let slow = protocol.is_some_and(|protocol| protocol.is_slow(&asked.data));
             asked.left_us + 2 * window.max(if slow { SLOW_US } else { 0 }) > now
         });
+        axis.waits_from_now(&held.data);
         axis.asked.push(Asked { data: held.data.clone(), handed_us: held.handed_us, left_us: now });
         // One that was on its way before the cause stops the motor as well: it has left after it.
         let Some(duty) = axis.duty.as_mut() else { return };

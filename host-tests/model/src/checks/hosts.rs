@@ -1,6 +1,7 @@
 //! What hosts ask for: authority, permissions, stops (G1, G2, G9).
 
-use crate::axis::{Cause, Permit};
+use super::together::bit_of;
+use crate::axis::{Cause, Permit, Start};
 use crate::link::Arrival;
 use crate::motor::Purpose;
 use crate::oracle::Oracle;
@@ -87,6 +88,25 @@ impl Oracle {
                     ..permit
                 });
             }
+            Request::StartTogether { expires_at_us, members } => {
+                let named = members.iter().fold(0, |named, (axis, _)| named | bit_of(*axis));
+                for (axis, epoch) in members {
+                    let start = Start {
+                        members: named,
+                        asked_us: now,
+                        told: None,
+                        told_us: 0,
+                        waits: false,
+                        has_started: false,
+                    };
+                    self.offer(now, axis, epoch, expires_at_us, |permit| Permit {
+                        link,
+                        sequence,
+                        start: Some(start),
+                        ..permit
+                    });
+                }
+            }
             Request::Native { axis, epoch, expires_at_us, data } => {
                 let protocol = self.axes.get(usize::from(axis)).and_then(|axis| axis.protocol());
                 if let Some(axis) =
@@ -163,6 +183,7 @@ impl Oracle {
             data: None,
             once: false,
             sent: false,
+            start: None,
         }));
     }
 

@@ -14,8 +14,10 @@ mod hosts;
 mod motors;
 mod results;
 mod starts;
+mod together;
 mod unsent;
 
 pub(crate) use arming::Arming;
 pub(crate) use history::History;
 pub(crate) use starts::Unlisted;
+pub(crate) use together::Started;

@@ -86,17 +86,18 @@ impl Oracle {
             axis.timeout = Timeout::Unknown;
         }
         axis.heard = (now, outside);
-        let (still, warnings) = (axis.still(), axis.warning_bits());
+        axis.objects |= protocol.is_objection(data);
+        let (still, warnings, returns) = (axis.still(), axis.warning_bits(), axis.return_mode());
         if let Some(arming) = &mut axis.arming {
-            arming.answered(protocol, data, still, warnings);
+            arming.answered(protocol, returns, data, still, warnings);
         }
         let written = |asked: &Asked| {
             let touched =
                 protocol.timeout_touched(&asked.data).filter(|touched| *touched != Timeout::Unknown);
-            touched.filter(|_| protocol.answer(&asked.data, data).is_some())
+            touched.filter(|_| protocol.answer(returns, &asked.data, data).is_some())
         };
         axis.timeout = axis.asked.iter().rev().find_map(written).unwrap_or(axis.timeout);
-        let answers = |asked: &Asked| protocol.answer(&asked.data, data);
+        let answers = |asked: &Asked| protocol.answer(returns, &asked.data, data);
         let is_slow = |asked: &Asked| protocol.is_slow(&asked.data);
         let in_window = |asked: &Asked| is_slow(asked) || now < asked.left_us + window;
         let fits = |asked: &Asked| answers(asked).is_some();
@@ -106,6 +107,7 @@ impl Oracle {
         let asked = axis.asked.remove(place);
         let Some(reading) = answers(&asked) else { return };
         let in_time = same == 1 && now < asked.left_us + window;
+        self.axes[index].has_said_what_waits(&asked, &reading);
         self.read_for_stop(now, index, &asked, &reading);
         let moved = matches!(protocol.purpose(&asked.data), Purpose::Motion { .. });
         let axis = &self.axes[index];

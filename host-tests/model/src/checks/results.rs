@@ -41,7 +41,9 @@ impl Oracle {
             .retain(|record| record.result.is_some() || !record.may_be_dropped || record.at_us == now);
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
-            let accepted = |p: &crate::axis::Permit| p.link == link && !p.in_force && !p.is_relative;
+            let accepted = |p: &crate::axis::Permit| {
+                p.link == link && !p.in_force && !p.is_relative && !p.is_of_a_start_to_come()
+            };
             if let Some(accepted) = axis.permits.iter().rposition(accepted) {
                 in_force(axis, accepted);
                 self.deliver(now, index);
@@ -75,6 +77,7 @@ impl Oracle {
             let (request, at) = (record.request.clone(), record.at_us);
             let (refused, took) = (record.must_be_refused, record.took);
             let is_reply = message.kind == Kind::Reply;
+            let has_started = record.has_started;
             if refused
                 && (is_reply
                     || !READ_BEFORE_AUTHORITY.contains(&message.number) && message.number != NOT_IN_COMMAND)
@@ -82,6 +85,12 @@ impl Oracle {
                 let seen =
                     format!("link {link} is not in command; {request:?} is answered {}", message.number);
                 self.broken(Check::AuthorityIgnored, now, seen);
+            }
+            if matches!(request, Request::StartTogether { .. })
+                && has_started.is_some_and(|has| has != is_reply)
+            {
+                let seen = format!("{request:?} is answered {}, started: {has_started:?}", message.number);
+                self.broken(Check::StartUnproved, now, seen);
             }
             if is_reply {
                 self.granted(now, link, sequence, &request, message);

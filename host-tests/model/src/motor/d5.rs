@@ -20,6 +20,11 @@ pub(super) fn is_from(node: u8, data: &[u8]) -> bool {
     data.len() == 8 && *from == node && total == *sum
 }
 
+/// What it says to a request that was for another (table, row 5).
+pub(super) fn is_objection(data: &[u8]) -> bool {
+    matches!(data, [_, _, 5, _, 0x01, 0xEE, 0xEE, _])
+}
+
 pub(super) fn purpose(data: &[u8]) -> Purpose {
     let [_, _, length, command, address, low, high, _] = *data else { return Purpose::Change };
     // A write of two bytes reaches the next register too.
@@ -56,6 +61,8 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
     let magnitude = word & 0x7FFF; // bit 15 is the direction (D3)
     Some(match (command, address) {
         (0x03 | 0x02, SPEED) => Reading { stops: magnitude == 0, ..none },
+        // Another value belongs to another request.
+        (0x04, SPEED) if request.get(5..7) != reply.get(5..7) => return None,
         (0x02, MEASURED) => Reading { speed: Some(f64::from(magnitude) * PI / 180.0), ..none },
         (0x02, STATUS) => Reading { faults: Some(low.into()), ..none },
         // A request for a byte has length 4, one for a word 5.

@@ -9,6 +9,7 @@ mod thruster;
 pub use lenient::{Deed, RMD_SERIAL_ALL, rmd as obeyed_by_rmd};
 pub use rmd::serial_frame;
 pub use setpoint::Goal;
+pub use thruster::Returns;
 
 use std::f64::consts::PI;
 
@@ -215,11 +216,16 @@ impl Protocol {
         self == Self::Rmd && matches!(data.first(), Some(0x77 | 0x78))
     }
 
-    /// What a reply tells as the answer to a request; `None` where it cannot be its answer.
-    pub fn answer(self, request: &[u8], reply: &[u8]) -> Option<Reading> {
+    /// Whether a reply of the motor says that a request was for another.
+    pub fn is_objection(self, reply: &[u8]) -> bool {
+        self == Self::D5 && d5::is_objection(reply)
+    }
+
+    /// What a reply tells as the answer to a request; `None` where it cannot be its answer. `returns`: of a thruster.
+    pub fn answer(self, returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
         match self {
             Self::Rmd => rmd::answer(request, reply),
-            Self::Thruster => thruster::answer(request, reply),
+            Self::Thruster => thruster::answer(returns, request, reply),
             Self::D5 => d5::answer(request, reply),
         }
     }

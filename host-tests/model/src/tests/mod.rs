@@ -11,8 +11,10 @@ mod limits;
 mod motion;
 mod others;
 mod planted;
+mod returned;
 mod starts;
 mod stops;
+mod together;
 
 use super::*;
 use std::cell::RefCell;

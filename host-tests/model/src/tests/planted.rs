@@ -12,6 +12,7 @@ fn planted(check: Check) -> fn() {
         Check::MotionTwice => motion::a_distance_that_is_sent_twice,
         Check::MotionKept => motion::motion_that_waits_in_the_controller_and_is_not_asked_back,
         Check::Broadcast => motion::broadcast_motion,
+        Check::StartUnproved => together::each_thing_that_is_missing_before_a_start,
         Check::StopLate => stops::a_stop_that_comes_late,
         Check::StopNotFirst => stops::a_poll_that_goes_before_a_stop,
         Check::StopOnce => stops::a_stop_that_is_confirmed_though_it_was_sent_once,

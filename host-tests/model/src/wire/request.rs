@@ -44,6 +44,8 @@ pub enum Request {
     MoveRelative { axis: u8, epoch: u32, expires_at_us: u32 },
     /// 0x0043
     Native { axis: u8, epoch: u32, expires_at_us: u32, data: Vec<u8> },
+    /// 0x0045: axis and epoch of each.
+    StartTogether { expires_at_us: u32, members: Vec<(u8, u32)> },
     /// 0x0050
     RawOpen { bus: u8, unsafe_access: bool },
     /// 0x0051: an arbitration id with its flags and data, or bytes.
@@ -76,6 +78,8 @@ pub enum Clears {
     Gateway,
 }
 
+/// Axes that start together, at most.
+const MAX_MEMBERS: usize = 8;
 /// Gateway parameter `link_silence_us`.
 const LINK_SILENCE: u16 = 256;
 
@@ -147,6 +151,16 @@ impl Request {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
                 Self::Native { axis, epoch, expires_at_us, data: b.bytes(8)?.to_vec() }
             }
+            0x0045 => {
+                let expires_at_us = b.u32()?;
+                let count = usize::try_from(b.varint(64)?).ok().filter(|count| *count <= MAX_MEMBERS)?;
+                let mut members = Vec::new();
+                for _ in 0..count {
+                    let (axis, epoch, _velocity) = (b.byte()?, b.u32()?, b.f32()?);
+                    members.push((axis, epoch));
+                }
+                Self::StartTogether { expires_at_us, members }
+            }
             0x0050 => Self::RawOpen { bus: b.byte()?, unsafe_access: b.bool()? },
             0x0051 => {
                 let bus = b.byte()?;
@@ -184,6 +198,7 @@ impl Request {
             | Self::ClearByRestart(_)
             | Self::Setpoint { .. }
             | Self::MoveRelative { .. }
+            | Self::StartTogether { .. }
             | Self::RawOpen { .. }
             | Self::RawSend { .. }
             | Self::RawClose(_) => true,
