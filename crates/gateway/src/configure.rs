@@ -78,6 +78,10 @@ impl Gateway {
         if axis.is_kept_holding() && config.address() != axis.config.address() {
             return Err(Error::NotIdle { axis: request.axis, state: axis.state });
         }
+        // Nobody would know any more what its motor owes.
+        if axis.owes_restart() && is_of_address(parameter) && config != axis.config {
+            return Err(Error::RestartOwed { axis: request.axis });
+        }
         let touched = [axis.config.bus(), config.bus()];
         // What waits in its motor would not be asked for any more before the frame that starts all of the bus.
         if touched.into_iter().flatten().any(|bus| self.starts_together_on(bus)) {
@@ -126,8 +130,14 @@ impl Gateway {
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {
         let removed = self.axis(axis)?;
+        if removed.is_busy() {
+            return Err(Error::Busy { axis });
+        }
         if !removed.is_at_rest() || removed.is_kept_holding() {
             return Err(Error::NotIdle { axis, state: removed.state });
+        }
+        if removed.owes_restart() {
+            return Err(Error::RestartOwed { axis });
         }
         let bus = removed.config.bus();
         *self.axis_mut(axis)? = Axis::new(axis);

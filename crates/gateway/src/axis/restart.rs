@@ -123,10 +123,9 @@ impl Axis {
         self.restart_owed
     }
 
-    /// Another motor has a run time of its own, and owes nothing.
+    /// Another motor has a run time of its own.
     pub(super) fn forget_run_time(&mut self) {
         self.run_time = RunTime::UNKNOWN;
-        self.set_restart_owed(false);
     }
 
     pub(super) fn set_restart_owed(&mut self, owed: bool) {
