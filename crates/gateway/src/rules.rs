@@ -50,7 +50,8 @@ impl AxisRules {
     /// is there.
     ///
     /// # Errors
-    /// [`Error::WrongBusKind`], [`Error::Unsupported`], [`Error::CannotMeasure`] and [`Error::OutOfRange`].
+    /// [`Error::WrongBusKind`], [`Error::Unsupported`], [`Error::CannotMeasure`], [`Error::ParameterNeedsProtocol`], [`Error::BrakeStaysOpen`] and
+    /// [`Error::OutOfRange`].
     pub fn check(&self) -> Result<(), Error> {
         check_motor(self.axis, self.bus, &self.config)?;
         check_config(self.axis, self.bus, &self.config)
@@ -136,7 +137,7 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     }
 }
 
-/// As far as a target of RMD 0xA3 may lie from where the motor is, rad: the motor goes there as fast as it can.
+/// As far as a target of RMD 0xA3, or the first one of 0xA5, may lie from where the motor is, rad: it goes there at once, without a ramp.
 const NEAR_RAD: f32 = 0.2;
 
 /// The limits of an axis.
@@ -156,6 +157,14 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
         |limit: &&AxisParameter| config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config);
     if let Some(limit) = LIMITS.iter().find(idle) {
         return Err(Error::CannotMeasure { axis, parameter: limit.number() });
+    }
+    for parameter in AxisParameter::ALL.iter().copied() {
+        if let Some(protocol) = motor::only_of(parameter)
+            && Some(protocol) != config.protocol()
+            && config.get(parameter) != parameter.info().default
+        {
+            return Err(Error::ParameterNeedsProtocol { axis, parameter: parameter.number(), protocol });
+        }
     }
     // 0x80 leaves the brake as it is (RMD V3.6 §2.15), and a hanging load falls.
     let coasts = config.stop_action() == Some(StopAction::Coast);
@@ -229,7 +238,11 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
     match demand {
         Demand::Prepared => Ok(()),
         Demand::Setpoint(Setpoint::Position { speed_limit_rad_s: 0.0, .. })
+        | Demand::Tracking { speed_limit_rad_s: 0.0, .. }
         | Demand::Distance { speed_limit_rad_s: 0.0 } => Err(Error::SpeedLimitZero { axis }),
+        Demand::Tracking { position_rad, speed_limit_rad_s } => {
+            check_limits(Setpoint::Position { position_rad, speed_limit_rad_s }, config)
+        }
         Demand::Setpoint(setpoint) => check_limits(setpoint, config),
         Demand::Unlimited { .. } if config.limit(AxisParameter::VelocityLimitRadS).is_finite() => {
             unnoticed(Quantity::Velocity)
@@ -244,10 +257,12 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
     }
 }
 
-/// Refuses a target to which nothing limits the speed unless it is near where the motor is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33). `measured`
-/// is where it was, and how far it has gone since.
+/// Refuses a target that the motor would jump to unless it is near where it is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33). `measured` is where it was, and how far it has gone since.
 pub(crate) fn check_nearness(axis: u8, demand: Demand, measured: Option<(f32, f32)>) -> Result<(), Error> {
-    let Demand::Unlimited { position_rad: target } = demand else { return Ok(()) };
+    let (Demand::Unlimited { position_rad: target } | Demand::Tracking { position_rad: target, .. }) = demand
+    else {
+        return Ok(());
+    };
     let (at, way) = measured.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
     let near = (NEAR_RAD - way).max(0.0);
     within(Quantity::Position, target, at - near, at + near)

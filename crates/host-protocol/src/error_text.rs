@@ -165,7 +165,8 @@ impl fmt::Display for Error {
             Self::BusOverloaded { bus, needed_permille, available_permille } => write!(
                 f,
                 "this would take {needed_permille} ‰ of bus {bus}, of which {available_permille} ‰ are \
-                available; refresh or poll less often, or use a higher bitrate"
+                available; refresh or poll less often, or use a higher bitrate, or have motors \
+                send less by themselves"
             ),
             Self::RawNotOpen { bus } => {
                 write!(f, "bus {bus} is not open for raw frames; open it first")
@@ -180,7 +181,8 @@ impl fmt::Display for Error {
             ),
             Self::RestartOwed { axis } => write!(
                 f,
-                "the motor of axis {axis} has a new zero point that acts after a restart; restart it first (0x76)"
+                "the motor of axis {axis} has a new zero point that acts after a restart, and was not seen to restart: have it do so \
+                 (0x76), and arm the axis"
             ),
             Self::NotRestarted { axis } => write!(
                 f,
@@ -193,6 +195,11 @@ impl fmt::Display for Error {
             Self::NotHolding { axis, state } => {
                 write!(f, "axis {axis} is {state}; only the output of a holding motor can be switched off")
             }
+            Self::ParameterNeedsProtocol { axis, parameter, protocol } => write!(
+                f,
+                "{} means something to {protocol} motors only, and that of axis {axis} is another: give it its default, or remove the axis first",
+                Quantity::Parameter(parameter)
+            ),
             Self::BrakeOn { axis } => write!(
                 f,
                 "axis {axis} is not armed: register 0x2B of its motor is 1, so it holds by its brake and ignores speeds"
@@ -254,7 +261,11 @@ impl fmt::Display for Error {
                 write!(f, "axis {axis} on bus {bus} is not idle; disarm or clear it first")
             }
             Self::NothingToClear { axis } => {
-                write!(f, "axis {axis} is not tripped; there is nothing to clear")
+                write!(
+                    f,
+                    "axis {axis} has nothing that this clears: clear needs a trip, clear-unreachable a motor that does not confirm its \
+                     stop"
+                )
             }
             Self::MotorTimeoutOff { axis } => {
                 write!(
@@ -280,8 +291,8 @@ impl fmt::Display for Error {
             ),
             Self::CannotCheckLimit { axis, quantity } => write!(
                 f,
-                "axis {axis} has a limit of its {quantity}, which this command could break unnoticed; use a \
-                 setpoint, or a command that states it"
+                "this command does not say what {quantity} the motor of axis {axis} would reach, so that no limit can be kept; use a \
+                 setpoint, or a command that says it"
             ),
             Self::EStopInputOpen {} => f.write_str(
                 "the e-stop input is open; release its button or mend its cable, then clear the gateway",

@@ -356,7 +356,7 @@ errors! {
         /// That axis.
         axis: u8,
     }
-    /// The axis is not tripped.
+    /// The axis has not tripped, or its motor confirms its stop: it has nothing that the request clears.
     41 NothingToClear {
         /// The axis.
         axis: u8,
@@ -385,7 +385,7 @@ errors! {
         /// The node of its motor.
         node: u8,
     }
-    /// The axis has a limit that this native command could break unnoticed.
+    /// What this native command makes the motor do is not known, so that no limit can be held against it.
     46 CannotCheckLimit {
         /// The axis.
         axis: u8,
@@ -464,6 +464,15 @@ errors! {
     66 NeedsOwnBus {
         /// The bus.
         bus: u8,
+        /// The protocol.
+        protocol: Protocol,
+    }
+    /// The parameter means nothing to the motor of the axis: only motors of this protocol have what it sets.
+    67 ParameterNeedsProtocol {
+        /// The axis.
+        axis: u8,
+        /// The parameter.
+        parameter: u16,
         /// The protocol.
         protocol: Protocol,
     }

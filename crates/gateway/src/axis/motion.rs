@@ -89,7 +89,11 @@ impl Axis {
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
         rules::check_demand(self.index, motion.demand, &self.config)?;
-        rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
+        let in_force = self.motion.as_ref().map(|motion| &motion.command);
+        // What follows on a target that was near is as near as the motor goes with it.
+        if !(motor::tracks(&command) && in_force.is_some_and(motor::tracks)) {
+            rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
+        }
         self.make_way(now, out);
         self.supersede(now, out);
         if self.is_busy() {

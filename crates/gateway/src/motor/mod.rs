@@ -221,6 +221,27 @@ pub(crate) fn can_keep(limit: AxisParameter, bus: BusKind, config: &AxisConfig) 
     }
 }
 
+/// The protocol whose motors alone have what a parameter sets; `None` where others have it too. What limits says [`can_keep`], and what
+/// it asks for, `position_device`, may be set before the protocol is.
+pub(crate) fn only_of(parameter: AxisParameter) -> Option<Protocol> {
+    match parameter {
+        AxisParameter::ReleaseBrakeWhenArming
+        | AxisParameter::AllowUnverifiedBrake
+        | AxisParameter::MotionPositionRad
+        | AxisParameter::MotionVelocityRadS
+        | AxisParameter::MotionTorqueNm
+        | AxisParameter::MotionStiffness
+        | AxisParameter::MotionDamping => Some(Protocol::Rmd),
+        AxisParameter::WarningsAreFaults | AxisParameter::ReturnMode | AxisParameter::Stream => {
+            Some(Protocol::Thruster)
+        }
+        AxisParameter::D5AckLevel | AxisParameter::D5RequestId | AxisParameter::D5ReplyId => {
+            Some(Protocol::D5)
+        }
+        _ => None,
+    }
+}
+
 /// One unit in which motors of a protocol report their speed: what is slower reads as 0.
 pub(crate) fn speed_unit_rad_s(protocol: Protocol) -> f32 {
     match protocol {
@@ -244,6 +265,11 @@ pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
 pub(crate) fn answers_writes(config: &AxisConfig) -> bool {
     let stop = d5::command(Exchange::Stop);
     stop.is_some_and(|stop| d5::is_answered(&stop, config))
+}
+
+/// Whether the motor follows such targets from one command to the next: RMD 0xA5.
+pub(crate) fn tracks(command: &Command) -> bool {
+    matches!(command, Command::Rmd(::rmd::Request::LimitedPositionTracking { .. }))
 }
 
 /// A speed that is to wait in the motor instead.

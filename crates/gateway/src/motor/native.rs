@@ -46,6 +46,8 @@ pub(crate) enum Demand {
     Setpoint(Setpoint),
     /// A position, at whatever speed the motor can.
     Unlimited { position_rad: f32 },
+    /// A position that the motor follows from one command to the next.
+    Tracking { position_rad: f32, speed_limit_rad_s: f32 },
     /// A distance.
     Distance { speed_limit_rad_s: f32 },
     /// What an earlier command has prepared, and was checked then.

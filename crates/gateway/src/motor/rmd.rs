@@ -128,8 +128,7 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         }
         Request::LimitedPositionTracking { max_speed, angle } => {
             let speed_limit_rad_s = convert::centidegrees_to_rad(i32::from(max_speed.0));
-            let position_rad = position(angle);
-            Effect::Moves(Demand::Setpoint(Setpoint::Position { position_rad, speed_limit_rad_s }))
+            Effect::Moves(Demand::Tracking { position_rad: position(angle), speed_limit_rad_s })
         }
         Request::IncrementalPosition { max_speed, .. } => {
             Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: degrees(max_speed) })
