@@ -29,9 +29,9 @@ pub enum Action {
     /// A CAN bus is shorted for a while: its controller goes off, again after each start.
     Short { bus: u8, for_us: u64 },
     /// Another node loads a CAN bus for a while with frames of this id and length: so long after one has left it has the next.
-    Foreign { bus: u8, id: u16, length: u8, pause_us: u64, for_us: u64 },
+    Foreign { bus: u8, id: u32, length: u8, pause_us: u64, for_us: u64 },
     /// A frame that nobody asked for comes in at the end of what is on the bus.
-    Stray { bus: u8, id: u16, data: Vec<u8> },
+    Stray { bus: u8, id: u32, data: Vec<u8> },
     /// Bytes that nobody asked for come in on a serial line.
     Noise { bus: u8, bytes: Vec<u8> },
     /// For a while the controller gives nothing back that it is asked for.
@@ -177,7 +177,7 @@ pub enum Ask {
     },
     RawSend {
         bus: u8,
-        id: u16,
+        id: u32,
         data: Vec<u8>,
     },
     RawReceive {

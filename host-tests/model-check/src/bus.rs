@@ -4,7 +4,8 @@ use crate::motor::Answer;
 use crate::plant::{BUS_SETUP, KINDS, Wired};
 use embedded_can::Id;
 use gateway::{Outgoing, Transmit};
-use promise_model::BusKind;
+use host_protocol::CanFrame;
+use promise_model::{BusKind, EXTENDED, is_extended, rank};
 
 /// A frame on the wire.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,7 +13,7 @@ pub enum OnWire {
     /// Ours, in this slot.
     Ours { slot: u8, frame: Outgoing, garbled: bool },
     /// Somebody else's.
-    Can { id: u16, data: Vec<u8> },
+    Can { id: u32, data: Vec<u8> },
     /// Bytes of a motor.
     Serial(Vec<u8>),
 }
@@ -27,11 +28,27 @@ struct Coming {
 /// Another node that loads the bus.
 #[derive(Debug, Clone)]
 struct Foreign {
-    id: u16,
+    id: u32,
     length: usize,
     pause_us: u64,
     next_us: u64,
     until_us: u64,
+}
+
+/// The id of a frame as the model knows it.
+pub fn arbitration(frame: &CanFrame) -> u32 {
+    match frame.id() {
+        Id::Standard(id) => id.as_raw().into(),
+        Id::Extended(id) => id.as_raw() | EXTENDED,
+    }
+}
+
+/// The frame with such an id; `None` where there is none.
+pub fn can_frame(id: u32, data: &[u8]) -> Option<CanFrame> {
+    if is_extended(id) {
+        return CanFrame::extended(id & !EXTENDED, data);
+    }
+    CanFrame::standard(u16::try_from(id).ok()?, data)
 }
 
 /// Who wins the arbitration: with one id, in this order.
@@ -79,13 +96,14 @@ impl Bus {
 
     /// How long a frame is on the wire: on CAN with all the stuff bits that there can be.
     fn length_us(&self, what: &OnWire) -> u64 {
-        let bytes = match what {
-            OnWire::Ours { frame: Outgoing::Can(frame), .. } => frame.data().len(),
-            OnWire::Ours { frame: Outgoing::Serial(bytes), .. } => bytes.len(),
-            OnWire::Can { data, .. } => data.len(),
-            OnWire::Serial(bytes) => bytes.len(),
+        let (id, bytes) = match what {
+            OnWire::Ours { frame: Outgoing::Can(frame), .. } => (arbitration(frame), frame.data().len()),
+            OnWire::Ours { frame: Outgoing::Serial(bytes), .. } => (0, bytes.len()),
+            OnWire::Can { id, data } => (*id, data.len()),
+            OnWire::Serial(bytes) => (0, bytes.len()),
         };
-        self.bits_us(if self.is_can { 55 + 10 * bytes } else { 10 * bytes })
+        let header = if is_extended(id) { 80 } else { 55 };
+        self.bits_us(if self.is_can { header + 10 * bytes } else { 10 * bytes })
     }
 
     /// Slots of the frames that the controller holds.
@@ -127,7 +145,7 @@ impl Bus {
         self.coming.clear();
     }
 
-    pub fn load(&mut self, now: u64, id: u16, length: u8, (pause_us, for_us): (u64, u64)) {
+    pub fn load(&mut self, now: u64, id: u32, length: u8, (pause_us, for_us): (u64, u64)) {
         let length = usize::from(length).min(8);
         self.foreign.push(Foreign { id, length, pause_us, next_us: now, until_us: now + for_us });
     }
@@ -137,17 +155,17 @@ impl Bus {
         self.coming.push(Coming { at_us: now, what });
     }
 
-    /// A motor answers.
-    pub fn answer(&mut self, now: u64, motor: Wired, answer: Answer) {
+    /// A motor answers. `own_id`: of the frames of a D5.
+    pub fn answer(&mut self, now: u64, motor: Wired, own_id: u32, answer: Answer) {
         let Wired { node, protocol, .. } = motor;
         let what = if self.is_can {
-            let base = match protocol {
-                host_protocol::Protocol::Rmd if answer.motion_mode => 0x500,
-                host_protocol::Protocol::Rmd => 0x240,
-                host_protocol::Protocol::Thruster => 0x280,
-                host_protocol::Protocol::D5 => 0,
+            let id = match protocol {
+                host_protocol::Protocol::Rmd if answer.motion_mode => 0x500 + u32::from(node),
+                host_protocol::Protocol::Rmd => 0x240 + u32::from(node),
+                host_protocol::Protocol::Thruster => 0x280 + u32::from(node),
+                host_protocol::Protocol::D5 => own_id,
             };
-            OnWire::Can { id: base + u16::from(node), data: answer.data }
+            OnWire::Can { id, data: answer.data }
         } else {
             let mut bytes = vec![0x3E, node, 8];
             bytes.extend(answer.data);
@@ -172,10 +190,7 @@ impl Bus {
             return;
         }
         let ours = self.held.iter().enumerate().filter_map(|(index, held)| match &held.frame {
-            Outgoing::Can(frame) => match frame.id() {
-                Id::Standard(id) => Some((id.as_raw(), index)),
-                Id::Extended(_) => Some((u16::MAX, index)),
-            },
+            Outgoing::Can(frame) => Some((arbitration(frame), index)),
             Outgoing::Serial(_) => None,
         });
         let others = self.coming.iter().enumerate().filter_map(|(index, coming)| match &coming.what {
@@ -186,7 +201,11 @@ impl Bus {
         let loads = ready.map(|(index, foreign)| (foreign.id, Sender::Load(index)));
         let ours = ours.map(|(id, index)| (id, Sender::Ours(index)));
         let others = others.map(|(id, index)| (id, Sender::Motor(index)));
-        let Some((_, sender)) = ours.chain(others).chain(loads).min() else { return };
+        let Some((_, sender)) =
+            ours.chain(others).chain(loads).min_by_key(|(id, sender)| (rank(*id), *sender))
+        else {
+            return;
+        };
         let what = match sender {
             Sender::Ours(index) => {
                 let Transmit { slot, frame } = self.held[index].clone();

@@ -117,7 +117,7 @@ impl Generator {
             3 => {
                 let id = [self.dice.byte() & 7, self.dice.byte()];
                 let data = self.dice.bytes(9);
-                Action::Stray { bus: self.dice.pick(&CAN_BUSES), id: u16::from_be_bytes(id), data }
+                Action::Stray { bus: self.dice.pick(&CAN_BUSES), id: u16::from_be_bytes(id).into(), data }
             }
             4 => self.noise(),
             _ => self.trouble(world.since_start_us()),

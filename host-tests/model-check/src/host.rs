@@ -1,10 +1,11 @@
 //! One host: what it sends, byte for byte, and what it has learnt.
 
 use crate::action::{Ask, Goal, Number, Permit};
+use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, CanFrame, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint,
-    StateFields, StopTarget, Value, requests,
+    Bytes, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
+    StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -131,7 +132,7 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
         Ask::RawOpen { bus, unsafe_access } => Request::RawOpen(requests::RawOpen { bus, unsafe_access }),
         Ask::RawSend { bus, id, ref data } => {
-            let can = CanFrame::standard(id, data).map(RawFrame::Can);
+            let can = can_frame(id, data).map(RawFrame::Can);
             let serial = || RawFrame::Serial(data.iter().copied().take(64).collect::<Bytes<_>>());
             let frame = can.filter(|_| bus != LINE).unwrap_or_else(serial);
             Request::RawSend(requests::RawSend { bus, frame })

@@ -13,6 +13,8 @@ const RESTART_US: u64 = 700_000;
 #[derive(Debug, Clone)]
 pub struct Motor {
     wired: Wired,
+    /// D5: the id that it was asked with last, which its own frames have.
+    pub own_id: u32,
     /// Degrees a second.
     wanted: f64,
     speed: f64,
@@ -49,6 +51,7 @@ impl Motor {
     pub fn new(wired: Wired) -> Self {
         Self {
             wired,
+            own_id: wired.node.into(),
             wanted: 0.0,
             speed: 0.0,
             angle: 0.0,

@@ -2,7 +2,7 @@
 
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, Protocol, StopAction};
-use promise_model::BusKind;
+use promise_model::{BusKind, EXTENDED};
 
 /// Host links.
 pub const LINKS: u8 = 3;
@@ -67,6 +67,13 @@ pub struct Wired {
 
 const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired {
     Wired { bus, protocol, node, stop }
+}
+
+/// The id of 29 bits on which a D5 listens beside that of 11, its node, and answers what it is asked there. Those of 11 bits win against it
+/// up to its node, and no further.
+pub const fn extended_id(node: u8) -> u32 {
+    const BEHIND: u32 = 18;
+    EXTENDED | (node as u32) << BEHIND | 1
 }
 
 /// Motor n is that of axis n.

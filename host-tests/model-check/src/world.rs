@@ -9,16 +9,15 @@ mod steps;
 pub use counts::Counts;
 
 use crate::action::{Action, Ask, Step};
-use crate::bus::{Bus, OnWire, crc16};
+use crate::bus::{Bus, OnWire, arbitration, crc16};
 use crate::host::Host;
 use crate::motor::Motor;
-use crate::plant::{BOARD, BUSES, KINDS, LINE, LINKS, LISTENER, MOTORS, all_motors};
-use embedded_can::Id;
+use crate::plant::{BOARD, BUSES, KINDS, LINE, LINKS, LISTENER, MOTORS, all_motors, extended_id};
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
 use host_protocol::Protocol;
 use life::{FIRST_RANDOM_NUMBER, Life};
 use ports::Input;
-use promise_model::{Oracle, Told, Violation};
+use promise_model::{EXTENDED, Oracle, Told, Violation};
 use std::collections::VecDeque;
 
 /// The firmware looks at its deadlines late by less than this, µs: within g of G5.
@@ -26,7 +25,7 @@ const LATE_US: u64 = 90;
 /// Bytes of a frame on a serial line.
 const SERIAL_FRAME: usize = 13;
 /// Id of a request to every RMD motor.
-const RMD_ALL: u16 = 0x280;
+const RMD_ALL: u32 = 0x280;
 /// D5: id of all motors, on the bus and in the frame.
 const D5_ALL: u8 = 0xFE;
 /// Events that may be due one after another at one moment.
@@ -203,9 +202,7 @@ impl World {
         match what {
             OnWire::Ours { slot, frame: Outgoing::Can(frame), .. } => {
                 self.feed(Input::Transmitted { bus, slot });
-                if let Id::Standard(id) = frame.id() {
-                    self.hear(bus, id.as_raw(), frame.data());
-                }
+                self.hear(bus, arbitration(&frame), frame.data());
             }
             OnWire::Ours { slot, frame: Outgoing::Serial(bytes), garbled } => {
                 let mut echo = bytes.to_vec();
@@ -232,28 +229,36 @@ impl World {
             let [0x3E, node, 8, data @ .., low, high] = self.line.as_slice() else { continue };
             let sum = crc16(&self.line[..self.line.len() - 2]).to_le_bytes();
             if data.len() == 8 && sum == [*low, *high] {
-                let (node, data) = (u16::from(*node), data.to_vec());
+                let (node, data) = (u32::from(*node), data.to_vec());
                 self.hear(bus, node, &data);
             }
         }
     }
 
     /// The motors of a bus hear a frame.
-    fn hear(&mut self, bus: u8, id: u16, data: &[u8]) {
+    fn hear(&mut self, bus: u8, id: u32, data: &[u8]) {
         let is_serial = bus == LINE;
         for (index, wired) in all_motors().enumerate().filter(|(_, wired)| wired.bus == bus) {
-            let node = u16::from(wired.node);
+            let node = u32::from(wired.node);
             let motion_mode = wired.protocol == Protocol::Rmd && !is_serial && id == 0x400 + node;
             let is_for_it = match wired.protocol {
                 Protocol::Rmd if is_serial => id == node,
                 Protocol::Rmd => id == 0x140 + node || id == RMD_ALL,
                 Protocol::Thruster => id == 0x300 + node,
-                Protocol::D5 => id == node && data.get(..2) == Some(&[0xD5, wired.node]),
+                Protocol::D5 => {
+                    (id == node || id == extended_id(wired.node))
+                        && data.get(..2) == Some(&[0xD5, wired.node])
+                }
             };
             let motor = &mut self.motors[index];
+            if is_for_it && wired.protocol == Protocol::D5 {
+                motor.own_id = id;
+            }
             let answers = match wired.protocol {
                 _ if motion_mode || is_for_it => motor.hear(self.now_us, data, motion_mode),
-                Protocol::D5 if id == D5_ALL.into() && data.get(..2) == Some(&[0xD5, D5_ALL]) => {
+                Protocol::D5
+                    if (id & !EXTENDED) == D5_ALL.into() && data.get(..2) == Some(&[0xD5, D5_ALL]) =>
+                {
                     // What goes to all is answered by nobody (PROTOCOL-NOTES D10).
                     motor.hear(self.now_us, data, false);
                     Vec::new()
@@ -261,8 +266,9 @@ impl World {
                 Protocol::D5 => motor.objects(self.now_us, data).into_iter().collect(),
                 Protocol::Rmd | Protocol::Thruster => Vec::new(),
             };
+            let own_id = motor.own_id;
             for answer in answers {
-                self.buses[usize::from(bus)].answer(self.now_us, wired, answer);
+                self.buses[usize::from(bus)].answer(self.now_us, wired, own_id, answer);
             }
         }
     }

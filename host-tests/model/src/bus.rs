@@ -4,6 +4,7 @@ mod tally;
 
 pub(crate) use tally::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, Tally};
 
+use crate::can_id::is_extended;
 use crate::checks::Started;
 use crate::motor::Protocol;
 use std::collections::VecDeque;
@@ -66,6 +67,10 @@ pub(crate) struct Bus {
     /// Bits 0 to 2: RMD, thruster, D5 (PROTOCOL.md, `ProtocolSet`).
     pub protocols: u8,
     pub window_us: u64,
+    /// An axis has ids of 29 bits.
+    pub has_extended: bool,
+    /// Others have sent frames with such ids, or raw ones were sent.
+    pub saw_extended: bool,
     pub held: Vec<Held>,
     /// Since when the controller cannot send at all.
     pub off_since: Option<u64>,
@@ -105,7 +110,9 @@ pub(crate) struct Bus {
 
 /// Longest stuffed standard frame with intermission, bits (G5).
 const FRAME_BITS: u64 = 135;
-/// The same without data; each byte adds eight bits and two stuff bits.
+/// What an id of 29 bits adds: 18 of it, SRR, r1, and five stuff bits.
+const EXTENSION_BITS: u64 = 25;
+/// A standard frame without data; each byte adds eight bits and two stuff bits.
 const SHORTEST_FRAME_BITS: u64 = 55;
 /// A frame of 13 bytes on RS485, bits (G5).
 const SERIAL_BITS: u64 = 130;
@@ -145,6 +152,8 @@ impl Bus {
             off_noticed_us: None,
             left_us: None,
             carried_us: None,
+            has_extended: false,
+            saw_extended: false,
         }
     }
 
@@ -158,12 +167,22 @@ impl Bus {
 
     /// So many of the longest frames of CAN.
     fn can_frames_us(&self, frames: u64) -> u64 {
-        self.bits_us(FRAME_BITS) * frames
+        self.own_frame_us() * frames
     }
 
-    /// F or C of G5.
+    /// F or C of G5, by the ids of the axes here.
+    pub fn own_frame_us(&self) -> u64 {
+        self.longest_us(self.has_extended)
+    }
+
+    /// F or C of G5. Allowance: once a frame of 29 bits has been seen that is no axis's, each may be one.
     pub fn frame_us(&self) -> u64 {
-        self.bits_us(if self.is_can() { FRAME_BITS } else { SERIAL_BITS })
+        self.longest_us(self.has_extended || self.saw_extended)
+    }
+
+    fn longest_us(&self, extended: bool) -> u64 {
+        let extension = if extended { EXTENSION_BITS } else { 0 };
+        self.bits_us(if self.is_can() { FRAME_BITS + extension } else { SERIAL_BITS })
     }
 
     /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which says when it starts, and the
@@ -228,9 +247,10 @@ impl Bus {
         self.cut_until = until;
     }
 
-    /// How long a foreign frame with so many bytes of data is on the wire at most.
-    pub fn foreign_us(&self, data: usize) -> u64 {
-        self.bits_us(SHORTEST_FRAME_BITS + 10 * u64::try_from(data).unwrap_or(0))
+    /// How long a foreign frame with this id and so many bytes of data is on the wire at most.
+    pub fn foreign_us(&self, id: u32, data: usize) -> u64 {
+        let extension = if is_extended(id) { EXTENSION_BITS } else { 0 };
+        self.bits_us(SHORTEST_FRAME_BITS + extension + 10 * u64::try_from(data).unwrap_or(0))
     }
 
     /// Time of others up to `at`: what the gateway's bounds do not count on a serial line, and silence of a motor on any.

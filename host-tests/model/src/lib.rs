@@ -16,6 +16,7 @@
 
 mod axis;
 mod bus;
+mod can_id;
 mod checks;
 mod link;
 mod motor;
@@ -25,6 +26,7 @@ mod violation;
 mod wire;
 
 pub use bus::BusKind;
+pub use can_id::{EXTENDED, is_extended, rank};
 pub use oracle::{Frame, Oracle};
 pub use violation::{Check, Violation};
 pub use wire::{Told, frame};

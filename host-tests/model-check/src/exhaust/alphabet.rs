@@ -244,7 +244,7 @@ fn of_board() -> [Action; 5] {
 }
 
 /// An id that loses to the one motor's stop and beats the other's, where there is one.
-fn between(one: &Wired, other: &Wired) -> u16 {
+fn between(one: &Wired, other: &Wired) -> u32 {
     let (low, high) = (request_id(one).min(request_id(other)), request_id(one).max(request_id(other)));
     if one.bus == other.bus && high - low > 1 { low + 1 } else { request_id(one) - 1 }
 }

@@ -73,20 +73,20 @@ pub fn serial(motor: &Wired, data: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-pub fn request_id(motor: &Wired) -> u16 {
+pub fn request_id(motor: &Wired) -> u32 {
     let base = match motor.protocol {
         Protocol::Rmd => 0x140,
         Protocol::Thruster => 0x300,
         Protocol::D5 => 0,
     };
-    base + u16::from(motor.node)
+    base + u32::from(motor.node)
 }
 
-pub fn reply_id(motor: &Wired) -> u16 {
+pub fn reply_id(motor: &Wired) -> u32 {
     let base = match motor.protocol {
         Protocol::Rmd => 0x240,
         Protocol::Thruster => 0x280,
         Protocol::D5 => 0,
     };
-    base + u16::from(motor.node)
+    base + u32::from(motor.node)
 }

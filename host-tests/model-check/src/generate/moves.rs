@@ -4,15 +4,35 @@ use super::Generator;
 use super::asks::native;
 use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Number};
-use crate::plant::{ALL_AXES, AXES, BUSES, D5_BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{ALL_AXES, AXES, BUSES, D5_BUSES, MOTORS, POSITION_DEVICE, extended_id};
 use crate::world::World;
 use host_protocol::{AxisParameter, Protocol};
-use promise_model::Told;
+use promise_model::{EXTENDED, Told};
 
 /// Ids for D5 motors: their own, and those of others.
-const D5_IDS: [u32; 16] = [
-    0x26, 0x27, 0x28, 0x141, 0x142, 0x241, 0x242, 0x30E, 0x28E, 0x401, 0x402, 0x403, 0x501, 0x280, 0x300,
+const D5_IDS: [u32; 22] = [
+    0x26,
+    0x27,
+    0x28,
+    0x141,
+    0x142,
+    0x241,
+    0x242,
+    0x30E,
+    0x28E,
+    0x401,
+    0x402,
+    0x403,
+    0x501,
+    0x280,
+    0x300,
     0x7FF,
+    extended_id(0x26),
+    extended_id(0x27),
+    extended_id(0x28),
+    EXTENDED | 0x26,
+    EXTENDED | 0x27,
+    EXTENDED | 0x141,
 ];
 
 impl Generator {

@@ -5,10 +5,10 @@ use super::asks::native;
 use crate::action::{Action, Ask};
 use crate::bus::crc16;
 use crate::dice::Dice;
-use crate::plant::{LINE, MOTORS, all_motors};
+use crate::plant::{LINE, MOTORS, all_motors, extended_id};
 use crate::world::World;
 use host_protocol::Protocol;
-use promise_model::Told;
+use promise_model::{EXTENDED, Told};
 
 impl Generator {
     /// What a host does on a bus whose axes are mostly at rest: it opens it for raw frames, and sends them.
@@ -56,9 +56,11 @@ pub(super) fn raw_send(dice: &mut Dice, bus: u8) -> Ask {
     }
     let here: Vec<_> = all_motors().filter(|motor| motor.bus == bus).collect();
     let motor = if here.is_empty() { MOTORS[0] } else { dice.pick(&here) };
-    let node = u16::from(motor.node);
+    let node = u32::from(motor.node);
     let (id, mut data) = match motor.protocol {
-        _ if dice.percent(10) => (dice.pick(&[0x700, 0x7FF, 0x141, 0x30E, 0x26, 0x300, 0xFE]), dice.bytes(9)),
+        _ if dice.percent(10) => {
+            (dice.pick(&[0x700, 0x7FF, 0x141, 0x30E, 0x26, 0x300, 0xFE, EXTENDED | 0x141]), dice.bytes(9))
+        }
         Protocol::Rmd if dice.percent(10) => (0x400 + node, dice.bytes(9)),
         Protocol::Rmd if dice.percent(10) => (0x300, vec![0x79, 0, dice.byte() % 2, 0, 0, 0, 0, motor.node]),
         Protocol::Rmd => {
@@ -77,7 +79,8 @@ pub(super) fn raw_send(dice: &mut Dice, bus: u8) -> Ask {
                 (dice.pick(&[1, 2, 2, 3, 4, 5, 6]), dice.pick(&[0x20, 0x21, 0x1F, 0x26, 0x10, 0x03]));
             let body = [to, dice.pick(&[4, 5]), command, address, dice.pick(&[0, 30]), 0];
             let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
-            (node, std::iter::once(0xD5).chain(body).chain([sum]).collect())
+            let id = if dice.percent(20) { extended_id(motor.node) } else { node };
+            (id, std::iter::once(0xD5).chain(body).chain([sum]).collect())
         }
     };
     // Bytes that the command does not use, and data that are as short as they may be.

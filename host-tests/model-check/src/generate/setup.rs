@@ -3,7 +3,7 @@
 use super::raw::unsafe_access;
 use crate::action::{Action, Ask, Does, Number};
 use crate::dice::Dice;
-use crate::plant::{BUSES, MOTORS, POSITION_DEVICE};
+use crate::plant::{BUSES, MOTORS, POSITION_DEVICE, extended_id};
 use host_protocol::AxisParameter;
 use host_protocol::Protocol;
 
@@ -22,6 +22,8 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], st
         protocols,
         wholly_ours: starts,
     }));
+    // Mostly all D5 motors or none: those with ids of another length are not started together.
+    let extended = dice.pick(&[0, 0, 0, 0, 100, 40]);
     let behind_buses = asks.len();
     let object = dice.percent(20);
     let returns = if dice.percent(35) { dice.pick(&RETURN_MODES) } else { 0 };
@@ -37,6 +39,10 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], st
         set(AxisParameter::Protocol, Number::Unsigned(motor.protocol.number().into()));
         set(AxisParameter::Node, Number::Unsigned(motor.node.into()));
         set(AxisParameter::StopAction, Number::Unsigned(motor.stop.number().into()));
+        // Its motor listens there as well.
+        if motor.protocol == Protocol::D5 && dice.percent(extended) {
+            set(AxisParameter::D5RequestId, Number::Unsigned(extended_id(motor.node)));
+        }
         set(AxisParameter::AllowUnknownMotorTimeout, Number::Bool(!known_only));
         set(AxisParameter::TtlUs, Number::Unsigned(dice.pick(&[50_000, 100_000, 200_000])));
         // Before the limits: without it nothing measures a position.

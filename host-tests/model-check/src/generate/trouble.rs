@@ -3,8 +3,9 @@
 use super::Generator;
 use super::setup::{RETURN_MODES, configuration};
 use crate::action::{Action, Ask, Does};
-use crate::plant::{BUSES, CAN_BUSES, LINE, LISTENER, MOTORS};
+use crate::plant::{BUSES, CAN_BUSES, LINE, LISTENER, MOTORS, extended_id};
 use host_protocol::Protocol;
+use promise_model::EXTENDED;
 
 /// Longest silence of the hosts, µs: more than the gateway bears.
 const SILENCE_US: u64 = 400_000;
@@ -17,9 +18,20 @@ impl Generator {
             1 => Action::Noise { bus: LINE, bytes: self.dice.bytes(16) },
             _ => {
                 let bus = self.dice.pick(&CAN_BUSES);
-                let id = self
-                    .dice
-                    .pick(&[0x241, 0x242, 0x243, 0x28E, 0x28F, 0x290, 0x26, 0x27, 0x501, 0x7FF, 0x001]);
+                let id = self.dice.pick(&[
+                    0x241,
+                    0x242,
+                    0x243,
+                    0x28E,
+                    0x28F,
+                    0x290,
+                    0x26,
+                    0x27,
+                    0x501,
+                    0x7FF,
+                    0x001,
+                    extended_id(0x26),
+                ]);
                 let mut data = self.dice.bytes(9);
                 if let Some(first) = data.first_mut().filter(|_| id < 0x280) {
                     *first = self.dice.pick(&[0x80, 0x81, 0x9A, 0x9C, 0xA2, 0x5D]);
@@ -118,11 +130,13 @@ impl Generator {
     /// Other nodes load a CAN bus: with an id below all of ours, above, or between two of them, in frames of any length, with pauses or
     /// without, one node or two.
     fn load(&mut self, bus: u8) -> Action {
-        let mut ids: Vec<u16> =
+        let mut ids: Vec<u32> =
             MOTORS.iter().filter(|motor| motor.bus == bus).flat_map(ids_of).chain([0, 0x7FE]).collect();
         ids.sort_unstable();
-        let beside: Vec<u16> = ids[..ids.len() - 1].to_vec();
+        let beside: Vec<u32> = ids[..ids.len() - 1].to_vec();
         let id = self.dice.pick(&beside) + 1;
+        // The same place among ids of 29 bits: behind those of 11 up to there.
+        let id = if self.dice.percent(15) { EXTENDED | id << 18 } else { id };
         let pause_us = self.dice.pick(&[0, 0, 20, 140, 700, 1_500]);
         let longest = self.dice.pick(&[3_000, 30_000, 300_000]);
         let action = Action::Foreign {
@@ -149,8 +163,8 @@ impl Generator {
 }
 
 /// The ids of a motor's requests and replies.
-fn ids_of(motor: &crate::plant::Wired) -> Vec<u16> {
-    let node = u16::from(motor.node);
+fn ids_of(motor: &crate::plant::Wired) -> Vec<u32> {
+    let node = u32::from(motor.node);
     match motor.protocol {
         Protocol::Rmd => vec![0x140 + node, 0x240 + node, 0x400 + node],
         Protocol::Thruster => vec![0x300 + node, 0x280 + node],

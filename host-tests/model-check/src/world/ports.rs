@@ -1,10 +1,10 @@
 //! The ports of the core: what it takes in and hands out, with the model as witness.
 
 use super::{MAX_AT_ONCE, World};
+use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
-use embedded_can::Id;
 use gateway::{Event, Instant, Outgoing, Transmit, port::TRANSMIT_SLOTS};
-use host_protocol::{BusState, CanFrame, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
+use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
 
 /// Frames that a link may have for its host at one moment.
@@ -14,7 +14,7 @@ const MAX_OUTPUT: usize = 300;
 #[derive(Debug, Clone)]
 pub(super) enum Input {
     Host { link: u8, bytes: Vec<u8> },
-    Can { bus: u8, id: u16, data: Vec<u8> },
+    Can { bus: u8, id: u32, data: Vec<u8> },
     Serial { bus: u8, bytes: Vec<u8> },
     Transmitted { bus: u8, slot: u8 },
     Cancelled { bus: u8, slot: u8 },
@@ -74,8 +74,8 @@ impl World {
                 Event::HostBytes { link: *link, bytes }
             }
             Input::Can { bus, id, data } => {
-                let Some(frame) = CanFrame::standard(*id, data) else { return };
-                oracle.received(now, *bus, Frame::Can((*id).into(), data));
+                let Some(frame) = can_frame(*id, data) else { return };
+                oracle.received(now, *bus, Frame::Can(*id, data));
                 Event::CanReceived { bus: *bus, frame }
             }
             Input::Serial { bus, bytes } => {
@@ -229,12 +229,4 @@ fn told(bytes: &[u8]) -> String {
         };
     }
     said
-}
-
-/// The id of a frame with its flags, as the model knows it.
-fn arbitration(frame: &CanFrame) -> u32 {
-    match frame.id() {
-        Id::Standard(id) => id.as_raw().into(),
-        Id::Extended(id) => id.as_raw() | 1 << 31,
-    }
 }

@@ -1,6 +1,7 @@
 //! What the hosts have configured of an axis.
 
 use super::{Axis, Waiting};
+use crate::can_id::is_extended;
 use crate::motor::{Goal, Protocol, Reading, Returns, Timeout};
 
 /// Axis parameters (PROTOCOL.md, Axis parameters) with their defaults.
@@ -254,6 +255,12 @@ impl Axis {
             Protocol::Thruster => 0x300 + node,
             Protocol::D5 => self.d5_request_id().unwrap_or(node),
         })
+    }
+
+    /// Whether its motor is asked, or answers, with ids of 29 bits.
+    pub fn has_extended_ids(&self) -> bool {
+        let ids = [self.d5_request_id(), self.d5_reply_id()];
+        self.protocol() == Some(Protocol::D5) && ids.into_iter().flatten().any(is_extended)
     }
 
     pub fn is_without_expiry(&self) -> bool {

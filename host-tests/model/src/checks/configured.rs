@@ -9,6 +9,14 @@ use crate::violation::Check;
 const RMD_GROUPS: [u32; 2] = [0x280, 0x300];
 
 impl Oracle {
+    /// An axis was configured or removed: where its ids have 29 bits its frames are longer.
+    pub(super) fn note_extended(&mut self) {
+        for (index, bus) in self.buses.iter_mut().enumerate() {
+            bus.has_extended =
+                self.axes.iter().any(|axis| axis.bus() == Some(index) && axis.has_extended_ids());
+        }
+    }
+
     /// An axis was configured.
     pub(super) fn judge_configuration(&mut self, now: u64, index: usize) {
         let axis = &self.axes[index];

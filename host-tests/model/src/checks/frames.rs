@@ -2,6 +2,7 @@
 
 use crate::axis::{Asked, Axis, Cause, StopAction};
 use crate::bus::{Held, SOFTWARE_US};
+use crate::can_id::{is_extended, rank};
 use crate::motor::{Protocol, Purpose, Timeout, serial_frame};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
@@ -141,6 +142,7 @@ impl Oracle {
             Frame::Can(id, data) => (Some(id), data),
             Frame::Serial(bytes) => (None, bytes),
         };
+        bus.saw_extended |= wanted.0.is_some_and(is_extended);
         let place = bus.raw.iter().position(|(id, data)| (*id, data.as_slice()) == wanted);
         place.is_some_and(|place| bus.raw.remove(place).is_some())
     }
@@ -171,7 +173,7 @@ impl Oracle {
             axis.duty.is_some() || axis.told == Told::Holding
         };
         let is_of_a_stop = !held.is_motion && held.axis.is_some_and(stops);
-        let held_up_us = STOP_BARS_FRAMES * self.buses[usize::from(bus)].frame_us();
+        let held_up_us = STOP_BARS_FRAMES * self.buses[usize::from(bus)].own_frame_us();
         let due = |axis: &Axis| {
             let duty = axis.duty.as_ref();
             axis.bus() == Some(usize::from(bus))
@@ -266,10 +268,11 @@ impl Oracle {
     /// does not keep the repeats and readings of others any more (G4).
     pub(crate) fn outrank_stops(&mut self, now: u64, bus: usize, held: &Held) {
         let (Some(id), Some(state)) = (held.id, self.buses.get(bus)) else { return };
-        let (waits, length) = (PATIENCE_FRAMES * state.frame_us(), state.foreign_us(held.data.len().max(8)));
+        let (waits, length) =
+            (PATIENCE_FRAMES * state.frame_us(), state.foreign_us(id, held.data.len().max(8)));
         for axis in self.axes.iter_mut().filter(|axis| axis.bus() == Some(bus)) {
             let waits = axis.duty.as_ref().is_some_and(|d| d.is_first_due() && d.since_us + waits < now);
-            if waits && axis.request_id().is_some_and(|own| id < own) {
+            if waits && axis.request_id().is_some_and(|own| rank(id) < rank(own)) {
                 axis.outranked_us += length;
             }
         }

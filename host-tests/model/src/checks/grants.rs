@@ -53,6 +53,7 @@ impl Oracle {
                 if moved {
                     self.orphan(index);
                 }
+                self.note_extended();
                 self.judge_configuration(now, index.into());
             }
             Request::RemoveAxis(index) => {
@@ -60,6 +61,7 @@ impl Oracle {
                 let before = std::mem::take(axis).bus();
                 self.close_raw(before, now);
                 self.orphan(index);
+                self.note_extended();
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {

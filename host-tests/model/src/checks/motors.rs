@@ -2,6 +2,7 @@
 
 use crate::axis::{Asked, Cause};
 use crate::bus::BusKind;
+use crate::can_id::{is_extended, rank};
 use crate::motor::{Protocol, Purpose, Reading, Timeout, serial_frame};
 use crate::oracle::{Frame, Oracle};
 
@@ -18,15 +19,16 @@ impl Oracle {
             Frame::Can(id, data) => {
                 if let Some(state) = self.buses.get_mut(usize::from(bus)) {
                     state.tally.received += 1;
+                    state.saw_extended |= is_extended(id);
                 }
-                let length = self.buses.get(usize::from(bus)).map_or(0, |bus| bus.foreign_us(data.len()));
+                let length = self.buses.get(usize::from(bus)).map_or(0, |bus| bus.foreign_us(id, data.len()));
                 for index in 0..self.axes.len() {
                     let axis = &mut self.axes[index];
                     if axis.bus() != Some(usize::from(bus)) {
                         continue;
                     }
                     // With the same id they destroy each other.
-                    if axis.request_id().is_some_and(|own| id <= own) {
+                    if axis.request_id().is_some_and(|own| rank(id) <= rank(own)) {
                         axis.outranked_us += length;
                     }
                     let (Some(protocol), Some(node)) = (axis.protocol(), axis.node()) else { continue };

@@ -2,6 +2,7 @@
 
 use crate::axis::{Asked, Axis, Permit, Start, Waiting};
 use crate::bus::Held;
+use crate::can_id::{EXTENDED, is_extended};
 use crate::link::Record;
 use crate::motor::{Protocol, Purpose, Question, Reading};
 use crate::oracle::{Frame, Oracle};
@@ -132,8 +133,10 @@ impl Oracle {
         }
         let judged: Vec<_> = named
             .into_iter()
-            .filter(|_| id == u32::from(ALL))
-            .map(|(request, start)| (request, start, self.missing_for_a_start(now, bus, request, &start)))
+            .filter(|_| id & !EXTENDED == u32::from(ALL))
+            .map(|(request, start)| {
+                (request, start, self.missing_for_a_start(now, (bus, id), request, &start))
+            })
             .collect();
         let Some((request, start, wrong)) = judged.iter().min_by_key(|(.., wrong)| wrong.len()) else {
             return false;
@@ -157,8 +160,14 @@ impl Oracle {
         true
     }
 
-    /// What is missing before a start may be carried out.
-    fn missing_for_a_start(&mut self, now: u64, bus: u8, request: Request, start: &Start) -> Vec<String> {
+    /// What is missing before a start may be carried out by a frame with this id.
+    fn missing_for_a_start(
+        &mut self,
+        now: u64,
+        (bus, id): (u8, u32),
+        request: Request,
+        start: &Start,
+    ) -> Vec<String> {
         let on_bus = |axis: &Axis| is_d5_on(axis, bus);
         let mut wrong = Vec::new();
         if !self.buses[usize::from(bus)].wholly_ours {
@@ -170,6 +179,9 @@ impl Oracle {
             let waits = axis.starts_to_come(now).find(|(of, _)| *of == request).map(|(_, start)| *start);
             if is_named && !(is_here && axis.armed && waits.is_some_and(|start| start.waits)) {
                 wrong.push(format!("axis {index} is named, {waits:?}"));
+            }
+            if is_named && axis.request_id().is_some_and(|own| is_extended(own) != is_extended(id)) {
+                wrong.push(format!("axis {index} does not hear {id:X}"));
             }
             let is_empty = matches!(axis.waiting, Waiting::Nothing(at) if at >= start.asked_us);
             if is_here && !is_named && !is_empty {

@@ -3,6 +3,7 @@
 //! the one that the gateway must reckon with.
 
 use super::Protocol;
+use crate::can_id::EXTENDED;
 
 /// What a frame makes a motor do. What only asks makes it do nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +38,11 @@ impl Protocol {
                 (data.get(2) != Some(&1)).then_some(Deed::Changes)
             }
             Self::Thruster if id == 0x300 + node_id => thruster(data),
-            Self::D5 if id == d5_id.unwrap_or(node_id) || id == u32::from(D5_ALL) => {
+            // What goes to all has the length of id that the motor listens to.
+            Self::D5
+                if id == d5_id.unwrap_or(node_id)
+                    || id == u32::from(D5_ALL) | d5_id.unwrap_or(0) & EXTENDED =>
+            {
                 let [0xD5, to, ..] = *data else { return None };
                 (to == node || to == D5_ALL).then(|| d5(data))?
             }
@@ -52,7 +57,8 @@ impl Protocol {
             Self::Rmd if (0x401..=0x420).contains(&id) => Some(Deed::Moves),
             Self::Rmd if id == RMD_IDS => self.obeys(1, None, id, data),
             Self::Thruster if (0x301..=0x37F).contains(&id) => thruster(data),
-            Self::D5 if (1..=u32::from(D5_ALL)).contains(&id) && data.first() == Some(&0xD5) => d5(data),
+            // Its manual gives no ids.
+            Self::D5 if data.first() == Some(&0xD5) => d5(data),
             _ => None,
         }
     }
