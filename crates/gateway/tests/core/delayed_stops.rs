@@ -2,7 +2,9 @@
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving, move_axis, run_with_host};
 use crate::rig::Rig;
-use host_protocol::{Event as HostEvent, Request, StopAction, StopTarget, requests};
+use host_protocol::{
+    AxisParameter, Event as HostEvent, Request, Setpoint, StopAction, StopTarget, Value, requests,
+};
 
 /// g + F(2k + 4) at 1 Mbit/s, on a bus that thrusters may share, and 1 ms.
 fn bound_us(stops: u64) -> u64 {
@@ -60,6 +62,22 @@ fn stops_that_leave_in_time_are_not_reported_however_many() {
     assert_eq!(reports(&rig), []);
     let confirmed = bench::outcomes(&rig);
     assert_eq!(confirmed.len(), 16, "{confirmed:?}");
+}
+
+/// At 500 kbit/s three frames each 2 ms take 405 of 1000: three more frames, and all of it takes 1000 / 595 of its time (Thruster manual §2.5).
+#[test]
+fn what_thrusters_send_by_themselves_takes_its_share_of_the_bound() {
+    let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::Stream, Value::Unsigned(0x7_0002));
+    let epoch = arm_axis(&mut rig, 0);
+    keep_moving(&mut rig, &[(0, epoch)], Setpoint::Signal { fraction: 0.2 }, 55_000);
+    rig.cut();
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    let bound_us = (100 + 270 * (6 + 3)) * 1_000 / 595 + 1_000;
+    rig.run(bound_us - 1);
+    assert_eq!(reports(&rig), []);
+    rig.run(1);
+    assert_eq!(reports(&rig), [(0, 0, bound_us)]);
 }
 
 #[test]
