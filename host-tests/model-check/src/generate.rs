@@ -50,18 +50,18 @@ impl Generator {
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut dice = Dice::Seeded(seed);
-        let starts = dice.percent(40);
+        let starts = dice.percent(50);
         let protocols = if !starts && dice.percent(60) {
             [RMD_AND_THRUSTER, RMD_AND_THRUSTER, 1, BUS_SETUP[3].1]
         } else {
             BUS_SETUP.map(|(_, spoken)| spoken)
         };
         let first = configuration(&mut dice, protocols, starts).into();
-        let trouble = dice.pick(&[5, 20, 60]);
+        let trouble = if starts { dice.pick(&[2, 5, 20]) } else { dice.pick(&[5, 20, 60]) };
         let left_armed = if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
         let raw_bus = dice.percent(30).then(|| dice.byte() % BUSES);
         let moves = dice.pick(&[0, 0, 4, 15]);
-        let left_idle = if moves > 0 { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
+        let left_idle = if moves > 0 && !starts { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
         Self {
             dice,
             first,

@@ -70,7 +70,11 @@ impl Generator {
         if self.dice.percent(10) {
             let later = (0..self.dice.below(80)).map(|_| Ask::Ping);
             self.first.extend(later.map(|ask| Action::Ask { link: self.commander, ask }));
-            let ask = self.dice.pick(&[Ask::Stop { axis }, Ask::EStop, Ask::Disarm { axis }, Ask::StopAll]);
+            let ask = match self.dice.below(8) {
+                0 => Ask::EStop,
+                1 => Ask::StopAll,
+                _ => self.dice.pick(&[Ask::Stop { axis }, Ask::Disarm { axis }]),
+            };
             self.first.push_back(Action::Ask { link: self.commander, ask });
         }
         Action::Ask { link: self.commander, ask: Ask::Together { lead_us, members } }
