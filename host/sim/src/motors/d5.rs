@@ -93,8 +93,18 @@ impl D5 {
                 (_, None) => {}
             }
         }
-        self.node = node;
+        self.take_id(node);
         self.store(Register::ID, Value::Byte(node.get()));
+    }
+
+    /// Its answer to that comes from the new id already (PROTOCOL-NOTES D11). That its CAN id is that number, and goes with it, is an
+    /// assumption (D14); one that it was wired with otherwise stays.
+    fn take_id(&mut self, node: Node) {
+        let can_id = |node| CanId(d5::can::default_request_id(node).into());
+        if self.can_id == can_id(self.node) {
+            self.can_id = can_id(node);
+        }
+        self.node = node;
     }
 
     fn byte(&self, Register(address): Register) -> u8 {
@@ -245,7 +255,7 @@ impl D5 {
                     Value::Byte(id) => id,
                     Value::Word(word) => low(word),
                 };
-                self.node = Node::new(id).unwrap_or(self.node);
+                self.take_id(Node::new(id).unwrap_or(self.node));
                 self.store(Register::ID, Value::Byte(self.node.get()));
             }
             Register::CLEAR_PROTECTION => {

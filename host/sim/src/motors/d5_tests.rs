@@ -137,12 +137,13 @@ fn it_complains_about_checksum_command_and_id() {
     assert_eq!(motor.ask(ID, &[0xD5, 0x0C, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7C]), ["00B#5D0B05CF01EEEEBC"]);
 }
 
-/// D5 manual, common commands, row 1, and table row 6.
+/// D5 manual, common commands, row 1, and table row 6. That the CAN id is that of the motor, before and after, is an assumption.
 #[test]
 fn a_new_id_answers_at_once_and_a_reset_takes_it_back() {
     let mut motor = motor();
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x23]), ["00B#5D0D0503030D0025"]);
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0D, 0x05, 0x06, 0, 0, 0, 0x18]), ["00B#5D0B0500FFFFFF0D"]);
+    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x23]), ["00D#5D0D0503030D0025"]);
+    assert_eq!(motor.ask(ID, &[0xD5, 0x0D, 0x05, 0x01, 0, 0, 0, 0x13]), [""; 0]);
+    assert_eq!(motor.ask(0x0D, &[0xD5, 0x0D, 0x05, 0x06, 0, 0, 0, 0x18]), ["00B#5D0B0500FFFFFF0D"]);
     assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x01, 0, 0, 0, 0x11]), ["00B#5D0B0501CCCCCC75"]);
 }
 
