@@ -29,6 +29,7 @@ macro_rules! bare {
 mod build;
 mod bytes;
 mod fields;
+mod reads;
 
 pub(crate) use self::bytes::check_acceleration;
 

@@ -8,6 +8,7 @@ use crate::units::{Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percen
 
 mod build;
 mod fields;
+mod reads;
 #[cfg(test)]
 mod tests;
 

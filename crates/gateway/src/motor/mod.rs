@@ -459,7 +459,7 @@ pub(crate) fn stores_its_timeout(protocol: Protocol) -> bool {
 
 /// Whether a command acts only after the motor has restarted.
 pub(crate) fn acts_after_restart(command: &Command) -> bool {
-    matches!(command, Command::Rmd(request) if rmd::acts_after_restart(request))
+    matches!(command, Command::Rmd(request) if request.acts_after_restart())
 }
 
 /// The reply window of a command where the motor needs longer than its bus's window.

@@ -6,8 +6,7 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
 use rmd::{
-    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Function, Milliseconds, Motion, Reply, Request,
-    SpeedLimit,
+    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request, SpeedLimit,
 };
 
 pub(super) const SEQUENCES: Sequences = Sequences {
@@ -92,22 +91,7 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let degrees = |speed: SpeedLimit| convert::degrees_to_rad(i32::from(speed.0));
     Some(match request {
         Request::Unknown { .. } => return None,
-        Request::ReadPid
-        | Request::ReadAcceleration
-        | Request::ReadEncoderPosition
-        | Request::ReadEncoderRawPosition
-        | Request::ReadEncoderOffset
-        | Request::ReadMultiTurnAngle
-        | Request::ReadStatus1
-        | Request::ReadStatus2
-        | Request::ReadStatus3
-        | Request::ReadRunMode
-        | Request::ReadPower
-        | Request::ReadRunTime
-        | Request::ReadVersionDate
-        | Request::ReadModel
-        | Request::ReadCanId
-        | Request::ReadRs485Id => Effect::Asks,
+        request if request.only_reads() => Effect::Asks,
         Request::Shutdown | Request::Stop => Effect::Stops,
         Request::TorqueCurrent { current } => {
             let current_a = sign * convert::from_hundredths(i32::from(current.0));
@@ -142,16 +126,6 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::MotionMode { .. } => Effect::Moves(Demand::Prepared),
         _ => Effect::Changes { timeout: false },
     })
-}
-
-/// Whether a request acts only after a restart (§2.9, §2.10, §2.33.4).
-pub(super) fn acts_after_restart(request: &Request) -> bool {
-    matches!(
-        request,
-        Request::WriteEncoderOffset { .. }
-            | Request::WritePositionAsZero
-            | Request::Function { function: Function::ClearMultiTurn }
-    )
 }
 
 pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {

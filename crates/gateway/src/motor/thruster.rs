@@ -116,17 +116,7 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let rpm = |speed: RpmLimit| convert::rpm_to_rad_s(i32::from(speed.0));
     Some(match request {
         Request::Unknown { .. } => return None,
-        Request::ReadSpeed
-        | Request::ReadCurrent
-        | Request::ReadVoltage
-        | Request::ReadMotorTemperature
-        | Request::ReadDriverTemperature
-        | Request::ReadFaults
-        | Request::ReadFaultRecord
-        | Request::ReadParameter { .. }
-        | Request::ReadPositionLimits
-        | Request::ReadAbsolutePosition
-        | Request::ReadRelativePosition => Effect::Asks,
+        request if request.only_reads() => Effect::Asks,
         Request::EmergencyStop => Effect::Stops,
         Request::Signal { signal } => {
             let fraction = sign * convert::from_hundredths(i32::from(signal.0));

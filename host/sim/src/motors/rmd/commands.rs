@@ -23,29 +23,6 @@ pub(super) fn is_motion(request: &Request) -> bool {
     command::CLOSED_LOOP.contains(&request.command()) || matches!(request, Request::MotionMode { .. })
 }
 
-/// Commands that change nothing.
-pub(super) fn is_read(request: &Request) -> bool {
-    matches!(
-        request,
-        Request::ReadPid
-            | Request::ReadAcceleration
-            | Request::ReadEncoderPosition
-            | Request::ReadEncoderRawPosition
-            | Request::ReadEncoderOffset
-            | Request::ReadMultiTurnAngle
-            | Request::ReadStatus1
-            | Request::ReadStatus2
-            | Request::ReadStatus3
-            | Request::ReadRunMode
-            | Request::ReadPower
-            | Request::ReadRunTime
-            | Request::ReadVersionDate
-            | Request::ReadModel
-            | Request::ReadCanId
-            | Request::ReadRs485Id
-    )
-}
-
 impl Rmd {
     pub(super) fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) {
         self.wanted = self.drive_for(request).unwrap_or(self.wanted);

@@ -20,7 +20,7 @@ use super::log::MotorEvent;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
 use super::watch::Watch;
-use commands::{is_motion, is_read, name};
+use commands::{is_motion, name};
 pub(super) use interface::Interface;
 use memory::Memory;
 
@@ -149,7 +149,7 @@ impl Rmd {
     fn hear(&mut self, cx: &mut Context<'_>, request: &Request) {
         self.watch.hear(cx.now);
         self.notice_at = None;
-        if is_read(request) {
+        if request.only_reads() {
             return self.carry_out(cx, request);
         }
         let name = name(request);

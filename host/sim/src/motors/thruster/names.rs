@@ -26,17 +26,7 @@ pub(super) fn name(request: &Request) -> Option<&'static str> {
         Request::SetRelativeZero => "RZ relative zero",
         Request::ClearRelativePosition => "RC clear relative position",
         Request::EmergencyStop => "LS emergency stop",
-        Request::Unknown { .. } => "other",
-        Request::ReadSpeed
-        | Request::ReadCurrent
-        | Request::ReadVoltage
-        | Request::ReadMotorTemperature
-        | Request::ReadDriverTemperature
-        | Request::ReadFaults
-        | Request::ReadFaultRecord
-        | Request::ReadParameter { .. }
-        | Request::ReadAbsolutePosition
-        | Request::ReadPositionLimits
-        | Request::ReadRelativePosition => return None,
+        request if request.only_reads() => return None,
+        _ => "other",
     })
 }
