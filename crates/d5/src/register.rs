@@ -116,7 +116,7 @@ impl Register {
 
     /// The next register, where one write of two data bytes may fill both: two writable bytes of which none is the timeout
     /// switch. What was meant for 0x10 alone would switch the motor's own timeout of 0x11 off.
-    fn written_with(self) -> Option<&'static RegisterInfo> {
+    pub fn written_with(self) -> Option<&'static RegisterInfo> {
         let next = Register(self.0.checked_add(1)?);
         let pair = [self, next].into_iter().all(|register| {
             let byte = register.writable().is_ok_and(|info| info.written_width() == Width::Byte);

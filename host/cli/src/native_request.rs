@@ -5,6 +5,11 @@ use mgw_client::ClientError;
 
 use crate::failure::Failure;
 
+/// RMD V3.6 §2.9, §2.10, §2.33.4; the axis is not armed before (`RestartOwed`).
+const RESTART: &str = "a restart of the motor: restart it (0x76)";
+/// Thruster manual §2.2.
+const POWER_CYCLE: &str = "a power cycle: power-cycle the device, and configure the gateway for it then";
+
 /// Whose command it shall be.
 #[derive(Debug, Clone, Copy)]
 pub struct Motor {
@@ -29,6 +34,18 @@ pub fn explain(motor: Motor, data: &[u8], error: Error) -> Failure {
     match text {
         Some(text) => Failure::Explained { error, text },
         None => ClientError::Gateway(error).into(),
+    }
+}
+
+/// What has to happen before a command acts that was carried out, where something has to.
+pub fn acts_after(motor: Motor, data: &[u8]) -> Option<&'static str> {
+    let restart = || rmd::Request::decode(data.try_into().ok()?).acts_after_restart().then_some(RESTART);
+    let power_cycle =
+        || thruster::Request::decode(data).ok()?.acts_after_power_cycle().then_some(POWER_CYCLE);
+    match motor.protocol {
+        Protocol::Rmd => restart(),
+        Protocol::Thruster => power_cycle(),
+        Protocol::D5 => None,
     }
 }
 

@@ -13,7 +13,8 @@ impl Request {
     /// its [`request`](crate::CommandInfo::request), in the units of those names.
     ///
     /// What is written is given in the unit of the register, as `value` or under the name of the register's own field,
-    /// [`RegisterInfo::field`](crate::RegisterInfo::field). A read without `bytes` takes as many as the register has. A
+    /// [`RegisterInfo::field`](crate::RegisterInfo::field); what goes to the next register with it
+    /// ([`Register::written_with`]) under that one's. A read without `bytes` takes as many as the register has. A
     /// value outside its range is refused; inside it is rounded to the nearest count of the wire.
     ///
     /// ```
@@ -82,5 +83,15 @@ fn write(fields: &Fields<'_>) -> Result<(Register, Value), BuildError> {
         Err(BuildError::MissingField { .. }) => fields.count(&FieldInfo { name: f::VALUE.name, ..own })?,
         given => given?,
     };
-    Ok((register, info.encode(value)?))
+    let value = info.encode(value)?;
+    // What goes to the next register as well is given under that one's own name (D5 manual, table row 7, frame format).
+    let next = register.written_with().map(|next| (next, fields.count::<i64>(&next.field_info())));
+    match (value, next) {
+        (Value::Byte(low), Some((next, Ok(high)))) => {
+            let Value::Byte(high) = next.encode(high)? else { return Ok((register, value)) };
+            Ok((register, Value::Word(u16::from_le_bytes([low, high]))))
+        }
+        (_, Some((_, Err(error)))) if !matches!(error, BuildError::MissingField { .. }) => Err(error),
+        _ => Ok((register, value)),
+    }
 }

@@ -61,7 +61,12 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
                 let text = format!("axis {axis}: carried out as a stop of the axis");
                 return session.out.either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
             }
-            print(session.out, &command, &reply)
+            print(session.out, &command, &reply)?;
+            if let Some(until) = native_request::acts_after(command.motor, &command.data) {
+                let text = format!("axis {axis}: acts after {until}");
+                session.out.either(text, &json!({ "axis": axis, "acts_after": until }))?;
+            }
+            Ok(())
         }
     }
 }

@@ -65,7 +65,7 @@ impl<R> Codec<R> {
         }
         let own = (self.own_fields)(&values);
         for (index, (field, _)) in values.iter().enumerate() {
-            let is_value = |field: &str| field == VALUE || own.contains(&field);
+            let is_value = |field: &str| field == VALUE || own.first() == Some(&field);
             let is_again = |other: &str| other == *field || (is_value(other) && is_value(field));
             if values.iter().take(index).any(|(other, _)| is_again(other)) {
                 return Err(Failure::Usage(format!(
@@ -161,9 +161,10 @@ fn d5_register(text: &str) -> Option<f64> {
     d5::REGISTERS.iter().find(|info| info.name == text).map(|info| f64::from(info.register.0))
 }
 
-/// What is written may go by the name of the register's own field.
+/// What is written may go by the name of the register's own field; behind it that of the register which is written with it.
 fn d5_own_fields(values: &[(&str, f64)]) -> Vec<&'static str> {
     let address = values.iter().find(|(name, _)| *name == "register").map(|(_, address)| *address);
     let is_it = |info: &&d5::RegisterInfo| address == Some(f64::from(info.register.0));
-    d5::REGISTERS.iter().filter(is_it).map(|info| info.field).collect()
+    let own = d5::REGISTERS.iter().find(is_it);
+    own.into_iter().chain(own.and_then(|own| own.register.written_with())).map(|info| info.field).collect()
 }

@@ -41,6 +41,11 @@ fn every_protocol_and_bus() {
         ("--protocol d5 --node 11 write --register speed --value 600", "00B#D50B05032058028D"),
         ("--protocol d5 --node 11 write --register 0x20 --speed_dps -600", "00B#D50B05032058820D"),
         ("--protocol d5 --node 11 --bus serial write --register ack_level --value 1", "D50B040310010023"),
+        // Both by one frame, table row 7 and frame format; each is checked by its own range.
+        (
+            "--protocol d5 --node 11 write --register acceleration --acceleration 100 --deceleration 120",
+            "00B#D50B050315647804",
+        ),
         ("--protocol d5 --node all execute", "0FE#D5FE050500000008"),
         (
             "--protocol d5 --node 11 --can-id 181 read --register acceleration --bytes 2",

@@ -162,3 +162,23 @@ fn a_stop_of_an_axis_that_is_not_idle_is_a_stop_of_the_axis() {
     });
     assert!(outcome.failure(1).contains("somebody else stopped axis 0"));
 }
+
+/// RMD V3.6 §2.10, Thruster manual §2.2: CI and CB.
+#[test]
+fn what_acts_later_says_so() {
+    let sim = Sim::start();
+    for (words, until) in [
+        ("0 --command write_position_as_zero", "a restart of the motor"),
+        ("1 43 49 00 00 00 00 00 7F", "a power cycle: power-cycle the device"),
+        ("1 --command set_bitrate --field bitrate_kbps=500", "a power cycle: power-cycle the device"),
+    ] {
+        let text = native(&sim, words).success();
+        assert!(text.contains(&format!("acts after {until}")), "{words}: {text}");
+        let lines = native(&sim, &format!("{words} --json")).json_lines();
+        assert!(
+            lines.iter().any(|line| line["acts_after"].as_str().is_some_and(|said| said.starts_with(until)))
+        );
+    }
+    let text = native(&sim, "0 9C00000000000000").success();
+    assert!(!text.contains("acts after"), "{text}");
+}
