@@ -1,40 +1,64 @@
-//! What a serial line reports beside the driver: a delimiter arrived, the last bit left.
+//! What a serial line reports beside the driver: bytes arrived, the last bit left.
 //!
-//! The driver's receiver wakes on an idle line or a half-full ring, so a stop in the middle of a stream would wait for
-//! the bytes behind it. Its `flush` may never return, because its receiver clears the flag that `flush` waits for. And after a
-//! line error it starts its ring anew without forgetting where it was: old bytes would be received again, and new ones not.
-//! So errors are taken from it; the reception goes on, and a damaged byte fails its frame's checksum.
+//! The driver's receiver stays out of it. It wakes on an idle line or a half-full ring, so a stop in the middle of a stream would wait
+//! for the bytes behind it. After a ring that overflowed or a line error it stops the reception, answers with the next error for as
+//! long as bytes keep coming, and starts its ring anew without forgetting where it was: old bytes would be received again, and new
+//! ones not. Here DMA fills a ring round and round and is never stopped; who was too slow goes on with the next byte that comes.
+//! And the driver's `flush` may never return.
 
+use core::future::poll_fn;
 use core::marker::PhantomData;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::mem;
+use core::pin::pin;
+use core::ptr::NonNull;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::task::Poll;
 
+use embassy_stm32::dma::ReadableRingBuffer;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac::usart::Usart;
-use embassy_stm32::usart::{self, RingBufferedUartRx, UartTx};
+use embassy_stm32::usart::{self, UartRx, UartTx};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, TimeoutError, with_timeout};
+use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
 
 /// Bits of a byte on the line: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
 /// Bits that the driver-enable may add: its lead and its tail.
 const DRIVER_ENABLE_BITS: u64 = 4;
+/// Bytes that the transmitter still holds when DMA has handed over the last one: its FIFO, and the shift register (RM0433, RM0440,
+/// USART chapter).
+const TRANSMITTER_DEPTH: usize = 16 + 1;
+/// A byte that is arriving is waited for, and the one behind it.
+const ARRIVING_BYTES: usize = 2;
+/// How often a stream that is to be stopped is looked at: it stops when the byte on its way has arrived.
+const STREAM_POLLS: usize = 1000;
 /// What a transmission may take longer than its bits before it counts as hung.
 const MARGIN: Duration = Duration::from_millis(2);
 
 /// What happened on one line.
 pub struct LineEvents {
-    delimiter: Signal<CriticalSectionRawMutex, ()>,
+    arrived: Signal<CriticalSectionRawMutex, ()>,
     sent: Signal<CriticalSectionRawMutex, ()>,
     /// Framing, noise and overrun errors since the last look.
     errors: AtomicU32,
+    /// Bytes taken from the ring since the start, modulo 2³².
+    heard: AtomicU32,
+    /// The ring is to be set up anew.
+    restart: AtomicBool,
 }
 
 impl LineEvents {
     /// Nothing yet.
     pub const fn new() -> Self {
-        Self { delimiter: Signal::new(), sent: Signal::new(), errors: AtomicU32::new(0) }
+        Self {
+            arrived: Signal::new(),
+            sent: Signal::new(),
+            errors: AtomicU32::new(0),
+            heard: AtomicU32::new(0),
+            restart: AtomicBool::new(false),
+        }
     }
 
     /// How often the line was wrong since the last call.
@@ -42,9 +66,21 @@ impl LineEvents {
         self.errors.swap(0, Ordering::Relaxed)
     }
 
-    /// Waits for the byte 0x00, or for an error. For one task per line.
-    pub async fn delimiter(&self) {
-        self.delimiter.wait().await;
+    /// How many bytes have been taken from the ring, modulo 2³².
+    pub fn heard(&self) -> u32 {
+        self.heard.load(Ordering::Relaxed)
+    }
+
+    /// Asks for a ring that is set up anew.
+    pub fn ask_for_restart(&self) {
+        self.restart.store(true, Ordering::Relaxed);
+        self.arrived.signal(());
+    }
+
+    /// Waits until bytes have arrived that want to be read: the line is idle, or the byte 0x00 came where that is a delimiter, or an
+    /// error. For one task per line.
+    pub async fn arrived(&self) {
+        self.arrived.wait().await;
     }
 }
 
@@ -64,17 +100,26 @@ impl LineErrors {
     }
 }
 
-/// A USART of the chip whose line events are kept.
+/// The ring that DMA fills.
+type Ring = ReadableRingBuffer<'static, u8>;
+
+/// A USART of the chip that is served here.
 pub trait Instance: usart::Instance {
     /// Its registers.
     fn registers() -> Usart;
     /// Its events.
     fn events() -> &'static LineEvents;
+    /// Sets the DMA stream of its receiver up, to fill this memory. What it did before is over.
+    ///
+    /// # Safety
+    ///
+    /// One ring at a time.
+    unsafe fn ring(memory: NonNull<[u8]>) -> Ring;
 }
 
-/// Makes a USART of the chip an [`Instance`].
+/// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, and what binds their interrupts.
 macro_rules! instance {
-    ($name:ident) => {
+    ($name:ident, $stream:ident, $irqs:expr) => {
         impl $crate::line::Instance for embassy_stm32::peripherals::$name {
             fn registers() -> embassy_stm32::pac::usart::Usart {
                 // Safety: the block of this peripheral; a low-power one has the registers that are used here at the same places.
@@ -84,12 +129,33 @@ macro_rules! instance {
                 static EVENTS: $crate::line::LineEvents = $crate::line::LineEvents::new();
                 &EVENTS
             }
+            unsafe fn ring(
+                mut memory: core::ptr::NonNull<[u8]>,
+            ) -> embassy_stm32::dma::ReadableRingBuffer<'static, u8> {
+                use embassy_stm32::peripherals;
+                use embassy_stm32::usart::RxDma;
+                // Safety: the driver's receiver, which was given the stream, is never used.
+                let stream = unsafe { peripherals::$stream::steal() };
+                let request = RxDma::<peripherals::$name>::request(&*stream);
+                let channel = embassy_stm32::dma::Channel::new(stream, $irqs);
+                let data = <Self as $crate::line::Instance>::registers().rdr().as_ptr().cast();
+                // Safety: the caller's; the register is read a byte at a time.
+                unsafe {
+                    embassy_stm32::dma::ReadableRingBuffer::new(
+                        channel,
+                        request,
+                        data,
+                        memory.as_mut(),
+                        Default::default(),
+                    )
+                }
+            }
         }
     };
 }
 pub(crate) use instance;
 
-/// Serves the interrupt of a USART. To be bound before the driver's handler, which clears flags of others.
+/// Serves the interrupt of a USART, in place of the driver's handler, which stops the reception at an error.
 pub struct InterruptHandler<T: Instance> {
     usart: PhantomData<T>,
 }
@@ -99,9 +165,12 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
         let usart = T::registers();
         let flags = usart.isr().read();
         let enabled = usart.cr1().read();
-        if flags.cmf() && enabled.cmie() {
-            usart.icr().write(|w| w.set_cmf(true));
-            T::events().delimiter.signal(());
+        if (flags.cmf() && enabled.cmie()) || (flags.idle() && enabled.idleie()) {
+            usart.icr().write(|w| {
+                w.set_cmf(flags.cmf());
+                w.set_idle(flags.idle());
+            });
+            T::events().arrived.signal(());
         }
         if flags.fe() || flags.ne() || flags.ore() {
             usart.icr().write(|w| {
@@ -110,8 +179,7 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_ore(true);
             });
             T::events().errors.fetch_add(1, Ordering::Relaxed);
-            // A damaged byte alone may wake nobody.
-            T::events().delimiter.signal(());
+            T::events().arrived.signal(());
         }
         if flags.tc() && enabled.tcie() {
             usart.cr1().modify(|w| w.set_tcie(false));
@@ -120,25 +188,95 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
     }
 }
 
+/// More bytes came than the ring holds before they were read. The next read goes on with what comes from now on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
+pub struct Overflow;
+
 /// The receiving half of a line.
 pub struct Receiver {
-    /// The driver.
-    pub bytes: RingBufferedUartRx<'static>,
+    ring: Ring,
+    memory: NonNull<[u8]>,
+    make: unsafe fn(NonNull<[u8]>) -> Ring,
+    registers: Usart,
     /// What else happens on the line.
     pub events: &'static LineEvents,
 }
 
 impl Receiver {
-    /// A receiver that also reports each byte 0x00.
-    pub fn with_delimiters<T: Instance>(bytes: RingBufferedUartRx<'static>) -> Self {
+    /// Starts a receiver that also looks for each byte 0x00.
+    pub fn with_delimiters<T: Instance>(driver: UartRx<'static, Async>, memory: &'static mut [u8]) -> Self {
         // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host protocol.
         T::registers().cr1().modify(|w| w.set_cmie(true));
-        Self { bytes, events: T::events() }
+        Self::new::<T>(driver, memory)
     }
 
-    /// A receiver alone.
-    pub fn new<T: Instance>(bytes: RingBufferedUartRx<'static>) -> Self {
-        Self { bytes, events: T::events() }
+    /// Starts a receiver.
+    pub fn new<T: Instance>(driver: UartRx<'static, Async>, memory: &'static mut [u8]) -> Self {
+        // It holds the pin and the clock; both are in use from now on.
+        mem::forget(driver);
+        let (registers, memory) = (T::registers(), NonNull::from(memory));
+        // Safety: the first ring of this line, and `restart` ends one before it makes the next.
+        let ring = unsafe { T::ring(memory) };
+        let mut receiver = Self { ring, memory, make: T::ring, registers, events: T::events() };
+        receiver.ring.start();
+        registers.cr1().modify(|w| w.set_idleie(true));
+        registers.cr3().modify(|w| {
+            w.set_eie(true);
+            w.set_dmar(true);
+        });
+        receiver
+    }
+
+    /// Takes what has come, as much as fits; nothing if nothing has.
+    fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
+        if self.events.restart.swap(false, Ordering::Relaxed) {
+            self.restart();
+        }
+        let (length, _) = self.ring.read(bytes).map_err(|_| Overflow)?;
+        self.events.heard.fetch_add(u32::try_from(length).unwrap_or(u32::MAX), Ordering::Relaxed);
+        Ok(length)
+    }
+
+    /// Waits for bytes, until those that have come want to be read, and takes as much as fits. Bears being dropped.
+    pub async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
+        loop {
+            match self.take(bytes) {
+                Ok(0) => {}
+                result => return result,
+            }
+            self.wait().await;
+        }
+    }
+
+    /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is woken by another one's event, it looks
+    /// too: what has come decides what may go.
+    async fn wait(&mut self) {
+        let mut arrived = pin!(self.events.arrived.wait());
+        let mut is_woken = false;
+        poll_fn(|context| {
+            self.ring.set_waker(context.waker());
+            if mem::replace(&mut is_woken, true) && self.ring.len() != Ok(0) {
+                return Poll::Ready(());
+            }
+            arrived.as_mut().poll(context)
+        })
+        .await;
+    }
+
+    /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring data to/from USART/UART"). What has
+    /// come is lost.
+    fn restart(&mut self) {
+        self.ring.request_pause();
+        for _ in 0..STREAM_POLLS {
+            if !self.ring.is_running() {
+                break;
+            }
+        }
+        // Safety: the stream has been stopped, and the ring before is forgotten: its end would wait for a stream that hangs.
+        let ring = unsafe { (self.make)(self.memory) };
+        mem::forget(mem::replace(&mut self.ring, ring));
+        self.registers.rqr().write(|w| w.set_rxfrq(true));
+        self.ring.start();
     }
 }
 
@@ -146,7 +284,8 @@ impl Receiver {
 pub struct Sender {
     driver: UartTx<'static, Async>,
     registers: Usart,
-    events: &'static LineEvents,
+    /// What else happens on the line.
+    pub events: &'static LineEvents,
     bits_per_second: u32,
 }
 
@@ -168,6 +307,16 @@ impl Sender {
         Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(self.bits_per_second.max(1))))
     }
 
+    /// Waits until no byte is just arriving: what has come whole decides what may go. Not for ever, as noise may not end.
+    pub async fn between_bytes(&self) {
+        for _ in 0..ARRIVING_BYTES {
+            if !self.registers.isr().read().busy() {
+                break;
+            }
+            Timer::after(self.duration(BITS_PER_BYTE)).await;
+        }
+    }
+
     /// Sends, and returns when the last stop bit has left.
     pub async fn send(&mut self, bytes: &[u8]) -> Result<(), TimeoutError> {
         let bits = BITS_PER_BYTE * bytes.len() as u64 + DRIVER_ENABLE_BITS;
@@ -177,9 +326,10 @@ impl Sender {
             self.registers.cr1().modify(|w| w.set_tcie(true));
             // The result is always Ok: this driver's write reports nothing.
             let _ = self.driver.write(bytes).await;
-            // Two bytes are left. Where the driver's receiver has cleared the flag just as it rose, no event comes: then
-            // their time tells.
-            let rest = self.duration(2 * BITS_PER_BYTE + DRIVER_ENABLE_BITS);
+            // What the transmitter still holds is on its way. Its event tells when that has left; where no event comes, a byte more
+            // than its time.
+            let held = bytes.len().min(TRANSMITTER_DEPTH) + 1;
+            let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
             let _ = with_timeout(rest, self.events.sent.wait()).await;
         })
         .await

@@ -123,9 +123,9 @@ bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => fdcan::InterruptHandler<FDCAN1>, IT1InterruptHandler<FDCAN1>;
     FDCAN2_IT1 => fdcan::InterruptHandler<FDCAN2>, IT1InterruptHandler<FDCAN2>;
     FDCAN3_IT1 => fdcan::InterruptHandler<FDCAN3>, IT1InterruptHandler<FDCAN3>;
-    USART3 => line::InterruptHandler<USART3>, usart::InterruptHandler<USART3>;
-    LPUART1 => line::InterruptHandler<LPUART1>, usart::InterruptHandler<LPUART1>;
-    USART1 => line::InterruptHandler<USART1>, usart::InterruptHandler<USART1>;
+    USART3 => line::InterruptHandler<USART3>;
+    LPUART1 => line::InterruptHandler<LPUART1>;
+    USART1 => line::InterruptHandler<USART1>;
     DMA1_CHANNEL1 => dma::InterruptHandler<DMA1_CH1>;
     DMA1_CHANNEL2 => dma::InterruptHandler<DMA1_CH2>;
     DMA1_CHANNEL3 => dma::InterruptHandler<DMA1_CH3>;
@@ -142,13 +142,18 @@ unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN3_IT0, IT0InterruptHandler<FDCAN3>> for Irqs {}
 
+// Safety: the driver's half of a UART that waits for this handler, its receiver, is never used.
+unsafe impl Binding<interrupt::typelevel::USART3, usart::InterruptHandler<USART3>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::LPUART1, usart::InterruptHandler<LPUART1>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::USART1, usart::InterruptHandler<USART1>> for Irqs {}
+
 // Each has a message RAM of its own.
 fdcan::instance!(FDCAN1, FDCANRAM1 + 0, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM2 + 0, all_to_second_line);
 fdcan::instance!(FDCAN3, FDCANRAM3 + 0, all_to_second_line);
-line::instance!(USART3);
-line::instance!(LPUART1);
-line::instance!(USART1);
+line::instance!(USART3, DMA1_CH5, Irqs);
+line::instance!(LPUART1, DMA1_CH1, Irqs);
+line::instance!(USART1, DMA1_CH3, Irqs);
 
 /// One bit for each group of sources.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {

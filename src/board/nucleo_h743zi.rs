@@ -119,9 +119,9 @@ const RS485_BUS: BusPort =
 bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => fdcan::InterruptHandler<FDCAN1>, IT1InterruptHandler<FDCAN1>;
     FDCAN2_IT1 => fdcan::InterruptHandler<FDCAN2>, IT1InterruptHandler<FDCAN2>;
-    USART2 => line::InterruptHandler<USART2>, usart::InterruptHandler<USART2>;
-    USART3 => line::InterruptHandler<USART3>, usart::InterruptHandler<USART3>;
-    USART6 => line::InterruptHandler<USART6>, usart::InterruptHandler<USART6>;
+    USART2 => line::InterruptHandler<USART2>;
+    USART3 => line::InterruptHandler<USART3>;
+    USART6 => line::InterruptHandler<USART6>;
     DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
     DMA1_STREAM1 => dma::InterruptHandler<DMA1_CH1>;
     DMA1_STREAM2 => dma::InterruptHandler<DMA1_CH2>;
@@ -137,12 +137,17 @@ bind_interrupts!(struct Irqs {
 unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 
+// Safety: the driver's half of a UART that waits for this handler, its receiver, is never used.
+unsafe impl Binding<interrupt::typelevel::USART2, usart::InterruptHandler<USART2>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::USART3, usart::InterruptHandler<USART3>> for Irqs {}
+unsafe impl Binding<interrupt::typelevel::USART6, usart::InterruptHandler<USART6>> for Irqs {}
+
 // Where the driver lays out the message RAM of each.
 fdcan::instance!(FDCAN1, FDCANRAM + 0x000, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM + 0xC00, all_to_second_line);
-line::instance!(USART2);
-line::instance!(USART3);
-line::instance!(USART6);
+line::instance!(USART2, DMA1_CH4, Irqs);
+line::instance!(USART3, DMA1_CH0, Irqs);
+line::instance!(USART6, DMA1_CH2, Irqs);
 
 /// One bit for each source.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {

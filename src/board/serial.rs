@@ -32,8 +32,7 @@ pub fn host_line<T: line::Instance>(
     ring: &'static mut [u8; HOST_RING],
 ) -> (Receiver, Sender) {
     let (sender, receiver) = uart.split();
-    let receiver = receiver.into_ring_buffered(ring);
-    (Receiver::with_delimiters::<T>(receiver), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
+    (Receiver::with_delimiters::<T>(receiver, ring), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
 }
 
 /// The two halves of an RS485 bus that was set up with this bitrate.
@@ -43,6 +42,5 @@ pub fn rs485_line<T: line::Instance>(
     bits_per_second: u32,
 ) -> (Receiver, Sender) {
     let (sender, receiver) = uart.split();
-    let receiver = receiver.into_ring_buffered(ring);
-    (Receiver::new::<T>(receiver), Sender::new::<T>(sender, bits_per_second))
+    (Receiver::new::<T>(receiver, ring), Sender::new::<T>(sender, bits_per_second))
 }

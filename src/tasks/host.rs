@@ -1,12 +1,11 @@
 //! One host link on a UART: bytes in, frames out.
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, with_timeout};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
 
 use crate::board;
-use crate::line::{LineErrors, Receiver, Sender};
+use crate::line::{LineErrors, Overflow, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
@@ -15,8 +14,9 @@ use crate::watchdog::{Life, Watch};
 const CHUNK: usize = 128;
 /// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less than a ring holds.
 const REST: Duration = Duration::from_millis(1);
-/// Rest after a line error, so that a floating or noisy line does not take the processor.
-const ERROR_PAUSE: Duration = Duration::from_micros(100);
+
+/// What frames of the host protocol end with.
+const DELIMITER: u8 = 0;
 
 /// For ever: bytes from the host to the core.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
@@ -24,26 +24,38 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
     let life = Watch::new(Life::link_receiver(link));
     let turn = Turn::of(Urgency::Demand).await;
     let mut chunk = [0; CHUNK];
-    let mut errors = LineErrors::default();
+    let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
+    let mut heard = 0;
     loop {
-        if let Some(so_far) = errors.add(line.events.take_errors()) {
+        let new_errors = line.events.take_errors();
+        if let Some(so_far) = errors.add(new_errors) {
             defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
         }
-        match turn.wait(life.alive(select(line.bytes.read(&mut chunk), line.events.delimiter()))).await {
-            Some(Either::First(Ok(length))) => {
+        // Nothing but errors for a pulse, not even wrong bytes: the ring no longer takes what comes.
+        if new_errors > 0 && line.events.heard() == heard {
+            line.events.ask_for_restart();
+        }
+        heard = line.events.heard();
+        match turn.wait(life.alive(line.read(&mut chunk))).await {
+            Some(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 gateway.handle(Event::HostBytes { link, bytes });
                 // On a busy line there is always another byte: the others must have the processor in between.
                 turn.end().await;
-                // The rest of a frame is taken with its end, not a byte at a time.
-                let _ = turn.wait(with_timeout(REST, line.events.delimiter())).await;
+                // The rest of a frame is taken with its end, not a byte at a time; behind a full chunk there is more already.
+                if length < CHUNK {
+                    let _ = turn.wait(with_timeout(REST, line.events.arrived())).await;
+                }
             }
-            Some(Either::First(Err(error))) => {
-                defmt::warn!("host link {=u8}: {}", link, error);
-                Timer::after(ERROR_PAUSE).await;
+            Some(Err(Overflow)) => {
+                if let Some(so_far) = overflows.add(1) {
+                    defmt::warn!("host link {=u8}: {=u32} overflows so far", link, so_far);
+                }
+                // What follows is the rest of some frame: this ends what had come of one.
+                gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
+                turn.end().await;
             }
-            // A whole frame may lie in the ring: read again at once.
-            Some(Either::Second(())) | None => {}
+            None => {}
         }
     }
 }

@@ -5,7 +5,7 @@ use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
-use crate::line::{LineErrors, Receiver, Sender};
+use crate::line::{LineErrors, Overflow, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
@@ -46,24 +46,25 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
     let life = Watch::new(Life::bus_receiver(bus));
     let turn = Turn::of(Urgency::Bus).await;
     let mut chunk = [0; CHUNK];
-    let mut errors = LineErrors::default();
+    let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
     loop {
-        let Some(result) = turn.wait(life.alive(receiver.bytes.read(&mut chunk))).await else { continue };
+        let Some(result) = turn.wait(life.alive(receiver.read(&mut chunk))).await else { continue };
+        let mut lost = receiver.events.take_errors();
+        if let Some(so_far) = errors.add(lost) {
+            defmt::warn!("bus {=u8}: {=u32} line errors so far", bus, so_far);
+        }
         match result {
             Ok(length) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 defmt::trace!("bus {=u8}: heard {=[u8]:02x}", bus, bytes);
                 gateway.handle(Event::SerialReceived { bus, bytes });
             }
-            Err(error) => {
-                defmt::warn!("bus {=u8}: {}", bus, error);
-                // The driver stops the reception until the next read; what had arrived is lost.
-                gateway.handle(Event::ReceiveOverflow { bus, lost: 1 });
+            Err(Overflow) => {
+                lost += 1;
+                if let Some(so_far) = overflows.add(1) {
+                    defmt::warn!("bus {=u8}: {=u32} overflows so far", bus, so_far);
+                }
             }
-        }
-        let lost = receiver.events.take_errors();
-        if let Some(so_far) = errors.add(lost) {
-            defmt::warn!("bus {=u8}: {=u32} line errors so far", bus, so_far);
         }
         if lost > 0 {
             gateway.handle(Event::ReceiveOverflow { bus, lost });
@@ -74,11 +75,18 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
 
 /// Frames from the core to the bus, until the setup changes or a frame does not leave.
 async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusSetup, life: &Watch) {
+    let mut heard = None;
     while gateway.bus_setup(bus) == Some(setup) {
         life.show();
+        sender.between_bytes().await;
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
+                // Not even the echo of the frame before has come: the ring no longer takes what comes.
+                let before = heard.replace(sender.events.heard());
+                if before == heard {
+                    sender.events.ask_for_restart();
+                }
                 if sender.send(&bytes).await.is_err() {
                     defmt::warn!("bus {=u8}: {=usize} bytes did not leave in time", bus, bytes.len());
                     // The frame is lost: the core stops what was armed here and starts the bus again.

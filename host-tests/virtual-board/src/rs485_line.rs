@@ -36,6 +36,15 @@ pub struct SentByte {
     pub driven: bool,
 }
 
+/// What a motor has sent in one go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reply {
+    /// When its first start bit began.
+    pub first_bit: Duration,
+    /// When its last stop bit ended.
+    pub end: Duration,
+}
+
 /// Where a byte on its way to the port comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Source {
@@ -76,6 +85,7 @@ pub struct Rs485Line {
     fault: BusFault,
     settings: Settings,
     sent: Vec<SentByte>,
+    replies: Vec<Reply>,
     /// In the order of their starts.
     arriving: VecDeque<Arriving>,
     /// What the port's receiver took last.
@@ -100,6 +110,7 @@ impl Rs485Line {
             fault: BusFault::None,
             settings: Settings::default(),
             sent: Vec::new(),
+            replies: Vec::new(),
             arriving: VecDeque::new(),
             taken: None,
             alarm: Alarm::default(),
@@ -181,9 +192,16 @@ impl Rs485Line {
         &self.sent
     }
 
-    /// Forgets what the port has sent.
+    /// What motors have sent since the start or the last [`Rs485Line::clear_sent`].
+    #[must_use]
+    pub fn replies(&self) -> &[Reply] {
+        &self.replies
+    }
+
+    /// Forgets what the port and the motors have sent.
     pub fn clear_sent(&mut self) {
         self.sent.clear();
+        self.replies.clear();
     }
 
     /// How the firmware has set the port up.
@@ -221,6 +239,8 @@ impl Rs485Line {
         let bytes: Vec<(u64, u8)> = starts.zip(bytes.iter().copied()).collect();
         let end_ps = start_ps + bytes.len() as u64 * BITS_PER_BYTE * bit_ps;
         self.motors[from].sends_until_ps = end_ps;
+        let end = Duration::from_nanos(end_ps / PICOS_PER_NANO);
+        self.replies.push(Reply { first_bit: message.at, end });
         for (start_ps, byte) in &bytes {
             self.motors_hear(*start_ps, bit_ps, *byte, message.at);
         }
