@@ -8,12 +8,15 @@
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use embassy_futures::select::{Either3, select3};
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::pac::can::Fdcan;
 use embassy_stm32::pac::can::regs::Txbcie;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::CanFrame;
 
 use super::element;
@@ -23,6 +26,7 @@ use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 const DEPTH: usize = 32;
 /// Places that received frames leave free, so that a report of a sent frame is never lost.
 const RESERVED: usize = 4;
+const _: () = assert!(TRANSMIT_SLOTS < RESERVED);
 
 /// The FIFO that every frame goes to.
 pub const FIFO: usize = 0;
@@ -49,6 +53,9 @@ pub enum Happening {
 /// The happenings of one controller.
 pub struct Happenings {
     queue: Channel<CriticalSectionRawMutex, Happening, DEPTH>,
+    /// [`Happening::CancellationFinished`], and [`Happening::ErrorState`]: however often they come, they take no place from a frame.
+    cancellation_finished: Signal<CriticalSectionRawMutex, ()>,
+    error_state: Signal<CriticalSectionRawMutex, ()>,
     /// Received frames lost since the last look, in the controller or here.
     lost: AtomicU32,
 }
@@ -56,18 +63,30 @@ pub struct Happenings {
 impl Happenings {
     /// None yet.
     pub const fn new() -> Self {
-        Self { queue: Channel::new(), lost: AtomicU32::new(0) }
+        Self {
+            queue: Channel::new(),
+            cancellation_finished: Signal::new(),
+            error_state: Signal::new(),
+            lost: AtomicU32::new(0),
+        }
     }
 
     /// Forgets everything.
     pub fn clear(&self) {
         self.queue.clear();
+        self.cancellation_finished.reset();
+        self.error_state.reset();
         self.lost.store(0, Ordering::Relaxed);
     }
 
-    /// Waits for the next happening.
+    /// Waits for the next happening. A frame that is given back makes room for a stop: that comes first.
     pub async fn next(&self) -> Happening {
-        self.queue.receive().await
+        match select3(self.cancellation_finished.wait(), self.queue.receive(), self.error_state.wait()).await
+        {
+            Either3::First(()) => Happening::CancellationFinished,
+            Either3::Second(happening) => happening,
+            Either3::Third(()) => Happening::ErrorState,
+        }
     }
 
     /// How many frames were lost since the last call, at least: the controller says that it lost frames, not how many.
@@ -88,8 +107,14 @@ impl Happenings {
 
     /// Adds a happening of the controller itself.
     pub(super) fn report(&self, happening: Happening) {
-        // Received frames leave room, and the error state is also read every few milliseconds.
-        let _ = self.queue.try_send(happening);
+        match happening {
+            Happening::CancellationFinished => self.cancellation_finished.signal(()),
+            Happening::ErrorState => self.error_state.signal(()),
+            // Received frames leave room for what becomes of ours: as many as there are slots, and one that waits.
+            _ => {
+                let _ = self.queue.try_send(happening);
+            }
+        }
     }
 }
 

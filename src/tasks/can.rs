@@ -6,6 +6,7 @@ use host_protocol::BusState;
 
 use crate::board;
 use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
+use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
 use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
@@ -24,9 +25,15 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
             continue;
         };
         defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, setup.bitrate);
-        CanBus { gateway, bus, controller: port.start(timing), reported: None }
-            .run(setup, &life, &turn)
-            .await;
+        CanBus {
+            gateway,
+            bus,
+            controller: port.start(timing),
+            reported: None,
+            losses: LineErrors::default(),
+        }
+        .run(setup, &life, &turn)
+        .await;
     }
 }
 
@@ -37,6 +44,7 @@ struct CanBus<'d> {
     controller: Controller<'d>,
     /// The error state that the core knows.
     reported: Option<ErrorState>,
+    losses: LineErrors,
 }
 
 impl CanBus<'_> {
@@ -138,10 +146,12 @@ impl CanBus<'_> {
         }
     }
 
-    fn report_losses(&self) {
+    fn report_losses(&mut self) {
         let lost = self.controller.take_lost();
         if lost > 0 {
-            defmt::warn!("bus {=u8}: {=u32} received frames lost", self.bus, lost);
+            if let Some(so_far) = self.losses.add(lost) {
+                defmt::warn!("bus {=u8}: {=u32} received frames lost so far", self.bus, so_far);
+            }
             self.gateway.handle(Event::ReceiveOverflow { bus: self.bus, lost });
         }
     }

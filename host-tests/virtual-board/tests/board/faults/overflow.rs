@@ -33,8 +33,9 @@ pub fn frames_lost_in_the_controller_are_counted_and_nothing_sticks() -> Vec<Rea
     let seen = status.counters.unmatched + status.counters.rejected;
     assert!(seen > 0 && (seen as usize) < FRAMES, "{status:?}");
     let lines = log::take(&mut lab.machine.borrow_mut());
-    let lost =
-        lines.iter().any(|line| line.starts_with("WARN bus 0: ") && line.ends_with("received frames lost"));
+    let lost = lines
+        .iter()
+        .any(|line| line.starts_with("WARN bus 0: ") && line.ends_with("received frames lost so far"));
     assert!(lost, "{lines:?}");
     let epoch = lab.client.arm(RMD).expect("armed").epoch;
     lab.client.set(RMD, epoch, turning(RMD), TTL).expect("taken over");
