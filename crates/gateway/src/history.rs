@@ -165,6 +165,14 @@ mod tests {
         }
     }
 
+    /// Its ordinal number, then the bytes of the host protocol: a trip after start 1, axis 2, `MotorSilent`, 5 µs, 1.5 rad/s.
+    #[test]
+    fn the_words_of_an_incident_are_these() {
+        let words = to_words(7, &tripped(2, TripReason::MotorSilent));
+        assert_eq!(words[..4], [7, 0x0202_0101, 0x0000_0105, 0x0000_3FC0]);
+        assert!(words[4..].iter().all(|word| *word == 0));
+    }
+
     #[test]
     fn the_last_sixteen_are_told_from_the_latest_in_pages() {
         let mut history = History::new();

@@ -366,3 +366,21 @@ fn bus_config(words: &[u32]) -> Option<BusConfig> {
     let protocols = ProtocolSet::from_bits(u8::try_from(protocols).ok()?);
     Some(BusConfig { bitrate, protocols, wholly_ours: wholly_ours != 0, reply_window_us })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::Protocol;
+
+    #[test]
+    fn the_words_of_a_bus_are_these() {
+        let config = BusConfig {
+            bitrate: 1_000_000,
+            protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::D5]),
+            wholly_ours: true,
+            reply_window_us: 5_000,
+        };
+        assert_eq!(bus_words(Some(&config)), [1_000_000, 0b101, 1, 5_000]);
+        assert_eq!(bus_words(None), [0; 4]);
+    }
+}

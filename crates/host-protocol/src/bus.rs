@@ -29,8 +29,6 @@ wire! {
         BootPin,
         /// This revision of the chip can read wrong frames where two CAN controllers run.
         ChipRevision,
-        /// The chip runs without its quartz clock: no CAN bitrate would be within its tolerance.
-        NoQuartz,
     }
 
     /// What a bus of this board can do.

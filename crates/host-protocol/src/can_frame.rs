@@ -159,6 +159,8 @@ impl defmt::Format for CanFrame {
 
 impl MaxSize for CanFrame {
     const MAX_SIZE: usize = u32::MAX_SIZE + <crate::Bytes<MAX_CAN_DATA>>::MAX_SIZE;
+    const LAYOUT: u32 =
+        crate::layout_of("CanFrame id data", &[u32::LAYOUT, <crate::Bytes<MAX_CAN_DATA>>::LAYOUT]);
 }
 
 /// Serialises as a byte string.

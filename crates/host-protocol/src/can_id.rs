@@ -126,6 +126,7 @@ impl defmt::Format for CanId {
 
 impl MaxSize for CanId {
     const MAX_SIZE: usize = u32::MAX_SIZE;
+    const LAYOUT: u32 = crate::layout_of("CanId", &[u32::LAYOUT]);
 }
 
 impl Serialize for CanId {

@@ -67,7 +67,7 @@ pub use parameters::{
 };
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
 pub use requests::Member;
-pub use size::MaxSize;
+pub use size::{MaxSize, layout_of};
 pub use text::{Bytes, Text, Vec};
 pub use value::{Quantity, Value};
 

@@ -92,6 +92,7 @@ macro_rules! numbered {
 
         impl MaxSize for $name {
             const MAX_SIZE: usize = u8::MAX_SIZE;
+            const LAYOUT: u32 = crate::layout_of(stringify!($name $($variant $number)+), &[]);
         }
     };
 }
@@ -192,6 +193,7 @@ macro_rules! set_of {
 
         impl MaxSize for $set {
             const MAX_SIZE: usize = u8::MAX_SIZE;
+            const LAYOUT: u32 = crate::layout_of(stringify!($set), &[$item::LAYOUT]);
         }
     };
 }

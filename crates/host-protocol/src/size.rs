@@ -9,6 +9,36 @@ use crate::text::{Text, Vec};
 pub trait MaxSize {
     /// Bytes.
     const MAX_SIZE: usize;
+    /// A number that another declaration changes: the names, the order and the types of its fields and variants, and theirs in turn.
+    /// What stores such values knows by it whether a value was stored by the same declaration.
+    const LAYOUT: u32;
+}
+
+/// FNV-1a, 32 bits.
+const FNV_OFFSET: u32 = 0x811C_9DC5;
+const FNV_PRIME: u32 = 0x0100_0193;
+
+/// A number for a declaration: its text, and the numbers of the types in it.
+#[must_use]
+pub const fn layout_of(text: &str, parts: &[u32]) -> u32 {
+    let mut hash = FNV_OFFSET;
+    let mut bytes = text.as_bytes();
+    while let [byte, rest @ ..] = bytes {
+        hash = (hash ^ *byte as u32).wrapping_mul(FNV_PRIME);
+        bytes = rest;
+    }
+    let mut rest = parts;
+    while let [part, others @ ..] = rest {
+        hash = (hash ^ *part).wrapping_mul(FNV_PRIME);
+        rest = others;
+    }
+    hash
+}
+
+/// A length among the numbers of [`layout_of`].
+#[expect(clippy::cast_possible_truncation, reason = "lengths of messages")]
+const fn length(count: usize) -> u32 {
+    count as u32
 }
 
 /// Bits of payload in one byte of a postcard varint.
@@ -34,7 +64,10 @@ pub(crate) const fn largest(sizes: &[usize]) -> usize {
 }
 
 macro_rules! fixed_sizes {
-    ($($type:ty: $size:expr),* $(,)?) => { $(impl MaxSize for $type { const MAX_SIZE: usize = $size; })* };
+    ($($type:ty: $size:expr),* $(,)?) => { $(impl MaxSize for $type {
+            const MAX_SIZE: usize = $size;
+            const LAYOUT: u32 = layout_of(stringify!($type), &[]);
+        })* };
 }
 
 fixed_sizes! {
@@ -50,22 +83,27 @@ fixed_sizes! {
 
 impl<T: MaxSize> MaxSize for Option<T> {
     const MAX_SIZE: usize = 1 + T::MAX_SIZE;
+    const LAYOUT: u32 = layout_of("option", &[T::LAYOUT]);
 }
 
 impl<const N: usize> MaxSize for [u32; N] {
     const MAX_SIZE: usize = N * u32::MAX_SIZE;
+    const LAYOUT: u32 = layout_of("array", &[u32::LAYOUT, length(N)]);
 }
 
 impl<const N: usize> MaxSize for [u8; N] {
     const MAX_SIZE: usize = N;
+    const LAYOUT: u32 = layout_of("array", &[u8::LAYOUT, length(N)]);
 }
 
 impl<T: MaxSize, const N: usize> MaxSize for Vec<T, N> {
     const MAX_SIZE: usize = varint_size(N) + N * T::MAX_SIZE;
+    const LAYOUT: u32 = layout_of("list", &[T::LAYOUT, length(N)]);
 }
 
 impl<const N: usize> MaxSize for Text<N> {
     const MAX_SIZE: usize = varint_size(N) + N;
+    const LAYOUT: u32 = layout_of("text", &[length(N)]);
 }
 
 /// Defines types of the wire: the derives that all of them have, and [`MaxSize`] from the same list of
@@ -84,6 +122,10 @@ macro_rules! wire {
 
         impl $crate::MaxSize for $name {
             const MAX_SIZE: usize = 0 $(+ <$type as $crate::MaxSize>::MAX_SIZE)*;
+            const LAYOUT: u32 = $crate::size::layout_of(
+                stringify!($name $($field)*),
+                &[$(<$type as $crate::MaxSize>::LAYOUT),*],
+            );
         }
 
         $crate::size::wire! { $($rest)* }
@@ -115,6 +157,10 @@ macro_rules! wire {
                 ];
                 $crate::size::varint_size(variants.len() - 1) + $crate::size::largest(&variants)
             };
+            const LAYOUT: u32 = $crate::size::layout_of(
+                stringify!($name $($variant $(($($inner),+))? $({ $($field)+ })?)+),
+                &[$($($(<$inner as $crate::MaxSize>::LAYOUT,)+)? $($(<$type as $crate::MaxSize>::LAYOUT,)+)?)+],
+            );
         }
 
         $crate::size::wire! { $($rest)* }
@@ -133,6 +179,50 @@ mod tests {
             assert_eq!(varint_size(value), size, "{value}");
         }
         assert_eq!((u16::MAX_SIZE, u32::MAX_SIZE, u64::MAX_SIZE, i32::MAX_SIZE), (3, 5, 10, 5));
+    }
+
+    #[test]
+    fn another_declaration_has_another_layout() {
+        mod first {
+            crate::size::wire! {
+                /// A.
+                pub struct A { /// 1.
+                    pub x: u8, /// 2.
+                    pub y: u16 }
+                /// B.
+                pub enum B { /// 1.
+                    P, /// 2.
+                    Q { /// The value.
+                        a: super::Inner } }
+            }
+        }
+        mod second {
+            crate::size::wire! {
+                /// A.
+                pub struct A { /// 2.
+                    pub y: u16, /// 1.
+                    pub x: u8 }
+                /// B.
+                pub enum B { /// 2.
+                    Q { /// The value.
+                        a: super::Inner }, /// 1.
+                    P }
+            }
+        }
+        assert_ne!(first::A::LAYOUT, second::A::LAYOUT);
+        assert_ne!(first::B::LAYOUT, second::B::LAYOUT);
+        // What a type is made of counts too.
+        assert_ne!(layout_of("Q a", &[u8::LAYOUT]), layout_of("Q a", &[u16::LAYOUT]));
+        assert_ne!(<Option<u8>>::LAYOUT, u8::LAYOUT);
+        assert_ne!(<[u8; 2]>::LAYOUT, <[u8; 3]>::LAYOUT);
+    }
+
+    wire! {
+        /// Inside of others.
+        pub struct Inner {
+            /// A value.
+            pub value: u8,
+        }
     }
 
     #[test]

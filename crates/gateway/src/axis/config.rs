@@ -286,6 +286,26 @@ mod tests {
         assert!(AxisConfig::from_words(&words).is_err());
     }
 
+    /// Another image reads them: which parameters are set, then one word for each.
+    #[test]
+    fn the_words_of_a_configuration_are_these() {
+        let mut config = AxisConfig::new();
+        for (parameter, value) in [
+            (AxisParameter::Bus, Value::Unsigned(1)),
+            (AxisParameter::Protocol, Value::Unsigned(3)),
+            (AxisParameter::Node, Value::Unsigned(11)),
+            (AxisParameter::Direction, Value::Signed(-1)),
+            (AxisParameter::StopAction, Value::Unsigned(2)),
+            (AxisParameter::StandstillRadS, Value::Float(0.5)),
+        ] {
+            config.set(parameter, value).unwrap();
+        }
+        let words = config.to_words();
+        let (begin, rest) = words.split_at(13);
+        assert_eq!(begin, [0x41F, 0, 1, 3, 11, 0xFFFF_FFFF, 2, 0, 0, 0, 0, 0, 0x3F00_0000]);
+        assert!(rest.iter().all(|word| *word == 0));
+    }
+
     #[test]
     fn a_refused_value_changes_nothing() {
         let mut config = AxisConfig::new();

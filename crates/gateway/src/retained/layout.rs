@@ -7,13 +7,49 @@ use super::states::STATES_WORDS;
 use super::{AXIS_WORDS, BUS_WORDS};
 use crate::history::{INCIDENT_WORDS, INCIDENTS};
 use crate::{MAX_AXES, MAX_BUSES};
+use host_protocol::{AxisParameter, BusConfig, Incident, MaxSize, layout_of};
 
 /// Slots in all.
 pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
 
-/// What memory begins with that this layout was written to. The last word is to be changed with the layout, so that another firmware's words count
-/// as none. One word may be damaged: memory that has lost its power does not have two of them by chance.
-const MARK: [u32; 3] = [0x4D47_5752, 0xB2B8_A8AD, 3];
+/// What memory begins with that this layout was written to. Two words name it, so that the words of another firmware count as none: they
+/// follow from the declarations. One word may be damaged: memory that has lost its power does not have two of them by chance.
+const MARK: [u32; 3] = [0x4D47_5752, LAYOUT, !LAYOUT];
+
+/// Changed by hand where words get another meaning and every declaration stays as it is.
+const MEANING: u32 = 4;
+
+/// Names the words: how many slots there are of each kind, and what is in one.
+const LAYOUT: u32 = layout_of(
+    "slots: states, axes, buses, incidents",
+    &[
+        MEANING,
+        count(STATES_WORDS),
+        count(MAX_AXES),
+        parameters(),
+        count(MAX_BUSES),
+        BusConfig::LAYOUT,
+        count(INCIDENTS),
+        Incident::LAYOUT,
+    ],
+);
+
+#[allow(clippy::cast_possible_truncation, reason = "words of a memory of some KiB")]
+const fn count(words: usize) -> u32 {
+    words as u32
+}
+
+/// The words of an axis: one for each parameter, by its number and the kind of its value.
+const fn parameters() -> u32 {
+    let mut layout = count(AXIS_WORDS);
+    let mut rest = AxisParameter::ALL;
+    while let [parameter, others @ ..] = rest {
+        layout = layout_of(parameter.info().kind.name(), &[layout, parameter.number() as u32]);
+        rest = others;
+    }
+    layout
+}
+
 /// Words of [`MARK`] that must be right.
 const MARK_QUORUM: usize = 2;
 /// Where the number of the slot that is being written lies, from 1; 0 while none is.
@@ -95,7 +131,7 @@ mod tests {
         assert!(!is_ours(&words));
         make_ours(&mut |index, word| words[index] = word);
         assert!(is_ours(&words));
-        assert_eq!(words[..4], [0x4D47_5752, 0xB2B8_A8AD, 3, 0]);
+        assert_eq!(words[..4], [0x4D47_5752, LAYOUT, !LAYOUT, 0]);
         for index in 0..3 {
             let mut damaged = words;
             damaged[index] ^= 1 << 9;

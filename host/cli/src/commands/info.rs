@@ -88,7 +88,6 @@ fn bus_limit(limit: BusLimit) -> &'static str {
             "bus 1 is off: with two CAN controllers this chip can read wrong frames; \
              buy one of revision V (NUCLEO-H743ZI2)"
         }
-        BusLimit::NoQuartz => "CAN is off: the chip runs without its quartz clock (ST-LINK without power?)",
     }
 }
 
