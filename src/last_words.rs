@@ -21,6 +21,9 @@ const TEXT: usize = 3;
 /// "LAST", in the order of the bytes in RAM.
 const RECORDED: u32 = u32::from_le_bytes(*b"LAST");
 
+/// What a run without configuration begins its text with.
+const NO_CONFIGURATION: &str = "started without configuration, as start after start has failed: ";
+
 /// Bit by bit: it is needed once in a run at most.
 static CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
 
@@ -76,7 +79,8 @@ pub fn keep(write: impl FnOnce(&mut Text) -> fmt::Result) {
 
 /// Takes what the run before this one has left: its last words, or who failed to show life where the watchdog ended it. Empty
 /// if it left nothing. Once, when the retained RAM has been started.
-pub fn take(boot: BootReason) -> &'static str {
+/// A run without configuration, after many that failed, says so first.
+pub fn take(boot: BootReason, is_bare: bool) -> &'static str {
     static LAST: StaticCell<Text> = StaticCell::new();
     let mut text = recorded().unwrap_or(const { Text::new() });
     if text.length == 0 && boot == BootReason::Watchdog {
@@ -85,6 +89,11 @@ pub fn take(boot: BootReason) -> &'static str {
     retained::write(LAST_WORDS, MAGIC, 0);
     watchdog::forget();
     retained::close();
+    if is_bare {
+        let last = core::mem::replace(&mut text, Text::new());
+        // An error says that it was cut.
+        let _ = write!(text, "{NO_CONFIGURATION}{}", last.as_str());
+    }
     LAST.init(text).as_str()
 }
 

@@ -22,6 +22,8 @@ mod retained;
 #[cfg(target_os = "none")]
 mod shared_gateway;
 #[cfg(target_os = "none")]
+mod starts;
+#[cfg(target_os = "none")]
 mod tasks;
 #[cfg(target_os = "none")]
 mod turn;
@@ -40,9 +42,11 @@ async fn main(spawner: embassy_executor::Spawner) {
     usb::bootloader::start_if_asked_for(boot);
     watchdog::start();
     let words = retained::start(boot);
+    let is_bare = starts::count(boot);
+    let words = if is_bare { words.without_the_run_before() } else { words };
     // Not before the retained RAM can be read: a reset in between must find the same reason.
     board::forget_boot_reason();
-    let last_words = last_words::take(boot);
+    let last_words = last_words::take(boot, is_bare);
     let (description, ports) = board::start(boot, last_words);
     defmt::info!(
         "motor gateway {=str}, build {=str}, on {=str}, started by {}",
@@ -54,8 +58,13 @@ async fn main(spawner: embassy_executor::Spawner) {
     if !last_words.is_empty() {
         defmt::error!("the run before this one ended: {=str}", last_words);
     }
+    if is_bare {
+        defmt::error!(
+            "start after start has failed: this run is without configuration, the enable output off"
+        );
+    }
     // Where there is none, nothing is armed, and the core says so.
-    let gateway = SharedGateway::place(description, random::number(), words);
+    let gateway = SharedGateway::place(description, random::number(), words, is_bare);
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
     spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));

@@ -13,6 +13,7 @@ use gateway::RETAINED_WORDS;
 use host_protocol::BootReason;
 
 use crate::last_words::RECORD_WORDS;
+use crate::starts::START_WORDS;
 use crate::watchdog::LIFE_WORDS;
 
 /// A part of this RAM.
@@ -27,8 +28,10 @@ const CORE: Area = Area { first: 0, words: RETAINED_WORDS };
 pub const LAST_WORDS: Area = Area { first: RETAINED_WORDS, words: RECORD_WORDS };
 /// Who showed life.
 pub const LIFE: Area = Area { first: LAST_WORDS.first + RECORD_WORDS, words: LIFE_WORDS };
+/// Starts that failed early.
+pub const STARTS: Area = Area { first: LIFE.first + LIFE_WORDS, words: START_WORDS };
 /// The word that closes a group of writes, with a neighbour: no other word shares the 64 bits that it may be protected with.
-const CLOSING: usize = (LIFE.first + LIFE_WORDS).next_multiple_of(2);
+const CLOSING: usize = (STARTS.first + START_WORDS).next_multiple_of(2);
 const WORDS: usize = CLOSING + 2;
 
 #[repr(C, align(8))]
@@ -95,6 +98,11 @@ impl CoreWords {
         let kept = if self.kept { RETAINED_WORDS } else { 0 };
         // Safety: the words are part of the static, have been written, and only the owner writes them.
         unsafe { core::slice::from_raw_parts(pointer(CORE, 0), kept) }
+    }
+
+    /// The same without what the run before has left.
+    pub fn without_the_run_before(self) -> Self {
+        Self { kept: false }
     }
 
     /// Writes a word, beyond the end nothing. To be closed.

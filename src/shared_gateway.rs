@@ -40,12 +40,14 @@ pub struct SharedGateway {
     /// The next deadline, when it has been worked out.
     due: Signal<Guard, Option<embassy_time::Instant>>,
     log: Changed,
+    /// This run knows no motor that a run before may have left turning: the enable output stays inactive.
+    is_bare: bool,
 }
 
 impl SharedGateway {
     /// Puts the gateway of this board in its place, with what the run before has left; once.
     #[inline(never)]
-    pub fn place(board: Board, random_number: Option<u32>, kept: CoreWords) -> &'static Self {
+    pub fn place(board: Board, random_number: Option<u32>, kept: CoreWords, is_bare: bool) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
@@ -57,6 +59,7 @@ impl SharedGateway {
             deadline: Signal::new(),
             due: Signal::new(),
             log: Signal::new(),
+            is_bare,
         });
         shared.with(|core, now| {
             core.equip();
@@ -92,7 +95,7 @@ impl SharedGateway {
             self.storing(|store| core.handle(now, event, store));
             core.enable_output()
         });
-        board::set_enable_output(enabled);
+        board::set_enable_output(enabled && !self.is_bare);
         // Among equals the executor takes first what was woken last.
         [&self.log, &self.deadline]
             .into_iter()

@@ -1,8 +1,8 @@
 //! Feeds the watchdog while everybody who is watched shows life.
 
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Duration, Instant, Ticker};
 
-use crate::watchdog;
+use crate::{starts, watchdog};
 
 /// How often everybody has to come round, and the watchdog is fed.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -14,6 +14,7 @@ const NOTED_AFTER: u32 = 3;
 pub async fn supervisor() -> ! {
     let mut ticker = Ticker::every(PERIOD);
     let mut late = 0;
+    let mut lasts = false;
     loop {
         match watchdog::missing() {
             0 => {
@@ -29,6 +30,10 @@ pub async fn supervisor() -> ! {
                     watchdog::note_missing(missing);
                 }
             }
+        }
+        if !lasts && Instant::now() >= Instant::MIN + starts::LASTED {
+            lasts = true;
+            starts::lasted();
         }
         watchdog::pulse().await;
         ticker.next().await;
