@@ -237,15 +237,15 @@ impl Receiver {
         Ok(length)
     }
 
-    /// Waits for bytes, until those that have come want to be read, and takes as much as fits. Bears being dropped.
+    /// Waits for bytes, until those that have come want to be read, and takes as much as fits; nothing where there was only an error.
+    /// Bears being dropped.
     pub async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
-        loop {
-            match self.take(bytes) {
-                Ok(0) => {}
-                result => return result,
-            }
-            self.wait().await;
+        match self.take(bytes) {
+            Ok(0) => {}
+            result => return result,
         }
+        self.wait().await;
+        self.take(bytes)
     }
 
     /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is woken by another one's event, it looks

@@ -15,6 +15,8 @@ const CHUNK: usize = 128;
 /// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less than a ring holds.
 const REST: Duration = Duration::from_millis(1);
 
+/// Line errors without a byte after which a ring counts as stuck.
+const SILENT_ERRORS: u32 = 16;
 /// What frames of the host protocol end with.
 const DELIMITER: u8 = 0;
 
@@ -25,18 +27,21 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
     let turn = Turn::of(Urgency::Demand).await;
     let mut chunk = [0; CHUNK];
     let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
-    let mut heard = 0;
+    let (mut heard, mut silent_errors) = (0, 0);
     loop {
         let new_errors = line.events.take_errors();
         if let Some(so_far) = errors.add(new_errors) {
             defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
         }
-        // Nothing but errors for a pulse, not even wrong bytes: the ring no longer takes what comes.
-        if new_errors > 0 && line.events.heard() == heard {
+        let before = core::mem::replace(&mut heard, line.events.heard());
+        silent_errors = if heard == before { silent_errors + new_errors } else { 0 };
+        // Nothing but errors, not even wrong bytes: the ring no longer takes what comes.
+        if silent_errors >= SILENT_ERRORS {
+            silent_errors = 0;
             line.events.ask_for_restart();
         }
-        heard = line.events.heard();
         match turn.wait(life.alive(line.read(&mut chunk))).await {
+            Some(Ok(0)) | None => {}
             Some(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 gateway.handle(Event::HostBytes { link, bytes });
@@ -55,7 +60,6 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
                 turn.end().await;
             }
-            None => {}
         }
     }
 }

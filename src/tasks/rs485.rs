@@ -54,6 +54,7 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
             defmt::warn!("bus {=u8}: {=u32} line errors so far", bus, so_far);
         }
         match result {
+            Ok(0) => {}
             Ok(length) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 defmt::trace!("bus {=u8}: heard {=[u8]:02x}", bus, bytes);
