@@ -142,8 +142,7 @@ impl Axis {
             Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false, output_on });
         match kind {
             JobKind::Arm { .. } => self.enter(AxisState::Arming, out),
-            // Until the motor has answered it may have the one or the other.
-            JobKind::Provision { .. } => self.forget_motor_timeout(),
+            JobKind::Provision { timeout_ms } => self.provisioning(timeout_ms),
             _ => {}
         }
         if self.pass_over_steps() {

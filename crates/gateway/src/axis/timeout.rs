@@ -74,6 +74,14 @@ impl Axis {
         }
     }
 
+    /// The motor is about to be told a timeout. Until it has answered it may have the one or the other; none, where that is one of them.
+    pub(super) fn provisioning(&mut self, timeout_ms: u32) {
+        self.forget_motor_timeout();
+        if is_as_good_as_none(timeout_ms) {
+            self.motor_timeout = MotorTimeout::Off;
+        }
+    }
+
     /// The motor has taken a timeout. That of a D5 has a length of its own, and its switch has been read back; others count the
     /// time given.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
@@ -81,7 +89,7 @@ impl Axis {
         self.motor_timeout = match (timeout_ms, self.config.protocol()) {
             (0, _) => MotorTimeout::Off,
             (_, Some(Protocol::D5)) => MotorTimeout::Verified,
-            (too_long, _) if too_long > LONGEST_TIMEOUT_MS => MotorTimeout::Off,
+            (other, _) if is_as_good_as_none(other) => MotorTimeout::Off,
             _ => {
                 self.written_timeout_ms = timeout_ms;
                 self.is_unsaved = true;
@@ -108,7 +116,7 @@ impl Axis {
             self.set_restart_owed(true);
         }
         let timeout_ms = word & !RESTART_OWED;
-        if timeout_ms == 0 || timeout_ms > LONGEST_TIMEOUT_MS {
+        if is_as_good_as_none(timeout_ms) {
             return;
         }
         self.written_timeout_ms = timeout_ms;
@@ -137,4 +145,9 @@ impl Axis {
     fn stores_its_timeout(&self) -> bool {
         self.config.protocol().is_some_and(motor::stores_its_timeout)
     }
+}
+
+/// Whether a timeout, ms, is off or acts too late.
+fn is_as_good_as_none(timeout_ms: u32) -> bool {
+    timeout_ms == 0 || timeout_ms > LONGEST_TIMEOUT_MS
 }

@@ -63,6 +63,17 @@ fn a_timeout_that_cannot_act_within_60_s_counts_as_off() {
     assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
 }
 
+/// RMD V3.6 §2.30, thruster manual §2.2: the motor may have carried out what it did not answer.
+#[test]
+fn a_timeout_whose_end_is_not_answered_counts_as_off() {
+    for (mut rig, write) in [(bench::rmd_with_timeout(400).0, "141#B3"), (bench::thruster().0, "30B#5354")] {
+        rig.instead(move |text| if text.starts_with(write) { Instead::Nothing } else { Instead::AsUsual });
+        assert!(provision(&mut rig, 0).is_err());
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+        assert_eq!(arm_allowing(&mut rig, true, false), Err(Error::MotorTimeoutOff { axis: 0 }));
+    }
+}
+
 #[test]
 fn a_thruster_that_was_silent_for_1_s_is_told_again_when_it_is_armed() {
     let (mut rig, _) = bench::thruster();
