@@ -28,6 +28,7 @@ mod element;
 mod errors;
 mod event_fifo;
 mod filter;
+pub(crate) mod fixed_layout;
 mod interrupts;
 mod node;
 mod registers;
@@ -45,12 +46,14 @@ pub use wire::{FrameEnd, FrameRecord, Sender};
 use rigless::chip::can;
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::snapshot::store;
-use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::fdcan1::Register;
+use rigless::soc::{Layout, RegisterSpec, Width};
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::message_ram::MessageRam;
+use crate::row::Row;
 use controller::{Activity, Controller};
+use fixed_layout::FixedLayout;
 use interrupts::LINES;
 use wire::Wire;
 
@@ -61,15 +64,24 @@ pub struct Fdcan {
     wire: Wire,
     /// The levels that the interrupt lines were last driven to.
     driven: [bool; LINES],
+    /// Where the message RAM is laid out for good: other registers.
+    fixed: Option<FixedLayout>,
 }
 
-store!(Fdcan { values: [driven], parts: [controller, wire], built: [] });
+store!(Fdcan { values: [driven], parts: [controller, wire], built: [fixed] });
 
 impl Fdcan {
     /// Out of reset, with nobody else on its bus, over the message RAM.
     #[must_use]
     pub fn new(ram: MessageRam) -> Self {
-        Self { controller: Controller::new(ram), wire: Wire::new(), driven: [false; LINES] }
+        Self { controller: Controller::new(ram), wire: Wire::new(), driven: [false; LINES], fixed: None }
+    }
+
+    /// The same of an STM32G4, with its part of the message RAM.
+    pub(crate) fn with_fixed_layout(ram: MessageRam, layout: FixedLayout) -> Self {
+        let mut fdcan = Self { fixed: Some(layout), ..Self::new(ram) };
+        Device::reset(&mut fdcan);
+        fdcan
     }
 
     /// Hangs a node on the bus. `bitrate`: bits per second at which it runs, `None` for the controller's own.
@@ -129,6 +141,14 @@ impl Fdcan {
         if self.controller.is_on() { self.wire.activity() } else { Activity::Synchronizing }
     }
 
+    fn write_word(&mut self, row: Row, value: u32, context: &mut DeviceContext<'_>) {
+        if let Some(fixed) = self.fixed {
+            fixed.write(row.0, value, &mut self.controller, context);
+        } else if let Some(register) = Register::from_index(row.0) {
+            self.controller.write(register, value, context);
+        }
+    }
+
     /// Carries out what is due, schedules what comes, and drives the interrupt lines.
     fn advance(&mut self, context: &mut DeviceContext<'_>) {
         let now = context.now();
@@ -162,36 +182,35 @@ impl Fdcan {
 }
 
 impl Device for Fdcan {
-    type Register = Register;
+    type Register = Row;
 
-    fn read(
-        &mut self,
-        register: Register,
-        _: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
+    fn layout(&self) -> &'static [RegisterSpec] {
+        self.fixed.map_or(Register::REGISTERS, |fixed| fixed.table)
+    }
+
+    fn read(&mut self, row: Row, _: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64> {
         if context.access_width() != Some(Width::W32) {
             context.tell("FDCAN", "a register read otherwise than as a word");
         }
         let activity = self.activity();
-        Some(self.controller.read(register, context.now(), activity).into())
+        let value = match self.fixed {
+            Some(fixed) => fixed.read(row.0, &mut self.controller, context.now(), activity),
+            None => self.controller.read(Register::from_index(row.0)?, context.now(), activity),
+        };
+        Some(value.into())
     }
 
-    fn peek(&self, register: Register, _: &RegisterFile, now: VirtualNanos) -> Option<u64> {
-        Some(self.controller.peek(register, now, self.activity()).into())
+    fn peek(&self, row: Row, _: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        let value = match self.fixed {
+            Some(fixed) => fixed.peek(row.0, &self.controller, now, self.activity()),
+            None => self.controller.peek(Register::from_index(row.0)?, now, self.activity()),
+        };
+        Some(value.into())
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        _: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write(&mut self, row: Row, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         match u32::try_from(value) {
-            Ok(value) if context.access_width() == Some(Width::W32) => {
-                self.controller.write(register, value, context);
-            }
+            Ok(value) if context.access_width() == Some(Width::W32) => self.write_word(row, value, context),
             _ => context.tell("FDCAN", "a register written otherwise than as a word"),
         }
         self.advance(context);
@@ -214,6 +233,9 @@ impl Device for Fdcan {
 
     fn reset(&mut self) {
         self.controller.reset();
+        if let Some(fixed) = self.fixed {
+            fixed.lay_out(&mut self.controller);
+        }
         self.driven = [false; LINES];
     }
 

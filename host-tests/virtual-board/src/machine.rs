@@ -37,8 +37,8 @@ use rigless::soc::Width;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
+use crate::chip::Chip;
 use crate::fdcan::{Fdcan, Wiring};
-use crate::part::Part;
 use crate::serial_port::FarEnd;
 use core_thread::CoreThread;
 use names::Names;
@@ -120,24 +120,24 @@ impl Machine {
 
     /// The part with every model.
     #[must_use]
-    pub fn part(&self) -> &Part {
+    pub fn part(&self) -> &Chip {
         self.core.part()
     }
 
     /// The part with every model. What is changed here acts when the machine runs on.
-    pub fn part_mut(&mut self) -> &mut Part {
+    pub fn part_mut(&mut self) -> &mut Chip {
         self.core.part_mut()
     }
 
     /// A CAN controller with its bus.
     #[must_use]
     pub fn can(&self, port: CanPort) -> &Fdcan {
-        &self.part().fdcan[port.index()]
+        self.part().fdcan(port.index())
     }
 
     /// A CAN controller with its bus.
     pub fn can_mut(&mut self, port: CanPort) -> &mut Fdcan {
-        &mut self.part_mut().fdcan[port.index()]
+        self.part_mut().fdcan_mut(port.index())
     }
 
     /// Cuts a bus's cable at the controller, shorts it, or mends it.
@@ -161,18 +161,18 @@ impl Machine {
     ///
     /// Never: the handle comes from hanging it there.
     pub fn line<P: FarEnd>(&mut self, line: Line<P>) -> &mut P {
-        let port = &mut self.part_mut().serial[line.port().index()];
+        let port = self.part_mut().serial_mut(line.port().index());
         port.peer_mut().expect("the far end that was hung here")
     }
 
     /// Cuts a serial line, both ways, or mends it.
     pub fn silence_line(&mut self, port: UartPort, silent: bool) {
-        self.part_mut().serial[port.index()].silence(silent);
+        self.part_mut().serial_mut(port.index()).silence(silent);
     }
 
     /// How a serial line garbles what arrives at the board: rates and seed, to be set.
     pub fn line_errors(&mut self, port: UartPort) -> &mut uart::Errors {
-        self.part_mut().serial[port.index()].errors_mut()
+        self.part_mut().serial_mut(port.index()).errors_mut()
     }
 
     /// What the emulator could not stand in for, and the resets, since the board was switched on.

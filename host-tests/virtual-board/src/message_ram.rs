@@ -87,7 +87,7 @@ impl Disturbance {
     fn read(&mut self, word: u32) -> u32 {
         let before = std::mem::replace(&mut self.before, word);
         self.reads += u64::from(self.active);
-        if self.active && self.reads % DISTURBED_PERIOD == 0 {
+        if self.active && self.reads.is_multiple_of(DISTURBED_PERIOD) {
             self.wrong += u64::from(before != word);
             return before;
         }

@@ -6,7 +6,6 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32h743::Stm32h743;
 use rigless::soc::stm32h743::generated::dbgmcu::Register as DebugRegister;
-use rigless::soc::stm32h743::generated::gpioa::Register as PortRegister;
 use rigless::soc::stm32h743::generated::rcc::Register as ClockRegister;
 use rigless::soc::stm32h743::peripherals::gpio::PORTS;
 use rigless::soc::{Bus, Error};
@@ -16,7 +15,6 @@ use crate::crs::{self, Crs};
 use crate::fdcan::Fdcan;
 use crate::iwdg::Iwdg;
 use crate::message_ram::{MessageRam, MessageRamWindow};
-use crate::pins::Driven;
 use crate::revision::{Interconnect, Revision};
 use crate::serial_port::SerialPort;
 use crate::usb::{self, Usb};
@@ -142,23 +140,6 @@ impl Part {
     /// The registers of a port of pins.
     pub(crate) fn port_registers(&self, port: usize) -> &RegisterFile {
         self.stm32.bus().slots()[self.slots.gpio[port]].registers()
-    }
-
-    /// What the firmware drives on the general-purpose outputs of a port.
-    pub(crate) fn driven(&self, port: usize) -> Driven {
-        let registers = self.port_registers(port);
-        let [modes, types, levels] = [PortRegister::Moder, PortRegister::Otyper, PortRegister::Odr]
-            .map(|register| registers.get(register));
-        let mut driven = Driven::default();
-        for pin in 0..16 {
-            let bit = |word: u64| word >> pin & 1 == 1;
-            // An open drain that is high drives nothing.
-            if modes >> (2 * pin) & 3 == 1 && !(bit(types) && bit(levels)) {
-                driven.outputs |= 1 << pin;
-                driven.high |= u16::from(bit(levels)) << pin;
-            }
-        }
-        driven
     }
 
     /// Cuts the supply at an instant, or gives it back.

@@ -7,12 +7,12 @@ use rigless::soc::stm32h743::peripherals::gpio::PORTS;
 use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
+use crate::chip::Chip;
 use crate::nodes::since_start;
-use crate::part::Part;
 
 /// Addresses of the first port's registers, and from one port to the next (RM0433 §2.3).
-const FIRST_PORT: u64 = 0x5802_0000;
-const PORT_BYTES: u64 = 0x400;
+pub(crate) const FIRST_PORT: u64 = 0x5802_0000;
+pub(crate) const PORT_BYTES: u64 = 0x400;
 
 /// A port of sixteen pins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,15 +96,9 @@ pub(crate) struct OutputLog {
 }
 
 impl OutputLog {
-    /// The port whose register is at that address.
-    pub(crate) fn port_at(address: u64) -> Option<usize> {
-        let port = usize::try_from(address.checked_sub(FIRST_PORT)? / PORT_BYTES).ok()?;
-        (port < PORTS.len()).then_some(port)
-    }
-
     /// Looks at a port, after whatever may have changed it.
-    pub(crate) fn look(&mut self, part: &Part, port: usize, at: VirtualNanos) {
-        let (before, now) = (self.now[port], part.driven(port));
+    pub(crate) fn look(&mut self, chip: &Chip, port: usize, at: VirtualNanos) {
+        let (before, now) = (self.now[port], chip.driven(port));
         self.now[port] = now;
         for pin in 0..16 {
             let level = now.level(pin);
@@ -115,8 +109,8 @@ impl OutputLog {
     }
 
     /// Looks at every port.
-    pub(crate) fn look_at_all(&mut self, part: &Part, at: VirtualNanos) {
-        (0..PORTS.len()).for_each(|port| self.look(part, port, at));
+    pub(crate) fn look_at_all(&mut self, chip: &Chip, at: VirtualNanos) {
+        (0..chip.ports()).for_each(|port| self.look(chip, port, at));
     }
 
     /// The changes of one pin.

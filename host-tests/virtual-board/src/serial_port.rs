@@ -10,6 +10,7 @@
 //! - a framing error in a word of the far end's choice ([`FarEnd::damages`]).
 //! - the far end's events survive a reset of the port alone, as by a bit in the RCC.
 
+mod low_power;
 mod settings;
 
 pub use settings::{DriverEnable, Settings};
@@ -21,6 +22,8 @@ use rigless::snapshot::store;
 use rigless::soc::stm32h743::generated::usart1::{Register, cr1, cr2, cr3, icr, isr};
 use rigless::soc::stm32h743::peripherals::usart::{DEFAULT_KERNEL_HZ, Usart};
 use rigless::time::{EventId, VirtualNanos};
+
+use low_power::LowPower;
 
 /// Position of the port's only interrupt.
 const INTERRUPT: usize = 0;
@@ -65,13 +68,19 @@ pub struct SerialPort {
     hooks: Option<Hooks>,
     settings: Settings,
     kernel_hz: u64,
+    /// Set where the port is an LPUART.
+    low_power: Option<LowPower>,
     /// CMF.
     matched: bool,
     /// The interrupt is raised for CMF.
     raised: bool,
 }
 
-store!(SerialPort { values: [settings, kernel_hz, matched, raised], parts: [usart], built: [hooks] });
+store!(SerialPort {
+    values: [settings, kernel_hz, low_power, matched, raised],
+    parts: [usart],
+    built: [hooks]
+});
 
 impl Default for SerialPort {
     fn default() -> Self {
@@ -88,9 +97,16 @@ impl SerialPort {
             hooks: None,
             settings: Settings::default(),
             kernel_hz: DEFAULT_KERNEL_HZ,
+            low_power: None,
             matched: false,
             raised: false,
         }
+    }
+
+    /// An LPUART: the same but for its divider.
+    #[must_use]
+    pub fn low_power() -> Self {
+        Self { low_power: Some(LowPower::default()), ..Self::new() }
     }
 
     /// Hangs a far end on the port, in place of what was there.
@@ -215,6 +231,7 @@ impl Device for SerialPort {
     }
 
     fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        let hz = self.low_power.as_mut().map_or(hz, |low_power| low_power.follow(hz));
         self.kernel_hz = hz;
         self.tell_settings(Settings::of(registers, hz));
         self.usart.on_clock(hz, registers, context);
@@ -227,6 +244,9 @@ impl Device for SerialPort {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
+        if let (Register::Brr, Some(low_power)) = (register, self.low_power) {
+            return Some(low_power.divider());
+        }
         let unread = isr::RXNE.is_set(registers.get(Register::Isr));
         let answer = self.usart.read(register, registers, context);
         if register == Register::Rdr {
@@ -250,6 +270,16 @@ impl Device for SerialPort {
         if register == Register::Icr && icr::CMCF.is_set(value) {
             self.matched = false;
         }
+        let value = match &mut self.low_power {
+            Some(low_power) if register == Register::Brr => {
+                let hz = low_power.divide_by(value);
+                self.kernel_hz = hz;
+                registers.set(register, low_power::DIVIDER);
+                self.usart.on_clock(hz, registers, context);
+                low_power::DIVIDER
+            }
+            _ => value,
+        };
         // First, so that what the port is told now is true of the words that follow.
         self.tell_settings(Settings::of(registers, self.kernel_hz));
         self.usart.write(register, value, registers, context);

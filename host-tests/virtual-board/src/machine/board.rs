@@ -12,8 +12,10 @@ use rigless::machine::{Board, Target};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::{Error, Reader, Store, Writer};
 
-use crate::part::Part;
+use crate::chip::{self, Chip};
 
+/// The only processor of the board.
+const MCU: &str = "mcu";
 /// What the ST-LINK feeds into the HSE input.
 const HSE_HZ: u64 = 8_000_000;
 /// No crystal on the low-speed pins is used.
@@ -44,43 +46,45 @@ const ACCESS_CONTROL: [(u64, u32, u32); 6] = [
 
 /// The board. Between runs its part is lent to the test.
 #[derive(Debug)]
-pub struct NucleoH743zi {
-    part: Option<Box<Part>>,
+pub struct Nucleo {
+    part: Option<Box<Chip>>,
     instructions_per_second: NonZeroU64,
     /// The vector table at reset.
     vector_table: u32,
 }
 
-impl NucleoH743zi {
+impl Nucleo {
     /// Around a part out of reset.
-    pub fn new(mut part: Box<Part>, instructions_per_second: NonZeroU64, vector_table: u32) -> Self {
-        part.stm32.rcc.attach_crystals(HSE_HZ, LSE_HZ);
-        part.stm32.set_supply(SUPPLY_MILLIVOLTS);
-        part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);
-        Self { part: Some(part), instructions_per_second, vector_table }
+    pub fn new(mut chip: Box<Chip>, instructions_per_second: NonZeroU64, vector_table: u32) -> Self {
+        if let Chip::H743(part) = chip.as_mut() {
+            part.stm32.rcc.attach_crystals(HSE_HZ, LSE_HZ);
+            part.stm32.set_supply(SUPPLY_MILLIVOLTS);
+            part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);
+        }
+        Self { part: Some(chip), instructions_per_second, vector_table }
     }
 
     /// Lends the part.
-    pub fn lend(&mut self) -> Box<Part> {
+    pub fn lend(&mut self) -> Box<Chip> {
         self.part.take().expect("lent once at a time")
     }
 
     /// Takes the part back.
-    pub fn take_back(&mut self, part: Box<Part>) {
+    pub fn take_back(&mut self, part: Box<Chip>) {
         self.part = Some(part);
     }
 
     /// The part, while it runs.
-    pub fn part(&self) -> &Part {
+    pub fn part(&self) -> &Chip {
         self.part.as_ref().expect("the part is not lent")
     }
 
-    fn part_mut(&mut self) -> &mut Part {
+    fn part_mut(&mut self) -> &mut Chip {
         self.part.as_mut().expect("the emulation stands still while the part is lent")
     }
 }
 
-impl Store for NucleoH743zi {
+impl Store for Nucleo {
     fn store(&self, to: &mut Writer) -> Result<(), Error> {
         self.part().store(to)
     }
@@ -90,13 +94,13 @@ impl Store for NucleoH743zi {
     }
 }
 
-impl Board for NucleoH743zi {
+impl Board for Nucleo {
     fn name(&self) -> &'static str {
-        "nucleo-h743zi"
+        self.part().board().name()
     }
 
     fn target_names(&self) -> Vec<&'static str> {
-        vec!["stm32h743"]
+        vec![MCU]
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
@@ -106,12 +110,16 @@ impl Board for NucleoH743zi {
     fn targets(&mut self) -> Vec<Target<'_>> {
         let (rate, vector_table) = (self.instructions_per_second, self.vector_table);
         let part = self.part_mut();
-        let core = config(part, rate, vector_table).spec();
-        vec![Target::new("stm32h743", part, core)]
+        let core = match part {
+            Chip::H743(_) => config(part, rate, vector_table),
+            Chip::G474(_) => chip::g474_core(part, rate, vector_table),
+        };
+        let core = core.spec();
+        vec![Target::new(MCU, part, core)]
     }
 }
 
-fn config(part: &Part, instructions_per_second: NonZeroU64, vector_table: u32) -> Config {
+fn config(part: &Chip, instructions_per_second: NonZeroU64, vector_table: u32) -> Config {
     let lines = u32::from(part.cpu().interrupt_lines);
     let core = Core {
         variant: Variant::M7,

@@ -9,12 +9,12 @@ use std::time::Duration;
 use rigless::time::VirtualNanos;
 
 use super::{Machine, nanos};
-use crate::part::Part;
+use crate::chip::Chip;
 
 /// Something done to the part at an instant.
-type Act = Box<dyn FnOnce(&mut Part, VirtualNanos) + Send>;
+type Act = Box<dyn FnOnce(&mut Chip, VirtualNanos) + Send>;
 /// What is to be known of it at the end.
-type Report = Box<dyn FnOnce(&mut Part) -> Vec<u8> + Send>;
+type Report = Box<dyn FnOnce(&mut Chip) -> Vec<u8> + Send>;
 
 /// What a child does with its board.
 pub(super) struct Script {
@@ -31,7 +31,7 @@ impl Script {
     }
 
     /// Does what is due with the part, which stands at that instant. At the end it is the end of the process.
-    pub(super) fn play(mut self, part: &mut Part, now: VirtualNanos) -> Self {
+    pub(super) fn play(mut self, part: &mut Chip, now: VirtualNanos) -> Self {
         if let Some((_, act)) = self.act.take_if(|(at, _)| *at <= now) {
             act(part, now);
         }
@@ -76,9 +76,9 @@ impl Machine {
     pub fn branch(
         &mut self,
         after: Duration,
-        act: impl FnOnce(&mut Part, VirtualNanos) + Send + 'static,
+        act: impl FnOnce(&mut Chip, VirtualNanos) + Send + 'static,
         span: Duration,
-        report: impl FnOnce(&mut Part) -> Vec<u8> + Send + 'static,
+        report: impl FnOnce(&mut Chip) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
         let at = VirtualNanos(self.reached.0 + nanos(after));
         let (mut from, to) = std::io::pipe().unwrap_or_else(|error| panic!("no pipe: {error}"));

@@ -12,15 +12,14 @@ use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
-use super::board::{FLASH, NucleoH743zi};
+use super::board::{FLASH, Nucleo};
 use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
 use super::names::Names;
 use super::recorder::Recorder;
 use super::rom::{ROM, rom_bootloader};
 use super::{Machine, Snapshot};
-use crate::part::Part;
-use crate::pins::E_STOP;
+use crate::chip::{Board, Chip};
 use crate::revision::Revision;
 use crate::serial_port::FarEnd;
 
@@ -69,7 +68,7 @@ pub fn image_path() -> Result<PathBuf, ImageError> {
 /// A board that is not switched on yet.
 #[derive(Debug)]
 pub struct Builder {
-    part: Box<Part>,
+    part: Box<Chip>,
     image: Image,
     started_by_rom: bool,
     symbols: Symbols,
@@ -78,7 +77,16 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// With the image in that file.
+    /// A NUCLEO-H743ZI with the image in that file.
+    ///
+    /// # Errors
+    ///
+    /// If the file is none.
+    pub fn new(image: &Path) -> Result<Self, ImageError> {
+        Self::of(Board::NucleoH743zi, image)
+    }
+
+    /// A board with the image in that file.
     ///
     /// # Errors
     ///
@@ -87,15 +95,15 @@ impl Builder {
     /// # Panics
     ///
     /// If the emulator's part is not the one our models are for: a defect of this crate.
-    pub fn new(image: &Path) -> Result<Self, ImageError> {
+    pub fn of(board: Board, image: &Path) -> Result<Self, ImageError> {
         let bytes = fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
         let unusable = |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
         let symbols = Symbols::read(&bytes, code_address).map_err(|error| unusable(&error))?;
         let names = Names::read(&bytes).map_err(|error| unusable(&error))?;
         let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
-        let mut part = Box::new(Part::new().unwrap_or_else(|error| panic!("{error}")));
+        let mut part = Box::new(Chip::new(board).unwrap_or_else(|error| panic!("{error}")));
         // Nobody has pressed an emergency stop.
-        part.drive_pin(E_STOP, Some(Level::Low), VirtualNanos(0));
+        part.drive_pin(board.e_stop(), Some(Level::Low), VirtualNanos(0));
         Ok(Self {
             part,
             image,
@@ -109,14 +117,14 @@ impl Builder {
     /// Which revision the chip is; V unless set.
     #[must_use]
     pub fn revision(mut self, revision: Revision) -> Self {
-        self.part.set_revision(revision, None);
+        self.part.h743_mut().set_revision(revision, None);
         self
     }
 
     /// A chip of one revision that says it is of another.
     #[must_use]
     pub fn disguised(mut self, revision: Revision, pretended: Revision) -> Self {
-        self.part.set_revision(revision, Some(pretended));
+        self.part.h743_mut().set_revision(revision, Some(pretended));
         self
     }
 
@@ -142,12 +150,12 @@ impl Builder {
     /// Hangs a node on a CAN bus. `bitrate`: the bits per second at which it runs, `None` for whatever the controller
     /// runs at. Two nodes at rates that differ destroy each other's frames.
     pub fn can_node<P: can::Peer>(&mut self, port: CanPort, peer: P, bitrate: Option<u32>) -> CanNode<P> {
-        CanNode::new(port, self.part.fdcan[port.index()].attach(peer, bitrate))
+        CanNode::new(port, self.part.fdcan_mut(port.index()).attach(peer, bitrate))
     }
 
     /// Hangs the far end on a serial line. It speaks at the rate of the board.
     pub fn line<P: FarEnd>(&mut self, port: UartPort, peer: P) -> Line<P> {
-        self.part.serial[port.index()].attach(peer);
+        self.part.serial_mut(port.index()).attach(peer);
         Line::new(port)
     }
 
@@ -168,8 +176,8 @@ impl Builder {
         let (vector_table, rom) = if started_by_rom { (ROM, Some(rom_bootloader())) } else { (FLASH, None) };
         let images: Vec<Image> = std::iter::once(image).chain(rom).collect();
         let firmware = digest(&images, None);
-        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok());
-        let board = NucleoH743zi::new(part, instructions_per_second, vector_table);
+        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), part.board().retained_ram());
+        let board = Nucleo::new(part, instructions_per_second, vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
         let core = CoreThread::start(PoweredOff { board, images, firmware, recorder }, from);
         Machine { core, firmware, symbols, names, planted: None, reached }

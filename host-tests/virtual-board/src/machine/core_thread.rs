@@ -11,17 +11,17 @@ use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
-use super::board::NucleoH743zi;
+use super::board::Nucleo;
 use super::branch::{Fork, Script, fork};
 use super::recorder::Recorder;
 use super::retention::Retention;
 use super::snapshot::Snapshot;
-use crate::part::Part;
+use crate::chip::Chip;
 
 /// A board before its first instruction.
 pub struct PoweredOff {
     /// The board.
-    pub board: NucleoH743zi,
+    pub board: Nucleo,
     /// What it runs, and what else is in its memory.
     pub images: Vec<Image>,
     /// Which image that is, as a snapshot names it.
@@ -32,12 +32,12 @@ pub struct PoweredOff {
 
 /// What the test's thread holds while the emulation stands still.
 struct Lent {
-    part: Box<Part>,
+    part: Box<Chip>,
     stop: Stop,
 }
 
 /// Something to do while the emulation stands still.
-type Job = Box<dyn FnOnce(&mut Session<NucleoH743zi>, &mut dyn Host, Stop, &mut Recorder) + Send>;
+type Job = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop, &mut Recorder) + Send>;
 
 /// What to do next.
 enum Order {
@@ -50,10 +50,10 @@ enum Order {
 
 /// The test's end of the emulation.
 pub struct CoreThread {
-    orders: Sender<(Box<Part>, Order)>,
+    orders: Sender<(Box<Chip>, Order)>,
     stops: Receiver<Lent>,
     /// `None` only while the emulation runs, or after it has failed.
-    lent: Option<Box<Part>>,
+    lent: Option<Box<Chip>>,
     stop: Stop,
     thread: Option<JoinHandle<()>>,
 }
@@ -79,12 +79,12 @@ impl CoreThread {
     }
 
     /// The part.
-    pub fn part(&self) -> &Part {
+    pub fn part(&self) -> &Chip {
         self.lent.as_ref().expect("the emulation stands still")
     }
 
     /// The part.
-    pub fn part_mut(&mut self) -> &mut Part {
+    pub fn part_mut(&mut self) -> &mut Chip {
         self.lent.as_mut().expect("the emulation stands still")
     }
 
@@ -97,7 +97,7 @@ impl CoreThread {
     /// Does something on the emulation's side, where its memory and reports are.
     pub fn order<R: Send + 'static>(
         &mut self,
-        job: impl FnOnce(&mut Session<NucleoH743zi>, &mut dyn Host, Stop, &mut Recorder) -> R + Send + 'static,
+        job: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop, &mut Recorder) -> R + Send + 'static,
     ) -> R {
         let (result_in, result) = channel();
         self.send(Order::Do(Box::new(move |session, host, stop, recorder| {
@@ -158,13 +158,14 @@ impl Drop for CoreThread {
 fn run(
     powered_off: PoweredOff,
     from: Option<&Snapshot>,
-    orders: Receiver<(Box<Part>, Order)>,
+    orders: Receiver<(Box<Chip>, Order)>,
     stops: Sender<Lent>,
 ) {
     let PoweredOff { board, images, firmware, recorder } = powered_off;
+    let retained = board.part().board().retained_ram();
     // Asked to reach instant 0: it stops before the first instruction.
     let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
-    session.watch(Retention::WATCH);
+    session.watch(Retention::watch(retained));
     let mut recorder = recorder;
     let resume = from.map(|snapshot| {
         snapshot.load(&mut session, &firmware, &mut recorder).unwrap_or_else(|error| failed(error))
@@ -192,7 +193,7 @@ fn failed(error: impl std::fmt::Display) -> ! {
 
 /// The emulation's end of the rendezvous.
 struct Rendezvous {
-    orders: Receiver<(Box<Part>, Order)>,
+    orders: Receiver<(Box<Chip>, Order)>,
     stops: Sender<Lent>,
     recorder: Recorder,
     /// Where to stand still next.
@@ -220,7 +221,7 @@ impl Rendezvous {
     /// Stands still until the test orders to run; `None`: to end.
     fn stand(
         &mut self,
-        session: &mut Session<NucleoH743zi>,
+        session: &mut Session<Nucleo>,
         host: &mut dyn Host,
         stop: Stop,
     ) -> Option<VirtualNanos> {
@@ -259,7 +260,7 @@ impl Rendezvous {
         }
     }
 
-    fn note_resets(&mut self, session: &Session<NucleoH743zi>, host: &mut dyn Host, at: VirtualNanos) {
+    fn note_resets(&mut self, session: &Session<Nucleo>, host: &mut dyn Host, at: VirtualNanos) {
         if session.resets().len() != self.resets {
             self.resets = session.resets().len();
             self.recorder.reset(session.board().part(), at, host);
@@ -271,8 +272,8 @@ impl Rendezvous {
     }
 }
 
-impl Driver<NucleoH743zi> for Rendezvous {
-    fn on_settled(&mut self, session: &mut Session<NucleoH743zi>, host: &mut dyn Host, settled: Settled) {
+impl Driver<Nucleo> for Rendezvous {
+    fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
         match settled {
             Settled::Access { access, value } => {
                 self.recorder.access(&access, value, session.board().part());
@@ -295,7 +296,7 @@ impl Driver<NucleoH743zi> for Rendezvous {
 
     fn on_stop(
         &mut self,
-        session: &mut Session<NucleoH743zi>,
+        session: &mut Session<Nucleo>,
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {

@@ -9,6 +9,8 @@ pub enum CanPort {
     Bus0,
     /// FDCAN2.
     Bus1,
+    /// FDCAN3, which only the NUCLEO-G474RE has.
+    Bus2,
 }
 
 impl CanPort {
@@ -18,6 +20,7 @@ impl CanPort {
         match self {
             Self::Bus0 => 0,
             Self::Bus1 => 1,
+            Self::Bus2 => 2,
         }
     }
 }
@@ -34,7 +37,7 @@ pub enum UartPort {
 }
 
 impl UartPort {
-    /// Its place among [`Part::serial`](crate::part::Part::serial).
+    /// Its place among the chip's serial ports.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {

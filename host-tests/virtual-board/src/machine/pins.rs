@@ -3,13 +3,10 @@
 use std::time::Duration;
 
 use rigless::device::Level;
-use rigless::soc::stm32h743::peripherals::gpio;
-use rigless::time::VirtualNanos;
 
 use super::Machine;
 use crate::nodes::instant;
-use crate::part::Part;
-use crate::pins::{Change, E_STOP, Pin, Port};
+use crate::pins::{Change, Pin, Port};
 
 /// A pin of a board.
 pub struct PinProbe<'m> {
@@ -35,7 +32,8 @@ impl Machine {
     /// Opens the chain of emergency stops, as a pressed button or a cut cable does, or closes it.
     pub fn open_e_stop(&mut self, open: bool) {
         let level = if open { None } else { Some(Level::Low) };
-        self.probe(E_STOP).drive(level);
+        let pin = self.part().board().e_stop();
+        self.probe(pin).drive(level);
     }
 }
 
@@ -68,19 +66,6 @@ impl PinProbe<'_> {
     /// Whether the part reads it as high.
     #[must_use]
     pub fn reads_high(self) -> bool {
-        let port: &gpio::Gpio = &self.machine.part().stm32.gpio[self.pin.port()];
-        let registers = self.machine.part().port_registers(self.pin.port());
-        let pin = gpio::Pin::new(self.pin.number()).expect("a port has sixteen pins");
-        port.level(pin, registers) == Level::High
-    }
-}
-
-impl Part {
-    /// Drives a pin from outside from `at` on; `None` lets go of it.
-    pub fn drive_pin(&mut self, pin: Pin, level: Option<Level>, at: VirtualNanos) {
-        let number = gpio::Pin::new(pin.number()).expect("a port has sixteen pins");
-        self.stm32.drive_port(at, pin.port(), |gpio, registers, context| {
-            gpio.drive(number, level, registers, context);
-        });
+        self.machine.part().reads_high(self.pin)
     }
 }

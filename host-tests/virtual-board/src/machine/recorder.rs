@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::plant::FREE;
 use super::retention::Retention;
-use crate::part::Part;
+use crate::chip::{Chip, RetainedRam};
 use crate::pins::OutputLog;
 
 /// How often the RTT channel is drained; on an absolute grid, so that no order of the test changes the run.
@@ -45,13 +45,13 @@ store!(Recorder);
 
 impl Recorder {
     /// Of an image with its RTT control block at that address.
-    pub fn new(rtt_block: Option<u64>) -> Self {
+    pub fn new(rtt_block: Option<u64>, retained: RetainedRam) -> Self {
         Self {
             digest: FNV_OFFSET,
             rtt_block,
             rtt: Vec::new(),
             outputs: OutputLog::default(),
-            retention: Retention::default(),
+            retention: Retention::new(retained),
             strike: None,
             hits: Vec::new(),
         }
@@ -63,8 +63,8 @@ impl Recorder {
     }
 
     /// An access of the core, which may have changed a pin.
-    pub fn access(&mut self, access: &Access, value: u64, part: &Part) {
-        if let (AccessKind::Write, Some(port)) = (access.kind, OutputLog::port_at(access.address)) {
+    pub fn access(&mut self, access: &Access, value: u64, part: &Chip) {
+        if let (AccessKind::Write, Some(port)) = (access.kind, part.port_at(access.address)) {
             self.outputs.look(part, port, access.virtual_time);
         }
         let kind = match access.kind {
@@ -80,7 +80,7 @@ impl Recorder {
     /// A hit of a watch. Stores into the retained RAM and planted faults are always watched, and no test's.
     pub fn hit(&mut self, hit: Hit, host: &mut dyn Host) {
         match hit.kind {
-            HitKind::Write if Retention::holds(hit.address) => self.retention.written(hit.address, host),
+            HitKind::Write if self.retention.holds(hit.address) => self.retention.written(hit.address, host),
             HitKind::Instruction if hit.address == FREE => {
                 self.strike.get_or_insert(hit.at);
             }
@@ -99,7 +99,7 @@ impl Recorder {
     }
 
     /// The part was reset, or is held in reset.
-    pub fn reset(&mut self, part: &Part, at: VirtualNanos, host: &mut dyn Host) {
+    pub fn reset(&mut self, part: &Chip, at: VirtualNanos, host: &mut dyn Host) {
         // Start-up code sets the log's memory up anew: take what is in it before the core starts again.
         self.drain(host);
         self.retention.reset(host);

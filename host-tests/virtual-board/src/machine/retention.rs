@@ -8,6 +8,8 @@ use rigless::emulator::{Host, Watch};
 use rigless::soc::Width;
 use serde::{Deserialize, Serialize};
 
+use crate::chip::RetainedRam;
+
 /// SRAM4: where the firmware keeps what must outlive a reset.
 pub const RETAINED_RAM: u64 = 0x3800_0000;
 /// Its size in bytes.
@@ -20,25 +22,27 @@ const MOST_WORDS: u64 = 32;
 /// The RAM with the write that still waits.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Retention {
+    ram: RetainedRam,
     /// Every word as written.
     words: Vec<u32>,
     /// The last word that was written, and what was there before.
     waiting: Option<(u64, u32)>,
 }
 
-impl Default for Retention {
-    fn default() -> Self {
-        Self { words: vec![0; index(RETAINED_RAM_BYTES)], waiting: None }
-    }
-}
-
 impl Retention {
+    /// All zero.
+    pub(crate) fn new(ram: RetainedRam) -> Self {
+        Self { ram, words: vec![0; index(ram.bytes)], waiting: None }
+    }
+
     /// What reports each write to it.
-    pub(crate) const WATCH: Watch = Watch::Writes { address: RETAINED_RAM, length: RETAINED_RAM_BYTES };
+    pub(crate) fn watch(ram: RetainedRam) -> Watch {
+        Watch::Writes { address: ram.base, length: ram.bytes }
+    }
 
     /// Whether an address is in it.
-    pub(crate) fn holds(address: u64) -> bool {
-        address.checked_sub(RETAINED_RAM).is_some_and(|offset| offset < RETAINED_RAM_BYTES)
+    pub(crate) fn holds(&self, address: u64) -> bool {
+        address.checked_sub(self.ram.base).is_some_and(|offset| offset < self.ram.bytes)
     }
 
     /// The supply has come: anything may be in it, the same in each run.
@@ -51,30 +55,30 @@ impl Retention {
             noise ^= noise >> 17;
             noise ^= noise << 5;
             *word = noise;
-            write(host, offset, noise);
+            write(host, self.ram.base + offset, noise);
         }
     }
 
     /// The core has stored there.
     pub(crate) fn written(&mut self, address: u64, host: &mut dyn Host) {
-        let first = (address - RETAINED_RAM) / WORD_BYTES * WORD_BYTES;
+        let first = (address - self.ram.base) / WORD_BYTES * WORD_BYTES;
         let mut waiting = (first, self.words[index(first)]);
-        let end = (first + MOST_WORDS * WORD_BYTES).min(RETAINED_RAM_BYTES);
+        let end = (first + MOST_WORDS * WORD_BYTES).min(self.ram.bytes);
         for offset in (first..end).step_by(4) {
-            let (before, now) = (self.words[index(offset)], read(host, offset));
+            let (before, now) = (self.words[index(offset)], read(host, self.ram.base + offset));
             if before != now {
                 waiting = (offset, before);
                 self.words[index(offset)] = now;
             }
         }
-        self.waiting = Some(waiting);
+        self.waiting = self.ram.loses_last_write.then_some(waiting);
     }
 
     /// The part was reset: what waited is lost.
     pub(crate) fn reset(&mut self, host: &mut dyn Host) {
         if let Some((offset, before)) = self.waiting.take() {
             self.words[index(offset)] = before;
-            write(host, offset, before);
+            write(host, self.ram.base + offset, before);
         }
     }
 }
@@ -83,11 +87,11 @@ fn index(offset: u64) -> usize {
     usize::try_from(offset / WORD_BYTES).expect("inside the RAM")
 }
 
-fn read(host: &mut dyn Host, offset: u64) -> u32 {
-    let word = host.read(RETAINED_RAM + offset, Width::W32).expect("the part has this RAM");
+fn read(host: &mut dyn Host, address: u64) -> u32 {
+    let word = host.read(address, Width::W32).expect("the part has this RAM");
     u32::try_from(word).expect("a word")
 }
 
-fn write(host: &mut dyn Host, offset: u64, word: u32) {
-    host.write(RETAINED_RAM + offset, Width::W32, word.into()).expect("the part has this RAM");
+fn write(host: &mut dyn Host, address: u64, word: u32) {
+    host.write(address, Width::W32, word.into()).expect("the part has this RAM");
 }

@@ -9,7 +9,7 @@ use rigless::session::Session;
 use rigless::snapshot::{self, Error};
 use rigless::time::VirtualNanos;
 
-use super::board::NucleoH743zi;
+use super::board::Nucleo;
 use super::recorder::Recorder;
 
 /// Everything as it stood. Copies share it.
@@ -45,7 +45,7 @@ impl Snapshot {
     /// Puts a session that was built alike where it stood.
     pub(super) fn load(
         &self,
-        session: &mut Session<NucleoH743zi>,
+        session: &mut Session<Nucleo>,
         firmware: &[u8; 32],
         recorder: &mut Recorder,
     ) -> Result<Resume<'static>, Error> {

@@ -1,11 +1,9 @@
 //! Changing a peer between two runs where it has to know the time: what it does next may come earlier by that.
 
 use rigless::chip::{Timeline, can};
-use rigless::mcu::Mcu;
 
 use super::instant;
 use crate::machine::{CanNode, Line, Machine};
-use crate::part::{FDCAN_NAMES, Part};
 use crate::serial_port::FarEnd;
 
 impl Machine {
@@ -20,11 +18,9 @@ impl Machine {
         change: impl FnOnce(&mut P, &mut Timeline<'_, '_>) -> T,
     ) -> T {
         let (at, port) = (instant(self.now()), node.port().index());
-        let Part { stm32, fdcan, .. } = self.part_mut();
-        let slot = stm32.bus().slot(FDCAN_NAMES[port]).expect("the part has both controllers");
-        let (_, mut context) = stm32.bus_mut().drive(at, slot);
-        let peer = fdcan[port].nodes_mut()[node.index()].peer_mut();
-        change(peer, &mut Timeline::new(&mut context))
+        self.part_mut().drive_fdcan(port, at, |fdcan, _, context| {
+            change(fdcan.nodes_mut()[node.index()].peer_mut(), &mut Timeline::new(context))
+        })
     }
 
     /// Changes the far end of a serial line now.

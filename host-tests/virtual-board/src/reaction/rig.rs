@@ -15,11 +15,11 @@ use mgw_sim::MotorWiring;
 use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
+use crate::chip::Chip;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
 use crate::outside::Outside;
-use crate::part::Part;
 use crate::rs485_line::Rs485Line;
 use crate::transport::BoardTransport;
 
@@ -165,7 +165,7 @@ impl Rig {
         let bus = self.situation.bus;
         let found = self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
             2 => trace::of_bytes(line(part).sent(), since).into_bytes(),
-            bus => trace::of_frames(part.fdcan[usize::from(bus)].log(), since).into_bytes(),
+            bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
         });
         String::from_utf8(found).expect("it was text")
     }
@@ -176,7 +176,7 @@ impl Rig {
         after: Duration,
         command: &C,
         within: Duration,
-        report: impl FnOnce(&mut Part, Duration) -> Vec<u8> + Send + 'static,
+        report: impl FnOnce(&mut Chip, Duration) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
         let mut frame = [0; MAX_FRAME];
         let length = encode(Kind::Request, SEQUENCE, C::NUMBER, command, &mut frame).expect("it fits");
@@ -185,8 +185,9 @@ impl Rig {
         let mut machine = self.machine.borrow_mut();
         let begin = self.begin + after;
         let since = machine.now() + begin + HOST_BIT * u32::try_from(bits).expect("short");
-        let send = move |part: &mut Part, _| {
-            let host: &mut HostUart = part.serial[UartPort::Host1.index()].peer_mut().expect("a computer");
+        let send = move |part: &mut Chip, _| {
+            let host: &mut HostUart =
+                part.serial_mut(UartPort::Host1.index()).peer_mut().expect("a computer");
             assert_eq!(
                 (host.unsent(), host.settings().bit_ps),
                 (0, 1_090_000),
@@ -201,11 +202,11 @@ impl Rig {
     fn quiet_spell(&self) -> Duration {
         let mut machine = self.machine.borrow_mut();
         let (begin, bus) = (machine.now(), self.situation.bus);
-        let ends = move |part: &mut Part| {
+        let ends = move |part: &mut Chip| {
             let ends: Vec<Duration> = match bus.index() {
                 2 => line(part).sent().iter().map(|sent| sent.end).collect(),
                 bus => {
-                    part.fdcan[usize::from(bus)].log().iter().map(|record| since_start(record.end)).collect()
+                    part.fdcan(usize::from(bus)).log().iter().map(|record| since_start(record.end)).collect()
                 }
             };
             ends.iter().flat_map(|end| u64::try_from(end.as_nanos()).expect("short").to_le_bytes()).collect()
@@ -227,14 +228,14 @@ fn words(report: &[u8]) -> impl Iterator<Item = u64> {
     report.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().expect("eight bytes")))
 }
 
-fn line(part: &mut Part) -> &mut Rs485Line {
-    part.serial[UartPort::Rs485.index()].peer_mut().expect("a line")
+fn line(part: &mut Chip) -> &mut Rs485Line {
+    part.serial_mut(UartPort::Rs485.index()).peer_mut().expect("a line")
 }
 
-fn first_stops(part: &mut Part, bus: Bus, since: Duration) -> FirstStops {
+fn first_stops(part: &mut Chip, bus: Bus, since: Duration) -> FirstStops {
     match bus.index() {
         2 => stops::among_bytes(line(part).sent(), since),
-        bus => stops::among_frames(part.fdcan[usize::from(bus)].log(), since),
+        bus => stops::among_frames(part.fdcan(usize::from(bus)).log(), since),
     }
 }
 
@@ -352,7 +353,7 @@ mod tests {
     /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries them.
     fn told(rig: &Rig, within: Duration) -> Vec<Event> {
         let bytes = rig.branch(Duration::ZERO, &EStop {}, within, |part, _| {
-            part.serial[UartPort::Host1.index()].peer_mut::<HostUart>().expect("a computer").take()
+            part.serial_mut(UartPort::Host1.index()).peer_mut::<HostUart>().expect("a computer").take()
         });
         let mut deframer = Deframer::new();
         let mut events = Vec::new();

@@ -77,7 +77,7 @@ impl Bench {
     }
 
     fn wrong_reads(&self) -> u64 {
-        self.machine.borrow().part().window.wrong_reads()
+        self.machine.borrow().part().h743().window.wrong_reads()
     }
 }
 
@@ -128,7 +128,7 @@ fn the_ram_of_revision_y_is_set_before_it_is_used_after_every_reset() {
         machine.watch(AXI_SRAM);
         machine.run_for(Duration::from_micros(20));
         machine.unwatch(AXI_SRAM);
-        let set = machine.part().interconnect.sram_set().unwrap_or_else(|| panic!("{start}: not set"));
+        let set = machine.part().h743().interconnect.sram_set().unwrap_or_else(|| panic!("{start}: not set"));
         let used = machine.take_hits().first().unwrap_or_else(|| panic!("{start}: not used")).at;
         assert!(set < used, "{start}: set at {set:?}, used at {used:?}");
         machine.reset_by_pin();
@@ -140,7 +140,7 @@ fn the_ram_of_revision_y_is_set_before_it_is_used_after_every_reset() {
 fn the_ram_of_revision_v_is_left_as_it_is() {
     let mut machine = Machine::builder().revision(Revision::V).power_on();
     machine.run_for(START);
-    assert_eq!(machine.part().interconnect.sram_set(), None);
+    assert_eq!(machine.part().h743().interconnect.sram_set(), None);
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
 fn the_clock_of_usb_is_trimmed_by_the_controller_that_has_the_pins() {
     let mut machine = Machine::builder().power_on();
     machine.run_for(START);
-    assert_eq!(machine.part().crs.source(), Some(Source::Usb2));
+    assert_eq!(machine.part().h743().crs.source(), Some(Source::Usb2));
 }
 
 #[test]

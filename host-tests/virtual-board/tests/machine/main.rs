@@ -10,9 +10,9 @@ use rigless::device::ResetCause;
 use rigless::emulator::{HitKind, Watch};
 use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
+use virtual_board::chip::Chip;
 use virtual_board::machine::{Fault, Machine, Place, Reports};
 use virtual_board::nodes::since_start;
-use virtual_board::part::Part;
 use virtual_board::pins::E_STOP;
 
 /// Long enough for the start-up: it takes 3 ms.
@@ -112,9 +112,9 @@ fn a_machine_goes_on_from_a_snapshot_as_the_one_it_was_taken_of() {
 fn a_branch_runs_as_the_board_does_which_never_knows() {
     let mut machine = started();
     let (after, span) = (Duration::from_micros(123), Duration::from_millis(30));
-    let open = |part: &mut Part, at| part.drive_pin(E_STOP, None, at);
-    let registers = |part: &mut Part| {
-        format!("{:?}", part.stm32.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
+    let open = |part: &mut Chip, at| part.drive_pin(E_STOP, None, at);
+    let registers = |part: &mut Chip| {
+        format!("{:?}", part.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
     };
     let before = (machine.now(), machine.access_digest());
     let branched =
@@ -168,7 +168,7 @@ fn the_watchdog_resets_the_part_when_nobody_feeds_it() {
     let mut machine = started();
     machine.run_for(Duration::from_secs(1));
     assert_eq!(machine.reports().resets, [], "it is fed");
-    assert!(machine.part().iwdg.is_started());
+    assert!(machine.part().watchdog_is_started());
     machine.plant(Place::Task("motor_gateway::tasks::supervisor::supervisor", 0), &Fault::Hang);
     assert!(machine.run_until(Duration::from_millis(100), |machine| !machine.reports().resets.is_empty()));
     let resets = machine.reports().resets;
@@ -177,9 +177,9 @@ fn the_watchdog_resets_the_part_when_nobody_feeds_it() {
     // The last feed was at most 10 ms before.
     let took = reset - hung;
     assert!((Duration::from_millis(39)..Duration::from_millis(51)).contains(&took), "{took:?}");
-    assert!(!machine.part().iwdg.is_started(), "a reset stops it");
+    assert!(!machine.part().watchdog_is_started(), "a reset stops it");
     machine.run_for(STARTED);
-    assert!(machine.part().iwdg.is_started(), "and the firmware starts it again");
+    assert!(machine.part().watchdog_is_started(), "and the firmware starts it again");
 }
 
 #[test]

@@ -117,7 +117,9 @@ impl Controller {
             context.tell(name(register), "written without INIT and CCE, so it keeps what it holds");
             return;
         }
-        let Kept { receiver, transmitter, events, timestamp, .. } = &mut self.kept;
+        if self.lay_out(register, value) {
+            return;
+        }
         match register {
             Register::FdcanNbtp => {
                 self.kept.nbtp = value & 0xFFFF_FF7F;
@@ -137,7 +139,7 @@ impl Controller {
                 }
             }
             Register::FdcanTscc => {
-                if !timestamp.configure(context.now(), value) {
+                if !self.kept.timestamp.configure(context.now(), value) {
                     context.tell("TSCC", "the external timestamp counter is not modelled");
                 }
             }
@@ -147,17 +149,6 @@ impl Controller {
                     context.tell("TOCC", "the timeout counter is not modelled");
                 }
             }
-            Register::FdcanGfc => receiver.filters.global = value & 0x3F,
-            Register::FdcanSidfc => receiver.filters.standard = value & 0x00FF_FFFC,
-            Register::FdcanXidfc => receiver.filters.extended = value & 0x007F_FFFC,
-            Register::FdcanXidam => receiver.filters.extended_mask = value & 0x1FFF_FFFF,
-            Register::FdcanRxf0c => receiver.fifos[0].config = value & 0xFF7F_FFFC,
-            Register::FdcanRxf1c => receiver.fifos[1].config = value & 0xFF7F_FFFC,
-            Register::FdcanRxbc => receiver.buffers = value & 0x0000_FFFC,
-            Register::FdcanRxesc => receiver.element_sizes = value & 0x0000_0777,
-            Register::FdcanTxbc => transmitter.config = value & 0x7F3F_FFFC,
-            Register::FdcanTxesc => transmitter.element_size = value & 0x7,
-            Register::FdcanTxefc => events.config = value & 0x3F3F_FFFC,
             // Read-only registers keep what they hold; TTCAN is refused.
             Register::FdcanCrel
             | Register::FdcanEndn
@@ -173,6 +164,26 @@ impl Controller {
             | Register::FdcanTxefs => {}
             _ => context.tell(name(register), "TTCAN is not modelled"),
         }
+    }
+
+    /// Filters and queues; false of another register.
+    pub fn lay_out(&mut self, register: Register, value: u32) -> bool {
+        let Kept { receiver, transmitter, events, .. } = &mut self.kept;
+        match register {
+            Register::FdcanGfc => receiver.filters.global = value & 0x3F,
+            Register::FdcanSidfc => receiver.filters.standard = value & 0x00FF_FFFC,
+            Register::FdcanXidfc => receiver.filters.extended = value & 0x007F_FFFC,
+            Register::FdcanXidam => receiver.filters.extended_mask = value & 0x1FFF_FFFF,
+            Register::FdcanRxf0c => receiver.fifos[0].config = value & 0xFF7F_FFFC,
+            Register::FdcanRxf1c => receiver.fifos[1].config = value & 0xFF7F_FFFC,
+            Register::FdcanRxbc => receiver.buffers = value & 0x0000_FFFC,
+            Register::FdcanRxesc => receiver.element_sizes = value & 0x0000_0777,
+            Register::FdcanTxbc => transmitter.config = value & 0x7F3F_FFFC,
+            Register::FdcanTxesc => transmitter.element_size = value & 0x7,
+            Register::FdcanTxefc => events.config = value & 0x3F3F_FFFC,
+            _ => return false,
+        }
+        true
     }
 
     fn write_cccr(&mut self, value: u32, context: &mut DeviceContext<'_>) {
