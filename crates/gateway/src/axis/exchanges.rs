@@ -339,6 +339,11 @@ impl Axis {
         }
     }
 
+    /// Whether this is the command of the stop under way. To one that is sent again the reply to the one before says the same.
+    fn repeats_stop(&self, exchange: Exchange) -> bool {
+        self.stop.is_some() && exchange == Exchange::Stop
+    }
+
     fn is_answered_like_the_stop(&self, command: &Command) -> bool {
         let stop = motor::command(Exchange::Stop, &self.config);
         stop.is_some_and(|stop| motor::are_answered_alike(command, &stop, &self.config))
@@ -377,9 +382,11 @@ impl Axis {
         // A late reply must find nothing identical under way: the next request waits another window, and what a stop may be
         // mistaken for is remembered as long.
         let until = now + pending.window;
-        // To a stop that is sent again the reply to the one before says the same.
-        let stops = self.stop.is_some() && pending.exchange == Exchange::Stop;
-        if !stops && pending.until.is_some() {
+        let repeats_stop = self.repeats_stop(pending.exchange);
+        if !repeats_stop {
+            self.may_be_answered_late(now, &pending.command);
+        }
+        if !repeats_stop && pending.until.is_some() {
             self.quiet = Quiet { exchange: pending.exchange, until };
             if self.displaced.is_none() {
                 let (command, slot, until) = (pending.command, pending.slot, Some(until));
@@ -391,7 +398,6 @@ impl Axis {
         // A motor that answers polls and no motion may be doing anything.
         if pending.exchange == Exchange::Motion {
             silent |= self.motion_silence.goes_on(now, pending.window, enough);
-            self.may_be_answered_late(now, &pending.command);
         }
         let unread = self.stays_unread(pending.exchange);
         // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
@@ -423,6 +429,10 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
+        if !pending.unambiguous && !self.repeats_stop(pending.exchange) {
+            // It may have been the reply to the one before: then its own is still to come.
+            self.may_be_answered_late(now, &pending.command);
+        }
         self.observe(now, &seen, out);
         if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, pending.left_at()) {
             self.note_run_time(now, asked, run_time_ms, out);
@@ -437,10 +447,6 @@ impl Axis {
         match (pending.exchange, seen.velocity_rad_s) {
             (Exchange::Motion, _) => {
                 self.motion_silence = Silence::NONE;
-                if !pending.unambiguous {
-                    // It may have been the reply to the one before: then its own is still to come.
-                    self.may_be_answered_late(now, &pending.command);
-                }
                 self.in_doubt = seen.may_be_thrown_back;
                 self.not_executed &= self.in_doubt;
                 if self.in_doubt {

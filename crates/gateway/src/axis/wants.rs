@@ -2,11 +2,12 @@
 
 use super::Axis;
 use crate::motor::{self, Command, Exchange};
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState};
 
-/// Of so many polls of an armed motor one asks for its run time.
-const RUN_TIME_EVERY: usize = 16;
+/// Of so many polls of an armed motor one asks for its run time, at most: slow polls ask for it each second, or every other time.
+const RUN_TIME_EVERY: u64 = 16;
+const RUN_TIME_WITHIN: Duration = Duration::from_millis(1_000);
 
 /// What goes first on a bus. The order is the order of sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -178,7 +179,7 @@ impl Axis {
             return Some(Exchange::Velocity);
         }
         // Where the motor tells for how long it has run, it is asked now and then: it may have restarted by itself.
-        if self.poll_turn % RUN_TIME_EVERY == RUN_TIME_EVERY - 1
+        if self.poll_turn.wrapping_add(1).is_multiple_of(self.run_time_every())
             && motor::command(Exchange::RunTime, &self.config).is_some()
         {
             return Some(Exchange::RunTime);
@@ -197,6 +198,11 @@ impl Axis {
             }
         }
         self.in_turn(sequences.polls, self.poll_turn - round)
+    }
+
+    fn run_time_every(&self) -> usize {
+        let every = RUN_TIME_WITHIN.as_micros() / self.config.state_poll().as_micros().max(1);
+        usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)
     }
 
     /// Whether what an exchange reads is limited by the configuration, or somebody watches the axis.

@@ -2,6 +2,7 @@
 
 use super::d5;
 use crate::axis::AxisConfig;
+use ::d5::Address;
 use ::rmd::can::{BROADCAST_ID, CAN_ID_ID};
 use embedded_can::StandardId;
 use heapless::Vec;
@@ -61,8 +62,11 @@ fn uses(config: &AxisConfig, id: CanId, same_protocol: bool) -> bool {
         }
         // Streams come on the id of replies.
         Some(Protocol::Thruster) => is(standard(thruster_node(config), ::thruster::can::reply_id)),
-        // A motor of its own protocol tells replies from requests, and motors apart, by the bytes of the frame.
-        Some(Protocol::D5) => !same_protocol && is(d5::reply_id(config)),
+        // A motor of its own protocol tells replies from requests, and motors apart, by the bytes of the frame; all hear one id.
+        Some(Protocol::D5) => {
+            let all = u32::from(Address::BROADCAST_ID);
+            is(CanId::standard(all)) || is(CanId::extended(all)) || !same_protocol && is(d5::reply_id(config))
+        }
         None => false,
     };
     more || sent(config).contains(&id)

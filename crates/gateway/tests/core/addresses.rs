@@ -39,15 +39,15 @@ fn sent(motor: Motor) -> Vec<u32> {
     }
 }
 
-/// Those, the replies (RMD 0x240 + node and 0x500 + node, thruster 0x280 + node), and the groups of RMD (§3 and §4).
+/// Those, the replies (RMD 0x240 + node and 0x500 + node, thruster 0x280 + node), and the groups of RMD (§3 and §4) and of D5 (D14).
 fn used(motor: Motor, asked_in: Protocol) -> Vec<u32> {
     let node = u32::from(motor.node);
     let mut ids = sent(motor);
     match motor.protocol {
         Protocol::Rmd => ids.extend([0x240 + node, 0x500 + node, 0x280, 0x300]),
         Protocol::Thruster => ids.push(0x280 + node),
-        Protocol::D5 if asked_in == Protocol::D5 => {}
-        Protocol::D5 => ids.extend(motor.reply_id),
+        Protocol::D5 if asked_in == Protocol::D5 => ids.push(0x0FE),
+        Protocol::D5 => ids.extend([0x0FE].into_iter().chain(motor.reply_id)),
     }
     ids
 }
