@@ -221,8 +221,7 @@ pub(crate) fn can_keep(limit: AxisParameter, bus: BusKind, config: &AxisConfig) 
     }
 }
 
-/// The protocol whose motors alone have what a parameter sets; `None` where others have it too. What limits says [`can_keep`], and what
-/// it asks for, `position_device`, may be set before the protocol is.
+/// The protocol whose motors alone have what a parameter sets; `None` where others have it too. What limits says [`can_keep`].
 pub(crate) fn only_of(parameter: AxisParameter) -> Option<Protocol> {
     match parameter {
         AxisParameter::ReleaseBrakeWhenArming
@@ -232,9 +231,10 @@ pub(crate) fn only_of(parameter: AxisParameter) -> Option<Protocol> {
         | AxisParameter::MotionTorqueNm
         | AxisParameter::MotionStiffness
         | AxisParameter::MotionDamping => Some(Protocol::Rmd),
-        AxisParameter::WarningsAreFaults | AxisParameter::ReturnMode | AxisParameter::Stream => {
-            Some(Protocol::Thruster)
-        }
+        AxisParameter::PositionDevice
+        | AxisParameter::WarningsAreFaults
+        | AxisParameter::ReturnMode
+        | AxisParameter::Stream => Some(Protocol::Thruster),
         AxisParameter::D5AckLevel | AxisParameter::D5RequestId | AxisParameter::D5ReplyId => {
             Some(Protocol::D5)
         }

@@ -148,7 +148,15 @@ impl Oracle {
         let others = judged.iter().filter(|(other, _, wrong)| other != request && wrong.is_empty());
         held.is_motion = true;
         held.is_harmful = true;
-        held.axis = (0u8..32).find(|axis| start.members & bit_of(*axis) != 0);
+        let leader = (0u8..32).find(|axis| start.members & bit_of(*axis) != 0);
+        held.axis = leader;
+        // It is the first one's motion: what that had before is replaced, as by any newer setpoint.
+        if let Some(axis) = leader.and_then(|leader| self.axes.get_mut(usize::from(leader))) {
+            let of_it = |permit: &Permit| (permit.link, permit.sequence) == *request;
+            if let Some(place) = axis.permits.iter().rposition(of_it) {
+                super::grants::in_force(axis, place);
+            }
+        }
         held.start = Some(Started {
             request: *request,
             members: start.members,
