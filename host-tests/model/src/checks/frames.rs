@@ -88,7 +88,10 @@ impl Oracle {
                 self.judge_prepared(now, axis, &data, frame)
             }
             Purpose::Motion { once } => self.judge_motion(now, axis, once, &data, frame),
-            Purpose::Stop => self.judge_stop(now, axis, &data),
+            Purpose::Stop => {
+                self.axes[axis].has_sent_native(&data);
+                self.judge_stop(now, axis, &data);
+            }
             Purpose::Change if self.axes[axis].armed => {
                 self.broken(Check::ChangedWhileArmed, now, format!("axis {axis}: {}", frame.text()));
             }

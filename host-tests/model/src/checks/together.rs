@@ -57,6 +57,14 @@ impl Axis {
         if starts && rests && !is_native { Purpose::Rest } else { purpose }
     }
 
+    /// What a host asked for natively has gone out, a speed of 0 too.
+    pub(super) fn has_sent_native(&mut self, data: &[u8]) {
+        let protocol = self.protocol();
+        let is_it = |native: &Vec<u8>| protocol.is_some_and(|p| p.same_command(native, data));
+        let natives = self.permits.iter_mut().filter(|permit| permit.native.as_ref().is_some_and(is_it));
+        natives.for_each(|permit| permit.sent = true);
+    }
+
     /// Its motor was told that something shall wait, or start.
     pub(super) fn waits_from_now(&mut self, data: &[u8]) {
         if self.protocol() == Some(Protocol::D5) && data.get(3) == Some(&WAITS) {
