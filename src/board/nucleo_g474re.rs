@@ -78,6 +78,11 @@ core::arch::global_asm!(
 const RCC_APB2ENR: u32 = 0x4002_1060;
 const SYSCFG_MEMRMP: u32 = 0x4001_0000;
 
+/// The main regulator's voltage suffices for 150 MHz only (RM0440, PWR_CR5).
+const PWR_CR5_R1MODE: u32 = 1 << 8;
+/// At least 1 us at half the frequency.
+const BOOST_CYCLES: u32 = 100;
+
 /// CAN buses, numbered first.
 pub const CAN_BUSES: usize = 3;
 /// RS485 buses, numbered after them.
@@ -229,6 +234,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     set_clocks(&mut config.rcc);
     let p = embassy_stm32::init(config);
+    boost();
     // An output until the next reset: dropped, it would become an input.
     core::mem::forget(Output::new(p.PB0, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
@@ -305,6 +311,16 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
     rcc.apb1_pre = APBPrescaler::DIV1; // 168 MHz: LPUART1, USART3, FDCAN registers
     rcc.apb2_pre = APBPrescaler::DIV1; // 168 MHz: USART1
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
+}
+
+/// Raises the core's voltage to what more than 150 MHz need, with half the frequency meanwhile (RM0440, PWR chapter). `Config::rcc.boost`
+/// does not: embassy's table of registers has R1MODE at bit 0. Nor can it be done before, as `init` resets PWR: for some
+/// microseconds the core has run at 168 MHz without.
+fn boost() {
+    pac::RCC.cfgr().modify(|w| w.set_hpre(AHBPrescaler::DIV2));
+    pac::PWR.cr5().modify(|w| w.0 &= !PWR_CR5_R1MODE);
+    cortex_m::asm::delay(BOOST_CYCLES);
+    pac::RCC.cfgr().modify(|w| w.set_hpre(AHBPrescaler::DIV1));
 }
 
 /// What the core must know of this board.

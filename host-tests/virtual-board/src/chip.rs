@@ -173,6 +173,19 @@ impl Chip {
         }
     }
 
+    /// The STM32G474.
+    ///
+    /// # Panics
+    ///
+    /// On the other board.
+    #[must_use]
+    pub fn g474(&self) -> &Stm32g474 {
+        match self {
+            Self::G474(part) => part,
+            Self::H743(_) => panic!("this board has an STM32H743"),
+        }
+    }
+
     /// The STM32H743.
     ///
     /// # Panics

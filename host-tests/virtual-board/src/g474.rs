@@ -286,6 +286,14 @@ impl Stm32g474 {
         call(&mut self.serial[port], registers, &mut context)
     }
 
+    /// Whether the main regulator gives what more than 150 MHz need (RM0440, PWR_CR5: R1MODE, bit 8, is cleared).
+    #[must_use]
+    pub fn is_boosted(&self) -> bool {
+        const R1MODE: u64 = 1 << 8;
+        let row = tables::row(tables::named("PWR").registers, "CR5");
+        self.bus.registers("PWR").expect("it is there").get(row) & R1MODE == 0
+    }
+
     /// The registers of a port of pins.
     #[must_use]
     pub fn port_registers(&self, port: usize) -> &RegisterFile {

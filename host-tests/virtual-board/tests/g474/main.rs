@@ -165,3 +165,12 @@ fn a_reset_says_why() {
     let lines = log(&mut machine);
     assert!(lines[0].ends_with("started by PowerOn"), "{lines:?}");
 }
+
+/// RM0440, PWR_CR5: at 168 MHz the core needs the boosted range.
+#[test]
+fn its_regulator_is_boosted_for_168_mhz() {
+    let mut machine = builder().power_on();
+    assert!(!machine.part().g474().is_boosted());
+    machine.run_for(STARTED);
+    assert!(machine.part().g474().is_boosted());
+}
