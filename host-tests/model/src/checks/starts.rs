@@ -88,8 +88,11 @@ impl Oracle {
 
     /// Whether what has just been asked latches the e-stop or clears it.
     fn e_stop_may_change(&self, now: u64) -> bool {
-        let clears =
-            |record: &Record| record.result.is_none() && record.request == Request::Clear(Clears::Gateway);
+        // The host may have been answered, and nobody told of what follows.
+        let clears = |record: &Record| {
+            (record.result.is_none() || record.at_us == now)
+                && record.request == Request::Clear(Clears::Gateway)
+        };
         self.e_stop_asked_us == Some(now) || self.links.iter().any(|link| link.records.iter().any(clears))
     }
 
