@@ -114,8 +114,8 @@ pub fn a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through() -> Vec
 /// 16 bytes at 115200 baud, longer than a reply.
 const NOISE: Duration = Duration::from_micros(16 * 87);
 
-/// Runs for a while, and puts noise on the RS485 line behind each message of the gateway: every other byte has a framing
-/// error.
+/// Runs for a while, and puts noise on the RS485 line behind each message of the gateway, the last one too: every other byte has a
+/// framing error.
 fn garble_replies(lab: &Lab, duration: Duration) {
     const STEP: Duration = Duration::from_micros(200);
     let line = lab.outside.rs485;
@@ -123,14 +123,15 @@ fn garble_replies(lab: &Lab, duration: Duration) {
     let end = machine.now() + duration;
     loop {
         let now = machine.now();
-        let sent = machine.line(line).sent().last().map_or(now, |sent| sent.end);
+        let sent = machine.line(line).sent().last().map_or(Duration::ZERO, |sent| sent.end);
         if (STEP..2 * STEP).contains(&(now - sent)) {
             for (byte, damaged) in garbage(16).into_iter().zip([true, false].into_iter().cycle()) {
                 machine.drive_line(line, |line, timeline| line.disturb(&[byte], damaged, timeline));
                 machine.run_for(Duration::from_micros(87));
             }
         }
-        if machine.now() >= end {
+        let has_had_its_noise = machine.now() - sent >= 2 * STEP;
+        if machine.now() >= end && has_had_its_noise {
             return;
         }
         machine.run_for(STEP);
