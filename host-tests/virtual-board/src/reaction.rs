@@ -26,7 +26,7 @@ use crate::machine::Builder;
 use rig::Rig;
 
 /// Phases that a run in CI looks at.
-pub const FEW_PHASES: u32 = 50;
+pub const FEW_PHASES: u32 = 25;
 
 /// What the lines of the table mean.
 pub const LEGEND: &str = "\
@@ -35,10 +35,10 @@ pub const LEGEND: &str = "\
 # executes 250 million instructions a second. Best, median and worst of the phases, which are spread evenly over the time of one frame, and with a load over sixteen
 # periods of it as well; each is a branch of one run, as from a snapshot. The bound is that of GUARANTEES G5.
 #
-#     .ci/virtual-board reaction                          50 phases, compared with this table, as CI does
+#     .ci/virtual-board reaction                          25 phases, compared with this table, as CI does
 #     .ci/virtual-board reaction --phases 1000 --renew    writes it anew
 #
-# CI fails when the worst of its 50 phases is more than 5 % and 20 us above the worst here, or above the bound and that of the
+# CI fails when the worst of its 25 phases is more than 5 % and 20 us above the worst here, or above the bound and that of the
 # table is not: a line with \"over\" breaks its bound, and says so. never: no stop came within 100 ms of the bound.
 #
 # quiet      the axes stand, nothing else is on the bus at that time
