@@ -12,6 +12,8 @@ mod lab;
 mod log;
 mod reaction;
 mod rs485_times;
+#[path = "../common/rtt.rs"]
+mod rtt;
 mod serial_settings;
 mod silicon;
 mod unmodelled;

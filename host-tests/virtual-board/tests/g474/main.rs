@@ -1,12 +1,14 @@
 //! The image of the other board, the NUCLEO-G474RE, on its machine.
 
+#[path = "../common/rtt.rs"]
+mod rtt;
+
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
-use defmt_decoder::{DecodeError, Table};
 use host_protocol::{CanFrame, Protocol, ProtocolSet, RawFrame};
 use mgw_client::Client;
 use rigless::chip::can::{Id, Pattern};
@@ -52,22 +54,7 @@ fn builder() -> Builder {
 
 /// The lines that the firmware has logged, without their times.
 fn log(machine: &mut Machine) -> Vec<String> {
-    machine.run_for(Duration::from_millis(1));
-    let image = std::fs::read(image()).expect("a readable image");
-    let table = Table::parse(&image).expect("the strings of the image").expect("an image that logs");
-    let mut decoder = table.new_stream_decoder();
-    decoder.received(&machine.take_rtt());
-    let mut lines = Vec::new();
-    loop {
-        match decoder.decode() {
-            Ok(frame) => {
-                let line = frame.display(false).to_string();
-                lines.push(line.split_once(' ').expect("a time and a text").1.trim().to_owned());
-            }
-            Err(DecodeError::UnexpectedEof) => return lines,
-            Err(DecodeError::Malformed) => panic!("a log line that cannot be decoded, after {lines:?}"),
-        }
-    }
+    rtt::take(machine, &image())
 }
 
 #[test]
