@@ -9,6 +9,8 @@
 //! | GINTSTS | FIFOs empty, no event, whatever is written; device mode 25 ms after GUSBCFG has had FDMOD and PHYSEL, host mode before | RM0433 §57.14.6, GUSBCFG.FDMOD; chibios-upstream #13 |
 //! | CID | 0x2300 | found on an STM32H7: stm32-rs/synopsys-usb-otg, pull request 4 |
 
+pub mod function;
+
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::snapshot::store;
 use rigless::soc::stm32h743::generated::otg1_hs_global::Register;
