@@ -23,6 +23,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
 
+use crate::dma_memory::Buffer;
+
 /// Bits of a byte on the line: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
 /// Bits that the driver-enable may add: its lead and its tail.
@@ -204,17 +206,17 @@ pub struct Receiver {
 
 impl Receiver {
     /// Starts a receiver that also looks for each byte 0x00.
-    pub fn with_delimiters<T: Instance>(driver: UartRx<'static, Async>, memory: &'static mut [u8]) -> Self {
+    pub fn with_delimiters<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer) -> Self {
         // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host protocol.
         T::registers().cr1().modify(|w| w.set_cmie(true));
         Self::new::<T>(driver, memory)
     }
 
     /// Starts a receiver.
-    pub fn new<T: Instance>(driver: UartRx<'static, Async>, memory: &'static mut [u8]) -> Self {
+    pub fn new<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer) -> Self {
         // It holds the pin and the clock; both are in use from now on.
         mem::forget(driver);
-        let (registers, memory) = (T::registers(), NonNull::from(memory));
+        let (registers, memory) = (T::registers(), NonNull::from(memory.into_bytes()));
         // Safety: the first ring of this line, and `restart` ends one before it makes the next.
         let ring = unsafe { T::ring(memory) };
         let mut receiver = Self { ring, memory, make: T::ring, registers, events: T::events() };
@@ -283,6 +285,8 @@ impl Receiver {
 /// The sending half of a line.
 pub struct Sender {
     driver: UartTx<'static, Async>,
+    /// Holds the message on its way.
+    memory: Buffer,
     registers: Usart,
     /// What else happens on the line.
     pub events: &'static LineEvents,
@@ -290,9 +294,9 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Of a USART that was set up with this bitrate.
-    pub fn new<T: Instance>(driver: UartTx<'static, Async>, bits_per_second: u32) -> Self {
-        Self { driver, registers: T::registers(), events: T::events(), bits_per_second }
+    /// Of a USART that was set up with this bitrate; `memory` has room for the longest message.
+    pub fn new<T: Instance>(driver: UartTx<'static, Async>, memory: Buffer, bits_per_second: u32) -> Self {
+        Self { driver, memory, registers: T::registers(), events: T::events(), bits_per_second }
     }
 
     /// Changes the bitrate of the line, for the receiver too.
@@ -317,19 +321,21 @@ impl Sender {
         }
     }
 
-    /// Sends, and returns when the last stop bit has left.
-    pub async fn send(&mut self, bytes: &[u8]) -> Result<(), TimeoutError> {
-        let bits = BITS_PER_BYTE * bytes.len() as u64 + DRIVER_ENABLE_BITS;
-        with_timeout(self.duration(bits) + MARGIN, async {
+    /// Sends, and returns when the last stop bit has left. A message without room counts as one that did not leave in time.
+    pub async fn send(&mut self, message: &[u8]) -> Result<(), TimeoutError> {
+        let bits = BITS_PER_BYTE * message.len() as u64 + DRIVER_ENABLE_BITS;
+        // What is left when the transmitter has been handed the last byte, and a byte more.
+        let held = message.len().min(TRANSMITTER_DEPTH) + 1;
+        let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
+        let limit = self.duration(bits) + MARGIN;
+        let bytes = self.memory.hold(message).ok_or(TimeoutError)?;
+        with_timeout(limit, async {
             self.registers.icr().write(|w| w.set_tc(true));
             self.events.sent.reset();
             self.registers.cr1().modify(|w| w.set_tcie(true));
             // The result is always Ok: this driver's write reports nothing.
             let _ = self.driver.write(bytes).await;
-            // What the transmitter still holds is on its way. Its event tells when that has left; where no event comes, a byte more
-            // than its time.
-            let held = bytes.len().min(TRANSMITTER_DEPTH) + 1;
-            let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
+            // What the transmitter still holds is on its way. Its event tells when that has left; where no event comes, the time does.
             let _ = with_timeout(rest, self.events.sent.wait()).await;
         })
         .await

@@ -42,11 +42,12 @@ use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
-use static_cell::{ConstStaticCell, StaticCell};
+use static_cell::StaticCell;
 
 use super::host_links::HostLinks;
-use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
+use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
+use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
@@ -251,20 +252,24 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         can_0: FdcanPort { controller: p.FDCAN1, rx: p.PB8, tx: p.PB9, irqs: Irqs },
         can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB12, tx: p.PB13, irqs: Irqs },
         can_2: FdcanPort { controller: p.FDCAN3, rx: p.PA8, tx: p.PA15, irqs: Irqs },
-        rs485: {
-            static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
-            serial::rs485_line::<USART3>(rs485, RING.take(), first_bitrate)
-        },
+        rs485: serial::rs485_line::<USART3>(
+            rs485,
+            dma_memory::buffer!(RS485_RING),
+            dma_memory::buffer!(RS485_MESSAGE),
+            first_bitrate,
+        ),
         hosts: HostLinks {
             uarts: [
-                {
-                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                    serial::host_line::<LPUART1>(host_0, RING.take())
-                },
-                {
-                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                    serial::host_line::<USART1>(host_1, RING.take())
-                },
+                serial::host_line::<LPUART1>(
+                    host_0,
+                    dma_memory::buffer!(HOST_RING),
+                    dma_memory::buffer!(HOST_MESSAGE),
+                ),
+                serial::host_line::<USART1>(
+                    host_1,
+                    dma_memory::buffer!(HOST_RING),
+                    dma_memory::buffer!(HOST_MESSAGE),
+                ),
             ],
             usb: UsbPort { controller: p.USB, d_plus: p.PA12, d_minus: p.PA11 },
         },

@@ -36,8 +36,9 @@ use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::host_links::HostLinks;
-use super::serial::{self, HOST_BITS_PER_SECOND, HOST_RING, RS485_RING};
+use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
+use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
 use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
@@ -286,20 +287,24 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     let ports = Ports {
         can_0: FdcanPort { controller: p.FDCAN1, rx: p.PD0, tx: p.PD1, irqs: Irqs },
         can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
-        rs485: {
-            static RING: ConstStaticCell<[u8; RS485_RING]> = ConstStaticCell::new([0; RS485_RING]);
-            serial::rs485_line::<USART2>(rs485, RING.take(), first_bitrate)
-        },
+        rs485: serial::rs485_line::<USART2>(
+            rs485,
+            dma_memory::buffer!(RS485_RING),
+            dma_memory::buffer!(RS485_MESSAGE),
+            first_bitrate,
+        ),
         hosts: HostLinks {
             uarts: [
-                {
-                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                    serial::host_line::<USART3>(host_0, RING.take())
-                },
-                {
-                    static RING: ConstStaticCell<[u8; HOST_RING]> = ConstStaticCell::new([0; HOST_RING]);
-                    serial::host_line::<USART6>(host_1, RING.take())
-                },
+                serial::host_line::<USART3>(
+                    host_0,
+                    dma_memory::buffer!(HOST_RING),
+                    dma_memory::buffer!(HOST_MESSAGE),
+                ),
+                serial::host_line::<USART6>(
+                    host_1,
+                    dma_memory::buffer!(HOST_RING),
+                    dma_memory::buffer!(HOST_MESSAGE),
+                ),
             ],
             usb: UsbPort { controller: p.USB_OTG_FS, d_plus: p.PA12, d_minus: p.PA11 },
         },

@@ -4,6 +4,7 @@ use embassy_stm32::gpio::Pull;
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::{self, Uart};
 
+use crate::dma_memory::Buffer;
 use crate::line::{self, Receiver, Sender};
 
 /// Bitrate of the host links.
@@ -12,6 +13,9 @@ pub const HOST_BITS_PER_SECOND: u32 = 921_600;
 pub const HOST_RING: usize = 256;
 /// Bytes of an RS485 bus's DMA ring: 1.28 ms at 2 Mbaud.
 pub const RS485_RING: usize = 256;
+/// The longest message to a host, and on an RS485 bus, bytes.
+pub const HOST_MESSAGE: usize = host_protocol::MAX_FRAME;
+pub const RS485_MESSAGE: usize = gateway::port::MAX_SERIAL;
 /// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.
 const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
 
@@ -26,21 +30,25 @@ pub fn config(bits_per_second: u32) -> usart::Config {
     config
 }
 
-/// The two halves of a host link.
+/// The two halves of a host link, with a ring of [`HOST_RING`] bytes and room for a message of [`HOST_MESSAGE`].
 pub fn host_line<T: line::Instance>(
     uart: Uart<'static, Async>,
-    ring: &'static mut [u8; HOST_RING],
+    ring: Buffer,
+    message: Buffer,
 ) -> (Receiver, Sender) {
     let (sender, receiver) = uart.split();
-    (Receiver::with_delimiters::<T>(receiver, ring), Sender::new::<T>(sender, HOST_BITS_PER_SECOND))
+    let sender = Sender::new::<T>(sender, message, HOST_BITS_PER_SECOND);
+    (Receiver::with_delimiters::<T>(receiver, ring), sender)
 }
 
-/// The two halves of an RS485 bus that was set up with this bitrate.
+/// The two halves of an RS485 bus that was set up with this bitrate, with a ring of [`RS485_RING`] bytes and room for a message
+/// of [`RS485_MESSAGE`].
 pub fn rs485_line<T: line::Instance>(
     uart: Uart<'static, Async>,
-    ring: &'static mut [u8; RS485_RING],
+    ring: Buffer,
+    message: Buffer,
     bits_per_second: u32,
 ) -> (Receiver, Sender) {
     let (sender, receiver) = uart.split();
-    (Receiver::new::<T>(receiver, ring), Sender::new::<T>(sender, bits_per_second))
+    (Receiver::new::<T>(receiver, ring), Sender::new::<T>(sender, message, bits_per_second))
 }

@@ -34,6 +34,8 @@ const MINC: u64 = 1 << 7;
 const PSIZE: u32 = 8;
 const MSIZE: u32 = 10;
 const MEM2MEM: u64 = 1 << 14;
+/// The CCM SRAM at the address that only the processor reaches (RM0440, memory organisation).
+const UNREACHABLE: std::ops::Range<u64> = 0x1000_0000..0x1000_8000;
 
 /// A register of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,10 +119,14 @@ impl Dma {
     }
 
     /// Begins with the next item, if it is asked for.
-    fn pump(&mut self, channel: usize, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    fn pump(&mut self, channel: usize, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let control = registers.get(self.row(channel, Of::Control));
         let state = &mut self.channels[channel];
         if control & EN == 0 || state.under.is_some() || state.remaining == 0 || !state.requested {
+            return;
+        }
+        if UNREACHABLE.contains(&state.memory) || UNREACHABLE.contains(&state.peripheral) {
+            self.fail(channel, registers, context);
             return;
         }
         let (address, width) = if control & DIR == 0 {

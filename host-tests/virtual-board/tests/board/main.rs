@@ -4,6 +4,8 @@
 mod can;
 mod checkers;
 mod determinism;
+#[path = "../common/dma.rs"]
+mod dma;
 mod end_to_end;
 mod faults;
 mod floods;

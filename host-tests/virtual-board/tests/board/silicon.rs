@@ -21,12 +21,18 @@ use virtual_board::pins::ENABLE;
 use virtual_board::revision::Revision;
 use virtual_board::transport::BoardTransport;
 
+use crate::dma;
 use crate::lab::{Lab, RMD, RMD_RS485};
 use crate::log;
 
 const BITRATE: u32 = 1_000_000;
 /// The RAM that revision Y reads wrong unless it is told otherwise.
 const AXI_SRAM: Watch = Watch::Writes { address: 0x2400_0000, length: 512 << 10 };
+/// The buffers of DMA lie there, the data behind the stack in the DTCM.
+const DMA_REGION: std::ops::Range<u32> = 0x2400_0000..0x2408_0000;
+const DATA: std::ops::Range<u64> = 0x2000_C000..0x2002_0000;
+/// Of the stack, where it never reaches.
+const IN_DTCM: u32 = 0x2000_0100;
 /// More than the start takes, USB included.
 const START: Duration = Duration::from_millis(60);
 
@@ -126,7 +132,7 @@ fn the_ram_of_revision_y_is_set_before_it_is_used_after_every_reset() {
     let mut machine = Machine::builder().revision(Revision::Y).power_on();
     for start in ["power", "pin"] {
         machine.watch(AXI_SRAM);
-        machine.run_for(Duration::from_micros(20));
+        machine.run_for(START);
         machine.unwatch(AXI_SRAM);
         let set = machine.part().h743().interconnect.sram_set().unwrap_or_else(|| panic!("{start}: not set"));
         let used = machine.take_hits().first().unwrap_or_else(|| panic!("{start}: not used")).at;
@@ -141,6 +147,19 @@ fn the_ram_of_revision_v_is_left_as_it_is() {
     let mut machine = Machine::builder().revision(Revision::V).power_on();
     machine.run_for(START);
     assert_eq!(machine.part().h743().interconnect.sram_set(), None);
+}
+
+/// DMA1 and DMA2 do not reach the DTCM (RM0433 2.1.6), and the driver panics at their error: a buffer in the wrong place ends the run.
+#[test]
+fn a_message_in_memory_that_dma_does_not_reach_ends_the_run() {
+    let mut bench = Bench::of(Machine::builder());
+    dma::misplace_messages(&mut bench.machine.borrow_mut(), DATA, DMA_REGION, IN_DTCM);
+    bench.client.gateway_status().expect("the run after it answers");
+    let mut machine = bench.machine.borrow_mut();
+    machine.run_for(START);
+    assert_eq!(machine.reports().resets.len(), 1);
+    let lines = log::take(&mut machine);
+    assert!(lines.iter().any(|line| line.contains("DMA: error on DMA@40020000")), "{lines:?}");
 }
 
 #[test]

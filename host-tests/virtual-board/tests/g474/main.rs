@@ -1,5 +1,7 @@
 //! The image of the other board, the NUCLEO-G474RE, on its machine.
 
+#[path = "../common/dma.rs"]
+mod dma;
 #[path = "../common/rtt.rs"]
 mod rtt;
 
@@ -151,6 +153,20 @@ fn a_reset_says_why() {
     machine.run_for(STARTED);
     let lines = log(&mut machine);
     assert!(lines[0].ends_with("started by PowerOn"), "{lines:?}");
+}
+
+/// DMA does not reach the CCM SRAM where the stack lies, and the driver panics at its error.
+#[test]
+fn a_message_in_memory_that_dma_does_not_reach_ends_the_run() {
+    let (machine, mut client) = connected(builder(), UartPort::Host0);
+    let (data, region) = (0x2000_0000..0x2001_3000, 0x2001_3000..0x2001_4000);
+    dma::misplace_messages(&mut machine.borrow_mut(), data, region, 0x1000_0100);
+    client.gateway_status().expect("the run after it answers");
+    let mut machine = machine.borrow_mut();
+    machine.run_for(STARTED);
+    assert_eq!(machine.reports().resets.len(), 1);
+    let lines = log(&mut machine);
+    assert!(lines.iter().any(|line| line.contains("DMA: error on BDMA@40020000")), "{lines:?}");
 }
 
 /// RM0440, PWR_CR5: at 168 MHz the core needs the boosted range.
