@@ -10,7 +10,7 @@ use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
 use crate::nodes::since_start;
-use crate::serial_port::{FarEnd, Settings};
+use virtual_stm32::serial_port::{FarEnd, Settings};
 
 /// A byte from the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

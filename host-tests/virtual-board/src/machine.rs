@@ -6,7 +6,6 @@
 //!
 //! Same image, same peers, same orders at the same instants: same run, to the last access.
 
-mod board;
 mod branch;
 mod builder;
 mod core_thread;
@@ -26,7 +25,6 @@ pub use handles::{CanNode, CanPort, Line, UartPort};
 pub use pins::PinProbe;
 pub use plant::{Fault, Place};
 pub use reports::Reports;
-pub use retention::{RETAINED_RAM, RETAINED_RAM_BYTES};
 pub use snapshot::Snapshot;
 
 use std::time::Duration;
@@ -37,11 +35,12 @@ use rigless::soc::Width;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
-use crate::chip::Chip;
-use crate::fdcan::{Fdcan, Wiring};
-use crate::serial_port::FarEnd;
+use crate::board::{Board, serial_port};
 use core_thread::CoreThread;
 use names::Names;
+use virtual_stm32::Chip;
+use virtual_stm32::fdcan::{Fdcan, Wiring};
+use virtual_stm32::serial_port::FarEnd;
 
 /// How often [`Machine::run_until`] looks at its condition.
 const LOOK_PERIOD: Duration = Duration::from_micros(10);
@@ -118,6 +117,12 @@ impl Machine {
         self.core.order(|session, host, stop, _| session.reset_by_pin(stop.at, stop.instruction_count, host));
     }
 
+    /// Which board it is.
+    #[must_use]
+    pub fn board(&self) -> Board {
+        Board::of(self.part())
+    }
+
     /// The part with every model.
     #[must_use]
     pub fn part(&self) -> &Chip {
@@ -161,18 +166,18 @@ impl Machine {
     ///
     /// Never: the handle comes from hanging it there.
     pub fn line<P: FarEnd>(&mut self, line: Line<P>) -> &mut P {
-        let port = self.part_mut().serial_mut(line.port().index());
+        let port = serial_port(self.part_mut(), line.port());
         port.peer_mut().expect("the far end that was hung here")
     }
 
     /// Cuts a serial line, both ways, or mends it.
     pub fn silence_line(&mut self, port: UartPort, silent: bool) {
-        self.part_mut().serial_mut(port.index()).silence(silent);
+        serial_port(self.part_mut(), port).silence(silent);
     }
 
     /// How a serial line garbles what arrives at the board: rates and seed, to be set.
     pub fn line_errors(&mut self, port: UartPort) -> &mut uart::Errors {
-        self.part_mut().serial_mut(port.index()).errors_mut()
+        serial_port(self.part_mut(), port).errors_mut()
     }
 
     /// What the emulator could not stand in for, and the resets, since the board was switched on.

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use self::sampler::{BITS_PER_BYTE, Sampled, Sampler};
 use crate::nodes::{Alarm, catch_up, since_start};
-use crate::serial_port::{FarEnd, Settings};
+use virtual_stm32::serial_port::{FarEnd, Settings};
 
 const PICOS_PER_NANO: u64 = 1_000;
 const PICOS_PER_SECOND: u64 = 1_000_000_000_000;

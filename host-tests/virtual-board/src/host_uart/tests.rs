@@ -1,8 +1,8 @@
 use rigless::soc::stm32h743::generated::usart1::{Register, icr, isr};
 
 use super::*;
-use crate::serial_port::SerialPort;
-use crate::serial_port::tests::Bench;
+use virtual_stm32::serial_port::SerialPort;
+use virtual_stm32::serial_port::bench::Bench;
 
 /// 100 MHz / 109 = 917431 baud: 10.9 µs a byte.
 const BRR_921600: u64 = 109;

@@ -9,7 +9,7 @@ use std::time::Duration;
 use rigless::time::VirtualNanos;
 
 use super::{Machine, nanos};
-use crate::chip::Chip;
+use virtual_stm32::Chip;
 
 /// Something done to the part at an instant.
 type Act = Box<dyn FnOnce(&mut Chip, VirtualNanos) + Send>;

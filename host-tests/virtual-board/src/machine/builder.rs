@@ -12,19 +12,22 @@ use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
-use super::board::{FLASH, Nucleo};
 use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
 use super::names::Names;
 use super::recorder::Recorder;
 use super::rom::{ROM, rom_bootloader};
 use super::{Machine, Snapshot};
-use crate::chip::{Board, Chip};
-use crate::revision::Revision;
-use crate::serial_port::FarEnd;
+use crate::board::{Board, serial_port};
+use virtual_stm32::Chip;
+use virtual_stm32::revision::Revision;
+use virtual_stm32::serial_port::FarEnd;
+use virtual_stm32::socket::Socket;
 
 /// The variable that names the image.
 const IMAGE_VARIABLE: &str = "MOTOR_GATEWAY_ELF";
+/// The vector table at reset: BOOT_ADD0 of the STM32H743 as delivered, and the flash of the STM32G474.
+const FLASH: u32 = 0x0800_0000;
 /// Where the firmware's logger keeps its control block.
 const RTT_SYMBOL: &str = "_SEGGER_RTT";
 
@@ -91,17 +94,13 @@ impl Builder {
     /// # Errors
     ///
     /// If the file is none.
-    ///
-    /// # Panics
-    ///
-    /// If the emulator's part is not the one our models are for: a defect of this crate.
     pub fn of(board: Board, image: &Path) -> Result<Self, ImageError> {
         let bytes = fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
         let unusable = |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
         let symbols = Symbols::read(&bytes, code_address).map_err(|error| unusable(&error))?;
         let names = Names::read(&bytes).map_err(|error| unusable(&error))?;
         let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
-        let mut part = Box::new(Chip::new(board).unwrap_or_else(|error| panic!("{error}")));
+        let mut part = Box::new(board.chip());
         // Nobody has pressed an emergency stop.
         part.drive_pin(board.e_stop(), Some(Level::Low), VirtualNanos(0));
         Ok(Self {
@@ -155,7 +154,7 @@ impl Builder {
 
     /// Hangs the far end on a serial line. It speaks at the rate of the board.
     pub fn line<P: FarEnd>(&mut self, port: UartPort, peer: P) -> Line<P> {
-        self.part.serial_mut(port.index()).attach(peer);
+        serial_port(&mut self.part, port).attach(peer);
         Line::new(port)
     }
 
@@ -176,8 +175,9 @@ impl Builder {
         let (vector_table, rom) = if started_by_rom { (ROM, Some(rom_bootloader())) } else { (FLASH, None) };
         let images: Vec<Image> = std::iter::once(image).chain(rom).collect();
         let firmware = digest(&images, None);
-        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), part.board().retained_ram());
-        let board = Nucleo::new(part, instructions_per_second, vector_table);
+        let board = Board::of(&part);
+        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board.retained_ram());
+        let board = Socket::new(board.name(), part, board.pace(instructions_per_second), vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
         let core = CoreThread::start(PoweredOff { board, images, firmware, recorder }, from);
         Machine { core, firmware, symbols, names, planted: None, reached }

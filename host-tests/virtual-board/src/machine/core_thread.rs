@@ -11,17 +11,18 @@ use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
-use super::board::Nucleo;
 use super::branch::{Fork, Script, fork};
 use super::recorder::Recorder;
 use super::retention::Retention;
 use super::snapshot::Snapshot;
-use crate::chip::Chip;
+use crate::board::Board;
+use virtual_stm32::Chip;
+use virtual_stm32::socket::Socket;
 
 /// A board before its first instruction.
 pub struct PoweredOff {
     /// The board.
-    pub board: Nucleo,
+    pub board: Socket,
     /// What it runs, and what else is in its memory.
     pub images: Vec<Image>,
     /// Which image that is, as a snapshot names it.
@@ -37,7 +38,7 @@ struct Lent {
 }
 
 /// Something to do while the emulation stands still.
-type Job = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop, &mut Recorder) + Send>;
+type Job = Box<dyn FnOnce(&mut Session<Socket>, &mut dyn Host, Stop, &mut Recorder) + Send>;
 
 /// What to do next.
 enum Order {
@@ -97,7 +98,7 @@ impl CoreThread {
     /// Does something on the emulation's side, where its memory and reports are.
     pub fn order<R: Send + 'static>(
         &mut self,
-        job: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop, &mut Recorder) -> R + Send + 'static,
+        job: impl FnOnce(&mut Session<Socket>, &mut dyn Host, Stop, &mut Recorder) -> R + Send + 'static,
     ) -> R {
         let (result_in, result) = channel();
         self.send(Order::Do(Box::new(move |session, host, stop, recorder| {
@@ -162,7 +163,7 @@ fn run(
     stops: Sender<Lent>,
 ) {
     let PoweredOff { board, images, firmware, recorder } = powered_off;
-    let retained = board.part().board().retained_ram();
+    let retained = Board::of(board.chip()).retained_ram();
     // Asked to reach instant 0: it stops before the first instruction.
     let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
     session.watch(Retention::watch(retained));
@@ -221,7 +222,7 @@ impl Rendezvous {
     /// Stands still until the test orders to run; `None`: to end.
     fn stand(
         &mut self,
-        session: &mut Session<Nucleo>,
+        session: &mut Session<Socket>,
         host: &mut dyn Host,
         stop: Stop,
     ) -> Option<VirtualNanos> {
@@ -260,10 +261,10 @@ impl Rendezvous {
         }
     }
 
-    fn note_resets(&mut self, session: &Session<Nucleo>, host: &mut dyn Host, at: VirtualNanos) {
+    fn note_resets(&mut self, session: &Session<Socket>, host: &mut dyn Host, at: VirtualNanos) {
         if session.resets().len() != self.resets {
             self.resets = session.resets().len();
-            self.recorder.reset(session.board().part(), at, host);
+            self.recorder.reset(session.board().chip(), at, host);
         }
     }
 
@@ -272,11 +273,11 @@ impl Rendezvous {
     }
 }
 
-impl Driver<Nucleo> for Rendezvous {
-    fn on_settled(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host, settled: Settled) {
+impl Driver<Socket> for Rendezvous {
+    fn on_settled(&mut self, session: &mut Session<Socket>, host: &mut dyn Host, settled: Settled) {
         match settled {
             Settled::Access { access, value } => {
-                self.recorder.access(&access, value, session.board().part());
+                self.recorder.access(&access, value, session.board().chip());
                 self.note_resets(session, host, access.virtual_time);
             }
             Settled::Hit(hit) => self.recorder.hit(hit, host),
@@ -287,7 +288,7 @@ impl Driver<Nucleo> for Rendezvous {
                 session.run_until(next);
             }
             Settled::Stop(stop) if session.unpowered() => {
-                self.recorder.reset(session.board().part(), stop.at, host)
+                self.recorder.reset(session.board().chip(), stop.at, host)
             }
             Settled::Stop(stop) => self.note_resets(session, host, stop.at),
             _ => {}
@@ -296,7 +297,7 @@ impl Driver<Nucleo> for Rendezvous {
 
     fn on_stop(
         &mut self,
-        session: &mut Session<Nucleo>,
+        session: &mut Session<Socket>,
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {

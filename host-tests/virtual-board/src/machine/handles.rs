@@ -28,24 +28,12 @@ impl CanPort {
 /// The serial ports of the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UartPort {
-    /// Host link 0: USART3, on a real board the ST-LINK's virtual COM port.
+    /// Host link 0, on a real board the ST-LINK's virtual COM port.
     Host0,
-    /// Host link 1: USART6.
+    /// Host link 1.
     Host1,
-    /// Bus 2: USART2, to an RS485 transceiver.
+    /// The last bus, to an RS485 transceiver.
     Rs485,
-}
-
-impl UartPort {
-    /// Its place among the chip's serial ports.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        match self {
-            Self::Host0 => 0,
-            Self::Host1 => 1,
-            Self::Rs485 => 2,
-        }
-    }
 }
 
 /// A node on a CAN bus, of type `P`.

@@ -6,7 +6,8 @@ use rigless::device::Level;
 
 use super::Machine;
 use crate::nodes::instant;
-use crate::pins::{Change, Pin, Port};
+use crate::pins::Change;
+use virtual_stm32::pins::{Pin, Port};
 
 /// A pin of a board.
 pub struct PinProbe<'m> {
@@ -24,7 +25,22 @@ impl Machine {
         self.probe(Pin::new(port, number))
     }
 
-    /// A pin that has a name.
+    /// The e-stop input.
+    pub fn e_stop(&mut self) -> PinProbe<'_> {
+        self.probe(self.board().e_stop())
+    }
+
+    /// The enable output.
+    pub fn enable_output(&mut self) -> PinProbe<'_> {
+        self.probe(self.board().enable())
+    }
+
+    /// The light.
+    pub fn light(&mut self) -> PinProbe<'_> {
+        self.probe(self.board().light())
+    }
+
+    /// Any pin.
     pub fn probe(&mut self, pin: Pin) -> PinProbe<'_> {
         PinProbe { machine: self, pin }
     }
@@ -32,8 +48,7 @@ impl Machine {
     /// Opens the chain of emergency stops, as a pressed button or a cut cable does, or closes it.
     pub fn open_e_stop(&mut self, open: bool) {
         let level = if open { None } else { Some(Level::Low) };
-        let pin = self.part().board().e_stop();
-        self.probe(pin).drive(level);
+        self.e_stop().drive(level);
     }
 }
 

@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::plant::FREE;
 use super::retention::Retention;
-use crate::chip::{Chip, RetainedRam};
+use crate::board::RetainedRam;
 use crate::pins::OutputLog;
+use virtual_stm32::Chip;
 
 /// How often the RTT channel is drained; on an absolute grid, so that no order of the test changes the run.
 const DRAIN_PERIOD: u64 = 1_000_000;

@@ -8,12 +8,8 @@ use rigless::emulator::{Host, Watch};
 use rigless::soc::Width;
 use serde::{Deserialize, Serialize};
 
-use crate::chip::RetainedRam;
+use crate::board::RetainedRam;
 
-/// SRAM4: where the firmware keeps what must outlive a reset.
-pub const RETAINED_RAM: u64 = 0x3800_0000;
-/// Its size in bytes.
-pub const RETAINED_RAM_BYTES: u64 = 64 << 10;
 /// Bytes of a word, which has check bits of its own.
 const WORD_BYTES: u64 = 4;
 /// One instruction stores at most 32 words (VSTM of sixteen double words).

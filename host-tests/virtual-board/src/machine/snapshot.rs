@@ -9,8 +9,8 @@ use rigless::session::Session;
 use rigless::snapshot::{self, Error};
 use rigless::time::VirtualNanos;
 
-use super::board::Nucleo;
 use super::recorder::Recorder;
+use virtual_stm32::socket::Socket;
 
 /// Everything as it stood. Copies share it.
 #[derive(Debug, Clone)]
@@ -45,7 +45,7 @@ impl Snapshot {
     /// Puts a session that was built alike where it stood.
     pub(super) fn load(
         &self,
-        session: &mut Session<Nucleo>,
+        session: &mut Session<Socket>,
         firmware: &[u8; 32],
         recorder: &mut Recorder,
     ) -> Result<Resume<'static>, Error> {

@@ -11,11 +11,11 @@ use host_protocol::{Deframer, Error, Kind, MAX_FRAME, Protocol, Reply, Request};
 use mgw_sim::MotorWiring;
 
 use super::{SEED, stack};
-use crate::fdcan::FrameRecord;
 use crate::host_uart::{HostUart, Received};
 use crate::machine::{Builder, CanPort, Line, Machine};
 use crate::nodes::instant;
 use crate::outside::Outside;
+use virtual_stm32::fdcan::FrameRecord;
 
 /// Bits of a byte on a UART: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;

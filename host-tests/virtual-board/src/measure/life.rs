@@ -13,10 +13,10 @@ use mgw_client::{Client, ClientError, Hold, Transport};
 
 use super::bench::STARTED;
 use super::{SEED, stack};
-use crate::fdcan::Wiring;
 use crate::machine::{Builder, CanPort, Machine};
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
+use virtual_stm32::fdcan::Wiring;
 
 /// Bus, bitrate and protocols.
 const BUSES: [(u8, u32, &[Protocol]); 3] = [

@@ -12,8 +12,8 @@ use host_protocol::{
 };
 
 use super::bench::{AXES, Answer, BITRATE, Bench, Exchange, Span, place};
-use crate::fdcan::{FrameRecord, Sender};
 use crate::nodes::since_start;
+use virtual_stm32::fdcan::{FrameRecord, Sender};
 
 /// How often each operation is repeated.
 pub(super) const PHASES: u32 = 100;

@@ -4,7 +4,7 @@ use rigless::chip::{Timeline, can};
 
 use super::instant;
 use crate::machine::{CanNode, Line, Machine};
-use crate::serial_port::FarEnd;
+use virtual_stm32::serial_port::FarEnd;
 
 impl Machine {
     /// Changes a node of a CAN bus now.
@@ -33,10 +33,10 @@ impl Machine {
         line: Line<P>,
         change: impl FnOnce(&mut P, &mut Timeline<'_, '_>) -> T,
     ) -> T {
-        let at = instant(self.now());
-        let answer = self.part_mut().drive_serial(line.port().index(), at, |port, registers, context| {
-            port.drive(registers, context, change)
-        });
+        let (at, name) = (instant(self.now()), self.board().serial_name(line.port()));
+        let answer = self
+            .part_mut()
+            .drive_serial(name, at, |port, registers, context| port.drive(registers, context, change));
         answer.expect("the far end that was hung here")
     }
 }

@@ -10,8 +10,8 @@ use mgw_client::{Client, Hold};
 use mgw_sim::{MotorEvent, MotorWiring};
 
 use super::*;
-use crate::fdcan::FrameEnd;
 use crate::transport::BoardTransport;
+use virtual_stm32::fdcan::FrameEnd;
 
 const TTL: Duration = Duration::from_millis(100);
 /// Bus, protocol, node and stop action of axes 0 to 3, in the order of the motors.

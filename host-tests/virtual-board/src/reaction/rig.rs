@@ -15,13 +15,14 @@ use mgw_sim::MotorWiring;
 use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
-use crate::chip::Chip;
+use crate::board::serial_port;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
 use crate::outside::Outside;
 use crate::rs485_line::Rs485Line;
 use crate::transport::BoardTransport;
+use virtual_stm32::Chip;
 
 /// Decides the motors' reply times.
 const SEED: u64 = 1;
@@ -186,8 +187,7 @@ impl Rig {
         let begin = self.begin + after;
         let since = machine.now() + begin + HOST_BIT * u32::try_from(bits).expect("short");
         let send = move |part: &mut Chip, _| {
-            let host: &mut HostUart =
-                part.serial_mut(UartPort::Host1.index()).peer_mut().expect("a computer");
+            let host: &mut HostUart = serial_port(part, UartPort::Host1).peer_mut().expect("a computer");
             assert_eq!(
                 (host.unsent(), host.settings().bit_ps),
                 (0, 1_090_000),
@@ -229,7 +229,7 @@ fn words(report: &[u8]) -> impl Iterator<Item = u64> {
 }
 
 fn line(part: &mut Chip) -> &mut Rs485Line {
-    part.serial_mut(UartPort::Rs485.index()).peer_mut().expect("a line")
+    serial_port(part, UartPort::Rs485).peer_mut().expect("a line")
 }
 
 fn first_stops(part: &mut Chip, bus: Bus, since: Duration) -> FirstStops {
@@ -321,7 +321,7 @@ mod tests {
     use host_protocol::requests::EStop;
     use host_protocol::{Deframer, Event, EventMessage};
 
-    use crate::fdcan::Sender;
+    use virtual_stm32::fdcan::Sender;
 
     use super::*;
     use crate::reaction::situation::Bus;
@@ -353,7 +353,7 @@ mod tests {
     /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries them.
     fn told(rig: &Rig, within: Duration) -> Vec<Event> {
         let bytes = rig.branch(Duration::ZERO, &EStop {}, within, |part, _| {
-            part.serial_mut(UartPort::Host1.index()).peer_mut::<HostUart>().expect("a computer").take()
+            serial_port(part, UartPort::Host1).peer_mut::<HostUart>().expect("a computer").take()
         });
         let mut deframer = Deframer::new();
         let mut events = Vec::new();

@@ -5,9 +5,9 @@ use std::time::Duration;
 use rigless::chip::can::{Frame, Id};
 
 use super::situation::MOST_AXES;
-use crate::fdcan::{FrameEnd, FrameRecord, Sender};
 use crate::nodes::since_start;
 use crate::rs485_line::SentByte;
+use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 
 /// When the first stop of each axis began since an instant; the node of axis n is n + 1 on RS485, and 2n + 1 on CAN.
 pub(super) type FirstStops = [Option<Duration>; MOST_AXES as usize];

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use rigless::chip::can::{Frame, Id};
 
-use crate::fdcan::{FrameRecord, Sender};
 use crate::nodes::since_start;
 use crate::rs485_line::SentByte;
+use virtual_stm32::fdcan::{FrameRecord, Sender};
 
 /// How long before the command it begins.
 const BEFORE: Duration = Duration::from_millis(5);
@@ -55,7 +55,7 @@ pub(super) fn of_bytes(sent: &[SentByte], since: Duration) -> String {
 mod tests {
     use rigless::time::VirtualNanos;
 
-    use crate::fdcan::FrameEnd;
+    use virtual_stm32::fdcan::FrameEnd;
 
     use super::*;
 

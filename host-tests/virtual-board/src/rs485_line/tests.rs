@@ -4,8 +4,8 @@ use rigless::soc::stm32h743::generated::usart1::{Register, cr1, icr, isr};
 use rmd::{Milliseconds, Node, Request};
 
 use super::*;
-use crate::serial_port::SerialPort;
-use crate::serial_port::tests::{BRR_115200, Bench};
+use virtual_stm32::serial_port::SerialPort;
+use virtual_stm32::serial_port::bench::{BRR_115200, Bench};
 
 /// A byte of the port: ten bits of 8.68 µs.
 const BYTE_NS: u64 = 86_800;

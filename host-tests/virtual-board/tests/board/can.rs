@@ -9,10 +9,10 @@ use host_protocol::{BusState, CanFrame, Protocol, ProtocolSet, RawFrame};
 use mgw_client::Client;
 use rigless::chip::can::{Frame, Id, Offer, Pattern};
 use rigless::time::VirtualNanos;
-use virtual_board::fdcan::{BitTime, FrameEnd, Sender, Wiring};
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
 use virtual_board::transport::BoardTransport;
+use virtual_stm32::fdcan::{BitTime, FrameEnd, Sender, Wiring};
 
 use crate::gaps;
 

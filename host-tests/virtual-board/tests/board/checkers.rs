@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use host_protocol::Setpoint;
-use rigless::mcu::Mcu;
 
 use crate::gaps::{self, KNOWN, Kind, Known};
 use crate::lab::{BUS_RMD_AND_THRUSTER, Lab, RMD};

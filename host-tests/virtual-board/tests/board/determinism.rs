@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use mgw_sim::LogEntry;
-use virtual_board::fdcan::{FrameRecord, Wiring};
 use virtual_board::host_uart::Received;
 use virtual_board::machine::CanPort;
 use virtual_board::rs485_line::SentByte;
+use virtual_stm32::fdcan::{FrameRecord, Wiring};
 
 use crate::lab::{AXES, BUS_RMD_AND_THRUSTER, Lab, SEED, trips};
 

@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use std::fmt;
 
 use rigless::device::Told;
-use rigless::mcu::Mcu;
 use rigless::soc::Bus;
 use virtual_board::machine::Machine;
 
@@ -60,7 +59,7 @@ pub const KNOWN: &[Known] = &[
         kind: Kind::Unimplemented,
         address: 0x4008_0800,
         register: "OTG2_HS_DEVICE.OTG_HS_DCFG",
-        reason: "the USB is modelled with nothing plugged in, as virtual_board::usb says: what is set up for a cable has no effect",
+        reason: "the USB is modelled with nothing plugged in, as virtual_stm32::usb says: what is set up for a cable has no effect",
     },
     Known {
         kind: Kind::Unimplemented,

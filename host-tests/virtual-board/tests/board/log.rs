@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use virtual_board::fdcan::Wiring;
 use virtual_board::machine::{CanPort, Machine, image_path};
+use virtual_stm32::fdcan::Wiring;
 
 use crate::lab::{BUS_D5, BUS_RMD_AND_THRUSTER, BUS_RS485, Lab};
 use crate::rtt;

@@ -5,7 +5,7 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use virtual_board::machine::Machine;
 use virtual_board::nodes::instant;
-use virtual_board::serial_port::DriverEnable;
+use virtual_stm32::serial_port::DriverEnable;
 
 use crate::lab::Lab;
 

@@ -9,17 +9,16 @@ use mgw_client::{Client, ClientError};
 use rigless::chip::can::{Frame, Id, Offer, Pattern};
 use rigless::device::Level;
 use rigless::emulator::Watch;
-use rigless::mcu::{Mcu, Operate};
+use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::stm32h743::generated::rcc::{Register as Clocks, ahb1enr, ahb1lpenr};
 use rigless::time::VirtualNanos;
-use virtual_board::crs::Source;
-use virtual_board::fdcan::Wiring;
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Builder, CanNode, CanPort, Fault, Machine, Place, UartPort};
-use virtual_board::pins::ENABLE;
-use virtual_board::revision::Revision;
 use virtual_board::transport::BoardTransport;
+use virtual_stm32::crs::Source;
+use virtual_stm32::fdcan::Wiring;
+use virtual_stm32::revision::Revision;
 
 use crate::dma;
 use crate::lab::{Lab, RMD, RMD_RS485};
@@ -302,7 +301,7 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
         machine.reset_by_pin();
         machine.run_for(Duration::from_millis(500));
         assert_eq!(machine.reports().resets.len(), 1 + FAILED_STARTS);
-        assert_eq!(machine.probe(ENABLE).driven(), Some(Level::Low), "whoever may turn is not known");
+        assert_eq!(machine.enable_output().driven(), Some(Level::Low), "whoever may turn is not known");
     }
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.list_axes().expect("a list"), []);

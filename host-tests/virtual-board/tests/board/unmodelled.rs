@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use virtual_board::fdcan::Wiring;
 use virtual_board::machine::CanPort;
+use virtual_stm32::fdcan::Wiring;
 
 use crate::gaps;
 use crate::lab::{AXES, Lab, SEED};

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use rigless::chip::can::{Frame, Id};
-use virtual_board::fdcan::{FrameEnd, FrameRecord, Sender};
 use virtual_board::nodes::since_start;
 use virtual_board::rs485_line::SentByte;
+use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 
 /// A message on a bus.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -15,11 +15,11 @@ use host_protocol::{CanFrame, Protocol, ProtocolSet, RawFrame};
 use mgw_client::Client;
 use rigless::chip::can::{Id, Pattern};
 use rigless::device::Level;
-use virtual_board::chip::Board;
-use virtual_board::fdcan::FrameEnd;
+use virtual_board::board::Board;
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Builder, CanPort, Machine, UartPort};
 use virtual_board::transport::BoardTransport;
+use virtual_stm32::fdcan::FrameEnd;
 
 const BITRATE: u32 = 1_000_000;
 const REPLY_WINDOW: Duration = Duration::from_millis(5);
@@ -123,19 +123,13 @@ fn a_frame_leaves_on_each_can_bus() {
 fn the_pins_are_the_boards() {
     let mut machine = builder().power_on();
     machine.run_for(STARTED);
-    let board = machine.part().board();
-    assert_eq!(
-        machine.probe(board.enable()).driven(),
-        Some(Level::High),
-        "nobody has pressed an emergency stop"
-    );
-    assert!(!machine.probe(board.e_stop()).reads_high(), "closed");
-    let light = machine.probe(board.light()).changes();
-    assert!(!light.is_empty(), "it shows a pattern");
+    assert_eq!(machine.enable_output().driven(), Some(Level::High), "nobody has pressed an emergency stop");
+    assert!(!machine.e_stop().reads_high(), "closed");
+    assert!(!machine.light().changes().is_empty(), "it shows a pattern");
     log(&mut machine);
     machine.open_e_stop(true);
     machine.run_for(Duration::from_millis(5));
-    assert!(machine.probe(board.e_stop()).reads_high(), "open: the pull-up's level");
+    assert!(machine.e_stop().reads_high(), "open: the pull-up's level");
     let lines = log(&mut machine);
     assert!(lines.iter().any(|line| line.contains("e-stop")), "{lines:?}");
 }

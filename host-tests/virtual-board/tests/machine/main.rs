@@ -8,12 +8,11 @@ use std::time::Duration;
 
 use rigless::device::ResetCause;
 use rigless::emulator::{HitKind, Watch};
-use rigless::mcu::Mcu;
 use rigless::time::VirtualNanos;
-use virtual_board::chip::Chip;
+use virtual_board::board::Board;
 use virtual_board::machine::{Fault, Machine, Place, Reports};
 use virtual_board::nodes::since_start;
-use virtual_board::pins::E_STOP;
+use virtual_stm32::Chip;
 
 /// Long enough for the start-up: it takes 3 ms.
 const STARTED: Duration = Duration::from_millis(20);
@@ -30,7 +29,7 @@ const EXPECTED_TOLD: [(&str, &str, &str); 2] = [
 const EXPECTED_UNIMPLEMENTED: [&str; 3] = [
     // Trims the oscillator of the USB: its frequency is exact here.
     "CRS",
-    // The USB with nothing plugged in: see `virtual_board::usb`.
+    // The USB with nothing plugged in: see `virtual_stm32::usb`.
     "OTG2_HS_DEVICE",
     "OTG2_HS_PWRCLK",
 ];
@@ -112,7 +111,7 @@ fn a_machine_goes_on_from_a_snapshot_as_the_one_it_was_taken_of() {
 fn a_branch_runs_as_the_board_does_which_never_knows() {
     let mut machine = started();
     let (after, span) = (Duration::from_micros(123), Duration::from_millis(30));
-    let open = |part: &mut Chip, at| part.drive_pin(E_STOP, None, at);
+    let open = |part: &mut Chip, at| part.drive_pin(Board::of(part).e_stop(), None, at);
     let registers = |part: &mut Chip| {
         format!("{:?}", part.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
     };

@@ -5,8 +5,8 @@ use std::time::Duration;
 use host_protocol::{AxisParameter, AxisState, BusState, TripReason, Value};
 use mgw_client::Hold;
 use mgw_sim::Injection;
-use virtual_board::fdcan::Wiring;
 use virtual_board::machine::{CanPort, Machine};
+use virtual_stm32::fdcan::Wiring;
 
 use crate::lab::{
     AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, STOPS, THRUSTER, bus_of, trips,

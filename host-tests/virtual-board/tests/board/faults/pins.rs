@@ -8,7 +8,7 @@ use mgw_sim::Injection;
 use rigless::device::Level;
 use virtual_board::machine::{Fault, Place};
 use virtual_board::nodes::since_start;
-use virtual_board::pins::{Change, ENABLE, LIGHT};
+use virtual_board::pins::Change;
 
 use super::reset::{HANG, RESET_AT, reset_by_software};
 use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
@@ -27,12 +27,12 @@ fn refused<T: std::fmt::Debug>(result: Result<T, ClientError>) -> Error {
 }
 
 fn enable_changes(lab: &Lab, since: Duration) -> Vec<Change> {
-    let changes = lab.machine.borrow_mut().probe(ENABLE).changes();
+    let changes = lab.machine.borrow_mut().enable_output().changes();
     changes.into_iter().filter(|change| change.at >= since).collect()
 }
 
 fn enabled(lab: &Lab) -> bool {
-    lab.machine.borrow_mut().probe(ENABLE).driven() == Some(Level::High)
+    lab.machine.borrow_mut().enable_output().driven() == Some(Level::High)
 }
 
 /// At any moment of the buses' traffic: from one snapshot in motion, 870 µs apart. The worst of them counts.
@@ -109,7 +109,7 @@ pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
 /// From the first instruction of the panic, undriven at the reset, and low again until the core has taken over what it knew.
 pub fn the_enable_output_is_inactive_from_a_panic_until_the_firmware_runs_again() -> Vec<Reaction> {
     let mut lab = Lab::configured();
-    let never = lab.machine.borrow_mut().probe(ENABLE).changes();
+    let never = lab.machine.borrow_mut().enable_output().changes();
     assert!(
         never.first().is_some_and(|change| change.level != Some(Level::High)),
         "inactive first: {never:?}"
@@ -198,7 +198,7 @@ pub fn the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachabl
 
 /// How long the light is on and off in turn, in tenths of a second, beginning with the first change after `since`.
 fn light(lab: &Lab, since: Duration) -> Vec<(bool, u128)> {
-    let changes = lab.machine.borrow_mut().probe(LIGHT).changes();
+    let changes = lab.machine.borrow_mut().light().changes();
     let changes: Vec<_> = changes.into_iter().filter(|change| change.at >= since).collect();
     let span = |pair: &[Change]| {
         (pair[0].level == Some(Level::High), (pair[1].at - pair[0].at).as_millis().div_ceil(100))
@@ -225,7 +225,7 @@ pub fn the_light_shows_the_state() -> Vec<Reaction> {
     let since = lab.now();
     lab.keep(&holds, Duration::from_secs(2));
     assert_eq!(light(&lab, since), [], "armed: it stays on");
-    assert_eq!(lab.machine.borrow_mut().probe(LIGHT).driven(), Some(Level::High));
+    assert_eq!(lab.machine.borrow_mut().light().driven(), Some(Level::High));
 
     // The setpoint expires: tripped, and the host is heard all the while.
     lab.stay(Duration::from_millis(500));

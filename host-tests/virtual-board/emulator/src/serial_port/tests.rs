@@ -2,95 +2,11 @@
 
 use std::collections::VecDeque;
 
-use rigless::mcu::{Mcu, Operate, Single};
-use rigless::soc::stm32h743::builder;
-use rigless::soc::stm32h743::generated::USART2;
-use rigless::soc::{Layout, Width};
+use rigless::mcu::Operate;
 use serde::{Deserialize, Serialize};
 
+use super::bench::{BRR_115200, Bench, ON};
 use super::*;
-
-/// What the board clocks USART2, 3 and 6 with.
-const KERNEL_HZ: u64 = 100_000_000;
-/// 100 MHz / 868 = 115207 baud.
-pub(crate) const BRR_115200: u64 = 868;
-const ON: u64 = cr1::UE.mask() | cr1::TE.mask() | cr1::RE.mask() | cr1::FIFOEN.mask();
-
-/// A port and the test as its CPU.
-pub(crate) struct Bench {
-    pub(crate) part: Single<SerialPort>,
-    pub(crate) now: u64,
-}
-
-impl Bench {
-    /// A port with its kernel clock running.
-    pub(crate) fn new(port: SerialPort) -> Self {
-        let part = Single::new(builder(), "USART2", port).expect("the part has the port");
-        let mut bench = Self { part, now: 0 };
-        bench.drive(|port, registers, context| port.on_clock(KERNEL_HZ, registers, context));
-        bench
-    }
-
-    /// Switched on at a rate, with further bits of CR1, and with driver-enable.
-    pub(crate) fn switched_on(port: SerialPort, brr: u64, control: u64) -> Self {
-        let mut bench = Self::new(port);
-        bench.write(Register::Brr, brr);
-        bench.write(Register::Cr3, cr3::DEM.mask());
-        bench.write(Register::Cr1, ON | control);
-        // The idle frame that a transmitter starts with.
-        bench.run(12 * brr * 10);
-        bench
-    }
-
-    pub(crate) fn drive<T>(
-        &mut self,
-        input: impl FnOnce(&mut SerialPort, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
-    ) -> T {
-        self.part.drive(VirtualNanos(self.now), input)
-    }
-
-    pub(crate) fn write(&mut self, register: Register, value: u64) {
-        let address = USART2.base + u64::from(register.spec().offset);
-        self.part.write(VirtualNanos(self.now), address, Width::W32, value).expect("a register");
-    }
-
-    pub(crate) fn read(&mut self, register: Register) -> u64 {
-        let address = USART2.base + u64::from(register.spec().offset);
-        self.part.read(VirtualNanos(self.now), address, Width::W32).expect("a register")
-    }
-
-    /// Lets nanoseconds pass, with a look at every event as the session has it.
-    pub(crate) fn run(&mut self, nanos: u64) {
-        let end = self.now + nanos;
-        self.poll();
-        while let Some(at) = self.part.next_event().filter(|at| at.0 <= end) {
-            self.now = at.0;
-            self.part.advance_to(at);
-            self.poll();
-        }
-        self.now = end;
-        self.part.advance_to(VirtualNanos(end));
-        self.poll();
-    }
-
-    fn poll(&mut self) {
-        self.part.poll(VirtualNanos(self.now));
-    }
-
-    /// What the receiver has, as its DMA would take it.
-    pub(crate) fn take_words(&mut self) -> Vec<u64> {
-        let mut words = Vec::new();
-        while isr::RXNE.is_set(self.read(Register::Isr)) {
-            words.push(self.read(Register::Rdr));
-        }
-        words
-    }
-
-    /// The interrupt's level, as last driven.
-    fn interrupt(&mut self) -> Option<Level> {
-        self.part.drain_interrupts().last().map(|change| change.level)
-    }
-}
 
 /// Offers words, each with or without damage.
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -112,6 +28,11 @@ impl Talker {
 }
 
 impl Bench {
+    /// The interrupt's level, as last driven.
+    fn interrupt(&mut self) -> Option<Level> {
+        self.part.drain_interrupts().last().map(|change| change.level)
+    }
+
     /// Lets the far end say these words now, one after the other.
     fn say(&mut self, words: &[(u16, bool)]) {
         self.part.model.peer_mut::<Talker>().expect("a talker").words.extend(words);

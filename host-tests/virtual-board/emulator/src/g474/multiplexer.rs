@@ -11,6 +11,7 @@ use rigless::soc::RegisterSpec;
 use rigless::soc::stm32h743::peripherals::usart::{RECEIVE_REQUEST, TRANSMIT_REQUEST};
 
 use super::tables;
+use crate::edges;
 use crate::row::Row;
 
 /// The instance's name.
@@ -50,15 +51,12 @@ impl Multiplexer {
     }
 
     fn refresh(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
-        for (channel, driven) in self.driven.iter_mut().enumerate() {
+        let up = |channel: usize| {
             // The first rows are the channels' registers.
             let request = registers.get(Row(channel)) & REQUEST;
-            let level = request != 0 && self.up >> request & 1 == 1;
-            if *driven != level {
-                *driven = level;
-                context.request(channel, Level::from(level));
-            }
-        }
+            request != 0 && self.up >> request & 1 == 1
+        };
+        edges::follow(&mut self.driven, up, |channel, level| context.request(channel, level));
     }
 }
 

@@ -4,10 +4,10 @@ use rigless::device::{Device, DeviceContext, ErasedDevice, RegisterFile, ResetCa
 use rigless::emulator::{Access, Checked, Memory};
 use rigless::mcu::Mcu;
 use rigless::snapshot::store;
-use rigless::soc::stm32h743::Stm32h743;
+use rigless::soc::stm32h743;
 use rigless::soc::stm32h743::generated::dbgmcu::Register as DebugRegister;
 use rigless::soc::stm32h743::generated::rcc::Register as ClockRegister;
-use rigless::soc::stm32h743::peripherals::gpio::PORTS;
+use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
@@ -22,11 +22,12 @@ use crate::usb::{self, Usb};
 /// FDCAN controllers of the part.
 pub const FDCANS: usize = 2;
 /// Their names on the bus.
-pub(crate) const FDCAN_NAMES: [&str; FDCANS] = ["FDCAN1", "FDCAN2"];
-/// Serial ports of the board: host link 0, host link 1, RS485.
-pub const SERIAL_PORTS: usize = 3;
-/// Their names on the bus.
-const SERIAL_NAMES: [&str; SERIAL_PORTS] = ["USART3", "USART6", "USART2"];
+const FDCAN_NAMES: [&str; FDCANS] = ["FDCAN1", "FDCAN2"];
+/// The serial ports with a model of ours; LPUART1 has the emulator's.
+pub const SERIAL_NAMES: [&str; 8] =
+    ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6", "UART7", "UART8"];
+/// The first port of pins (RM0433 §2.3).
+pub(crate) const FIRST_PORT: u64 = 0x5802_0000;
 /// The debug unit's name on the bus, and the interconnect's.
 const DEBUG_NAME: &str = "DBGMCU";
 const INTERCONNECT_NAME: &str = "AXI";
@@ -37,13 +38,13 @@ const POWER_ON_FLAGS: u64 = 0x00FE_0000;
 
 /// The part: every field is a model to be reached by name.
 #[derive(Debug)]
-pub struct Part {
+pub struct Stm32h743 {
     /// The emulator's part, which answers for everything else.
-    pub stm32: Stm32h743,
+    pub stm32: stm32h743::Stm32h743,
     /// FDCAN1 and FDCAN2.
     pub fdcan: [Fdcan; FDCANS],
-    /// Host link 0, host link 1, RS485.
-    pub serial: [SerialPort; SERIAL_PORTS],
+    /// The serial ports, in the order of [`SERIAL_NAMES`].
+    pub serial: [SerialPort; SERIAL_NAMES.len()],
     /// The independent watchdog.
     pub iwdg: Iwdg,
     /// The USB controller, with nothing plugged in.
@@ -62,7 +63,7 @@ pub struct Part {
     slots: Slots,
 }
 
-store!(Part {
+store!(Stm32h743 {
     values: [revision, pretended],
     parts: [stm32, fdcan, serial, iwdg, usb, crs, interconnect, message_ram, window],
     built: [slots]
@@ -72,7 +73,7 @@ store!(Part {
 #[derive(Debug, Clone, Copy)]
 struct Slots {
     fdcan: [usize; FDCANS],
-    serial: [usize; SERIAL_PORTS],
+    serial: [usize; SERIAL_NAMES.len()],
     iwdg: usize,
     usb: usize,
     crs: usize,
@@ -82,26 +83,26 @@ struct Slots {
     gpio: [usize; PORTS.len()],
 }
 
-impl Part {
+impl Stm32h743 {
     /// Out of reset.
     ///
     /// # Errors
     ///
     /// If the emulator's description of the part does not hold what our models are for.
     pub fn new() -> Result<Self, Error> {
-        let mut stm32 = Stm32h743::new()?;
+        let mut stm32 = stm32h743::Stm32h743::new()?;
         let bus = stm32.bus_mut();
         let [first, second] = FDCAN_NAMES;
-        let [host_0, host_1, rs485] = SERIAL_NAMES;
         let mut gpio = [0; PORTS.len()];
-        for (slot, name) in gpio.iter_mut().zip(PORTS) {
+        let mut serial = [0; SERIAL_NAMES.len()];
+        for (slot, name) in gpio.iter_mut().zip(PORTS).chain(serial.iter_mut().zip(SERIAL_NAMES)) {
             *slot = bus.slot(name)?;
         }
         let slots = Slots {
             gpio,
             message_ram: bus.add_window(MessageRamWindow::window())?,
             fdcan: [bus.slot(first)?, bus.slot(second)?],
-            serial: [bus.slot(host_0)?, bus.slot(host_1)?, bus.slot(rs485)?],
+            serial,
             iwdg: bus.slot(IWDG_NAME)?,
             usb: bus.slot(usb::NAME)?,
             crs: bus.slot(crs::NAME)?,
@@ -137,9 +138,19 @@ impl Part {
         self.stm32.bus_mut().slot_mut(self.slots.debug).registers_mut().set(DebugRegister::Idc, identity);
     }
 
-    /// The registers of a port of pins.
+    /// The registers of a port of pins, of which A is 0.
     pub(crate) fn port_registers(&self, port: usize) -> &RegisterFile {
         self.stm32.bus().slots()[self.slots.gpio[port]].registers()
+    }
+
+    /// Calls a port of pins with its registers and an instant to act at.
+    pub(crate) fn drive_port<T>(
+        &mut self,
+        port: usize,
+        at: VirtualNanos,
+        call: impl FnOnce(&mut Gpio, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+    ) -> T {
+        self.stm32.drive_port(at, port, call)
     }
 
     /// Cuts the supply at an instant, or gives it back.
@@ -148,20 +159,19 @@ impl Part {
         context.request_power(on);
     }
 
-    /// Calls each FDCAN with its registers and an instant to act at.
-    fn each_fdcan(
+    /// Calls one FDCAN with its registers and an instant to act at.
+    pub(crate) fn drive_fdcan<T>(
         &mut self,
+        number: usize,
         at: VirtualNanos,
-        mut call: impl FnMut(&mut Fdcan, &mut RegisterFile, &mut DeviceContext<'_>),
-    ) {
-        for (fdcan, slot) in self.fdcan.iter_mut().zip(self.slots.fdcan) {
-            let (registers, mut context) = self.stm32.bus_mut().drive(at, slot);
-            call(fdcan, registers, &mut context);
-        }
+        call: impl FnOnce(&mut Fdcan, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+    ) -> T {
+        let (registers, mut context) = self.stm32.bus_mut().drive(at, self.slots.fdcan[number]);
+        call(&mut self.fdcan[number], registers, &mut context)
     }
 
     /// Calls one serial port with its registers and an instant to act at.
-    pub fn drive_serial<T>(
+    pub(crate) fn drive_serial<T>(
         &mut self,
         port: usize,
         at: VirtualNanos,
@@ -172,7 +182,7 @@ impl Part {
     }
 }
 
-impl Mcu for Part {
+impl Mcu for Stm32h743 {
     fn bus(&self) -> &Bus {
         self.stm32.bus()
     }
@@ -198,16 +208,20 @@ impl Mcu for Part {
         Device::reset(&mut self.crs);
         Device::reset(&mut self.interconnect);
         self.fdcan.iter_mut().for_each(Device::reset);
-        self.each_fdcan(at, |fdcan, _, context| fdcan.restarted(context));
-        for port in 0..SERIAL_PORTS {
+        for number in 0..FDCANS {
+            self.drive_fdcan(number, at, |fdcan, _, context| fdcan.restarted(context));
+        }
+        for port in 0..SERIAL_NAMES.len() {
             self.drive_serial(port, at, |port, _, context| port.part_reset(context));
         }
     }
 
     fn poll(&mut self, now: VirtualNanos) {
         self.stm32.poll(now);
-        self.each_fdcan(now, Device::poll);
-        for port in 0..SERIAL_PORTS {
+        for number in 0..FDCANS {
+            self.drive_fdcan(number, now, Device::poll);
+        }
+        for port in 0..SERIAL_NAMES.len() {
             self.drive_serial(port, now, Device::poll);
         }
     }

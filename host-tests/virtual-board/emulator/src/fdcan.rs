@@ -44,12 +44,13 @@ pub use node::{Node, Wiring};
 pub use wire::{FrameEnd, FrameRecord, Sender};
 
 use rigless::chip::can;
-use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::snapshot::store;
 use rigless::soc::stm32h743::generated::fdcan1::Register;
 use rigless::soc::{Layout, RegisterSpec, Width};
 use rigless::time::{EventId, VirtualNanos};
 
+use crate::edges;
 use crate::message_ram::MessageRam;
 use crate::row::Row;
 use controller::{Activity, Controller};
@@ -172,12 +173,7 @@ impl Fdcan {
 
     fn drive(&mut self, context: &mut DeviceContext<'_>) {
         let lines = self.controller.lines();
-        for (position, (level, driven)) in lines.into_iter().zip(&mut self.driven).enumerate() {
-            if *driven != level {
-                *driven = level;
-                context.interrupt(position, Level::from(level));
-            }
-        }
+        edges::follow(&mut self.driven, |line| lines[line], |line, level| context.interrupt(line, level));
     }
 }
 

@@ -88,7 +88,7 @@ mod tests {
     use rigless::soc::Width;
 
     use super::*;
-    use crate::part::Part;
+    use crate::h743::Stm32h743;
 
     /// RCC_AHB1ENR (RM0433 §8.7.40) and its bit of this controller.
     const AHB1ENR: u64 = 0x5802_44D8;
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_driver_can_set_it_up_and_nothing_happens() {
-        let mut part = Part::new().unwrap();
+        let mut part = Stm32h743::new().unwrap();
         let at = VirtualNanos(0);
         let mut write = |address, value| part.write(at, address, Width::W32, value).unwrap();
         write(AHB1ENR, USB2OTGHSEN);
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn it_is_a_device_only_with_its_own_transceiver() {
-        let mut part = Part::new().unwrap();
+        let mut part = Stm32h743::new().unwrap();
         part.write(VirtualNanos(0), AHB1ENR, Width::W32, USB2OTGHSEN).unwrap();
         for (value, mode) in [(FDMOD, HOST_MODE), (FDMOD | PHYSEL, 0)] {
             part.write(VirtualNanos(0), GUSBCFG, Width::W32, value).unwrap();

@@ -1,4 +1,4 @@
-//! The reset and clock controller of the STM32G474, as far as the board uses it: oscillators and PLL that are ready at once, the system
+//! The reset and clock controller of the STM32G474, as far as it clocks what has a model: oscillators and PLL that are ready at once, the system
 //! clock, and what of it reaches the peripherals that count time.
 //!
 //! Sources: the fields in stm32-metapac 21 (`rcc_g4`), the sequences and formulas of embassy-stm32 0.6.0 (`rcc/g4`), the reset
@@ -59,12 +59,15 @@ enum Apb {
 }
 
 /// The controller's clock outputs, by number.
-const OUTPUTS: [(&str, Source); 9] = [
+const OUTPUTS: [(&str, Source); 12] = [
     (rigless::cpu::armv7m::DWT, Source::Core),
     ("TIM2", Source::Timer1),
     ("LPUART1", Source::Serial("LPUART1SEL", Apb::First)),
     ("USART1", Source::Serial("USART1SEL", Apb::Second)),
+    ("USART2", Source::Serial("USART2SEL", Apb::First)),
     ("USART3", Source::Serial("USART3SEL", Apb::First)),
+    ("UART4", Source::Serial("UART4SEL", Apb::First)),
+    ("UART5", Source::Serial("UART5SEL", Apb::First)),
     ("FDCAN1", Source::Can),
     ("FDCAN2", Source::Can),
     ("FDCAN3", Source::Can),

@@ -1,4 +1,4 @@
-//! The STM32G474, which the emulator does not know: its memory, its registers, and a model for each peripheral that the board uses.
+//! The STM32G474, which rigless does not know: its memory, its registers, and a model for each peripheral that counts.
 //!
 //! The registers come from the metadata of stm32-metapac ([`tables`]). Where a peripheral is the same as in the STM32H743 the
 //! emulator's model of that answers for it, with the table it was written for: GPIO, TIM2, RNG, the serial ports, IWDG. A test compares
@@ -39,11 +39,11 @@ use crate::serial_port::SerialPort;
 /// The ports of pins, as SYSCFG_EXTICR counts them.
 pub const PORTS: [&str; 7] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG"];
 /// The first port's registers.
-pub const FIRST_PORT: u64 = 0x4800_0000;
-/// The serial ports of the board: host link 0, host link 1, RS485.
-pub const SERIAL_NAMES: [&str; 3] = ["LPUART1", "USART1", "USART3"];
+pub(crate) const FIRST_PORT: u64 = 0x4800_0000;
+/// The serial ports; the first is the one with low power.
+pub const SERIAL_NAMES: [&str; 6] = ["LPUART1", "USART1", "USART2", "USART3", "UART4", "UART5"];
 /// The controllers for CAN.
-pub const FDCAN_NAMES: [&str; 3] = ["FDCAN1", "FDCAN2", "FDCAN3"];
+const FDCAN_NAMES: [&str; 3] = ["FDCAN1", "FDCAN2", "FDCAN3"];
 /// The first word of the FDCANs' message RAM, as the processor finds it (stm32-metapac 21, FDCANRAM1), and its size in bytes.
 const MESSAGE_RAM: u64 = 0x4000_A400;
 const MESSAGE_RAM_BYTES: NonZeroU64 = NonZeroU64::new(3 * 4 * fixed_layout::WORDS as u64).expect("not empty");
@@ -79,7 +79,7 @@ const PORT_RESETS: [(&str, [u64; 3]); 7] = [
     ("GPIOF", [0xFFFF_FFFF, 0, 0]),
     ("GPIOG", [0xFFFF_FFFF, 0, 0]),
 ];
-/// FLASH_OPTR as delivered (RM0440, option bytes), but nSWBOOT0 = 0, as the board's page asks for: PB8 then decides nothing.
+/// FLASH_OPTR as delivered (RM0440, option bytes), but nSWBOOT0 = 0: PB8 then decides nothing, which a board can use for a bus.
 const OPTIONS: u64 = 0xFFEF_F8AA & !(1 << 26);
 /// PWR_CR1: range 1; PWR_CR5: not boosted (stm32g4 0.16).
 const PWR_CR1: u64 = 0x0000_0200;
@@ -94,8 +94,8 @@ pub struct Stm32g474 {
     pub gpio: [Gpio; PORTS.len()],
     /// FDCAN1 to FDCAN3.
     pub fdcan: [Fdcan; 3],
-    /// Host link 0, host link 1, RS485.
-    pub serial: [SerialPort; 3],
+    /// The serial ports, in the order of [`SERIAL_NAMES`].
+    pub serial: [SerialPort; SERIAL_NAMES.len()],
     /// The independent watchdog.
     pub iwdg: Iwdg,
     message_ram: MessageRam,
@@ -106,7 +106,7 @@ pub struct Stm32g474 {
     timer: Tim<General>,
     rng: Rng,
     cycles: Dwt,
-    pub(crate) bus: Bus,
+    bus: Bus,
     wiring: Box<[Field]>,
 }
 
@@ -243,7 +243,10 @@ impl Stm32g474 {
                 let first_word = fixed_layout::WORDS * u32::try_from(number).expect("one of three");
                 Fdcan::with_fixed_layout(message_ram.clone(), FixedLayout { table, first_word })
             }),
-            serial: [SerialPort::low_power(), SerialPort::new(), SerialPort::new()],
+            serial: std::array::from_fn(|port| match port {
+                0 => SerialPort::low_power(),
+                _ => SerialPort::new(),
+            }),
             iwdg: Iwdg::default(),
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
@@ -261,21 +264,20 @@ impl Stm32g474 {
         Ok(part)
     }
 
-    /// Calls each FDCAN with its registers and an instant to act at.
-    fn each_fdcan(
+    /// Calls one FDCAN with its registers and an instant to act at.
+    pub(crate) fn drive_fdcan<T>(
         &mut self,
+        number: usize,
         at: VirtualNanos,
-        mut call: impl FnMut(&mut Fdcan, &mut RegisterFile, &mut DeviceContext<'_>),
-    ) {
-        for (fdcan, name) in self.fdcan.iter_mut().zip(FDCAN_NAMES) {
-            let slot = self.bus.slot(name).expect("it is there");
-            let (registers, mut context) = self.bus.drive(at, slot);
-            call(fdcan, registers, &mut context);
-        }
+        call: impl FnOnce(&mut Fdcan, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+    ) -> T {
+        let slot = self.bus.slot(FDCAN_NAMES[number]).expect("it is there");
+        let (registers, mut context) = self.bus.drive(at, slot);
+        call(&mut self.fdcan[number], registers, &mut context)
     }
 
     /// Calls one serial port with its registers and an instant to act at.
-    pub fn drive_serial<T>(
+    pub(crate) fn drive_serial<T>(
         &mut self,
         port: usize,
         at: VirtualNanos,
@@ -294,14 +296,13 @@ impl Stm32g474 {
         self.bus.registers("PWR").expect("it is there").get(row) & R1MODE == 0
     }
 
-    /// The registers of a port of pins.
-    #[must_use]
-    pub fn port_registers(&self, port: usize) -> &RegisterFile {
+    /// The registers of a port of pins, of which A is 0.
+    pub(crate) fn port_registers(&self, port: usize) -> &RegisterFile {
         self.bus.registers(PORTS[port]).expect("it is there")
     }
 
     /// Cuts the supply at an instant, or gives it back.
-    pub fn supply(&mut self, at: VirtualNanos, on: bool) {
+    pub(crate) fn supply(&mut self, at: VirtualNanos, on: bool) {
         let slot = self.bus.slot(clocks::NAME).expect("it is there");
         self.bus.drive(at, slot).1.request_power(on);
     }
@@ -312,16 +313,16 @@ impl Stm32g474 {
         self.clocks.restarted(cause, registers, &mut context);
     }
 
-    /// Drives an input of a port, as a board does.
-    pub fn drive_port<T>(
+    /// Calls a port of pins with its registers and an instant to act at.
+    pub(crate) fn drive_port<T>(
         &mut self,
-        at: VirtualNanos,
         port: usize,
-        input: impl FnOnce(&mut Gpio, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+        at: VirtualNanos,
+        call: impl FnOnce(&mut Gpio, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
     ) -> T {
         let slot = self.bus.slot(PORTS[port]).expect("it is there");
         let (registers, mut context) = self.bus.drive(at, slot);
-        input(&mut self.gpio[port], registers, &mut context)
+        call(&mut self.gpio[port], registers, &mut context)
     }
 }
 
@@ -336,7 +337,9 @@ impl Mcu for Stm32g474 {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.reset_every_model();
-        self.each_fdcan(at, |fdcan, _, context| fdcan.restarted(context));
+        for number in 0..FDCAN_NAMES.len() {
+            self.drive_fdcan(number, at, |fdcan, _, context| fdcan.restarted(context));
+        }
         for port in 0..self.serial.len() {
             self.drive_serial(port, at, |port, _, context| port.part_reset(context));
         }

@@ -8,6 +8,7 @@ use rigless::snapshot::store;
 use rigless::soc::{RegisterSpec, Width};
 
 use super::{PORTS, tables};
+use crate::edges;
 use crate::row::Row;
 
 /// The instance's name.
@@ -57,13 +58,8 @@ impl ExternalInterrupts {
 
     fn refresh(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let active = registers.get(self.row("PR0")) & registers.get(self.row("IMR0"));
-        for (position, (lines, raised)) in INTERRUPTS.iter().zip(&mut self.raised).enumerate() {
-            let level = active & lines != 0;
-            if *raised != level {
-                *raised = level;
-                context.interrupt(position, Level::from(level));
-            }
-        }
+        let raised = |interrupt: usize| active & INTERRUPTS[interrupt] != 0;
+        edges::follow(&mut self.raised, raised, |interrupt, level| context.interrupt(interrupt, level));
     }
 }
 

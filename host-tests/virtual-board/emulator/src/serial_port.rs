@@ -10,6 +10,7 @@
 //! - a framing error in a word of the far end's choice ([`FarEnd::damages`]).
 //! - the far end's events survive a reset of the port alone, as by a bit in the RCC.
 
+pub mod bench;
 mod low_power;
 mod settings;
 
@@ -304,4 +305,4 @@ impl Device for SerialPort {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

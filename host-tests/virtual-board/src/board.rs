@@ -1,0 +1,138 @@
+//! The boards that the firmware is built for: what is on them, and which pin and port means what.
+
+use std::num::NonZeroU64;
+
+use serde::{Deserialize, Serialize};
+use virtual_stm32::Chip;
+use virtual_stm32::pins::{Pin, Port};
+use virtual_stm32::processor::Pace;
+use virtual_stm32::serial_port::SerialPort;
+
+use crate::machine::UartPort;
+
+/// A board that the firmware is built for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Board {
+    /// With an STM32H743.
+    #[default]
+    NucleoH743zi,
+    /// With an STM32G474.
+    NucleoG474re,
+}
+
+/// RAM that start-up code leaves alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RetainedRam {
+    /// Its first address.
+    pub base: u64,
+    /// Its size in bytes.
+    pub bytes: u64,
+    /// A reset loses the last write to it, which waits for the next one.
+    pub loses_last_write: bool,
+}
+
+/// VDD and VDDA.
+const SUPPLY_MILLIVOLTS: u32 = 3300;
+
+impl Board {
+    /// The board around a chip.
+    #[must_use]
+    pub const fn of(chip: &Chip) -> Self {
+        match chip {
+            Chip::H743(_) => Self::NucleoH743zi,
+            Chip::G474(_) => Self::NucleoG474re,
+        }
+    }
+
+    /// Its chip, with the clock on its HSE pins: 8 MHz from the ST-LINK, or the 24 MHz crystal X3.
+    ///
+    /// # Panics
+    ///
+    /// If a chip is not described as our models expect it: a defect of the emulator.
+    #[must_use]
+    pub fn chip(self) -> Chip {
+        let (chip, hse_hz) = match self {
+            Self::NucleoH743zi => (Chip::new_h743(), 8_000_000),
+            Self::NucleoG474re => (Chip::new_g474(), 24_000_000),
+        };
+        let mut chip = chip.unwrap_or_else(|error| panic!("{error}"));
+        chip.attach_hse(hse_hz);
+        if let Chip::H743(part) = &mut chip {
+            part.stm32.set_supply(SUPPLY_MILLIVOLTS);
+            part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);
+        }
+        chip
+    }
+
+    /// How its core runs, with the clock that the firmware sets.
+    pub(crate) fn pace(self, instructions_per_second: NonZeroU64) -> Pace {
+        let clock_hz = match self {
+            Self::NucleoH743zi => const { NonZeroU64::new(400_000_000).expect("not zero") },
+            Self::NucleoG474re => const { NonZeroU64::new(168_000_000).expect("not zero") },
+        };
+        Pace { clock_hz, instructions_per_second }
+    }
+
+    /// As the firmware calls it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NucleoH743zi => "nucleo-h743zi",
+            Self::NucleoG474re => "nucleo-g474re",
+        }
+    }
+
+    /// The chip's name for a serial port.
+    #[must_use]
+    pub const fn serial_name(self, port: UartPort) -> &'static str {
+        match (self, port) {
+            (Self::NucleoH743zi, UartPort::Host0) => "USART3",
+            (Self::NucleoH743zi, UartPort::Host1) => "USART6",
+            (Self::NucleoH743zi, UartPort::Rs485) => "USART2",
+            (Self::NucleoG474re, UartPort::Host0) => "LPUART1",
+            (Self::NucleoG474re, UartPort::Host1) => "USART1",
+            (Self::NucleoG474re, UartPort::Rs485) => "USART3",
+        }
+    }
+
+    /// The e-stop input: closed to ground on a machine that may run, pulled up inside the part.
+    #[must_use]
+    pub const fn e_stop(self) -> Pin {
+        match self {
+            Self::NucleoH743zi => Pin::new(Port::E, 11),
+            Self::NucleoG474re => Pin::new(Port::A, 4),
+        }
+    }
+
+    /// The enable output: the drives have power while it is high; a resistor outside pulls it down.
+    #[must_use]
+    pub const fn enable(self) -> Pin {
+        match self {
+            Self::NucleoH743zi => Pin::new(Port::E, 9),
+            Self::NucleoG474re => Pin::new(Port::B, 0),
+        }
+    }
+
+    /// The light: on while it is high.
+    #[must_use]
+    pub const fn light(self) -> Pin {
+        match self {
+            Self::NucleoH743zi => Pin::new(Port::B, 0),
+            Self::NucleoG474re => Pin::new(Port::A, 5),
+        }
+    }
+
+    /// Where the firmware keeps what must outlive a reset. SRAM2 of the STM32G474 checks no words, so no write waits.
+    #[must_use]
+    pub const fn retained_ram(self) -> RetainedRam {
+        match self {
+            Self::NucleoH743zi => RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true },
+            Self::NucleoG474re => RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false },
+        }
+    }
+}
+
+/// A serial port of the board around a chip.
+pub(crate) fn serial_port(chip: &mut Chip, port: UartPort) -> &mut SerialPort {
+    chip.serial_mut(Board::of(chip).serial_name(port))
+}
