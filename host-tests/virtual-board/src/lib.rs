@@ -13,3 +13,4 @@ pub mod reaction;
 pub mod rs485_line;
 pub mod serve;
 pub mod transport;
+pub mod usb_session;

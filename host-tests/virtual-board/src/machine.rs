@@ -41,6 +41,7 @@ use names::Names;
 use virtual_stm32::Chip;
 use virtual_stm32::fdcan::{Fdcan, Wiring};
 use virtual_stm32::serial_port::FarEnd;
+use virtual_stm32::usb::host::Host as UsbHost;
 
 /// How often [`Machine::run_until`] looks at its condition.
 const LOOK_PERIOD: Duration = Duration::from_micros(10);
@@ -168,6 +169,11 @@ impl Machine {
     pub fn line<P: FarEnd>(&mut self, line: Line<P>) -> &mut P {
         let port = serial_port(self.part_mut(), line.port());
         port.peer_mut().expect("the far end that was hung here")
+    }
+
+    /// The host at the other end of the USB cable.
+    pub fn usb(&mut self) -> &mut UsbHost {
+        self.part_mut().usb_host_mut()
     }
 
     /// Cuts a serial line, both ways, or mends it.

@@ -1,4 +1,4 @@
-//! The client library's transport over a host UART, in virtual time.
+//! The client library's transport over a host link of the board, in virtual time.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -18,13 +18,21 @@ const PATIENCE: Duration = Duration::from_millis(2);
 /// How often then.
 const LAZY_LOOK: Duration = Duration::from_micros(200);
 
+/// A host link.
+#[derive(Clone, Copy)]
+enum Link {
+    /// On which that computer hangs.
+    Uart(Line<HostUart>),
+    Usb,
+}
+
 /// A host link of a board as a client's transport: waiting and sleeping let the board run.
 ///
 /// Several transports may share one board; each of them moves it on.
 #[derive(Clone)]
 pub struct BoardTransport {
     machine: Rc<RefCell<Machine>>,
-    line: Line<HostUart>,
+    link: Link,
     /// Taken from the line, not yet asked for.
     unread: VecDeque<u8>,
 }
@@ -33,7 +41,13 @@ impl BoardTransport {
     /// Over the line on which that computer hangs.
     #[must_use]
     pub fn new(machine: &Rc<RefCell<Machine>>, line: Line<HostUart>) -> Self {
-        Self { machine: Rc::clone(machine), line, unread: VecDeque::new() }
+        Self { machine: Rc::clone(machine), link: Link::Uart(line), unread: VecDeque::new() }
+    }
+
+    /// Over USB, where the serial port is open.
+    #[must_use]
+    pub fn usb(machine: &Rc<RefCell<Machine>>) -> Self {
+        Self { machine: Rc::clone(machine), link: Link::Usb, unread: VecDeque::new() }
     }
 
     /// The board behind it.
@@ -41,17 +55,15 @@ impl BoardTransport {
     pub fn machine(&self) -> &Rc<RefCell<Machine>> {
         &self.machine
     }
-
-    /// The computer's end of the line.
-    #[must_use]
-    pub fn line(&self) -> Line<HostUart> {
-        self.line
-    }
 }
 
 impl Transport for BoardTransport {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.machine.borrow_mut().line(self.line).send(bytes);
+        let mut machine = self.machine.borrow_mut();
+        match self.link {
+            Link::Uart(line) => machine.line(line).send(bytes),
+            Link::Usb => machine.usb().send(bytes),
+        }
         Ok(())
     }
 
@@ -59,7 +71,10 @@ impl Transport for BoardTransport {
         let mut machine = self.machine.borrow_mut();
         let start = machine.now();
         loop {
-            self.unread.extend(machine.line(self.line).take());
+            self.unread.extend(match self.link {
+                Link::Uart(line) => machine.line(line).take(),
+                Link::Usb => machine.usb().take(),
+            });
             if !self.unread.is_empty() {
                 let count = self.unread.len().min(buffer.len());
                 for (place, byte) in buffer.iter_mut().zip(self.unread.drain(..count)) {
@@ -84,7 +99,11 @@ impl Transport for BoardTransport {
 
     fn reconnect(&mut self) -> io::Result<()> {
         self.unread.clear();
-        self.machine.borrow_mut().line(self.line).clear();
+        let mut machine = self.machine.borrow_mut();
+        match self.link {
+            Link::Uart(line) => machine.line(line).clear(),
+            Link::Usb => machine.usb().clear(),
+        }
         Ok(())
     }
 }

@@ -15,6 +15,7 @@ use crate::g474::{self, Stm32g474};
 use crate::h743::{self, Stm32h743};
 use crate::pins::{Driven, Pin};
 use crate::serial_port::SerialPort;
+use crate::usb::host::Host;
 
 /// From one port's registers to the next, on both chips (RM0433 §2.3, stm32-metapac 21).
 const PORT_BYTES: u64 = 0x400;
@@ -165,6 +166,15 @@ impl Chip {
         };
         let port = names.iter().position(|known| *known == name);
         port.unwrap_or_else(|| panic!("the chip has no serial port {name}"))
+    }
+
+    /// The host at the other end of the USB cable.
+    ///
+    /// # Panics
+    ///
+    /// On an STM32G474, whose USB is not modelled.
+    pub fn usb_host_mut(&mut self) -> &mut Host {
+        &mut self.h743_mut().usb.host
     }
 
     /// Whether the independent watchdog has been started.

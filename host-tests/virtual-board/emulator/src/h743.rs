@@ -17,7 +17,7 @@ use crate::iwdg::Iwdg;
 use crate::message_ram::{MessageRam, MessageRamWindow};
 use crate::revision::{Interconnect, Revision};
 use crate::serial_port::SerialPort;
-use crate::usb::{self, Usb};
+use crate::usb::otg::{Usb, Windows};
 
 /// FDCAN controllers of the part.
 pub const FDCANS: usize = 2;
@@ -47,7 +47,7 @@ pub struct Stm32h743 {
     pub serial: [SerialPort; SERIAL_NAMES.len()],
     /// The independent watchdog.
     pub iwdg: Iwdg,
-    /// The USB controller, with nothing plugged in.
+    /// The USB controller, its cable and its host.
     pub usb: Usb,
     /// What trims the clock of the USB.
     pub crs: Crs,
@@ -61,12 +61,13 @@ pub struct Stm32h743 {
     /// What the chip says of itself, where that is not true.
     pretended: Option<Revision>,
     slots: Slots,
+    usb_windows: Windows,
 }
 
 store!(Stm32h743 {
     values: [revision, pretended],
     parts: [stm32, fdcan, serial, iwdg, usb, crs, interconnect, message_ram, window],
-    built: [slots]
+    built: [slots, usb_windows]
 });
 
 /// Where our models answer on the bus.
@@ -75,7 +76,6 @@ struct Slots {
     fdcan: [usize; FDCANS],
     serial: [usize; SERIAL_NAMES.len()],
     iwdg: usize,
-    usb: usize,
     crs: usize,
     interconnect: usize,
     debug: usize,
@@ -104,19 +104,20 @@ impl Stm32h743 {
             fdcan: [bus.slot(first)?, bus.slot(second)?],
             serial,
             iwdg: bus.slot(IWDG_NAME)?,
-            usb: bus.slot(usb::NAME)?,
             crs: bus.slot(crs::NAME)?,
             interconnect: bus.slot(INTERCONNECT_NAME)?,
             debug: bus.slot(DEBUG_NAME)?,
         };
         let layout = bus.slots()[slots.message_ram].peripheral().registers;
+        let mut usb_windows = Windows::new(bus)?;
+        usb_windows.exchange(bus);
         let message_ram = MessageRam::new();
         Ok(Self {
             stm32,
             fdcan: std::array::from_fn(|_| Fdcan::new(message_ram.clone())),
             serial: std::array::from_fn(|_| SerialPort::new()),
             iwdg: Iwdg::default(),
-            usb: Usb::default(),
+            usb: Usb::new(layout),
             crs: Crs::default(),
             interconnect: Interconnect::default(),
             revision: Revision::V,
@@ -124,6 +125,7 @@ impl Stm32h743 {
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
             slots,
+            usb_windows,
         })
     }
 
@@ -170,6 +172,12 @@ impl Stm32h743 {
         call(&mut self.fdcan[number], registers, &mut context)
     }
 
+    /// Calls the USB controller with an instant to act at.
+    fn drive_usb(&mut self, at: VirtualNanos, call: impl FnOnce(&mut Usb, &mut DeviceContext<'_>)) {
+        let (_, mut context) = self.stm32.bus_mut().drive(at, self.usb_windows.slot());
+        call(&mut self.usb, &mut context);
+    }
+
     /// Calls one serial port with its registers and an instant to act at.
     pub(crate) fn drive_serial<T>(
         &mut self,
@@ -192,6 +200,8 @@ impl Mcu for Stm32h743 {
     }
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        // The emulator's part is put together anew, from its own description.
+        self.usb_windows.exchange(self.stm32.bus_mut());
         if cause == ResetCause::PowerOn {
             // The emulator's part has no power-on reset: the one of the pin, and other flags.
             self.stm32.reset(at, ResetCause::Pin);
@@ -202,9 +212,10 @@ impl Mcu for Stm32h743 {
         } else {
             self.stm32.reset(at, cause);
         }
+        self.usb_windows.exchange(self.stm32.bus_mut());
         self.identify();
         Device::reset(&mut self.iwdg);
-        Device::reset(&mut self.usb);
+        ErasedDevice::reset(&mut self.usb);
         Device::reset(&mut self.crs);
         Device::reset(&mut self.interconnect);
         self.fdcan.iter_mut().for_each(Device::reset);
@@ -214,6 +225,7 @@ impl Mcu for Stm32h743 {
         for port in 0..SERIAL_NAMES.len() {
             self.drive_serial(port, at, |port, _, context| port.part_reset(context));
         }
+        self.drive_usb(at, Usb::restarted);
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -224,23 +236,37 @@ impl Mcu for Stm32h743 {
         for port in 0..SERIAL_NAMES.len() {
             self.drive_serial(port, now, Device::poll);
         }
+        self.drive_usb(now, Usb::advance);
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         let disturbs = self.revision.disturbs_message_ram() && self.fdcan.iter().all(Fdcan::is_on_bus);
         let Self {
-            stm32, fdcan: [first, second], serial, iwdg, usb, crs, interconnect, window, slots, ..
+            stm32,
+            fdcan: [first, second],
+            serial,
+            iwdg,
+            usb,
+            crs,
+            interconnect,
+            window,
+            slots,
+            usb_windows,
+            ..
         } = self;
         let model: &mut dyn ErasedDevice = match slot {
             slot if slot == slots.fdcan[0] => first,
             slot if slot == slots.fdcan[1] => second,
             slot if slot == slots.iwdg => iwdg,
-            slot if slot == slots.usb => usb,
             slot if slot == slots.crs => crs,
             slot if slot == slots.interconnect => interconnect,
             slot if slot == slots.message_ram => {
                 window.disturb(disturbs);
                 window
+            }
+            slot if let Some(block) = usb_windows.block(slot) => {
+                usb.select(block);
+                usb
             }
             slot => match slots.serial.iter().position(|serial| *serial == slot) {
                 Some(port) => &mut serial[port],

@@ -49,42 +49,6 @@ pub const KNOWN: &[Known] = &[
         register: "RCC.BDCR",
         reason: "embassy-stm32 writes RTCSEL, the value that stands there already; no RTC is used",
     },
-    Known {
-        kind: Kind::Undefined,
-        address: 0x4008_0050,
-        register: "OTG2_HS_GLOBAL",
-        reason: "GHWCFG4 is not in the emulator's table: the driver reads the width of a transceiver that it does not use",
-    },
-    Known {
-        kind: Kind::Unimplemented,
-        address: 0x4008_0800,
-        register: "OTG2_HS_DEVICE.OTG_HS_DCFG",
-        reason: "the USB is modelled with nothing plugged in, as virtual_stm32::usb says: what is set up for a cable has no effect",
-    },
-    Known {
-        kind: Kind::Unimplemented,
-        address: 0x4008_0804,
-        register: "OTG2_HS_DEVICE.OTG_HS_DCTL",
-        reason: "the same",
-    },
-    Known {
-        kind: Kind::Unimplemented,
-        address: 0x4008_0810,
-        register: "OTG2_HS_DEVICE.OTG_HS_DIEPMSK",
-        reason: "the same",
-    },
-    Known {
-        kind: Kind::Unimplemented,
-        address: 0x4008_0814,
-        register: "OTG2_HS_DEVICE.OTG_HS_DOEPMSK",
-        reason: "the same",
-    },
-    Known {
-        kind: Kind::Unimplemented,
-        address: 0x4008_0B20,
-        register: "OTG2_HS_DEVICE.OTG_HS_DOEPCTL1",
-        reason: "the same",
-    },
 ];
 
 /// A gap that was met.

@@ -58,16 +58,20 @@ pub trait UsbFunction {
     /// Whether it shows itself to the host by its pull-up on D+. Without a cable, too.
     fn is_pulled_up(&self) -> bool;
 
-    /// The cable, and its voltage. Nothing else is called while there is none.
+    /// The cable, and its voltage. Without it the bus is idle, so that [`UsbFunction::suspend`] follows after 3 ms; nothing
+    /// else does.
     fn set_attached(&mut self, attached: bool);
 
-    /// The host has held reset (SE0) for long enough: its address is 0 again.
+    /// The host has begun a reset (SE0): the address is 0 again.
     fn bus_reset(&mut self);
+
+    /// The host has ended the reset.
+    fn bus_reset_ended(&mut self) {}
 
     /// The bus has been idle for 3 ms.
     fn suspend(&mut self);
 
-    /// The host resumes a suspended bus.
+    /// The host resumes a suspended bus: it drives K, and frames follow 20 ms later.
     fn resume(&mut self);
 
     /// A frame begins, one a millisecond; its number has eleven bits.
