@@ -174,7 +174,7 @@ impl Chip {
     ///
     /// On an STM32G474, whose USB is not modelled.
     pub fn usb_host_mut(&mut self) -> &mut Host {
-        &mut self.h743_mut().usb.host
+        either!(self, part => &mut part.usb.host)
     }
 
     /// Whether the independent watchdog has been started.

@@ -5,10 +5,12 @@
 //! these tables with the metadata. A register that no model has keeps what is written, and the session reports it.
 
 pub mod clocks;
+pub mod crs;
 pub mod dma;
 pub mod external_interrupts;
 pub mod multiplexer;
 pub mod tables;
+pub mod usb;
 
 use std::num::NonZeroU64;
 
@@ -26,9 +28,12 @@ use rigless::soc::{
 use rigless::time::VirtualNanos;
 
 use clocks::Clocks;
+use crs::Crs;
 use dma::{CHANNELS, Dma};
 use external_interrupts::ExternalInterrupts;
 use multiplexer::Multiplexer;
+use usb::Usb;
+use usb::packet_memory::{PacketMemory, PacketMemoryWindow};
 
 use crate::fdcan::Fdcan;
 use crate::fdcan::fixed_layout::{self, FixedLayout};
@@ -58,14 +63,12 @@ const INTERRUPT_LINES: u16 = 102;
 
 /// The memory (stm32-metapac 21; the system memory at the top of the code area after AN2606). The second address of the CCM SRAM,
 /// 0x2001_8000, is not there: the firmware uses the first.
-static MEMORY: [Region; 6] = [
+static MEMORY: [Region; 5] = [
     Region::flash("flash", 0x0800_0000, 512 << 10).erased_to(0xFF),
     Region::ram("ccm", 0x1000_0000, 32 << 10),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram1", 0x2000_0000, 80 << 10),
     Region::ram("sram2", 0x2001_4000, 16 << 10),
-    // The USB's packets, a memory between the peripherals.
-    Region::ram("usb", 0x4000_6000, 1 << 10),
 ];
 
 /// Reset values that are not 0, of what the firmware reads or an emulator's model starts from (stm32g4 0.16): MODER, OSPEEDR and
@@ -98,6 +101,11 @@ pub struct Stm32g474 {
     pub serial: [SerialPort; SERIAL_NAMES.len()],
     /// The independent watchdog.
     pub iwdg: Iwdg,
+    /// The USB's clock.
+    pub crs: Crs,
+    /// The USB controller, its cable and its host.
+    pub usb: Usb,
+    packets: PacketMemoryWindow,
     message_ram: MessageRam,
     window: MessageRamWindow,
     external_interrupts: ExternalInterrupts,
@@ -112,7 +120,20 @@ pub struct Stm32g474 {
 
 store!(Stm32g474 {
     values: [gpio, timer, rng, cycles],
-    parts: [clocks, fdcan, serial, iwdg, message_ram, external_interrupts, dma, multiplexer, bus],
+    parts: [
+        clocks,
+        fdcan,
+        serial,
+        iwdg,
+        crs,
+        usb,
+        packets,
+        message_ram,
+        external_interrupts,
+        dma,
+        multiplexer,
+        bus
+    ],
     built: [window, wiring],
 });
 
@@ -126,6 +147,9 @@ enum Field {
     Serial(usize),
     Watchdog,
     MessageRam,
+    Crs,
+    Usb,
+    Packets,
     ExternalInterrupts,
     Dma(usize),
     Multiplexer,
@@ -138,6 +162,9 @@ impl Field {
     fn of(instance: &str) -> Self {
         match instance {
             clocks::NAME => Self::Clocks,
+            crs::NAME => Self::Crs,
+            usb::NAME => Self::Usb,
+            usb::packet_memory::NAME => Self::Packets,
             external_interrupts::NAME => Self::ExternalInterrupts,
             "DMA1" => Self::Dma(0),
             "DMA2" => Self::Dma(1),
@@ -196,9 +223,14 @@ fn bus() -> Result<Bus, Error> {
         .declare(SERIAL_NAMES[0], "BRR", &LPUART_DIVIDER)
         .reset("FLASH", "OPTR", OPTIONS)
         .reset("PWR", "CR1", PWR_CR1)
-        .reset("PWR", "CR5", PWR_CR5);
+        .reset("PWR", "CR5", PWR_CR5)
+        .declare(crs::NAME, "CR", &crs::TRIM_6)
+        .clocked_by(clocks::NAME, crs::CLOCK);
     for (register, value) in clocks::RESETS {
         builder = builder.reset(clocks::NAME, register, value);
+    }
+    for (register, value) in crs::RESETS {
+        builder = builder.reset(crs::NAME, register, value);
     }
     for (port, values) in PORT_RESETS {
         for (register, value) in ["MODER", "OSPEEDR", "PUPDR"].into_iter().zip(values) {
@@ -214,7 +246,7 @@ fn bus() -> Result<Bus, Error> {
     for (instance, clock) in clocks::clocked() {
         builder = builder.clocked_by(instance, clock);
     }
-    for reader in [clocks::NAME, external_interrupts::NAME, multiplexer::NAME, "DMA1", "DMA2"] {
+    for reader in [clocks::NAME, crs::NAME, external_interrupts::NAME, multiplexer::NAME, "DMA1", "DMA2"] {
         builder = builder.reads_requests(reader);
     }
     builder.build()
@@ -233,6 +265,9 @@ impl Stm32g474 {
         let window = bus.add_window(window)?;
         let layout = bus.slots()[window].peripheral().registers;
         let message_ram = MessageRam::new();
+        let packets = bus.add_window(PacketMemoryWindow::window())?;
+        let packet_layout = bus.slots()[packets].peripheral().registers;
+        let packet_memory = PacketMemory::new();
         let wiring = bus.peripherals().map(|peripheral| Field::of(peripheral.name)).collect();
         let [tim2, ..] = TIMERS;
         let mut part = Self {
@@ -248,6 +283,9 @@ impl Stm32g474 {
                 _ => SerialPort::new(),
             }),
             iwdg: Iwdg::default(),
+            crs: Crs::new(),
+            usb: Usb::new(packet_memory.clone()),
+            packets: PacketMemoryWindow::new(packet_memory, packet_layout),
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
             external_interrupts: ExternalInterrupts::default(),
@@ -311,6 +349,9 @@ impl Stm32g474 {
         let slot = self.bus.slot(clocks::NAME).expect("it is there");
         let (registers, mut context) = self.bus.drive(at, slot);
         self.clocks.restarted(cause, registers, &mut context);
+        let slot = self.bus.slot(crs::NAME).expect("it is there");
+        let (registers, mut context) = self.bus.drive(at, slot);
+        self.crs.restarted(registers, &mut context);
     }
 
     /// Calls a port of pins with its registers and an instant to act at.
@@ -361,6 +402,9 @@ impl Mcu for Stm32g474 {
             Field::Serial(port) => Some(&mut self.serial[port]),
             Field::Watchdog => Some(&mut self.iwdg),
             Field::MessageRam => Some(&mut self.window),
+            Field::Crs => Some(&mut self.crs),
+            Field::Usb => Some(&mut self.usb),
+            Field::Packets => Some(&mut self.packets),
             Field::ExternalInterrupts => Some(&mut self.external_interrupts),
             Field::Dma(number) => Some(&mut self.dma[number]),
             Field::Multiplexer => Some(&mut self.multiplexer),

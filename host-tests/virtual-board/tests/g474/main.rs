@@ -27,10 +27,8 @@ const REPLY_WINDOW: Duration = Duration::from_millis(5);
 const STARTED: Duration = Duration::from_millis(20);
 const BUSES: [CanPort; 3] = [CanPort::Bus0, CanPort::Bus1, CanPort::Bus2];
 
-/// Registers that the firmware touches and no model answers for: settings that have no effect here. The USB has nothing plugged in.
-const KEEP_WHAT_IS_WRITTEN: [&str; 15] = [
-    "CRS.CFGR",
-    "CRS.CR",
+/// Registers that the firmware touches and no model answers for: settings that have no effect here.
+const KEEP_WHAT_IS_WRITTEN: [&str; 9] = [
     "DBGMCU.CR",
     "FLASH.ACR",
     "FLASH.OPTR",
@@ -40,10 +38,6 @@ const KEEP_WHAT_IS_WRITTEN: [&str; 15] = [
     "PWR.CR5",
     "SYSCFG.EXTICR1",
     "SYSCFG.MEMRMP",
-    "USB.BCDR",
-    "USB.BTABLE",
-    "USB.CNTR",
-    "USB.EPR2",
 ];
 
 fn image() -> PathBuf {

@@ -18,7 +18,7 @@ use rigless::soc::{Clock, FieldSpec, RegisterSpec};
 use super::tables;
 use crate::row::Row;
 
-/// The internal oscillators; HSI48 clocks nothing that is modelled.
+/// The internal oscillators but HSI48, of which [`super::crs`] tells.
 const HSI_HZ: u64 = 16_000_000;
 const LSI_HZ: u64 = 32_000;
 /// The instance's name.
@@ -48,6 +48,8 @@ enum Source {
     Serial(&'static str, Apb),
     /// FDCANSEL.
     Can,
+    /// CLK48SEL.
+    Usb,
     /// The LSI.
     Watchdog,
 }
@@ -59,7 +61,7 @@ enum Apb {
 }
 
 /// The controller's clock outputs, by number.
-const OUTPUTS: [(&str, Source); 12] = [
+const OUTPUTS: [(&str, Source); 13] = [
     (rigless::cpu::armv7m::DWT, Source::Core),
     ("TIM2", Source::Timer1),
     ("LPUART1", Source::Serial("LPUART1SEL", Apb::First)),
@@ -72,6 +74,7 @@ const OUTPUTS: [(&str, Source); 12] = [
     ("FDCAN2", Source::Can),
     ("FDCAN3", Source::Can),
     ("IWDG", Source::Watchdog),
+    ("USB", Source::Usb),
 ];
 
 /// Who runs on which output.
@@ -85,6 +88,8 @@ pub struct Clocks {
     table: &'static [RegisterSpec],
     /// The crystal or the clock on the HSE pins; 0 where there is none.
     hse_hz: u64,
+    /// HSI48 while it is on.
+    hsi48_hz: u64,
     /// The watchdog runs, and so does the LSI.
     watchdog: bool,
     /// SWS: what clocks the system.
@@ -94,13 +99,21 @@ pub struct Clocks {
     driven: [Option<u64>; OUTPUTS.len()],
 }
 
-store!(Clocks { values: [watchdog, system, flags, driven], parts: [], built: [table, hse_hz] });
+store!(Clocks { values: [hsi48_hz, watchdog, system, flags, driven], parts: [], built: [table, hse_hz] });
 
 impl Default for Clocks {
     /// Without a crystal.
     fn default() -> Self {
         let table = tables::named(NAME).registers;
-        Self { table, hse_hz: 0, watchdog: false, system: HSI, flags: 0, driven: [None; OUTPUTS.len()] }
+        Self {
+            table,
+            hse_hz: 0,
+            hsi48_hz: 0,
+            watchdog: false,
+            system: HSI,
+            flags: 0,
+            driven: [None; OUTPUTS.len()],
+        }
     }
 }
 
@@ -197,6 +210,11 @@ impl Clocks {
                 2 => core / self.apb_divider(Apb::First, registers),
                 _ => 0,
             },
+            Source::Usb => match self.get(registers, "CCIPR", "CLK48SEL") {
+                0 => self.hsi48_hz * self.get(registers, "CRRCR", "HSI48RDY"),
+                2 => self.pll(registers, "PLLQEN", "PLLQ"),
+                _ => 0,
+            },
             Source::Watchdog => LSI_HZ * self.get(registers, "CSR", "LSIRDY"),
         }
     }
@@ -265,6 +283,12 @@ impl Device for Clocks {
         if row == self.row("CSR") && self.get(registers, "CSR", "RMVF") == 1 {
             self.flags = 0;
         }
+        self.follow(registers, context);
+    }
+
+    /// HSI48 has been trimmed.
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.hsi48_hz = hz;
         self.follow(registers, context);
     }
 
