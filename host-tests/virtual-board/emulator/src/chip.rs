@@ -169,10 +169,6 @@ impl Chip {
     }
 
     /// The host at the other end of the USB cable.
-    ///
-    /// # Panics
-    ///
-    /// On an STM32G474, whose USB is not modelled.
     pub fn usb_host_mut(&mut self) -> &mut Host {
         either!(self, part => &mut part.usb.host)
     }
