@@ -8,6 +8,7 @@ pub mod clocks;
 pub mod crs;
 pub mod dma;
 pub mod external_interrupts;
+pub mod flash;
 pub mod multiplexer;
 pub mod tables;
 pub mod usb;
@@ -31,6 +32,7 @@ use clocks::Clocks;
 use crs::Crs;
 use dma::{CHANNELS, Dma};
 use external_interrupts::ExternalInterrupts;
+use flash::Flash;
 use multiplexer::Multiplexer;
 use usb::Usb;
 use usb::packet_memory::{PacketMemory, PacketMemoryWindow};
@@ -64,7 +66,7 @@ const INTERRUPT_LINES: u16 = 102;
 /// The memory (stm32-metapac 21; the system memory at the top of the code area after AN2606). The second address of the CCM SRAM,
 /// 0x2001_8000, is not there: the firmware uses the first.
 static MEMORY: [Region; 5] = [
-    Region::flash("flash", 0x0800_0000, 512 << 10).erased_to(0xFF),
+    Region::flash("flash", 0x0800_0000, 512 << 10).erased_to(0xFF).programmed_by(flash::NAME),
     Region::ram("ccm", 0x1000_0000, 32 << 10),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram1", 0x2000_0000, 80 << 10),
@@ -109,6 +111,7 @@ pub struct Stm32g474 {
     message_ram: MessageRam,
     window: MessageRamWindow,
     external_interrupts: ExternalInterrupts,
+    flash: Flash,
     dma: [Dma; 2],
     multiplexer: Multiplexer,
     timer: Tim<General>,
@@ -134,7 +137,7 @@ store!(Stm32g474 {
         multiplexer,
         bus
     ],
-    built: [window, wiring],
+    built: [window, wiring, flash],
 });
 
 /// Which model answers for a slot of the bus.
@@ -151,6 +154,7 @@ enum Field {
     Usb,
     Packets,
     ExternalInterrupts,
+    Flash,
     Dma(usize),
     Multiplexer,
     Timer,
@@ -166,6 +170,7 @@ impl Field {
             usb::NAME => Self::Usb,
             usb::packet_memory::NAME => Self::Packets,
             external_interrupts::NAME => Self::ExternalInterrupts,
+            flash::NAME => Self::Flash,
             "DMA1" => Self::Dma(0),
             "DMA2" => Self::Dma(1),
             multiplexer::NAME => Self::Multiplexer,
@@ -221,7 +226,7 @@ fn bus() -> Result<Bus, Error> {
         .field("RNG", "SR", "SEIS", rng::SEIS)
         .field("RNG", "SR", "CEIS", rng::CEIS)
         .declare(SERIAL_NAMES[0], "BRR", &LPUART_DIVIDER)
-        .reset("FLASH", "OPTR", OPTIONS)
+        .reset(flash::NAME, "OPTR", OPTIONS)
         .reset("PWR", "CR1", PWR_CR1)
         .reset("PWR", "CR5", PWR_CR5)
         .declare(crs::NAME, "CR", &crs::TRIM_6)
@@ -289,6 +294,7 @@ impl Stm32g474 {
             window: MessageRamWindow::new(message_ram.clone(), layout),
             message_ram,
             external_interrupts: ExternalInterrupts::default(),
+            flash: Flash::default(),
             dma: [Dma::new("DMA1", 0), Dma::new("DMA2", CHANNELS)],
             multiplexer: Multiplexer::new(&SERIAL_NAMES),
             timer: Tim::new(tim2),
@@ -406,6 +412,7 @@ impl Mcu for Stm32g474 {
             Field::Usb => Some(&mut self.usb),
             Field::Packets => Some(&mut self.packets),
             Field::ExternalInterrupts => Some(&mut self.external_interrupts),
+            Field::Flash => Some(&mut self.flash),
             Field::Dma(number) => Some(&mut self.dma[number]),
             Field::Multiplexer => Some(&mut self.multiplexer),
             Field::Timer => Some(&mut self.timer),

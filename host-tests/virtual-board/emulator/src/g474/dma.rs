@@ -323,3 +323,6 @@ impl Device for Dma {
         self.channels = [Channel::default(); CHANNELS];
     }
 }
+
+#[cfg(test)]
+mod tests;
