@@ -2,13 +2,14 @@
 
 use std::num::NonZeroU64;
 
+use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use serde::{Deserialize, Serialize};
 use virtual_stm32::Chip;
 use virtual_stm32::pins::{Pin, Port};
 use virtual_stm32::processor::Pace;
 use virtual_stm32::serial_port::SerialPort;
 
-use crate::machine::UartPort;
+use crate::machine::{CanPort, UartPort};
 
 /// A board that the firmware is built for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,10 +32,36 @@ pub struct RetainedRam {
     pub loses_last_write: bool,
 }
 
+/// The variable that chooses a board.
+const BOARD_VARIABLE: &str = "MOTOR_GATEWAY_BOARD";
 /// VDD and VDDA.
 const SUPPLY_MILLIVOLTS: u32 = 3300;
 
 impl Board {
+    /// Every board.
+    pub const ALL: [Self; 2] = [Self::NucleoH743zi, Self::NucleoG474re];
+
+    /// The one that the variable `MOTOR_GATEWAY_BOARD` names; the NUCLEO-H743ZI where it is not set.
+    ///
+    /// # Panics
+    ///
+    /// If it names another.
+    #[must_use]
+    pub fn chosen() -> Self {
+        let Ok(name) = std::env::var(BOARD_VARIABLE) else { return Self::default() };
+        let found = Self::ALL.into_iter().find(|board| board.name() == name);
+        found.unwrap_or_else(|| panic!("{BOARD_VARIABLE} names {name}, which is no board"))
+    }
+
+    /// The variable that names the file of its image.
+    #[must_use]
+    pub const fn image_variable(self) -> &'static str {
+        match self {
+            Self::NucleoH743zi => "MOTOR_GATEWAY_ELF",
+            Self::NucleoG474re => "MOTOR_GATEWAY_G474_ELF",
+        }
+    }
+
     /// The board around a chip.
     #[must_use]
     pub const fn of(chip: &Chip) -> Self {
@@ -73,12 +100,48 @@ impl Board {
         Pace { clock_hz, instructions_per_second }
     }
 
+    /// How many instructions a second its core executes unless told otherwise: what rigless assumes of the STM32H743, and one for each
+    /// cycle of the STM32G474, the most that it can.
+    pub(crate) fn usual_rate(self) -> NonZeroU64 {
+        match self {
+            Self::NucleoH743zi => INSTRUCTIONS_PER_SECOND,
+            Self::NucleoG474re => const { NonZeroU64::new(168_000_000).expect("not zero") },
+        }
+    }
+
     /// As the firmware calls it.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::NucleoH743zi => "nucleo-h743zi",
             Self::NucleoG474re => "nucleo-g474re",
+        }
+    }
+
+    /// Its CAN buses, which the gateway numbers first.
+    #[must_use]
+    pub const fn can_ports(self) -> &'static [CanPort] {
+        match self {
+            Self::NucleoH743zi => &[CanPort::Bus0, CanPort::Bus1],
+            Self::NucleoG474re => &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
+        }
+    }
+
+    /// The gateway's number of the RS485 bus: the last.
+    #[must_use]
+    pub const fn rs485_bus(self) -> u8 {
+        match self {
+            Self::NucleoH743zi => 2,
+            Self::NucleoG474re => 3,
+        }
+    }
+
+    /// Where the image has nothing: the end of the flash.
+    #[must_use]
+    pub const fn free_flash(self) -> u64 {
+        match self {
+            Self::NucleoH743zi => 0x081F_F000,
+            Self::NucleoG474re => 0x0807_F000,
         }
     }
 

@@ -2,14 +2,11 @@
 
 use mgw_sim::{Injection, Motor, MotorWiring, Wiring, WiringError};
 
+use crate::board::Board;
 use crate::can_motors::CanMotor;
 use crate::host_uart::HostUart;
-use crate::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
+use crate::machine::{Builder, CanNode, Line, Machine, UartPort};
 use crate::rs485_line::Rs485Line;
-
-/// The board's buses, as the gateway numbers them.
-const CAN_PORTS: [CanPort; 2] = [CanPort::Bus0, CanPort::Bus1];
-const RS485_BUS: u8 = 2;
 
 /// Where a motor hangs.
 #[derive(Clone, Copy)]
@@ -30,24 +27,25 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// Hangs two computers, an RS485 line and these motors on a board. Buses 0 and 1 are CAN, bus 2 is the RS485 line.
+    /// Hangs two computers, an RS485 line and these motors on a board. The last bus is the RS485 line, the others are CAN.
     /// `seed` decides the motors' reply times.
     ///
     /// # Errors
     ///
     /// If a motor cannot be connected as the wiring says.
     pub fn connect(board: &mut Builder, motors: &[MotorWiring], seed: u64) -> Result<Self, WiringError> {
+        let (ports, rs485_bus) = (board.board().can_ports(), board.board().rs485_bus());
         let mut line = Rs485Line::new();
         let mut places = Vec::with_capacity(motors.len());
         for (wiring, seed) in motors.iter().zip(seed..) {
-            let place = match CAN_PORTS.get(usize::from(wiring.bus)) {
+            let place = match ports.get(usize::from(wiring.bus)) {
                 Some(port) => {
                     let motor = CanMotor::new(*wiring, seed)?;
                     Place::Can(board.can_node(*port, motor, Some(wiring.bitrate)))
                 }
-                None if wiring.bus == RS485_BUS => Place::Rs485(line.connect(*wiring, seed)?),
+                None if wiring.bus == rs485_bus => Place::Rs485(line.connect(*wiring, seed)?),
                 None => {
-                    return Err(WiringError::Bus { bus: wiring.bus, buses: usize::from(RS485_BUS) + 1 });
+                    return Err(WiringError::Bus { bus: wiring.bus, buses: usize::from(rs485_bus) + 1 });
                 }
             };
             places.push((wiring.bus, place));
@@ -57,13 +55,14 @@ impl Outside {
     }
 
     /// [`Outside::connect`] with the motors of [`Wiring::four_motors`]: an RMD (node 1) and a thruster (0x0B) on bus 0, a
-    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line. Their indexes are 0 to 3.
+    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line of the board. Their indexes are 0 to 3.
     ///
     /// # Panics
     ///
     /// Never: this wiring is sound.
     pub fn four_motors(board: &mut Builder, seed: u64) -> Self {
-        Self::connect(board, &Wiring::four_motors().motors, seed).expect("a sound wiring")
+        let motors = four_motors(board.board());
+        Self::connect(board, &motors, seed).expect("a sound wiring")
     }
 
     /// How many motors there are.
@@ -126,6 +125,14 @@ impl Outside {
             }
         }
     }
+}
+
+/// The wiring of [`Wiring::four_motors`] with the last motor on the board's RS485 bus.
+fn four_motors(board: Board) -> Vec<MotorWiring> {
+    let mut motors = Wiring::four_motors().motors;
+    let last = motors.last_mut().expect("four motors");
+    last.bus = board.rs485_bus();
+    motors
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use rigless::chip::can;
 use rigless::cpu::armv7m::code_address;
 use rigless::device::Level;
 use rigless::image::{Image, digest};
-use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::symbols::Symbols;
 use rigless::time::VirtualNanos;
 
@@ -16,7 +15,7 @@ use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
 use super::names::Names;
 use super::recorder::Recorder;
-use super::rom::{ROM, rom_bootloader};
+use super::rom::rom_bootloader;
 use super::{Machine, Snapshot};
 use crate::board::{Board, serial_port};
 use virtual_stm32::Chip;
@@ -24,8 +23,6 @@ use virtual_stm32::revision::Revision;
 use virtual_stm32::serial_port::FarEnd;
 use virtual_stm32::socket::Socket;
 
-/// The variable that names the image.
-const IMAGE_VARIABLE: &str = "MOTOR_GATEWAY_ELF";
 /// The vector table at reset: BOOT_ADD0 of the STM32H743 as delivered, and the flash of the STM32G474.
 const FLASH: u32 = 0x0800_0000;
 /// Where the firmware's logger keeps its control block.
@@ -34,8 +31,8 @@ const RTT_SYMBOL: &str = "_SEGGER_RTT";
 /// Why there is no image to run.
 #[derive(Debug)]
 pub enum ImageError {
-    /// The variable is not set.
-    Unnamed,
+    /// This variable is not set.
+    Unnamed(&'static str),
     /// The file cannot be read.
     Unreadable(PathBuf, std::io::Error),
     /// The file is no image for the part.
@@ -45,27 +42,24 @@ pub enum ImageError {
 impl fmt::Display for ImageError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unnamed => write!(formatter, "{IMAGE_VARIABLE} names no firmware image")?,
+            Self::Unnamed(variable) => write!(formatter, "{variable} names no firmware image")?,
             Self::Unreadable(path, error) => write!(formatter, "{}: {error}", path.display())?,
             Self::Unusable(path, error) => write!(formatter, "{}: {error}", path.display())?,
         }
-        write!(
-            formatter,
-            ". Build the image with `cargo fw` in the repository's root and set {IMAGE_VARIABLE} to the absolute \
-             path of target/thumbv7em-none-eabihf/firmware/motor-gateway"
-        )
+        write!(formatter, ". `.ci/virtual-board` in the repository's root builds the images and names them")
     }
 }
 
 impl std::error::Error for ImageError {}
 
-/// The image that the variable `MOTOR_GATEWAY_ELF` names.
+/// The image of the chosen board: what its [`Board::image_variable`] names.
 ///
 /// # Errors
 ///
 /// If it names none.
 pub fn image_path() -> Result<PathBuf, ImageError> {
-    env::var_os(IMAGE_VARIABLE).map(PathBuf::from).ok_or(ImageError::Unnamed)
+    let variable = Board::chosen().image_variable();
+    env::var_os(variable).map(PathBuf::from).ok_or(ImageError::Unnamed(variable))
 }
 
 /// A board that is not switched on yet.
@@ -80,13 +74,13 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// A NUCLEO-H743ZI with the image in that file.
+    /// The chosen board with the image in that file.
     ///
     /// # Errors
     ///
     /// If the file is none.
     pub fn new(image: &Path) -> Result<Self, ImageError> {
-        Self::of(Board::NucleoH743zi, image)
+        Self::of(Board::chosen(), image)
     }
 
     /// A board with the image in that file.
@@ -109,8 +103,14 @@ impl Builder {
             started_by_rom: false,
             symbols,
             names,
-            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            instructions_per_second: board.usual_rate(),
         })
+    }
+
+    /// Which board it is.
+    #[must_use]
+    pub fn board(&self) -> Board {
+        Board::of(&self.part)
     }
 
     /// Which revision the chip is; V unless set.
@@ -135,7 +135,7 @@ impl Builder {
         self
     }
 
-    /// How fast the core is; 250 million instructions a second unless set.
+    /// How fast the core is; unless set, 250 million instructions a second for an STM32H743 and 168 for an STM32G474.
     ///
     /// # Panics
     ///
@@ -172,11 +172,17 @@ impl Builder {
 
     fn start(self, from: Option<Snapshot>) -> Machine {
         let Self { part, image, started_by_rom, symbols, names, instructions_per_second } = self;
-        let (vector_table, rom) = if started_by_rom { (ROM, Some(rom_bootloader())) } else { (FLASH, None) };
+        let (vector_table, rom) = match started_by_rom {
+            true => {
+                let (at, image) = rom_bootloader(Board::of(&part));
+                (at, Some(image))
+            }
+            false => (FLASH, None),
+        };
         let images: Vec<Image> = std::iter::once(image).chain(rom).collect();
         let firmware = digest(&images, None);
         let board = Board::of(&part);
-        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board.retained_ram());
+        let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board);
         let board = Socket::new(board.name(), part, board.pace(instructions_per_second), vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
         let core = CoreThread::start(PoweredOff { board, images, firmware, recorder }, from);

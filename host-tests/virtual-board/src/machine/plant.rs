@@ -10,8 +10,6 @@ use super::Machine;
 use super::names::Named;
 use crate::nodes::since_start;
 
-/// Where the image has nothing: the last sector of the flash.
-pub(super) const FREE: u64 = 0x081F_F000;
 /// `NOP`, then `B .`, a loop of one instruction (ARMv7-M, A7.7.88 and A7.7.12): the core comes by the first of them once.
 const HANG: [u16; 2] = [0xBF00, 0xE7FE];
 /// `UDF #0`: undefined for ever (A7.7.194).
@@ -65,22 +63,23 @@ impl Machine {
             Fault::Panic => self.panicking(),
             Fault::Code(code) => code.clone(),
         };
-        self.program(FREE, &code);
-        self.core.order(|session, _, _, recorder| {
-            session.unwatch(Watch::Instruction(FREE));
-            session.watch(Watch::Instruction(FREE));
+        let free = self.board().free_flash();
+        self.program(free, &code);
+        self.core.order(move |session, _, _, recorder| {
+            session.unwatch(Watch::Instruction(free));
+            session.watch(Watch::Instruction(free));
             recorder.forget_strike();
         });
         match place {
             Place::Function(path) => {
                 let at = self.names.get(path).address;
                 self.planted = Some((at, [self.halfword(at), self.halfword(at + 2)]));
-                self.program(at, &branch(at, FREE));
+                self.program(at, &branch(at, free));
             }
             Place::Task(path, index) => {
                 let entry = self.entry_of_task(path, index);
                 // The lowest bit says that it is Thumb code.
-                let pointer = u32::try_from(FREE | 1).expect("32 bits");
+                let pointer = u32::try_from(free | 1).expect("32 bits");
                 self.write_memory(entry, &pointer.to_le_bytes());
             }
         }
@@ -117,7 +116,7 @@ impl Machine {
     /// A call that no code of the image makes: of what a wrong index calls.
     fn panicking(&self) -> Vec<u16> {
         let panic = self.names.get(PANIC).address | 1;
-        let location = FREE + 7 * WORD;
+        let location = self.board().free_flash() + 7 * WORD;
         let file = location + 4 * WORD;
         // LDR r0, r1, r2 and pc from the words behind it (A7.7.44).
         let mut code = vec![0x4802, 0x4903, 0x4A03, 0xF8DF, 0xF010, 0xBF00];

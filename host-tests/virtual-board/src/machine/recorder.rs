@@ -7,9 +7,8 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
-use super::plant::FREE;
 use super::retention::Retention;
-use crate::board::RetainedRam;
+use crate::board::Board;
 use crate::pins::OutputLog;
 use virtual_stm32::Chip;
 
@@ -37,6 +36,8 @@ pub struct Recorder {
     rtt: Vec<u8>,
     outputs: OutputLog,
     retention: Retention,
+    /// Where faults are planted.
+    planted_at: u64,
     strike: Option<VirtualNanos>,
     #[serde(skip)]
     hits: Vec<Hit>,
@@ -45,14 +46,15 @@ pub struct Recorder {
 store!(Recorder);
 
 impl Recorder {
-    /// Of an image with its RTT control block at that address.
-    pub fn new(rtt_block: Option<u64>, retained: RetainedRam) -> Self {
+    /// Of a board whose image has its RTT control block at that address.
+    pub fn new(rtt_block: Option<u64>, board: Board) -> Self {
         Self {
             digest: FNV_OFFSET,
             rtt_block,
             rtt: Vec::new(),
             outputs: OutputLog::default(),
-            retention: Retention::new(retained),
+            retention: Retention::new(board.retained_ram()),
+            planted_at: board.free_flash(),
             strike: None,
             hits: Vec::new(),
         }
@@ -82,7 +84,7 @@ impl Recorder {
     pub fn hit(&mut self, hit: Hit, host: &mut dyn Host) {
         match hit.kind {
             HitKind::Write if self.retention.holds(hit.address) => self.retention.written(hit.address, host),
-            HitKind::Instruction if hit.address == FREE => {
+            HitKind::Instruction if hit.address == self.planted_at => {
                 self.strike.get_or_insert(hit.at);
             }
             HitKind::Write | HitKind::Instruction => self.hits.push(hit),

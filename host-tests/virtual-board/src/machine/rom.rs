@@ -4,11 +4,9 @@ use std::path::Path;
 
 use rigless::image::Image;
 
-/// Where it lies: the first system memory, aligned as a vector table must be.
-pub const ROM: u32 = 0x1FF0_0000;
-/// Its initial stack pointer: the end of the DTCM.
-const STACK: u32 = 0x2002_0000;
-/// Entries of its vector table: 16 of the core, 150 of the part.
+use crate::board::Board;
+
+/// Entries of its vector table: 16 of the core, 150 of the STM32H743 or 102 of the STM32G474.
 const VECTORS: usize = 166;
 /// Where its code begins.
 const CODE: u32 = 0x400;
@@ -28,12 +26,18 @@ const LEAVE: [u16; 9] = [
     0xE7FE, // b .
 ];
 
-/// The bootloader, to be placed beside an image.
-pub fn rom_bootloader() -> Image {
-    let mut words = vec![STACK, ROM + CODE + THUMB];
-    words.resize(VECTORS, ROM + HANDLER + THUMB);
+/// The bootloader of a board's chip, to be placed beside an image, and its address: the first system memory (AN2606).
+pub fn rom_bootloader(board: Board) -> (u32, Image) {
+    // Its stack begins at the end of the DTCM or of SRAM1.
+    let (rom, stack) = match board {
+        Board::NucleoH743zi => (0x1FF0_0000, 0x2002_0000),
+        Board::NucleoG474re => (0x1FFF_0000, 0x2001_4000),
+    };
+    let mut words = vec![stack, rom + CODE + THUMB];
+    words.resize(VECTORS, rom + HANDLER + THUMB);
     let mut bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
     bytes.resize(CODE as usize, 0xFF);
     bytes.extend(LEAVE.into_iter().flat_map(u16::to_le_bytes));
-    Image::new(Path::new("ROM bootloader"), bytes, Some(ROM.into())).expect("no ELF file, and placed")
+    let image = Image::new(Path::new("ROM bootloader"), bytes, Some(rom.into()));
+    (rom, image.expect("no ELF file, and placed"))
 }

@@ -10,6 +10,7 @@ use mgw_client::{Client, Hold};
 use mgw_sim::{MotorEvent, MotorWiring};
 
 use super::*;
+use crate::machine::CanPort;
 use crate::transport::BoardTransport;
 use virtual_stm32::fdcan::FrameEnd;
 

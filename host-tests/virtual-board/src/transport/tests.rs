@@ -11,6 +11,7 @@ use mgw_client::{Client, Hold};
 use mgw_sim::MotorWiring;
 
 use super::*;
+use crate::board::Board;
 use crate::outside::Outside;
 
 const TTL: Duration = Duration::from_millis(100);
@@ -48,7 +49,7 @@ fn the_image_answers_hello_on_both_links() {
     let (machine, outside) = board(115_200);
     let first = client(&machine, &outside, 0);
     let mut second = client(&machine, &outside, 1);
-    assert_eq!(first.hello().board, "nucleo-h743zi");
+    assert_eq!(first.hello().board, Board::chosen().name());
     assert_eq!(first.hello().buses.len(), 3);
     second.ping().unwrap();
     let settings = machine.borrow_mut().line(outside.hosts[1]).settings();

@@ -9,6 +9,7 @@ use host_protocol::{BusState, CanFrame, Protocol, ProtocolSet, RawFrame};
 use mgw_client::Client;
 use rigless::chip::can::{Frame, Id, Offer, Pattern};
 use rigless::time::VirtualNanos;
+use virtual_board::board::Board;
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
 use virtual_board::transport::BoardTransport;
@@ -90,18 +91,25 @@ fn with_node(pattern: Pattern) -> (Lab, CanNode<Pattern>) {
 }
 
 #[test]
-fn both_controllers_leave_init_at_the_rates_that_the_host_chose() {
+fn every_controller_leaves_init_at_the_rate_that_the_host_chose() {
     let (mut lab, _) = with_node(Pattern::default());
-    lab.configure(1, 210_526);
+    let ports = Board::chosen().can_ports();
+    (1..).zip(&ports[1..]).for_each(|(bus, _)| lab.configure(bus, 210_526));
     lab.run_for(Duration::from_millis(1));
+    // 4 × 20 and 19 × 20 cycles a bit, or 4 × 21 and 19 × 21.
+    let (hz, fast, slow) = match Board::chosen() {
+        Board::NucleoH743zi => (80_000_000, 80, 380),
+        Board::NucleoG474re => (84_000_000, 84, 399),
+    };
     let machine = lab.machine.borrow();
-    // 80 MHz: 4 × 20 and 19 × 20 cycles a bit.
-    assert_eq!(machine.can(CanPort::Bus0).bit_time(), BitTime::of_cycles(80, 80_000_000));
-    assert_eq!(machine.can(CanPort::Bus1).bit_time(), BitTime::of_cycles(380, 80_000_000));
-    assert!(machine.can(CanPort::Bus0).is_on_bus() && machine.can(CanPort::Bus1).is_on_bus());
+    for (bus, port) in ports.iter().enumerate() {
+        let cycles = if bus == 0 { fast } else { slow };
+        assert_eq!(machine.can(*port).bit_time(), BitTime::of_cycles(cycles, hz), "bus {bus}");
+        assert!(machine.can(*port).is_on_bus(), "bus {bus}");
+    }
     drop(machine);
     let met = gaps::met(&mut lab.machine.borrow_mut());
-    gaps::check_known(&met, gaps::KNOWN).unwrap_or_else(|error| panic!("{error}"));
+    gaps::check_known(&met, gaps::known()).unwrap_or_else(|error| panic!("{error}"));
 }
 
 #[test]
@@ -127,6 +135,28 @@ fn a_raw_frame_goes_out_and_its_answer_comes_in() {
         log.iter().map(|record| record.sender).collect::<Vec<_>>(),
         [Sender::Controller, Sender::Node(0)]
     );
+}
+
+#[test]
+fn a_frame_leaves_on_each_bus() {
+    let mut builder = Machine::builder();
+    let ports = Board::chosen().can_ports();
+    ports.iter().for_each(|port| {
+        builder.can_node(*port, Pattern::default(), Some(BITRATE));
+    });
+    let mut lab = Lab::power_on(builder);
+    for (bus, port) in (0..).zip(ports) {
+        lab.configure(bus, BITRATE);
+        lab.client.raw_open_unsafe(bus).expect("open");
+        let data = [0xAB, bus];
+        let frame = CanFrame::standard(0x123, &data).expect("a frame");
+        lab.client.raw_send(bus, RawFrame::Can(frame)).expect("taken over");
+        lab.run_for(Duration::from_millis(2));
+        let machine = lab.machine.borrow();
+        let record = machine.can(*port).log().last().unwrap_or_else(|| panic!("nothing on bus {bus}"));
+        assert_eq!(record.outcome, FrameEnd::Acknowledged, "bus {bus}");
+        assert_eq!(record.frame, data_frame(0x123, &data), "bus {bus}");
+    }
 }
 
 #[test]

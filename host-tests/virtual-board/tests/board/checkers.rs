@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_protocol::Setpoint;
 
-use crate::gaps::{self, KNOWN, Kind, Known};
+use crate::gaps::{self, Kind, Known, known};
 use crate::lab::{BUS_RMD_AND_THRUSTER, Lab, RMD};
 use crate::reaction::Reaction;
 use crate::wire;
@@ -55,9 +55,9 @@ fn a_stop_that_is_too_late_is_noticed() {
 fn an_unlisted_register_is_noticed() {
     let lab = Lab::configured();
     let met = gaps::met(&mut lab.machine.borrow_mut());
-    assert_eq!(gaps::check_known(&met, KNOWN), Ok(()));
-    for (at, missing) in KNOWN.iter().enumerate() {
-        let mut shorter = KNOWN.to_vec();
+    assert_eq!(gaps::check_known(&met, known()), Ok(()));
+    for (at, missing) in known().iter().enumerate() {
+        let mut shorter = known().to_vec();
         shorter.remove(at);
         let error = gaps::check_known(&met, &shorter).unwrap_err();
         assert!(error.contains(&format!("{:#010x}", missing.address)), "{error}");
@@ -70,7 +70,7 @@ fn an_entry_that_no_longer_occurs_is_noticed() {
     let met = gaps::met(&mut lab.machine.borrow_mut());
     let gone =
         Known { kind: Kind::Unimplemented, address: 0x4000_0000, register: "TIM2.CR1", reason: "none" };
-    let longer = [KNOWN, &[gone]].concat();
+    let longer = [known(), &[gone]].concat();
     let error = gaps::check_met(&met, &longer).unwrap_err();
     assert!(error.contains("0x40000000 TIM2.CR1"), "{error}");
 }
@@ -80,7 +80,7 @@ fn an_entry_that_no_longer_occurs_is_noticed() {
 fn the_list_names_registers_at_their_addresses() {
     let lab = Lab::configured();
     let machine = lab.machine.borrow();
-    for Known { kind, address, register, .. } in KNOWN {
+    for Known { kind, address, register, .. } in known() {
         let (instance, name) = register.split_once('.').unwrap_or((register, ""));
         let mut peripherals = machine.part().bus().slots().iter().map(|slot| slot.peripheral());
         let peripheral = peripherals.find(|peripheral| peripheral.name == instance).expect(instance);

@@ -8,10 +8,11 @@ use host_protocol::{
 };
 use mgw_client::Hold;
 use mgw_sim::{Motor, MotorEvent};
+use virtual_board::board::Board;
 
 use crate::lab::{
-    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, BUS_RS485, D5, Lab, NAMES, RMD, RMD_RS485, SEED, SPEEDS_RAD_S, STOPS,
-    THRUSTER, TTL, bus_of, trips,
+    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, SEED, SPEEDS_RAD_S, STOPS, THRUSTER,
+    TTL, bus_of, bus_rs485, trips,
 };
 use crate::reaction::stop_within;
 use crate::wire;
@@ -24,13 +25,15 @@ const SETTLE: Duration = Duration::from_millis(20);
 fn hello_names_the_board_the_build_and_the_buses() {
     let lab = Lab::power_on(SEED);
     let hello = lab.client.hello();
-    assert_eq!(hello.board, "nucleo-h743zi");
+    assert_eq!(hello.board, Board::chosen().name());
     assert!(!hello.build_id.is_empty() && !hello.firmware.is_empty());
     assert_eq!(hello.boot, BootReason::PowerOn);
     let buses: Vec<_> = hello.buses.iter().map(|bus| (bus.kind, bus.bitrates.to_vec())).collect();
     let can = vec![1_000_000, 800_000, 500_000, 250_000, 210_526, 125_000, 100_000, 50_000];
     let rs485 = vec![115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
-    assert_eq!(buses, [(BusKind::Can, can.clone()), (BusKind::Can, can), (BusKind::Rs485, rs485)]);
+    let mut expected = vec![(BusKind::Can, can); Board::chosen().can_ports().len()];
+    expected.push((BusKind::Rs485, rs485));
+    assert_eq!(buses, expected);
     assert!((60_000..1_000_000).contains(&hello.time_us), "{} µs", hello.time_us);
 }
 
@@ -57,7 +60,7 @@ fn the_manuals_bytes_are_on_the_wires() {
         (BUS_RMD_AND_THRUSTER, "141#A100000064000000"),
         (BUS_RMD_AND_THRUSTER, "30B#544300000000FFFB"),
         (BUS_D5, "00B#D50B05032058028D"),
-        (BUS_RS485, "3E01089C00000000000000F230"),
+        (bus_rs485(), "3E01089C00000000000000F230"),
     ];
     for (bus, text) in expected.into_iter().chain(AXES.map(|axis| (bus_of(axis), STOPS[usize::from(axis)]))) {
         lab.first(bus, since, text);
@@ -180,13 +183,13 @@ fn raw_frames_pass_both_ways_on_rs485() {
     const READ_STATUS_2: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
     let mut lab = Lab::configured();
     let since = lab.now();
-    lab.client.raw_open(BUS_RS485).expect("open");
+    lab.client.raw_open(bus_rs485()).expect("open");
     let bytes = host_protocol::Bytes::from_slice(&READ_STATUS_2).expect("short enough");
-    lab.client.raw_send(BUS_RS485, RawFrame::Serial(bytes)).expect("taken over");
+    lab.client.raw_send(bus_rs485(), RawFrame::Serial(bytes)).expect("taken over");
     lab.stay(SETTLE);
-    lab.first(BUS_RS485, since, "3E01089C00000000000000F230");
+    lab.first(bus_rs485(), since, "3E01089C00000000000000F230");
     let mut received = Vec::new();
-    for frame in lab.client.raw_receive(BUS_RS485).expect("frames").frames {
+    for frame in lab.client.raw_receive(bus_rs485()).expect("frames").frames {
         let RawFrame::Serial(bytes) = frame.frame else { panic!("{:?}", frame.frame) };
         received.extend_from_slice(&bytes);
     }

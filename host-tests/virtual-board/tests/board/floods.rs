@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use host_protocol::{MAX_FRAME, Request, requests};
+use virtual_board::board::Board;
 use virtual_board::machine::{Fault, Machine, Place};
 
 use crate::lab::{BUS_RMD_AND_THRUSTER, Lab, RMD, STOPS, wire_of};
@@ -11,9 +12,16 @@ use crate::wire;
 
 /// Pings of one round of the flood, after an e-stop.
 const PINGS: u16 = 9;
-/// The core does nothing else for 17 ms: `MOVW r3, #0xFFFF`, `LSLS r3, r3, #5`, `SUBS r3, #1`, `BNE` to it, `BX lr`. The rings hold 2.8.
+/// The core does nothing else for 4.2 million instructions: `MOVW r3, #0xFFFF`, `LSLS r3, r3, #5`, `SUBS r3, #1`, `BNE` to it, `BX lr`.
+/// The rings hold 2.8 ms.
 const STALL: [u16; 6] = [0xF64F, 0x73FF, 0x015B, 0x3B01, 0xD1FD, 0x4770];
-const STALLED: Duration = Duration::from_millis(18);
+/// At 250 and 168 million a second 17 and 25 ms.
+fn stalled() -> Duration {
+    match Board::chosen() {
+        Board::NucleoH743zi => Duration::from_millis(18),
+        Board::NucleoG474re => Duration::from_millis(26),
+    }
+}
 
 /// Has the firmware do nothing for longer than a ring holds, once.
 fn stall(machine: &mut Machine) {
@@ -21,7 +29,7 @@ fn stall(machine: &mut Machine) {
     machine.plant(handle, &Fault::Code(STALL.to_vec()));
     assert!(machine.run_until(Duration::from_millis(50), |machine| machine.struck().is_some()), "stalled");
     machine.heal();
-    machine.run_for(STALLED);
+    machine.run_for(stalled());
 }
 
 fn frame(request: &Request, sequence: u16) -> Vec<u8> {

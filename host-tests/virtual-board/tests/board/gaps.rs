@@ -6,6 +6,7 @@ use std::fmt;
 
 use rigless::device::Told;
 use rigless::soc::Bus;
+use virtual_board::board::Board;
 use virtual_board::machine::Machine;
 
 /// What the emulator said of an access.
@@ -34,8 +35,15 @@ pub struct Known {
     pub reason: &'static str,
 }
 
-/// The list.
-pub const KNOWN: &[Known] = &[
+/// The list of the board.
+pub fn known() -> &'static [Known] {
+    match Board::chosen() {
+        Board::NucleoH743zi => H743,
+        Board::NucleoG474re => G474,
+    }
+}
+
+const H743: &[Known] = &[
     Known {
         kind: Kind::Told,
         address: 0x5802_4428,
@@ -50,6 +58,25 @@ pub const KNOWN: &[Known] = &[
         reason: "embassy-stm32 writes RTCSEL, the value that stands there already; no RTC is used",
     },
 ];
+
+/// Settings of the STM32G474 that have no effect here.
+const G474: &[Known] = &[
+    without_effect(0x4000_7000, "PWR.CR1"),
+    without_effect(0x4000_7008, "PWR.CR3"),
+    without_effect(0x4000_7080, "PWR.CR5"),
+    without_effect(0x4001_0000, "SYSCFG.MEMRMP"),
+    without_effect(0x4001_000C, "SYSCFG.EXTICR1"),
+    without_effect(0xE004_2004, "DBGMCU.CR"),
+];
+
+const fn without_effect(address: u64, register: &'static str) -> Known {
+    Known {
+        kind: Kind::Unimplemented,
+        address,
+        register,
+        reason: "it keeps what is written, and nothing else depends on it",
+    }
+}
 
 /// A gap that was met.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

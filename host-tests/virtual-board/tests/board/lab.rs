@@ -12,7 +12,8 @@ use host_protocol::{
     Value,
 };
 use mgw_client::{Client, ClientError, Hold, Transport};
-use mgw_sim::{Motor, MotorEvent, Wiring};
+use mgw_sim::{Motor, MotorEvent};
+use virtual_board::board::Board;
 use virtual_board::machine::{Builder, CanNode, CanPort, Machine, Snapshot};
 use virtual_board::nodes::Probe;
 use virtual_board::outside::Outside;
@@ -33,14 +34,17 @@ pub const NAMES: [&str; 4] = ["RMD on CAN", "thruster", "D5", "RMD on RS485"];
 /// The buses, as the gateway numbers them.
 pub const BUS_RMD_AND_THRUSTER: u8 = 0;
 pub const BUS_D5: u8 = 1;
-pub const BUS_RS485: u8 = 2;
+/// The last one.
+pub fn bus_rs485() -> u8 {
+    Board::chosen().rs485_bus()
+}
 
-/// Bus, protocol, node and stop action of each axis.
-const WIRING: [(u8, Protocol, u32, StopAction); 4] = [
-    (BUS_RMD_AND_THRUSTER, Protocol::Rmd, 0x01, StopAction::Hold),
-    (BUS_RMD_AND_THRUSTER, Protocol::Thruster, 0x0B, StopAction::Coast),
-    (BUS_D5, Protocol::D5, 0x0B, StopAction::Hold),
-    (BUS_RS485, Protocol::Rmd, 0x01, StopAction::Hold),
+/// Protocol, node and stop action of each axis.
+const WIRING: [(Protocol, u32, StopAction); 4] = [
+    (Protocol::Rmd, 0x01, StopAction::Hold),
+    (Protocol::Thruster, 0x0B, StopAction::Coast),
+    (Protocol::D5, 0x0B, StopAction::Hold),
+    (Protocol::Rmd, 0x01, StopAction::Hold),
 ];
 
 /// What stops each motor: 0x81 (RMD V3.6 §2.16), TC 0 (thruster manual §1.3), speed 0 (D5 manual, quick start 5).
@@ -78,7 +82,7 @@ pub struct Lab {
 /// A board with everything on its ports, before it is switched on.
 pub fn wired(seed: u64) -> (Builder, Outside, [CanNode<Probe>; 2]) {
     let mut board = Machine::builder();
-    let outside = Outside::connect(&mut board, &Wiring::four_motors().motors, seed).expect("a sound wiring");
+    let outside = Outside::four_motors(&mut board, seed);
     let probes = [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
     (board, outside, probes)
 }
@@ -110,7 +114,7 @@ impl Lab {
 
     /// Configures the buses and the axes, and the own timeouts of the motors that can be told.
     pub fn configure(&mut self) {
-        [BUS_RMD_AND_THRUSTER, BUS_D5, BUS_RS485].into_iter().for_each(|bus| self.configure_bus(bus));
+        [BUS_RMD_AND_THRUSTER, BUS_D5, bus_rs485()].into_iter().for_each(|bus| self.configure_bus(bus));
         AXES.into_iter().for_each(|axis| self.configure_axis(axis));
     }
 
@@ -127,7 +131,8 @@ impl Lab {
 
     /// Configures an axis, and the own timeout of its motor if that can be told.
     pub fn configure_axis(&mut self, axis: u8) {
-        let (bus, protocol, node, stop_action) = WIRING[usize::from(axis)];
+        let (protocol, node, stop_action) = WIRING[usize::from(axis)];
+        let bus = bus_of(axis);
         let values = [
             (AxisParameter::Bus, bus.into()),
             (AxisParameter::Protocol, protocol.into()),
@@ -287,7 +292,7 @@ impl Drop for Lab {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             let met = gaps::met(&mut self.machine.borrow_mut());
-            gaps::check_known(&met, gaps::KNOWN).unwrap_or_else(|error| panic!("{error}"));
+            gaps::check_known(&met, gaps::known()).unwrap_or_else(|error| panic!("{error}"));
         }
     }
 }
@@ -316,12 +321,16 @@ pub fn wire_of(machine: &mut Machine, outside: &Outside, bus: u8, since: Duratio
 
 /// The bus of an axis.
 pub fn bus_of(axis: u8) -> u8 {
-    WIRING[usize::from(axis)].0
+    match axis {
+        RMD | THRUSTER => BUS_RMD_AND_THRUSTER,
+        D5 => BUS_D5,
+        _ => bus_rs485(),
+    }
 }
 
 /// What makes a motor turn at its speed of [`SPEEDS_RAD_S`].
 pub fn turning(axis: u8) -> Setpoint {
-    match WIRING[usize::from(axis)].1 {
+    match WIRING[usize::from(axis)].0 {
         Protocol::Thruster => Setpoint::Signal { fraction: 0.1 },
         Protocol::Rmd | Protocol::D5 => Setpoint::Velocity { velocity_rad_s: 2.0 },
     }

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
+use virtual_board::board::Board;
 use virtual_board::machine::{CanPort, Machine, image_path};
 use virtual_stm32::fdcan::Wiring;
 
-use crate::lab::{BUS_D5, BUS_RMD_AND_THRUSTER, BUS_RS485, Lab};
+use crate::lab::{BUS_D5, BUS_RMD_AND_THRUSTER, Lab, bus_rs485};
 use crate::rtt;
 
 /// Takes the lines that the firmware has logged since the last time.
@@ -23,12 +24,13 @@ fn the_start_and_the_buses_are_logged() {
     let lab = Lab::configured();
     let (firmware, build) = (lab.client.hello().firmware.clone(), lab.client.hello().build_id.clone());
     let lines = take(&mut lab.machine.borrow_mut());
-    let boot = format!("INFO motor gateway {firmware}, build {build}, on nucleo-h743zi, started by PowerOn");
+    let board = Board::chosen().name();
+    let boot = format!("INFO motor gateway {firmware}, build {build}, on {board}, started by PowerOn");
     assert_eq!(lines[0], boot, "{lines:?}");
     for (bus, text) in [
         (BUS_RMD_AND_THRUSTER, "CAN at 1000000 bit/s"),
         (BUS_D5, "CAN at 210526 bit/s"),
-        (BUS_RS485, "RS485 at 115200 baud"),
+        (bus_rs485(), "RS485 at 115200 baud"),
     ] {
         let line = format!("INFO bus {bus}: {text}");
         assert!(lines.contains(&line), "{line} in {lines:?}");

@@ -12,6 +12,8 @@ mod floods;
 mod gaps;
 mod lab;
 mod log;
+mod only_g474;
+mod only_h743;
 mod reaction;
 mod rs485_times;
 #[path = "../common/rtt.rs"]

@@ -3,24 +3,58 @@
 
 use rigless::mcu::Operate;
 use rigless::soc::Width;
+use virtual_board::board::Board;
 use virtual_board::machine::Machine;
 use virtual_board::nodes::instant;
 use virtual_stm32::serial_port::DriverEnable;
 
 use crate::lab::Lab;
 
-/// Registers (RM0433): base addresses and offsets.
-const USART2: u64 = 0x4000_4400;
+/// Registers (RM0433, RM0440): offsets.
 const CR1: u64 = 0x00;
 const CR3: u64 = 0x08;
 const BRR: u64 = 0x0C;
-const GPIOD: u64 = 0x5802_0C00;
 const MODER: u64 = 0x00;
 const AFRL: u64 = 0x20;
 /// Two bits of MODER: alternate function.
 const ALTERNATE: u32 = 0b10;
-/// PD4 to PD6 as USART2 (DS12110, table of alternate functions).
-const AF_USART2: u32 = 7;
+/// PD4 to PD6 as USART2 (DS12110), PB10, PB11 and PB14 as USART3 (DS12288): tables of alternate functions.
+const AF_USART: u32 = 7;
+
+/// What the RS485 port of the board is to be.
+struct Rs485 {
+    /// The USART's registers, and those of the port of its pins.
+    usart: u64,
+    gpio: u64,
+    /// DE, TX and RX.
+    pins: [u32; 3],
+    /// BRR and what it makes of 115200.
+    divider: u32,
+    bits_per_second: u64,
+}
+
+impl Rs485 {
+    fn of_board() -> Self {
+        match Board::chosen() {
+            // 100 MHz / 868.
+            Board::NucleoH743zi => Self {
+                usart: 0x4000_4400,
+                gpio: 0x5802_0C00,
+                pins: [4, 5, 6],
+                divider: 868,
+                bits_per_second: 115_207,
+            },
+            // 168 MHz / 1458.
+            Board::NucleoG474re => Self {
+                usart: 0x4000_4800,
+                gpio: 0x4800_0400,
+                pins: [14, 10, 11],
+                divider: 1458,
+                bits_per_second: 115_226,
+            },
+        }
+    }
+}
 
 fn register(machine: &mut Machine, address: u64) -> u32 {
     let at = instant(machine.now());
@@ -28,13 +62,17 @@ fn register(machine: &mut Machine, address: u64) -> u32 {
     u32::try_from(value).expect("32 bits")
 }
 
-/// 100 MHz / 109: half a per cent off 921600, where two per cent are allowed.
+/// Within half a per cent of 921600, where two per cent are allowed: 100 MHz / 109; 256 × 168 MHz / 46667 and 168 MHz / 182.
 #[test]
 fn both_host_links_run_at_921600_baud() {
     let lab = Lab::configured();
-    for host in lab.outside.hosts {
+    let expected = match Board::chosen() {
+        Board::NucleoH743zi => [917_431, 917_431],
+        Board::NucleoG474re => [921_593, 923_076],
+    };
+    for (host, expected) in lab.outside.hosts.into_iter().zip(expected) {
         let settings = lab.machine.borrow_mut().line(host).settings();
-        assert_eq!(settings.bits_per_second(), 917_431);
+        assert_eq!(settings.bits_per_second(), expected);
         assert_eq!(settings.driver_enable, None);
     }
 }
@@ -44,28 +82,31 @@ fn the_rs485_port_drives_its_transceiver_by_hardware() {
     let lab = Lab::configured();
     let mut machine = lab.machine.borrow_mut();
     let settings = machine.line(lab.outside.rs485).settings();
-    assert_eq!(settings.bits_per_second(), 115_207, "100 MHz / 868");
+    let expected = Rs485::of_board();
+    assert_eq!(settings.bits_per_second(), expected.bits_per_second);
     let enable = DriverEnable { assertion: 16, deassertion: 16, active_low: false };
     assert_eq!(settings.driver_enable, Some(enable));
     // The same in the registers: DEM; DEAT and DEDT of one bit each; the divider.
     assert_eq!(
-        register(&mut machine, USART2 + CR3) >> 14 & 0b11,
+        register(&mut machine, expected.usart + CR3) >> 14 & 0b11,
         0b01,
         "DEM, and DEP for an active-high output"
     );
-    let control = register(&mut machine, USART2 + CR1);
+    let control = register(&mut machine, expected.usart + CR1);
     assert_eq!((control >> 21 & 0x1F, control >> 16 & 0x1F), (16, 16), "DEAT, DEDT");
-    assert_eq!(register(&mut machine, USART2 + BRR), 868);
+    assert_eq!(register(&mut machine, expected.usart + BRR), expected.divider);
 }
 
 #[test]
 fn the_pins_of_the_rs485_port_belong_to_the_usart() {
     let lab = Lab::configured();
     let mut machine = lab.machine.borrow_mut();
-    let (modes, functions) = (register(&mut machine, GPIOD + MODER), register(&mut machine, GPIOD + AFRL));
-    for (pin, name) in [(4, "PD4 DE"), (5, "PD5 TX"), (6, "PD6 RX")] {
-        assert_eq!(modes >> (2 * pin) & 0b11, ALTERNATE, "{name}");
-        assert_eq!(functions >> (4 * pin) & 0xF, AF_USART2, "{name}");
+    let Rs485 { gpio, pins, .. } = Rs485::of_board();
+    let modes = register(&mut machine, gpio + MODER);
+    for pin in pins {
+        assert_eq!(modes >> (2 * pin) & 0b11, ALTERNATE, "pin {pin}");
+        let functions = register(&mut machine, gpio + AFRL + 4 * u64::from(pin / 8));
+        assert_eq!(functions >> (4 * (pin % 8)) & 0xF, AF_USART, "pin {pin}");
     }
 }
 
@@ -77,7 +118,7 @@ fn every_bitrate_of_the_rs485_port_is_what_it_says() {
     for bitrate in [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000] {
         let window = std::time::Duration::from_millis(5);
         let rmd = ProtocolSet::of(&[Protocol::Rmd]);
-        lab.client.configure_bus(crate::lab::BUS_RS485, bitrate, rmd, false, window).expect("configured");
+        lab.client.configure_bus(crate::lab::bus_rs485(), bitrate, rmd, false, window).expect("configured");
         lab.run_for(std::time::Duration::from_millis(1));
         let line = lab.outside.rs485;
         let real = lab.machine.borrow_mut().line(line).settings().bits_per_second();

@@ -25,6 +25,6 @@ fn a_whole_life_meets_the_listed_gaps_and_no_others() {
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.list_axes().expect("a list").len(), AXES.len(), "configured as before");
     let met = gaps::met(&mut lab.machine.borrow_mut());
-    gaps::check_known(&met, gaps::KNOWN).unwrap_or_else(|error| panic!("{error}"));
-    gaps::check_met(&met, gaps::KNOWN).unwrap_or_else(|error| panic!("{error}"));
+    gaps::check_known(&met, gaps::known()).unwrap_or_else(|error| panic!("{error}"));
+    gaps::check_met(&met, gaps::known()).unwrap_or_else(|error| panic!("{error}"));
 }

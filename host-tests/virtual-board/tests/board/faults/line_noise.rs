@@ -6,7 +6,7 @@ use host_protocol::{AxisState, Bytes, Event, RawFrame, TripReason};
 use mgw_client::Hold;
 
 use super::mute_motor::NOTICED;
-use crate::lab::{AXES, BUS_RS485, Lab, NAMES, RMD, RMD_RS485, THRUSTER, trips};
+use crate::lab::{AXES, Lab, NAMES, RMD, RMD_RS485, THRUSTER, bus_rs485, trips};
 use crate::log;
 use crate::reaction::{Reaction, stop_within};
 
@@ -75,7 +75,7 @@ pub fn a_quiet_spell_of_noise_on_rs485_is_only_counted() -> Vec<Reaction> {
     disturb(&mut lab, &holds, 4, 20, Duration::from_millis(200));
     assert_turning(&mut lab);
     assert_eq!(trips(&lab.events()), []);
-    let counters = lab.client.bus_status(BUS_RS485).expect("status").counters;
+    let counters = lab.client.bus_status(bus_rs485()).expect("status").counters;
     assert!(counters.rejected + counters.receive_overflows > 0, "{counters:?}");
     Vec::new()
 }
@@ -103,7 +103,7 @@ pub fn a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through() -> Vec
     lab.assert_stopped_by_gateway(RMD_RS485, at);
     assert_eq!(lab.trip(RMD_RS485), Some((TripReason::MotorSilent, true)));
     lab.assert_turning(RMD);
-    let counters = lab.client.bus_status(BUS_RS485).expect("status").counters;
+    let counters = lab.client.bus_status(bus_rs485()).expect("status").counters;
     assert!(counters.rejected > 0 && counters.receive_overflows > 0, "{counters:?}");
     // Noticed as a mute motor is; then the noise of a reply at most.
     let limit = NOTICED + NOISE + stop_within(RMD_RS485);
@@ -142,9 +142,9 @@ fn garble_replies(lab: &Lab, duration: Duration) {
 pub fn an_error_on_a_line_brings_nothing_old_back() -> Vec<Reaction> {
     const READ_STATUS_2: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
     let mut lab = Lab::configured();
-    lab.client.raw_open(BUS_RS485).expect("open");
+    lab.client.raw_open(bus_rs485()).expect("open");
     let bytes = Bytes::from_slice(&READ_STATUS_2).expect("short enough");
-    lab.client.raw_send(BUS_RS485, RawFrame::Serial(bytes)).expect("taken over");
+    lab.client.raw_send(bus_rs485(), RawFrame::Serial(bytes)).expect("taken over");
     lab.stay(Duration::from_millis(20));
     assert_eq!(raw_bytes(&mut lab).len(), READ_STATUS_2.len(), "the answer");
     let line = lab.outside.rs485;
@@ -172,7 +172,7 @@ pub fn an_error_on_a_line_brings_nothing_old_back() -> Vec<Reaction> {
 /// The bytes that were received on the RS485 line since the last time.
 fn raw_bytes(lab: &mut Lab) -> Vec<u8> {
     let mut bytes = Vec::new();
-    for frame in lab.client.raw_receive(BUS_RS485).expect("frames").frames {
+    for frame in lab.client.raw_receive(bus_rs485()).expect("frames").frames {
         if let RawFrame::Serial(received) = frame.frame {
             bytes.extend_from_slice(&received);
         }

@@ -35,10 +35,10 @@ fn enabled(lab: &Lab) -> bool {
     lab.machine.borrow_mut().enable_output().driven() == Some(Level::High)
 }
 
-/// At any moment of the buses' traffic: from one snapshot in motion, 870 µs apart. The worst of them counts.
+/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of them counts.
 pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
-    const MOMENTS: u32 = 24;
-    const APART: Duration = Duration::from_micros(870);
+    const MOMENTS: u32 = 12;
+    const APART: Duration = Duration::from_micros(1_770);
     let mut lab = Lab::configured();
     lab.moving(&AXES);
     lab.events();
@@ -56,7 +56,7 @@ pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
             let stop =
                 wire::find(&on_wire, STOPS[usize::from(axis)]).unwrap_or_else(|error| panic!("{error}"));
             let limit = PRESSED + stop_within(axis);
-            let cause = "e-stop input opened, the latest of 24";
+            let cause = "e-stop input opened, the latest of 12";
             let reaction = Reaction::new(cause, NAMES[usize::from(axis)], at, stop, limit);
             match worst.get_mut(usize::from(axis)) {
                 None => worst.push(reaction),

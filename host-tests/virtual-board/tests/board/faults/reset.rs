@@ -6,10 +6,11 @@ use std::time::Duration;
 use host_protocol::requests::Ping;
 use host_protocol::{AxisState, BootReason, Call, Incident, Kind, MAX_FRAME, TripReason, encode};
 use mgw_sim::Motor;
+use virtual_board::board::Board;
 use virtual_board::machine::{Fault, Place};
 use virtual_board::nodes::since_start;
 
-use crate::lab::{AXES, Lab, NAMES, RMD, bus_of, turning};
+use crate::lab::{AXES, Lab, NAMES, RMD, bus_of, bus_rs485, turning};
 use crate::reaction::Reaction;
 
 /// From a hang to the first stop (GUARANTEES G6), and so from anything that is over sooner.
@@ -146,10 +147,11 @@ pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction>
 
 /// Each kind of task.
 pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
+    let rs485 = format!("watchdog: no life from bus {}", bus_rs485());
     let hangs = [
         ("hang of a CAN task", "motor_gateway::tasks::can::can", 0, "watchdog: no life from bus 0"),
         ("hang of the other CAN task", "motor_gateway::tasks::can::can", 1, "watchdog: no life from bus 1"),
-        ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, "watchdog: no life from bus 2"),
+        ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, &rs485),
         (
             "hang of a host's receiver",
             "motor_gateway::tasks::host::receive",
@@ -204,13 +206,14 @@ pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
 }
 
 pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {
-    let words = "hard fault at 0x081ff000";
+    let words = format!("hard fault at {:#010x}", Board::chosen().free_flash());
     let faults = [
         ("hard fault in a task", task("motor_gateway::tasks::rs485::rs485", 0)),
         ("hard fault in the core", Place::Function("gateway::gateway::Gateway::handle")),
     ];
-    let fault =
-        |(name, place)| restarts(name, Cause::Planted(place, &Fault::HardFault, words), BootReason::Software);
+    let fault = |(name, place)| {
+        restarts(name, Cause::Planted(place, &Fault::HardFault, &words), BootReason::Software)
+    };
     faults.into_iter().flat_map(fault).collect()
 }
 
