@@ -1,6 +1,6 @@
 //! Measures the image, prints the table and compares it with the committed one; `--renew` writes that anew.
 //!
-//! `.ci/virtual-board measure [--renew]` builds the image and runs it. Everything is counted in virtual time, so the
+//! `.ci/virtual-board measure [--board BOARD] [--renew]` builds the image and runs it. Everything is counted in virtual time, so the
 //! figures are the same on every machine.
 
 use std::error::Error;
@@ -8,8 +8,10 @@ use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 
+use virtual_board::board::Board;
 use virtual_board::machine::image_path;
 use virtual_board::measure::{LEGEND, Table, measure};
+use virtual_board::sections;
 
 /// The committed table.
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/measurements.txt");
@@ -40,14 +42,17 @@ fn main() -> ExitCode {
 fn run(renew: bool) -> Result<bool, Box<dyn Error>> {
     let measured = measure(&image_path()?)?;
     print!("{measured}");
-    let path = Path::new(COMMITTED);
+    let (path, board) = (Path::new(COMMITTED), Board::chosen());
+    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
     if renew {
-        fs::write(path, format!("{LEGEND}\n{measured}")).map_err(|error| format!("{COMMITTED}: {error}"))?;
+        let renewed = sections::renewed(&text, LEGEND, board, &measured.to_string());
+        fs::write(path, renewed).map_err(|error| format!("{COMMITTED}: {error}"))?;
         println!("renewed {COMMITTED}");
         return Ok(true);
     }
-    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    let committed = Table::parse(&text).map_err(|error| format!("{COMMITTED}: {error}"))?;
+    let section = sections::section(&text, board);
+    let section = section.ok_or_else(|| format!("{COMMITTED}: nothing of {}", board.name()))?;
+    let committed = Table::parse(section).map_err(|error| format!("{COMMITTED}: {error}"))?;
     let complaints = measured.complaints(&committed);
     for complaint in &complaints {
         eprintln!("{complaint}");

@@ -1,6 +1,6 @@
 //! Measures reaction times, prints the table and compares it with the committed one; `--renew` writes that anew.
 //!
-//! `.ci/virtual-board reaction [--phases N] [--only LINE] [--trace | --renew]` builds the image and runs it, in virtual
+//! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --renew]` builds the image and runs it, in virtual
 //! time. `--trace` prints instead what the bus carried about the slowest stop of each line.
 
 use std::error::Error;
@@ -8,8 +8,10 @@ use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 
+use virtual_board::board::Board;
 use virtual_board::machine::image_path;
 use virtual_board::reaction::{Complaint, FEW_PHASES, LEGEND, Table, measure, traces};
+use virtual_board::sections;
 
 /// The committed table.
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reaction-times.txt");
@@ -70,14 +72,17 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn Error>> {
     }
     let measured = measure(&image_path()?, phases, only)?;
     print!("{measured}");
-    let path = Path::new(COMMITTED);
+    let (path, board) = (Path::new(COMMITTED), Board::chosen());
+    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
     if arguments.renew {
-        fs::write(path, format!("{LEGEND}\n{measured}")).map_err(|error| format!("{COMMITTED}: {error}"))?;
+        let renewed = sections::renewed(&text, LEGEND, board, &measured.to_string());
+        fs::write(path, renewed).map_err(|error| format!("{COMMITTED}: {error}"))?;
         println!("renewed {COMMITTED}");
         return Ok(true);
     }
-    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    let committed = Table::parse(&text).map_err(|error| format!("{COMMITTED}: {error}"))?;
+    let section = sections::section(&text, board);
+    let section = section.ok_or_else(|| format!("{COMMITTED}: nothing of {}", board.name()))?;
+    let committed = Table::parse(section).map_err(|error| format!("{COMMITTED}: {error}"))?;
     let mut complaints = measured.complaints(&committed);
     if arguments.only.is_some() {
         complaints.retain(|complaint| !matches!(complaint, Complaint::NotMeasured(_)));

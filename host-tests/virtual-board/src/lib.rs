@@ -11,6 +11,7 @@ pub mod outside;
 pub mod pins;
 pub mod reaction;
 pub mod rs485_line;
+pub mod sections;
 pub mod serve;
 pub mod transport;
 pub mod usb_session;
