@@ -212,6 +212,16 @@ impl Machine {
         self.core.order(move |session, _, _, _| session.unwatch(watch));
     }
 
+    /// Watches every instruction in this range, or no longer: the hits are a trace of the program counter.
+    pub fn trace(&mut self, code: std::ops::Range<u64>, on: bool) {
+        self.core.order(move |session, _, _, _| {
+            // Wherever one may begin.
+            for watch in code.step_by(2).map(Watch::Instruction) {
+                if on { session.watch(watch) } else { session.unwatch(watch) }
+            }
+        });
+    }
+
     /// What the watches have seen since the last call.
     pub fn take_hits(&mut self) -> Vec<Hit> {
         self.core.order(|_, _, _, recorder| recorder.take_hits())

@@ -5,6 +5,7 @@
 //! interrupts and other tasks included; a core that sleeps executes nothing.
 
 mod bench;
+mod fetches;
 mod image;
 mod life;
 mod operations;
@@ -18,12 +19,15 @@ use std::path::Path;
 use std::{fmt, fs, thread};
 
 use crate::machine::Builder;
-use bench::{Bench, Span};
+use bench::{Bench, Count, Span};
 use image::ImageFacts;
 use operations::Session;
 
 /// Speeds of the core, instructions per second: what a part at 400 MHz reaches with its caches, and a bad case without.
 pub const SPEEDS: [u64; 2] = [250_000_000, 100_000_000];
+
+/// Repetitions of each operation, its last ones, of which there is a trace; the first of them fills the cache.
+const TRACED: usize = 5;
 
 /// Decides the motors' reply times.
 const SEED: u64 = 1;
@@ -35,8 +39,7 @@ pub const LEGEND: &str = "\
 #
 #     .ci/virtual-board measure --renew
 #
-# The last two columns are of a core that executes 250 and 100 million instructions a second; caches and wait states are not
-# modelled. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
+# The last two columns are of a core that executes 250 and 100 million instructions a second. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
 # exactly. Latency: the virtual time between the same two instants. Median and worst: of 100 repetitions at other phases of the
 # firmware's own timers. Eight axes, RMD motors, four on each CAN bus at 1 Mbit/s, and a host on UART at 921600 baud.
 #
@@ -47,6 +50,11 @@ pub const LEGEND: &str = "\
 #                             end, to the first bit of AxisReport on the host UART; the motor turns
 # round over 8 axes           from the first bit of the first of eight Setpoints, sent one right behind the other, until the
 #                             eighth Done has left and the motors' replies are valid at the board; all motors turn
+# reads of the flash, cycles with cache misses
+#                             reads that the instruction cache has not spared, from a trace of the last repetitions, at 250 million a second; and
+#                             cycles of a core of one instruction a cycle that waits for each, with the wait states that the firmware
+#                             has set. Not counted: constants, which are read past the cache; branches and divisions of more than a
+#                             cycle; what arbitration adds; two instructions in a cycle, and prefetching, which save some
 # stack                       the deepest it was until the firmware waits for the first time, and afterwards: in all this and
 #                             in a life with every kind of request, trips, a shorted bus and line noise. Seen, not proven
 # image                       flash, and static RAM without the stack
@@ -85,9 +93,12 @@ pub fn measure(image: &Path) -> Result<Table, NotMeasurable> {
         let runs = SPEEDS.map(|speed| scope.spawn(move || measure_at(board, speed)));
         runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
-    let both = fast.into_iter().zip(slow);
-    let mut rows: Vec<Row> =
-        both.map(|((what, unit, fast), (_, _, slow))| Row::new(what, unit, &[fast, slow])).collect();
+    let row = |(what, unit, fast): &Measured| {
+        let slow = slow.iter().find(|(other, other_unit, _)| (other, other_unit) == (what, unit));
+        let values: Vec<u64> = std::iter::once(*fast).chain(slow.map(|(_, _, slow)| *slow)).collect();
+        Row::new(what, unit, &values)
+    };
+    let mut rows: Vec<Row> = fast.iter().map(row).collect();
     rows.push(Row::new("image", "flash, bytes", &[facts.flash]));
     rows.push(Row::new("image", "static RAM, bytes", &[facts.static_ram]));
     Ok(Table { compiler: facts.compiler, rows })
@@ -116,18 +127,33 @@ type Measured = (&'static str, &'static str, u64);
 fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64) -> Vec<Measured> {
     let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
     let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
-    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect());
+    // What is executed is nearly the same at each speed.
+    let is_traced = instructions_per_second == SPEEDS[0];
+    let traced = spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
+    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect()).traced(traced);
     assert_eq!(run(&mut bench), spans, "the same orders make the same run");
+    let read_cycles = bench.read_cycles();
 
-    let mut counts = bench.counts().chunks_exact(2).map(|pair| pair[1] - pair[0]);
+    let mut counts = bench.counts().chunks_exact(2).map(|pair| Cost::between(pair[0], pair[1]));
     let mut rows = Vec::new();
     for (what, spans) in &spans {
-        let instructions = counts.by_ref().take(spans.len());
-        match spans[..] {
-            [_] => rows.extend(instructions.map(|count| (*what, "instructions", count))),
+        let costs: Vec<Cost> = counts.by_ref().take(spans.len()).collect();
+        match costs[..] {
+            [Cost { instructions, .. }] => rows.push((*what, "instructions", instructions)),
             _ => {
-                let (median, worst) = median_and_worst(instructions);
+                let (median, worst) = median_and_worst(costs.iter().map(|cost| cost.instructions));
                 rows.extend([(*what, "instructions, median", median), (*what, "instructions, worst", worst)]);
+                if is_traced {
+                    // The first of them had an empty cache.
+                    let costs = &costs[costs.len() - TRACED + 1..];
+                    let (reads, _) = median_and_worst(costs.iter().map(|cost| cost.reads));
+                    let cycles = costs.iter().map(|cost| cost.instructions + cost.reads * read_cycles);
+                    let (cycles, _) = median_and_worst(cycles);
+                    rows.extend([
+                        (*what, "reads of the flash, median", reads),
+                        (*what, "cycles with cache misses, median", cycles),
+                    ]);
+                }
                 let (median, worst) = median_and_worst(spans.iter().map(Span::nanos));
                 rows.extend([(*what, "latency ns, median", median), (*what, "latency ns, worst", worst)]);
             }
@@ -137,6 +163,27 @@ fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64) -> Vec<
     rows.push(("stack, start-up", "bytes", depth.start_up));
     rows.push(("stack, afterwards", "bytes", depth.life.max(bench.stack_used())));
     rows
+}
+
+/// What an operation costs.
+#[derive(Debug, Clone, Copy)]
+struct Cost {
+    instructions: u64,
+    /// Reads of the flash; none without a trace.
+    reads: u64,
+}
+
+impl Cost {
+    fn between(from: Count, to: Count) -> Self {
+        let reads = to.reads.zip(from.reads).map_or(0, |(to, from)| to - from);
+        Self { instructions: to.instructions - from.instructions, reads }
+    }
+}
+
+/// The time of the repetitions that are traced; none where there are no repetitions.
+fn last_of(spans: &[Span]) -> Option<Span> {
+    let first = spans.len().checked_sub(TRACED)?;
+    Some(Span { from: spans[first].from, to: spans[spans.len() - 1].to })
 }
 
 /// The lower median, and the greatest.

@@ -5,6 +5,7 @@ pub mod chip;
 pub mod crs;
 mod edges;
 pub mod fdcan;
+pub mod fetch;
 pub mod g474;
 pub mod h743;
 pub mod iwdg;

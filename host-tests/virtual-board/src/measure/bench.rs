@@ -10,6 +10,7 @@ use std::time::Duration;
 use host_protocol::{Deframer, Error, Kind, MAX_FRAME, Protocol, Reply, Request};
 use mgw_sim::MotorWiring;
 
+use super::fetches::{self, Fetches};
 use super::{SEED, stack};
 use crate::host_uart::{HostUart, Received};
 use crate::machine::{Builder, CanPort, Line, Machine};
@@ -38,6 +39,14 @@ impl Span {
     pub(super) fn nanos(&self) -> u64 {
         u64::try_from((self.to - self.from).as_nanos()).expect("not for centuries")
     }
+}
+
+/// What has been counted by an instant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Count {
+    pub(super) instructions: u64,
+    /// Reads of the flash, where there is a trace.
+    pub(super) reads: Option<u64>,
 }
 
 /// A request and what came of it.
@@ -72,7 +81,10 @@ pub(super) struct Bench {
     sequence: u16,
     /// Where to look at the instruction count, in order.
     marks: VecDeque<Duration>,
-    counts: Vec<u64>,
+    counts: Vec<Count>,
+    /// Of these times there is a trace as well, in order.
+    traced: VecDeque<Span>,
+    fetches: Option<Fetches>,
 }
 
 /// Bus and node of an axis.
@@ -95,11 +107,23 @@ impl Bench {
         machine.run_for(STARTED);
         stack::paint_anew(&mut machine);
         let (host, inbox) = (outside.hosts[0], Inbox::default());
-        Self { machine, host, inbox, sequence: 1, marks: marks.into(), counts: Vec::new() }
+        let (counts, traced, fetches) = (Vec::new(), VecDeque::new(), None);
+        Self { machine, host, inbox, sequence: 1, marks: marks.into(), counts, traced, fetches }
     }
 
-    /// Instructions executed at each mark passed.
-    pub(super) fn counts(&self) -> &[u64] {
+    /// Traces the instructions of these times, which are in order and begin and end with a mark.
+    pub(super) fn traced(mut self, spans: Vec<Span>) -> Self {
+        self.traced = spans.into();
+        self
+    }
+
+    /// Cycles that a read of the flash costs.
+    pub(super) fn read_cycles(&mut self) -> u64 {
+        fetches::cycles(&mut self.machine)
+    }
+
+    /// What was counted at each mark passed.
+    pub(super) fn counts(&self) -> &[Count] {
         &self.counts
     }
 
@@ -116,9 +140,22 @@ impl Bench {
     pub(super) fn run_to(&mut self, at: Duration) {
         while let Some(mark) = self.marks.pop_front_if(|mark| *mark <= at) {
             self.machine.run_to(instant(mark));
-            self.counts.push(self.machine.instructions());
+            self.count(mark);
         }
         self.machine.run_to(instant(at));
+    }
+
+    fn count(&mut self, mark: Duration) {
+        if self.fetches.is_none() && self.traced.front().is_some_and(|span| span.from == mark) {
+            self.fetches = Some(Fetches::begin(&mut self.machine));
+        }
+        let reads = self.fetches.as_mut().map(|fetches| fetches.reads(&mut self.machine));
+        self.counts.push(Count { instructions: self.machine.instructions(), reads });
+        if self.traced.pop_front_if(|span| span.to == mark).is_some()
+            && let Some(fetches) = self.fetches.take()
+        {
+            fetches.end(&mut self.machine);
+        }
     }
 
     /// Sends requests at an instant, one right behind the other, and gives the board until `end` to answer them.

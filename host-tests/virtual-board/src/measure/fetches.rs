@@ -1,0 +1,88 @@
+//! How often the flash is read for the instructions that are executed.
+
+use std::ops::Range;
+
+use virtual_stm32::fetch::{Cache, Geometry, read_cycles};
+
+use crate::machine::Machine;
+use crate::nodes::instant;
+
+/// Symbols of cortex-m-rt's linker script: where the instructions lie.
+const BEGIN: &str = "__stext";
+const END: &str = "__etext";
+
+/// A board's trace, and the cache that it is fed to.
+pub(super) struct Fetches {
+    code: Range<u64>,
+    bytes: Vec<u8>,
+    cache: Cache,
+    /// Instructions seen.
+    seen: u64,
+}
+
+impl Fetches {
+    /// Traces from now on.
+    pub(super) fn begin(machine: &mut Machine) -> Self {
+        let code = machine.symbol(BEGIN)..machine.symbol(END);
+        let length = usize::try_from(code.end - code.start).expect("less than the flash");
+        let bytes = machine.read_memory(code.start, length);
+        let cache = Cache::new(Geometry::of(machine.part()));
+        machine.take_hits();
+        machine.trace(code.clone(), true);
+        Self { code, bytes, cache, seen: 0 }
+    }
+
+    /// Traces no longer.
+    pub(super) fn end(self, machine: &mut Machine) {
+        machine.trace(self.code, false);
+        machine.take_hits();
+    }
+
+    /// Reads of the flash so far.
+    pub(super) fn reads(&mut self, machine: &mut Machine) -> u64 {
+        for hit in machine.take_hits() {
+            let Some(at) = hit.address.checked_sub(self.code.start) else { continue };
+            let Some(upper) = usize::try_from(at).ok().and_then(|at| self.bytes.get(at + 1)) else {
+                continue;
+            };
+            // Armv7-M: these five bits begin an instruction of 32 bits.
+            let is_long = *upper >= 0b1110_1000;
+            self.cache.fetch(hit.address, if is_long { 4 } else { 2 });
+            self.seen += 1;
+        }
+        self.cache.reads()
+    }
+}
+
+/// Cycles that a read of the flash costs as the firmware has set it.
+pub(super) fn cycles(machine: &mut Machine) -> u64 {
+    let now = instant(machine.now());
+    read_cycles(machine.part_mut(), now)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::measure::bench::STARTED;
+
+    #[test]
+    fn every_instruction_is_traced_and_code_that_stays_is_read_once() {
+        let mut machine = Machine::builder().power_on();
+        machine.run_for(STARTED);
+        let mut fetches = Fetches::begin(&mut machine);
+        let before = machine.instructions();
+        machine.run_for(Duration::from_millis(30));
+        let reads = fetches.reads(&mut machine);
+        let executed = machine.instructions() - before;
+        assert!(executed > 1_000, "{executed}");
+        assert_eq!(fetches.seen, executed);
+        assert!(reads > 100 && reads < executed / 10, "{reads} of {executed}");
+        // Two wait states at 200 MHz, half of the processor's clock: (2 + 4) * 2.
+        assert_eq!(cycles(&mut machine), 12);
+        fetches.end(&mut machine);
+        machine.run_for(Duration::from_millis(5));
+        assert!(machine.take_hits().is_empty());
+    }
+}
