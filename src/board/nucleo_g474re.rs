@@ -40,6 +40,7 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
+use embassy_usb::driver::EndpointAddress;
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::StaticCell;
@@ -187,6 +188,24 @@ impl UsbPort {
     pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
         Some((UsbDriver::new(self.controller, Irqs, self.d_plus, self.d_minus), uid::uid_hex()))
     }
+}
+
+/// What leaves STAT_RX and STAT_TX as they are.
+const KEPT: pac::usb::vals::Stat = pac::usb::vals::Stat::from_bits(0);
+
+/// Has an endpoint that is disabled begin with DATA0.
+pub fn begin_with_data0(endpoint: EndpointAddress) {
+    let register = pac::USB.epr(endpoint.index());
+    register.modify(|w| {
+        // A 1 turns a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this toggle turns.
+        let (receives, transmits) = (w.dtog_rx(), w.dtog_tx());
+        w.set_dtog_rx(receives && endpoint.is_out());
+        w.set_dtog_tx(transmits && endpoint.is_in());
+        w.set_stat_rx(KEPT);
+        w.set_stat_tx(KEPT);
+        w.set_ctr_rx(true);
+        w.set_ctr_tx(true);
+    });
 }
 
 /// Where the ROM bootloader's vector table lies (AN2606).

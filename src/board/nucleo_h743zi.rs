@@ -31,6 +31,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use embassy_time::{Duration, Instant, Timer};
+use embassy_usb::driver::{Direction, EndpointAddress};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -212,6 +213,15 @@ impl UsbPort {
         let driver =
             UsbDriver::new_fs(self.controller, Irqs, self.d_plus, self.d_minus, BUFFER.take(), config);
         Some((driver, uid::uid_hex()))
+    }
+}
+
+/// Has an endpoint that is disabled begin with DATA0 (RM0433, OTG chapter, SD0PID).
+pub fn begin_with_data0(endpoint: EndpointAddress) {
+    let (registers, number) = (pac::USB_OTG_FS, endpoint.index());
+    match endpoint.direction() {
+        Direction::Out => registers.doepctl(number).modify(|w| w.set_sd0pid_sevnfrm(true)),
+        Direction::In => registers.diepctl(number).modify(|w| w.set_sd0pid_sevnfrm(true)),
     }
 }
 

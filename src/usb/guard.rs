@@ -3,12 +3,17 @@
 //! The stack passes the host's endpoint numbers on as they are, and the drivers panic at one that the chip does not have; here
 //! they reach the driver only if the device has that endpoint. And the stack never lets another task run while the driver has
 //! events; here each waits for the next round.
+//!
+//! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0 §9.4.5, §9.1.1.5). The drivers
+//! leave its toggle as it is, so that a packet would be lost, and the one of the G474 never returns from ending a halt that is none.
 
 use embassy_futures::yield_now;
 use embassy_usb::driver::{
     Bus, Driver, EndpointAddress, EndpointAllocError, EndpointInfo, EndpointType, Event, Unsupported,
 };
 use embassy_usb::driver::{Direction, Endpoint as _};
+
+use crate::board;
 
 /// The endpoints that a device has, one bit each: IN above OUT.
 #[derive(Clone, Copy, Default)]
@@ -105,13 +110,21 @@ impl<B: Bus> Bus for GuardedBus<B> {
 
     fn endpoint_set_enabled(&mut self, address: EndpointAddress, enabled: bool) {
         if self.endpoints.has(address) {
-            self.bus.endpoint_set_enabled(address, enabled);
+            self.bus.endpoint_set_enabled(address, false);
+            if enabled {
+                // Of one that is disabled, as above.
+                self.bus.endpoint_set_stalled(address, false);
+                board::begin_with_data0(address);
+                self.bus.endpoint_set_enabled(address, true);
+            }
         }
     }
 
     fn endpoint_set_stalled(&mut self, address: EndpointAddress, stalled: bool) {
-        if self.endpoints.has(address) {
-            self.bus.endpoint_set_stalled(address, stalled);
+        if !stalled {
+            self.endpoint_set_enabled(address, true);
+        } else if self.endpoints.has(address) {
+            self.bus.endpoint_set_stalled(address, true);
         }
     }
 

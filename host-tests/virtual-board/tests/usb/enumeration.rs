@@ -1,15 +1,10 @@
 //! A host reads and configures the board.
 
-use std::time::Duration;
-
 use virtual_board::board::Board;
 use virtual_board::usb_session::{self, Described};
 use virtual_stm32::usb::host::Errors;
 
-use crate::{builder, log};
-
-/// Longer than the start takes, USB included.
-const STARTED: Duration = Duration::from_millis(60);
+use crate::{STARTED, builder, log};
 
 /// USB 2.1, class of several functions with associations, packets of 64; pid.codes' number for tests, version 0.1.0; strings 1 to 3,
 /// one configuration.

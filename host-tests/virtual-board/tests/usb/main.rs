@@ -1,13 +1,18 @@
 //! The boards' images on USB.
 
 mod enumeration;
+mod halt;
 #[path = "../common/rtt.rs"]
 mod rtt;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use virtual_board::board::Board;
 use virtual_board::machine::{Builder, Machine};
+
+/// Longer than the start takes, USB included.
+const STARTED: Duration = Duration::from_millis(60);
 
 /// The image of a board.
 fn image(board: Board) -> PathBuf {
