@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::shown::Number;
+
 /// A value the manual gives no bytes for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -54,6 +56,12 @@ pub const fn check_range(field: &'static str, value: i64, min: i64, max: i64) ->
     } else {
         Err(EncodeError::OutOfRange { field, value, min, max })
     }
+}
+
+/// Refuses a count outside `min..=max`.
+#[inline]
+pub fn check_number(field: &'static str, number: impl Number, min: i64, max: i64) -> Result<(), EncodeError> {
+    check_range(field, number.raw().into(), min, max)
 }
 
 #[cfg(test)]

@@ -78,6 +78,16 @@ impl FieldInfo {
         FieldInfo::of(kind, name, "", 0, 0)
     }
 
+    /// The field under another name.
+    pub const fn named(self, name: &'static str) -> FieldInfo {
+        FieldInfo { name, ..self }
+    }
+
+    /// The field in a range, which is given in counts.
+    pub const fn within(self, min: i64, max: i64) -> FieldInfo {
+        FieldInfo { min: min as f64 / self.counts_per_unit, max: max as f64 / self.counts_per_unit, ..self }
+    }
+
     const fn of(kind: FieldKind, name: &'static str, unit: &'static str, min: i64, max: i64) -> FieldInfo {
         FieldInfo { name, unit, kind, min: min as f64, max: max as f64, counts_per_unit: 1.0 }
     }

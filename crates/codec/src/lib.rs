@@ -26,18 +26,26 @@
 
 mod build;
 mod command;
+mod commands;
 mod count;
 mod deframer;
 mod error;
 mod field;
+mod layout;
+mod shown;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod value;
 
 pub use build::{BuildError, Fields};
 pub use command::{CommandInfo, UNKNOWN};
+pub use commands::Effect;
+#[doc(hidden)]
+pub use commands::{ascii, count, joined, snake_case};
 pub use count::nearest_count;
 pub use deframer::{Deframer, Framing};
-pub use error::{EncodeError, check_range};
+pub use error::{EncodeError, check_number, check_range};
 pub use field::{FieldInfo, FieldKind};
+pub use layout::{Decode, Encode, Layout};
+pub use shown::{Built, Number, Shown};
 pub use value::{FieldValue, Visit};

@@ -1,5 +1,7 @@
 //! Which requests a motor answers: register 0x10.
 
+use codec::Effect;
+
 use crate::node::Address;
 use crate::request::Request;
 
@@ -43,22 +45,12 @@ impl AckLevel {
     /// Whether a motor at this level answers the request. What neither reads nor writes a register counts as a read if
     /// it changes nothing in the motor, which is an assumption, as is that an execute or reset for all is not answered.
     pub fn answers(self, address: Address, request: &Request) -> bool {
-        let changes_something = match request {
-            Request::QueryId
-            | Request::Read { .. }
-            | Request::ReadMagneticAngle
-            | Request::SelfTest
-            | Request::FaultySelfTest => false,
-            Request::Execute | Request::Reset if address == Address::Broadcast => return false,
-            Request::Write { .. }
-            | Request::AsyncWrite { .. }
-            | Request::Execute
-            | Request::Reset
-            | Request::Unknown { .. } => true,
-        };
+        if matches!(request, Request::Execute | Request::Reset) && address == Address::Broadcast {
+            return false;
+        }
         match self {
             AckLevel::ReadsAndWrites => true,
-            AckLevel::Reads => !changes_something,
+            AckLevel::Reads => request.effect() == Effect::Reads,
             AckLevel::Nothing { .. } => false,
         }
     }

@@ -1,4 +1,4 @@
-//! Headers, command codes, byte positions and limits, each written once.
+//! Headers, byte positions and fixed bytes, each written once.
 
 /// Length of every frame (D5 manual, frame format).
 pub const FRAME_LEN: usize = 8;
@@ -22,30 +22,6 @@ pub(crate) const HIGH: usize = 6;
 pub(crate) const ONE_DATA_BYTE: u8 = 0x04;
 /// Length byte of a frame with two data bytes (D5 manual, frame format).
 pub(crate) const TWO_DATA_BYTES: u8 = 0x05;
-
-/// Command codes: byte 3 of every frame.
-pub mod command {
-    /// Query the id (D5 manual, table rows 1 and 2).
-    pub const QUERY_ID: u8 = 0x01;
-    /// Read one or two bytes (D5 manual, table rows 7 and 8).
-    pub const READ: u8 = 0x02;
-    /// Write one or two bytes (D5 manual, table rows 9 and 10).
-    pub const WRITE: u8 = 0x03;
-    /// Write one or two bytes, to act on execute (D5 manual, table rows 11 and 12).
-    pub const ASYNC_WRITE: u8 = 0x04;
-    /// Execute the asynchronous write that waits (D5 manual, table row 13).
-    pub const EXECUTE: u8 = 0x05;
-    /// Reset to factory settings, the id included (D5 manual, table row 6).
-    pub const RESET: u8 = 0x06;
-    /// Read the magnetic angle (D5 manual, table row 14).
-    pub const READ_MAGNETIC_ANGLE: u8 = 0xD4;
-    /// Self test (D5 manual, table rows 3 to 5).
-    pub const SELF_TEST: u8 = 0xCF;
-    /// The self test with a command that no motor knows, to see its error (D5 manual, table row 4).
-    pub const FAULTY_SELF_TEST: u8 = 0xCE;
-    /// In the reply to a reset: the command state is cleared (D5 manual, table row 6).
-    pub const RESET_DONE: u8 = 0x00;
-}
 
 /// Address and data bytes of a self test (D5 manual, table rows 3 to 5).
 pub(crate) const SELF_TEST_BYTES: [u8; 3] = [0x12, 0x34, 0x56];

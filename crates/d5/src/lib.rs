@@ -24,14 +24,17 @@
 mod ack;
 pub mod angle;
 pub mod can;
+pub mod command;
 mod error;
 mod faults;
 mod field;
 mod frame;
 mod matching;
+mod motor_error;
 mod node;
 mod payload;
 mod register;
+mod register_fields;
 mod reply;
 mod request;
 pub mod serial;
@@ -45,15 +48,16 @@ pub use angle::{decode_angle, encode_angle};
 pub use codec::{BuildError, CommandInfo, FieldInfo, FieldKind, FieldValue};
 pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultInfo, Faults};
-pub use field::{FRAME_LEN, PAYLOAD_LEN, REPLY_HEADER, REQUEST_HEADER, command};
+pub use field::{FRAME_LEN, PAYLOAD_LEN, REPLY_HEADER, REQUEST_HEADER};
 pub use frame::{
     Message, decode_frame, decode_reply_frame, decode_request_frame, reply_frame, request_frame,
 };
 pub use matching::{Answer, answer};
+pub use motor_error::MotorError;
 pub use node::{Address, Node};
 pub use payload::{Payload, Value, Width};
 pub use register::{Access, Coding, REGISTERS, Register, RegisterInfo};
-pub use reply::{MotorError, Reply};
+pub use reply::Reply;
 pub use request::Request;
 pub use speed::{decode_speed, encode_speed};
 pub use table::COMMANDS;

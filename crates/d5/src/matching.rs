@@ -1,9 +1,10 @@
 //! Whether a received reply answers the request that waits.
 
+use crate::motor_error::MotorError;
 use crate::node::Node;
 use crate::payload::Value;
 use crate::register::Register;
-use crate::reply::{MotorError, Reply};
+use crate::reply::Reply;
 use crate::request::Request;
 
 /// What a received reply is to a pending request.

@@ -1,7 +1,11 @@
 //! The five bytes between id and checksum: length, command, address, low, high.
 
+use codec::{Decode, Encode, FieldInfo, FieldKind, Layout, Shown, Visit};
+
 use crate::error::DecodeError;
 use crate::field::{ADDRESS, HIGH, LENGTH, LOW, ONE_DATA_BYTE, PAYLOAD_LEN, TWO_DATA_BYTES};
+use crate::register::Register;
+use crate::units::TurnDegrees;
 
 /// How many data bytes a frame carries: the length byte 0x04 or 0x05 (D5 manual, frame format).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,28 +53,19 @@ pub struct Payload(pub [u8; PAYLOAD_LEN]);
 
 impl Payload {
     /// The command code.
-    pub fn command(&self) -> u8 {
+    pub const fn command(&self) -> u8 {
         let Payload([_, command, ..]) = *self;
         command
     }
 
-    /// A command with fixed bytes behind it.
-    pub(crate) fn fixed(command: u8, [address, low, high]: [u8; 3]) -> Payload {
-        Payload([TWO_DATA_BYTES, command, address, low, high])
-    }
-
-    /// A command that asks for a register.
-    pub(crate) fn asking(command: u8, address: u8, width: Width) -> Payload {
-        Payload([width.length(), command, address, 0, 0])
-    }
-
-    /// A command with a register and its value.
-    pub(crate) fn carrying(command: u8, address: u8, value: Value) -> Payload {
-        let [low, high] = match value {
+    /// Puts data in, with the length byte that tells how many.
+    fn put_value(&mut self, value: Value) {
+        let Payload([length, _, _, low, high]) = self;
+        *length = value.width().length();
+        [*low, *high] = match value {
             Value::Byte(byte) => [byte, 0],
             Value::Word(word) => word.to_le_bytes(),
         };
-        Payload([value.width().length(), command, address, low, high])
     }
 
     /// The width the length byte gives.
@@ -93,13 +88,6 @@ impl Payload {
         }
     }
 
-    /// Checks that the data bytes are zero, as in a request to read.
-    pub(crate) fn expect_no_data(&self) -> Result<(), DecodeError> {
-        let Payload([_, _, _, low, high]) = *self;
-        expect(LOW, low, 0)?;
-        expect(HIGH, high, 0)
-    }
-
     /// Checks the length byte, and the three bytes behind the command against the printed ones.
     pub(crate) fn expect_fixed(&self, [at_address, at_low, at_high]: [u8; 3]) -> Result<(), DecodeError> {
         let Payload([length, _, address, low, high]) = *self;
@@ -108,13 +96,112 @@ impl Payload {
         expect(LOW, low, at_low)?;
         expect(HIGH, high, at_high)
     }
+}
 
-    /// The two data bytes behind a fixed address.
-    pub(crate) fn word_at(&self, register: u8) -> Result<u16, DecodeError> {
-        let Payload([length, _, address, low, high]) = *self;
+impl Layout for Payload {
+    type Data = Payload;
+    type Code = u8;
+    /// The bytes behind the command.
+    type Fixed = [u8; 3];
+    type Error = DecodeError;
+
+    fn new(code: u8, [address, low, high]: [u8; 3], _: &[usize]) -> Payload {
+        Payload([TWO_DATA_BYTES, code, address, low, high])
+    }
+
+    fn expect(data: &Payload, fixed: [u8; 3], places: &[usize]) -> Result<(), DecodeError> {
+        if places.is_empty() { data.expect_fixed(fixed) } else { Ok(()) }
+    }
+}
+
+impl Decode<Payload> for Register {
+    fn get<const AT: usize>(data: &Payload) -> Result<Register, DecodeError> {
+        let Payload([_, _, address, ..]) = *data;
+        Ok(Register(address))
+    }
+}
+
+impl Encode<Payload> for Register {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        let Payload([_, _, address, ..]) = data;
+        *address = self.0;
+    }
+}
+
+/// The length byte of a request to read, whose data bytes are zero.
+impl Decode<Payload> for Width {
+    fn get<const AT: usize>(data: &Payload) -> Result<Width, DecodeError> {
+        let (width, Payload([_, _, _, low, high])) = (data.width()?, *data);
+        expect(LOW, low, 0)?;
+        expect(HIGH, high, 0)?;
+        Ok(width)
+    }
+}
+
+impl Encode<Payload> for Width {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        let Payload([length, ..]) = data;
+        *length = self.length();
+    }
+}
+
+/// The data, and the length byte that tells how many.
+impl Decode<Payload> for Value {
+    fn get<const AT: usize>(data: &Payload) -> Result<Value, DecodeError> {
+        data.value()
+    }
+}
+
+impl Encode<Payload> for Value {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        data.put_value(*self);
+    }
+}
+
+/// Two data bytes behind the address of the magnetic angle.
+impl Decode<Payload> for TurnDegrees {
+    fn get<const AT: usize>(data: &Payload) -> Result<TurnDegrees, DecodeError> {
+        let Payload([length, _, address, low, high]) = *data;
+        let Register(register) = Register::MAGNETIC_ANGLE;
         expect(LENGTH, length, TWO_DATA_BYTES)?;
         expect(ADDRESS, address, register)?;
-        Ok(u16::from_le_bytes([low, high]))
+        Ok(TurnDegrees(u16::from_le_bytes([low, high])))
+    }
+}
+
+impl Encode<Payload> for TurnDegrees {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        Register::MAGNETIC_ANGLE.put::<AT>(data);
+        data.put_value(Value::Word(self.0));
+    }
+}
+
+/// The command code.
+impl Encode<Payload> for u8 {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        let Payload([_, command, ..]) = data;
+        *command = *self;
+    }
+}
+
+/// All five bytes.
+impl Decode<Payload> for Payload {
+    fn get<const AT: usize>(data: &Payload) -> Result<Payload, DecodeError> {
+        Ok(*data)
+    }
+}
+
+impl Encode<Payload> for Payload {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        *data = *self;
+    }
+}
+
+impl Shown for Payload {
+    const INFO: FieldInfo = FieldInfo::other(FieldKind::Bytes, "");
+
+    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+        field.visit_bytes(visit, &self.0);
     }
 }
 

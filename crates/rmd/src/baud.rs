@@ -1,8 +1,12 @@
 //! Rates of the two buses.
 
-use codec::check_range;
+use core::convert::Infallible;
+
+use codec::{Decode, Encode, FieldInfo, Number, check_range};
 
 use crate::error::EncodeError;
+use crate::field::DATA_LEN;
+use crate::payload::Payload;
 
 /// Code of 0xB4. One code sets the rate of RS485 and of CAN (RMD V3.6 §2.31); unlisted codes are kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -42,10 +46,6 @@ impl BaudCode {
         CAN.get(usize::from(self.0)).copied()
     }
 
-    pub(crate) fn check(self) -> Result<(), EncodeError> {
-        self.check_up_to(BaudCode::MAX)
-    }
-
     pub(crate) fn check_on_can(self) -> Result<(), EncodeError> {
         self.check_up_to(BaudCode::MAX_ON_CAN)
     }
@@ -57,6 +57,35 @@ impl BaudCode {
     fn of(rates: &[u32], bit_s: u32) -> Option<BaudCode> {
         let code = rates.iter().position(|rate| *rate == bit_s)?;
         u8::try_from(code).ok().map(BaudCode)
+    }
+}
+
+impl Number for BaudCode {
+    type Raw = u8;
+    const INFO: FieldInfo = FieldInfo::integer("", "", BaudCode::MIN as i64, BaudCode::MAX as i64);
+
+    fn from_raw(code: u8) -> BaudCode {
+        BaudCode(code)
+    }
+
+    fn raw(self) -> u8 {
+        self.0
+    }
+}
+
+impl Decode<Payload> for BaudCode {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<BaudCode, Infallible> {
+        u8::get::<AT>(data).map(BaudCode)
+    }
+}
+
+impl Encode<Payload> for BaudCode {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
+        self.0.put::<AT>(data);
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        self.check_up_to(BaudCode::MAX)
     }
 }
 

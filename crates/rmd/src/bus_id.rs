@@ -15,7 +15,8 @@ const READ: u8 = 1;
 /// Id in requests and in the echo of a write (RMD V3.6 §4.2).
 const ID: Field<7, 1> = Field;
 /// Id in the reply to a read: a little-endian word (RMD V3.6 §4.3).
-const WORD: Field<6, 2> = Field;
+const WORD: Field<WORD_AT, 2> = Field;
+pub(crate) const WORD_AT: usize = 6;
 
 /// Whether a frame reads, and the id it carries.
 pub(crate) enum Access {
@@ -23,30 +24,12 @@ pub(crate) enum Access {
     Write,
 }
 
-/// Data bytes of a read.
-pub(crate) fn read() -> [u8; DATA_LEN] {
-    with_access(READ)
-}
+/// What follows the command byte of a read, and of its reply before the id.
+pub(crate) const READ_BYTES: [u8; DATA_LEN - 1] = [0, READ, 0, 0, 0, 0, 0];
 
-/// Data bytes of a write, which are those of its reply too.
-pub(crate) fn write(id: u8) -> [u8; DATA_LEN] {
-    let mut data = with_access(WRITE);
-    ID.put(&mut data, [id]);
-    data
-}
-
-/// Data bytes of the reply to a read on CAN: the CAN id with which the motor answers (RMD V3.6 §4.4 example 2).
-pub(crate) fn can_reply(id: Node) -> [u8; DATA_LEN] {
-    let mut data = with_access(READ);
-    WORD.put(&mut data, (REPLY_BASE + u16::from(id.get())).to_le_bytes());
-    data
-}
-
-/// Data bytes of the reply to a read on RS485: the id in the last byte (RMD V3.6 §7.4 example 2).
-pub(crate) fn rs485_reply(id: Node) -> [u8; DATA_LEN] {
-    let mut data = with_access(READ);
-    ID.put(&mut data, [id.get()]);
-    data
+/// Puts the CAN id with which the motor answers (RMD V3.6 §4.4 example 2).
+pub(crate) fn put_word(data: &mut [u8; DATA_LEN], id: Node) {
+    WORD.put(data, (REPLY_BASE + u16::from(id.get())).to_le_bytes());
 }
 
 /// Whether these are the data of an id command, and which access; the flag is a bool, so all but 0 reads.
@@ -86,15 +69,11 @@ fn node(id: u16, word: u16) -> Result<Node, DecodeError> {
     id.ok_or(DecodeError::BusId { word })
 }
 
-fn with_access(access: u8) -> [u8; DATA_LEN] {
-    let mut data = [command::BUS_ID, 0, 0, 0, 0, 0, 0, 0];
-    ACCESS.put(&mut data, [access]);
-    data
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reply::Reply;
+    use crate::request::Request;
 
     fn motor(id: u8) -> Node {
         Node::new(id).expect("1..=32")
@@ -103,10 +82,12 @@ mod tests {
     /// RMD V3.6 §4.4 and §7.4.
     #[test]
     fn printed_data() {
-        assert_eq!(write(2), [0x79, 0, 0x00, 0, 0, 0, 0, 0x02]);
-        assert_eq!(read(), [0x79, 0, 0x01, 0, 0, 0, 0, 0]);
-        assert_eq!(can_reply(motor(2)), [0x79, 0, 0x01, 0, 0, 0, 0x42, 0x02]);
-        assert_eq!(rs485_reply(motor(2)), [0x79, 0, 0x01, 0, 0, 0, 0x00, 0x02]);
+        let id = motor(2);
+        assert_eq!(Request::SetCanId { id: 2 }.encode(), Ok([0x79, 0, 0x00, 0, 0, 0, 0, 0x02]));
+        assert_eq!(Request::ReadCanId.encode(), Ok([0x79, 0, 0x01, 0, 0, 0, 0, 0]));
+        assert_eq!(Reply::CanId { id }.encode(), Ok([0x79, 0, 0x01, 0, 0, 0, 0x42, 0x02]));
+        assert_eq!(Reply::Rs485Id { id }.encode(), Ok([0x79, 0, 0x01, 0, 0, 0, 0x00, 0x02]));
+        assert_eq!(Reply::CanIdSet { id }.encode(), Ok([0x79, 0, 0x00, 0, 0, 0, 0, 0x02]));
     }
 
     /// RMD V3.6 §4.3 and §4.4 leave open whether the word is the bare id or the id of replies: both are read.

@@ -3,6 +3,7 @@
 //! A single motor is addressed as 0x140 + node and answers as 0x240 + node; motion mode has ids of its own. Frames to
 //! every motor at once are 0x280 and, for the CAN id, 0x300.
 
+use codec::Decode;
 use embedded_can::{Frame, Id, StandardId};
 
 use crate::bus_id::{self, Access};
@@ -86,7 +87,7 @@ pub fn decode_any_request<F: Frame>(frame: &F) -> Result<(Target, Request), Deco
         return Ok((Target::Node(node), Request::decode(data(frame)?)));
     }
     if let Some(node) = node_above(MOTION_REQUEST_BASE, id) {
-        let command = MotionCommand::decode(data(frame)?);
+        let Ok(command) = MotionCommand::get::<0>(data(frame)?);
         return Ok((Target::Node(node), Request::MotionMode { command }));
     }
     match id.as_raw() {
@@ -124,7 +125,8 @@ pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
         return Ok((node, Reply::decode(frame.data())?));
     }
     if let Some(node) = node_above(MOTION_REPLY_BASE, id) {
-        return Ok((node, Reply::MotionMode { feedback: MotionFeedback::decode(data(frame)?) }));
+        let Ok(feedback) = MotionFeedback::get::<0>(data(frame)?);
+        return Ok((node, Reply::MotionMode { feedback }));
     }
     let wrong = DecodeError::WrongId { id: id.as_raw() };
     if id.as_raw() != CAN_ID_ID {

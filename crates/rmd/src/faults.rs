@@ -1,5 +1,7 @@
 //! The error word of 0x9A.
 
+use codec::{FieldInfo, FieldKind, Shown, Visit};
+
 bitflags::bitflags! {
     /// Error word, a bit mask: several faults may stand at once (RMD V3.6 §2.12.3, levels in §8.2).
     ///
@@ -87,6 +89,14 @@ impl Faults {
     pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
         let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
         listed.for_each(|info| visit(info.name));
+    }
+}
+
+impl Shown for Faults {
+    const INFO: FieldInfo = FieldInfo::other(FieldKind::Flags, "");
+
+    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+        field.visit_flags(visit, self.bits(), Faults::visit_names);
     }
 }
 

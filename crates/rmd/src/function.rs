@@ -1,10 +1,13 @@
 //! The functions behind 0x20.
 
-use codec::{CommandInfo, Visit, check_range};
+use core::convert::Infallible;
+
+use codec::{BuildError, CommandInfo, Decode, Effect, Encode, FieldInfo, Fields, Visit, check_range};
 
 use crate::error::EncodeError;
-use crate::field::{DATA_LEN, request as field};
-use crate::table::{self, field as f};
+use crate::field::DATA_LEN;
+use crate::payload::Payload;
+use crate::table::{self, ENABLED};
 
 /// One function of 0x20 (RMD V3.6 §2.33.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -86,27 +89,23 @@ impl Function {
         }
     }
 
-    pub(crate) fn decode(data: &[u8; DATA_LEN]) -> Function {
-        let [index] = field::INDEX.get(data);
-        Function::of(index, u32::from_le_bytes(field::FUNCTION_VALUE.get(data)))
-    }
-
-    pub(crate) fn put(self, data: &mut [u8; DATA_LEN]) {
-        field::INDEX.put(data, [self.index()]);
-        field::FUNCTION_VALUE.put(data, self.value().to_le_bytes());
-    }
-
-    pub(crate) fn check(self) -> Result<(), EncodeError> {
-        let Function::Other { index, value } = self else { return Ok(()) };
-        let (first, last) = (Function::CLEAR_MULTI_TURN, Function::MULTI_TURN_SAVING);
-        check_range("function_index", i64::from(index), i64::from(first), i64::from(last))?;
-        let highest = if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
-        check_range("value", i64::from(value), i64::from(Function::OFF), i64::from(highest))?;
-        Err(EncodeError::Forbidden {
-            field: "function_index",
-            value: i64::from(index),
-            reason: "this function has a variant of its own",
-        })
+    /// The function of a row of the table, its switch as the caller gives it.
+    pub(crate) fn build_row(name: &str, fields: &Fields<'_>) -> Result<Option<Function>, BuildError> {
+        let blank = [
+            Function::ClearMultiTurn,
+            Function::CanIdFilter { enabled: false },
+            Function::ErrorReporting { enabled: false },
+            Function::MultiTurnSaving { enabled: false },
+        ]
+        .into_iter()
+        .find(|function| function.info().is_some_and(|info| info.name == name));
+        match blank {
+            None | Some(Function::ClearMultiTurn) => Ok(blank),
+            Some(function) => {
+                let value = if fields.boolean(&ENABLED)? { Function::ON } else { Function::OFF };
+                Ok(Some(Function::of(function.index(), value)))
+            }
+        }
     }
 
     pub(crate) fn visit(self, visit: &mut Visit<'_>) {
@@ -114,10 +113,10 @@ impl Function {
             Function::ClearMultiTurn => {}
             Function::CanIdFilter { enabled }
             | Function::ErrorReporting { enabled }
-            | Function::MultiTurnSaving { enabled } => f::ENABLED.visit_bool(visit, enabled),
+            | Function::MultiTurnSaving { enabled } => ENABLED.visit_bool(visit, enabled),
             Function::Other { index, value } => {
-                f::FUNCTION_INDEX.visit_integer(visit, index);
-                f::FUNCTION_VALUE.visit_integer(visit, value);
+                FieldInfo::integer("function_index", "", 0, 0).visit_integer(visit, index);
+                FieldInfo::integer("value", "", 0, 0).visit_integer(visit, value);
             }
         }
     }
@@ -131,6 +130,41 @@ impl Function {
             Function::MultiTurnSaving { .. } => Some(&table::SET_MULTI_TURN_SAVING),
             Function::Other { .. } => None,
         }
+    }
+
+    /// What it does to a motor (RMD V3.6 §2.33.4).
+    pub(crate) const fn effect(self) -> Effect {
+        match self {
+            Function::ClearMultiTurn => Effect::Later,
+            _ => Effect::Changes,
+        }
+    }
+}
+
+/// The index, and the value in the last four bytes (RMD V3.6 §2.33.2).
+impl Decode<Payload> for Function {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<Function, Infallible> {
+        Ok(Function::of(u8::get::<AT>(data)?, u32::get::<4>(data)?))
+    }
+}
+
+impl Encode<Payload> for Function {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
+        self.index().put::<AT>(data);
+        self.value().put::<4>(data);
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        let Function::Other { index, value } = *self else { return Ok(()) };
+        let (first, last) = (Function::CLEAR_MULTI_TURN, Function::MULTI_TURN_SAVING);
+        check_range("function_index", i64::from(index), i64::from(first), i64::from(last))?;
+        let highest = if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
+        check_range("value", i64::from(value), i64::from(Function::OFF), i64::from(highest))?;
+        Err(EncodeError::Forbidden {
+            field: "function_index",
+            value: i64::from(index),
+            reason: "this function has a variant of its own",
+        })
     }
 }
 
@@ -153,10 +187,10 @@ mod tests {
             [0x20, 0x02, 0, 0, 2, 0, 0, 0],
             [0x20, 0x04, 0, 0, 0, 0, 0, 1],
         ] {
-            let function = Function::decode(&data);
+            let function = Function::get::<1>(&data).expect("any bytes are a function");
             assert!(matches!(function, Function::Other { .. }), "{data:02X?}");
             let mut again = [0x20, 0, 0, 0, 0, 0, 0, 0];
-            function.put(&mut again);
+            function.put::<1>(&mut again);
             assert_eq!(again, data);
         }
         assert_eq!(

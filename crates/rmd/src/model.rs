@@ -1,5 +1,7 @@
 //! The motor's model name.
 
+use codec::{FieldInfo, FieldKind, Shown, Visit};
+
 /// Seven ASCII characters of 0xB5 (RMD V3.6 §2.32.3), kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -10,6 +12,17 @@ impl Model {
     pub fn as_str(&self) -> Option<&str> {
         let name = core::str::from_utf8(&self.0).ok()?.trim_end_matches('\0');
         name.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic()).then_some(name)
+    }
+}
+
+impl Shown for Model {
+    const INFO: FieldInfo = FieldInfo::other(FieldKind::Text, "");
+
+    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+        match self.as_str() {
+            Some(text) => field.visit_name(visit, Some(text)),
+            None => field.visit_bytes(visit, &self.0),
+        }
     }
 }
 

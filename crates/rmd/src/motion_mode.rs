@@ -5,12 +5,15 @@
 
 mod ranges;
 
-use codec::check_range;
+use core::convert::Infallible;
 
+use codec::{BuildError, Decode, Encode, FieldInfo, Fields, Visit, check_range};
+
+use self::ranges::{ID, KD, KP, POSITION, RAW_12_MAX, TORQUE, VELOCITY};
 pub use self::ranges::{MotionRanges, MotionState, MotionTarget, Span};
-pub(crate) use self::ranges::{RAW_12_MAX, RAW_16_MAX};
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
+use crate::payload::Payload;
 
 const NIBBLE: u32 = 4;
 const LOW_NIBBLE: u8 = 0x0F;
@@ -54,54 +57,79 @@ impl MotionCommand {
     pub const NEUTRAL: MotionCommand =
         MotionCommand { position: 0x8000, velocity: 0x800, kp: 0, kd: 0, torque: 0x800 };
 
-    pub(crate) fn check(&self) -> Result<(), EncodeError> {
-        check_12("velocity", self.velocity)?;
-        check_12("kp", self.kp)?;
-        check_12("kd", self.kd)?;
-        check_12("torque", self.torque)
+    pub(crate) const FIELDS: &[FieldInfo] = &[POSITION, VELOCITY, KP, KD, TORQUE];
+
+    /// In the manual's ranges.
+    pub(crate) fn build(fields: &Fields<'_>) -> Result<MotionCommand, BuildError> {
+        MotionRanges::DEFAULT.command(&MotionTarget::build(fields)?)
     }
 
-    pub(crate) fn decode(data: &[u8; DATA_LEN]) -> MotionCommand {
+    /// In the manual's ranges.
+    pub(crate) fn visit(&self, visit: &mut Visit<'_>) {
+        MotionRanges::DEFAULT.target(self).visit(visit);
+    }
+}
+
+impl Decode<Payload> for MotionCommand {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<MotionCommand, Infallible> {
         let [p1, p0, v1, v0_kp1, kp0, kd1, kd0_t1, t0] = *data;
-        MotionCommand {
+        Ok(MotionCommand {
             position: u16::from_be_bytes([p1, p0]),
             velocity: high_12(v1, v0_kp1),
             kp: low_12(v0_kp1, kp0),
             kd: high_12(kd1, kd0_t1),
             torque: low_12(kd0_t1, t0),
-        }
+        })
     }
+}
 
-    /// The data bytes of words that have passed the check.
-    pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
+impl Encode<Payload> for MotionCommand {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
         let [p1, p0] = self.position.to_be_bytes();
         let [v1, v0_kp1, kp0] = pair_12(self.velocity, self.kp);
         let [kd1, kd0_t1, t0] = pair_12(self.kd, self.torque);
-        [p1, p0, v1, v0_kp1, kp0, kd1, kd0_t1, t0]
+        *data = [p1, p0, v1, v0_kp1, kp0, kd1, kd0_t1, t0];
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        check_12("velocity", self.velocity)?;
+        check_12("kp", self.kp)?;
+        check_12("kd", self.kd)?;
+        check_12("torque", self.torque)
     }
 }
 
 impl MotionFeedback {
-    pub(crate) fn check(&self) -> Result<(), EncodeError> {
-        check_12("velocity", self.velocity)?;
-        check_12("torque", self.torque)
-    }
+    pub(crate) const SHOWN: &[FieldInfo] = &[ID, POSITION, VELOCITY, TORQUE];
 
-    pub(crate) fn decode(data: &[u8; DATA_LEN]) -> MotionFeedback {
+    /// In the manual's ranges.
+    pub(crate) fn visit(&self, visit: &mut Visit<'_>) {
+        MotionRanges::DEFAULT.state(self).visit(self.id, visit);
+    }
+}
+
+impl Decode<Payload> for MotionFeedback {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<MotionFeedback, Infallible> {
         let [id, p1, p0, v1, v0_t1, t0, _, _] = *data;
-        MotionFeedback {
+        Ok(MotionFeedback {
             id,
             position: u16::from_be_bytes([p1, p0]),
             velocity: high_12(v1, v0_t1),
             torque: low_12(v0_t1, t0),
-        }
+        })
     }
+}
 
-    /// The data bytes of words that have passed the check.
-    pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
+impl Encode<Payload> for MotionFeedback {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
         let [p1, p0] = self.position.to_be_bytes();
         let [v1, v0_t1, t0] = pair_12(self.velocity, self.torque);
-        [self.id, p1, p0, v1, v0_t1, t0, 0, 0]
+        *data = [self.id, p1, p0, v1, v0_t1, t0, 0, 0];
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        check_12("velocity", self.velocity)?;
+        check_12("torque", self.torque)
     }
 }
 
@@ -130,6 +158,17 @@ fn pair_12(first: u16, second: u16) -> [u8; 3] {
 mod tests {
     use super::*;
 
+    #[track_caller]
+    fn both_ways<T: Decode<Payload> + Encode<Payload> + PartialEq + core::fmt::Debug>(
+        words: T,
+        bytes: [u8; 8],
+    ) {
+        let mut data = [0; 8];
+        words.put::<0>(&mut data);
+        assert_eq!(data, bytes);
+        assert!(T::get::<0>(&data).is_ok_and(|got| got == words));
+    }
+
     const COMMAND: MotionCommand =
         MotionCommand { position: 0xE666, velocity: 0x82E, kp: 0x052, kd: 0x333, torque: 0xB55 };
 
@@ -137,8 +176,7 @@ mod tests {
     #[test]
     fn printed_request() {
         let data = [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55];
-        assert_eq!(COMMAND.to_bytes(), data);
-        assert_eq!(MotionCommand::decode(&data), COMMAND);
+        both_ways(COMMAND, data);
         assert_eq!(COMMAND.check(), Ok(()));
     }
 
@@ -147,8 +185,7 @@ mod tests {
     fn printed_reply() {
         let data = [0x01, 0xE6, 0x65, 0x82, 0xEB, 0x55, 0x00, 0x00];
         let feedback = MotionFeedback { id: 1, position: 0xE665, velocity: 0x82E, torque: 0xB55 };
-        assert_eq!(feedback.to_bytes(), data);
-        assert_eq!(MotionFeedback::decode(&data), feedback);
+        both_ways(feedback, data);
         assert_eq!(feedback.check(), Ok(()));
     }
 
@@ -166,8 +203,7 @@ mod tests {
             (MotionCommand::NEUTRAL, [0x80, 0x00, 0x80, 0x00, 0x00, 0x00, 0x08, 0x00]),
         ];
         for (command, data) in rows {
-            assert_eq!(command.to_bytes(), data);
-            assert_eq!(MotionCommand::decode(&data), command);
+            both_ways(command, data);
         }
         let zero = MotionFeedback { id: 0, position: 0, velocity: 0, torque: 0 };
         let rows = [
@@ -177,8 +213,7 @@ mod tests {
             (MotionFeedback { torque: 0xFFF, ..zero }, [0, 0, 0, 0, 0x0F, 0xFF, 0, 0]),
         ];
         for (feedback, data) in rows {
-            assert_eq!(feedback.to_bytes(), data);
-            assert_eq!(MotionFeedback::decode(&data), feedback);
+            both_ways(feedback, data);
         }
     }
 

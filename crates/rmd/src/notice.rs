@@ -1,10 +1,12 @@
 //! The data of the 0xF1 notice, which no manual describes.
 
-use codec::check_range;
+use core::convert::Infallible;
 
-use crate::command;
+use codec::{Decode, Encode, FieldInfo, FieldKind, Shown, Visit, check_range};
+
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
+use crate::payload::Payload;
 
 /// Most bytes that can follow the command byte.
 const MAX_PAYLOAD: usize = DATA_LEN - 1;
@@ -41,10 +43,25 @@ impl RawNotice {
     pub(crate) fn frame_len(&self) -> usize {
         1 + self.payload().len()
     }
+}
 
-    /// The data bytes, the missing ones as zero.
-    pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
-        let [b1, b2, b3, b4, b5, b6, b7] = self.payload;
-        [command::TIMEOUT_NOTICE, b1, b2, b3, b4, b5, b6, b7]
+impl Shown for RawNotice {
+    const INFO: FieldInfo = FieldInfo::other(FieldKind::Bytes, "");
+
+    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+        field.visit_bytes(visit, self.payload());
+    }
+}
+
+/// Missing bytes are put as zero.
+impl Decode<Payload> for RawNotice {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<RawNotice, Infallible> {
+        Ok(RawNotice { len: MAX_PAYLOAD, payload: Decode::get::<AT>(data)? })
+    }
+}
+
+impl Encode<Payload> for RawNotice {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
+        self.payload.put::<AT>(data);
     }
 }

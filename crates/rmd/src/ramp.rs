@@ -1,8 +1,12 @@
 //! Which of the four accelerations 0x43 writes.
 
-use codec::check_range;
+use core::convert::Infallible;
+
+use codec::{BuildError, Decode, Encode, FieldInfo, FieldKind, Fields, Visit, check_range};
 
 use crate::error::EncodeError;
+use crate::field::DATA_LEN;
+use crate::payload::Payload;
 
 /// Index of an acceleration or deceleration (RMD V3.6 §2.5.4); other values than the four are kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,8 +34,35 @@ impl Ramp {
         }
     }
 
-    pub(crate) fn check(self) -> Result<(), EncodeError> {
-        let last = i64::from(Ramp::VELOCITY_DECELERATION.0);
-        check_range("index", i64::from(self.0), i64::from(Ramp::POSITION_ACCELERATION.0), last)
+    const MIN: i64 = Ramp::POSITION_ACCELERATION.0 as i64;
+    const MAX: i64 = Ramp::VELOCITY_DECELERATION.0 as i64;
+    const INDEX: FieldInfo = FieldInfo::integer("index", "", Ramp::MIN, Ramp::MAX);
+    const NAME: FieldInfo = FieldInfo::other(FieldKind::Text, "index_name");
+    pub(crate) const FIELDS: &[FieldInfo] = &[Ramp::INDEX];
+    pub(crate) const SHOWN: &[FieldInfo] = &[Ramp::INDEX, Ramp::NAME];
+
+    pub(crate) fn build(fields: &Fields<'_>) -> Result<Ramp, BuildError> {
+        fields.count(&Ramp::INDEX).map(Ramp)
+    }
+
+    pub(crate) fn visit(self, visit: &mut Visit<'_>) {
+        Ramp::INDEX.visit_integer(visit, self.0);
+        Ramp::NAME.visit_name(visit, self.name());
+    }
+}
+
+impl Decode<Payload> for Ramp {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<Ramp, Infallible> {
+        u8::get::<AT>(data).map(Ramp)
+    }
+}
+
+impl Encode<Payload> for Ramp {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
+        self.0.put::<AT>(data);
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        check_range("index", i64::from(self.0), Ramp::MIN, Ramp::MAX)
     }
 }

@@ -1,6 +1,12 @@
 //! The control loop a motor runs.
 
+use core::convert::Infallible;
+
+use codec::{Decode, Encode, FieldInfo, FieldKind, Visit};
+
 use crate::error::EncodeError;
+use crate::field::DATA_LEN;
+use crate::payload::Payload;
 
 /// Run mode of 0x70. The manual speaks of four and lists three (RMD V3.6 §2.23.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -51,8 +57,29 @@ impl RunMode {
         }
     }
 
-    pub(crate) fn check(self) -> Result<(), EncodeError> {
-        if RunMode::from_code(self.code()) == self {
+    const CODE: FieldInfo = FieldInfo::integer("run_mode", "", 0, u8::MAX as i64);
+    const NAME: FieldInfo = FieldInfo::other(FieldKind::Text, "run_mode_name");
+    pub(crate) const SHOWN: &[FieldInfo] = &[RunMode::CODE, RunMode::NAME];
+
+    pub(crate) fn visit(self, visit: &mut Visit<'_>) {
+        RunMode::CODE.visit_integer(visit, self.code());
+        RunMode::NAME.visit_name(visit, self.name());
+    }
+}
+
+impl Decode<Payload> for RunMode {
+    fn get<const AT: usize>(data: &[u8; DATA_LEN]) -> Result<RunMode, Infallible> {
+        u8::get::<AT>(data).map(RunMode::from_code)
+    }
+}
+
+impl Encode<Payload> for RunMode {
+    fn put<const AT: usize>(&self, data: &mut [u8; DATA_LEN]) {
+        self.code().put::<AT>(data);
+    }
+
+    fn check(&self) -> Result<(), EncodeError> {
+        if RunMode::from_code(self.code()) == *self {
             return Ok(());
         }
         Err(EncodeError::Forbidden {

@@ -1,75 +1,39 @@
 //! The manual's raw units, one type each: what a word on the wire counts.
 
-/// Defines one unit as a newtype over the integer that travels on the wire.
-macro_rules! unit {
-    ($(#[$doc:meta])* $name:ident($raw:ty)) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        pub struct $name(pub $raw);
-    };
-}
-
-unit! {
+codec::units! {
     /// Torque current, 0.01 A per count (RMD V3.6 §2.13.3, §2.17.1).
-    Centiamps(i16)
-}
-unit! {
+    Centiamps(i16): "A" / 100.0;
     /// Commanded output-shaft speed, 0.01 degree per second per count (RMD V3.6 §2.18.1).
-    CentidegreesPerSecond(i32)
-}
-unit! {
+    CentidegreesPerSecond(i32): "dps" / 100.0;
     /// Measured output-shaft speed, 1 degree per second per count (RMD V3.6 §2.13.3).
-    DegreesPerSecond(i16)
-}
-unit! {
+    DegreesPerSecond(i16): "dps" / 1.0;
     /// Highest output-shaft speed of a position move, 1 degree per second per count (RMD V3.6 §2.20.1).
     ///
     /// The manual does not say what 0 means; newer ones say "unlimited", so whoever commands motion must not send it.
-    SpeedLimit(u16)
-}
-unit! {
+    SpeedLimit(u16): "dps" / 1.0;
     /// Multi-turn output-shaft angle from the zero point, 0.01 degree per count (RMD V3.6 §2.11.3, §2.20.1).
-    Centidegrees(i32)
-}
-unit! {
+    Centidegrees(i32): "deg" / 100.0;
     /// Output-shaft angle in motion replies, 1 degree per count, ±32767 (RMD V3.6 §2.13.3).
     ///
     /// The range ends after 91 turns: a position is read with 0x92 instead.
-    Degrees(i16)
-}
-unit! {
+    Degrees(i16): "deg" / 1.0;
     /// Motor temperature, 1 °C per count (RMD V3.6 §2.12.3).
-    Celsius(i8)
-}
-unit! {
+    Celsius(i8): "degC" / 1.0;
     /// Supply voltage, 0.1 V per count (RMD V3.6 §2.12.3).
-    Decivolts(u16)
-}
-unit! {
+    Decivolts(u16): "V" / 10.0;
     /// Time, 1 ms per count (RMD V3.6 §2.30.1).
-    Milliseconds(u32)
-}
-unit! {
+    Milliseconds(u32): "ms";
     /// Highest output-shaft speed of a tracking move, 0.01 degree per second per count, on the wire half the width of
     /// [`CentidegreesPerSecond`] (RMD V3.6 §2.21.1).
-    FineSpeedLimit(u16)
-}
-unit! {
+    FineSpeedLimit(u16): "dps" / 100.0;
     /// Acceleration or deceleration of the output shaft, 1 degree per second squared per count (RMD V3.6 §2.4.3).
-    DegreesPerSecondSquared(u32)
-}
-unit! {
+    DegreesPerSecondSquared(u32): "dps/s" / 1.0;
     /// Position of the multi-turn encoder, in its pulses (RMD V3.6 §2.6.3).
-    EncoderPulses(i32)
-}
-unit! {
+    EncoderPulses(i32): "pulses";
     /// Power, 0.1 W per count (RMD V3.6 §2.24.3).
-    Deciwatts(u16)
-}
-unit! {
+    Deciwatts(u16): "W" / 10.0;
     /// Date of the motor's firmware as the decimal number year, month, day (RMD V3.6 §2.29.3).
     ///
     /// Motors also send ten digits, so it is not taken apart.
-    VersionDate(u32)
+    VersionDate(u32): "";
 }

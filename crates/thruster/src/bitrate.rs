@@ -1,6 +1,9 @@
 //! The bitrates of CB.
 
-use crate::error::EncodeError;
+use codec::{Decode, Encode};
+
+use crate::error::{DecodeError, EncodeError};
+use crate::payload::Payload;
 use crate::units::Kilobits;
 
 /// One bitrate of the manual.
@@ -50,16 +53,26 @@ impl Kilobits {
     pub fn info(self) -> Option<&'static BitrateInfo> {
         BITRATES.iter().find(|info| info.setting == self)
     }
+}
 
-    /// The word of CB, if the manual has this bitrate.
-    pub(crate) fn word(self) -> Result<u16, EncodeError> {
-        match self.info() {
-            Some(info) => Ok(info.setting.0),
-            None => {
-                let reason = "not one of the 19 bitrates of the manual, 10 to 1000 kbit/s";
-                Err(EncodeError::Forbidden { field: "bitrate", value: i64::from(self.0), reason })
-            }
+impl Decode<Payload> for Kilobits {
+    fn get<const AT: usize>(data: &Payload) -> Result<Kilobits, DecodeError> {
+        u16::get::<AT>(data).map(Kilobits)
+    }
+}
+
+impl Encode<Payload> for Kilobits {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        self.0.put::<AT>(data);
+    }
+
+    /// Refuses a bitrate that the manual does not have.
+    fn check(&self) -> Result<(), EncodeError> {
+        if self.info().is_some() {
+            return Ok(());
         }
+        let reason = "not one of the 19 bitrates of the manual, 10 to 1000 kbit/s";
+        Err(EncodeError::Forbidden { field: "bitrate", value: i64::from(self.0), reason })
     }
 }
 
@@ -69,12 +82,12 @@ mod tests {
 
     /// Thruster manual §2.2.
     #[test]
-    fn only_listed_bitrates_have_a_word() {
-        assert_eq!(Kilobits(1000).word(), Ok(0x03E8));
+    fn only_listed_bitrates_are_sent() {
+        assert_eq!(Kilobits(1000).check(), Ok(()));
         assert_eq!(Kilobits(83).info().map(|info| info.bits_per_second), Some(83_333));
         assert_eq!(Kilobits(10).info().map(|info| info.bits_per_second), Some(10_000));
         for other in [0, 9, 84, 600, 1001, u16::MAX] {
-            let refused = Kilobits(other).word();
+            let refused = Kilobits(other).check();
             assert!(
                 matches!(refused, Err(EncodeError::Forbidden { field: "bitrate", value, .. }) if value == i64::from(other))
             );

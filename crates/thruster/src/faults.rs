@@ -1,5 +1,7 @@
 //! The fault word of EF and FR.
 
+use codec::{FieldInfo, FieldKind, Shown, Visit};
+
 bitflags::bitflags! {
     /// Faults, several at once (Thruster manual §3): low byte is byte 7 of the reply, high byte is byte 6.
     ///
@@ -138,6 +140,14 @@ impl Faults {
     pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
         let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
         listed.for_each(|info| visit(info.name));
+    }
+}
+
+impl Shown for Faults {
+    const INFO: FieldInfo = FieldInfo::other(FieldKind::Flags, "");
+
+    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+        field.visit_flags(visit, self.bits(), Faults::visit_names);
     }
 }
 

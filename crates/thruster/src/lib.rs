@@ -16,19 +16,22 @@
 //! assert_eq!(payload.as_slice(), [0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]);
 //!
 //! let refusal = Reply::decode(&[0x54, 0x43, 0, 0, 0, 0, 0xEE, 0xEE]).unwrap();
-//! assert_eq!(refusal, Reply::Refused { command: thruster::command::TC, parameter: 0 });
+//! assert_eq!(refusal, Reply::Refused { command: thruster::command::SIGNAL, parameter: 0 });
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
 
 mod bitrate;
 pub mod can;
+pub mod command;
 mod error;
 mod faults;
 mod field;
 mod matching;
 mod node;
+mod parameter;
 mod payload;
+mod refused;
 mod reply;
 mod request;
 mod returned;
@@ -41,7 +44,7 @@ pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultAction, FaultInfo, FaultRecovery, Faults};
 pub use field::{
     POSITION_LIMITS, POSITION_MAX, POSITION_MIN, REPLY_ID_BASE, REQUEST_ID_BASE, SIGNAL_MAX, SIGNAL_MIN,
-    SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF, command,
+    SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN, TIMEOUT_OFF,
 };
 pub use matching::{Answer, answer};
 pub use node::Node;

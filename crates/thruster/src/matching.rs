@@ -1,6 +1,7 @@
 //! Whether a received reply answers the request that waits.
 
-use crate::field::{POSITION_LIMITS, command};
+use crate::command;
+use crate::field::POSITION_LIMITS;
 use crate::payload::Payload;
 use crate::reply::Reply;
 use crate::request::Request;
@@ -37,7 +38,7 @@ pub fn answer(request: &Request, received: &Reply) -> Answer {
             _ => Answer::Unrelated,
         },
         reply if sub_command_of_reply(reply) != sub_command_of_request(request) => Answer::Unrelated,
-        Reply::Refused { command, .. } if command::SET.contains(command) => Answer::Refused,
+        Reply::Refused { command, .. } if command::sets(*command) => Answer::Refused,
         Reply::Refused { .. } => Answer::Unrelated,
         // A command that carries data sets something, and can be refused (Thruster manual §1.2, §1.3).
         Reply::Unknown { payload } if payload.has_refusal_data() && carries_data(request) => Answer::Refused,
@@ -69,7 +70,7 @@ fn sub_command_of_reply(reply: &Reply) -> Option<u16> {
     match *reply {
         Reply::ParameterSet { parameter, .. }
         | Reply::Parameter { parameter, .. }
-        | Reply::Refused { command: command::SP, parameter } => Some(parameter),
+        | Reply::Refused { command: command::SET_PARAMETER, parameter } => Some(parameter),
         Reply::PositionLimitsSet { .. } | Reply::PositionLimits { .. } => Some(POSITION_LIMITS),
         _ => None,
     }

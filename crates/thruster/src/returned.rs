@@ -1,9 +1,13 @@
 //! What a device returns by itself or instead of an echo: the frames of VM and SR.
 
+use codec::{BuildError, Built, CommandInfo, Decode, Encode, FieldInfo, FieldKind, Fields, Shown, Visit};
+
+use crate::command;
 use crate::error::DecodeError;
 use crate::faults::Faults;
-use crate::field::{FULL_LEN, command};
+use crate::field::{DATA, FULL_LEN};
 use crate::payload::Payload;
+use crate::table;
 use crate::units::{Celsius, Deciamps, Decidegrees, Decivolts, Rpm};
 
 bitflags::bitflags! {
@@ -34,36 +38,66 @@ bitflags::bitflags! {
     }
 }
 
-impl ReturnFrames {
-    const NAMES: [(ReturnFrames, &'static str); 3] = [
-        (ReturnFrames::MOTION, "motion"),
-        (ReturnFrames::CONDITION, "condition"),
-        (ReturnFrames::POSITION, "position"),
-    ];
-
-    /// Hands on the name of every frame in the mask.
-    pub(crate) fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
-        for (frame, name) in Self::NAMES {
-            if raw & u32::from(frame.bits()) != 0 {
-                hand_on(name);
+/// How such a mask of bits is named, built and put on the wire; `$get` is what it finds in the bytes before it.
+macro_rules! mask {
+    ($Mask:ident, [$($BIT:ident: $name:literal),*], $get:expr) => {
+        impl $Mask {
+            /// Hands on the name of every bit of the mask.
+            fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
+                for (bit, name) in [$(($Mask::$BIT, $name)),*] {
+                    if raw & u32::from(bit.bits()) != 0 {
+                        hand_on(name);
+                    }
+                }
             }
         }
-    }
-}
 
-impl ReturnFlags {
-    const NAMES: [(ReturnFlags, &'static str); 2] =
-        [(ReturnFlags::NO_RETURN, "no_return"), (ReturnFlags::NO_HEADER, "no_header")];
+        impl Shown for $Mask {
+            const INFO: FieldInfo = FieldInfo::flags("", $Mask::all().bits() as i64);
 
-    /// Hands on the name of every flag in the mask.
-    pub(crate) fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
-        for (flag, name) in Self::NAMES {
-            if raw & u32::from(flag.bits()) != 0 {
-                hand_on(name);
+            fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
+                field.visit_flags(visit, self.bits(), $Mask::visit_names);
             }
         }
-    }
+
+        impl Built for $Mask {
+            fn build(field: &FieldInfo, fields: &Fields<'_>) -> Result<$Mask, BuildError> {
+                fields.count(field).map($Mask::from_bits_retain)
+            }
+        }
+
+        impl Decode<Payload> for $Mask {
+            fn get<const AT: usize>(data: &Payload) -> Result<$Mask, DecodeError> {
+                let bits: u8 = $get(data, AT)?;
+                Ok($Mask::from_bits_retain(bits))
+            }
+        }
+
+        impl Encode<Payload> for $Mask {
+            fn put<const AT: usize>(&self, data: &mut Payload) {
+                data.put_bytes::<AT>([self.bits()]);
+            }
+        }
+    };
 }
+
+// VM has nothing before its flags (Thruster manual §2.4).
+mask!(ReturnFlags, [NO_RETURN: "no_return", NO_HEADER: "no_header"], |data: &Payload, _| {
+    u16::get::<DATA>(data).map(upper)
+});
+// SR has nothing before its frames (Thruster manual §2.5); in VM they stand behind the flags.
+mask!(
+    ReturnFrames,
+    [MOTION: "motion", CONDITION: "condition", POSITION: "position"],
+    |data: &Payload, at| {
+        let [reserved, in_stream, _, in_return] = data.data()?;
+        match (at, reserved) {
+            (FRAMES_OF_STREAM, 0) => Ok(in_stream),
+            (FRAMES_OF_STREAM, got) => Err(DecodeError::FixedByte { offset: DATA, got, expected: 0 }),
+            _ => Ok(in_return),
+        }
+    }
+);
 
 #[cfg(feature = "defmt")]
 impl defmt::Format for ReturnFrames {
@@ -79,6 +113,9 @@ impl defmt::Format for ReturnFlags {
     }
 }
 
+/// Place of the frames in SR (Thruster manual §2.5).
+const FRAMES_OF_STREAM: usize = 5;
+
 /// Why a frame was returned: the upper byte of its header (Thruster manual §2.4, §2.5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -93,8 +130,8 @@ pub enum ReturnSource {
 
 impl ReturnSource {
     // The command word with its lower byte replaced by the frame's number (Thruster manual §2.4).
-    const SIGNAL: u8 = upper(command::TC);
-    const SPEED: u8 = upper(command::VC);
+    const SIGNAL: u8 = upper(command::SIGNAL);
+    const SPEED: u8 = upper(command::SPEED);
     /// No command word explains it (Thruster manual §2.5).
     const STREAM: u8 = 0x41;
 
@@ -161,7 +198,7 @@ impl ReturnedFrame {
     pub(crate) const POSITION: u8 = 3;
 
     /// The number of the frame, 1..=3.
-    pub fn number(&self) -> u8 {
+    pub const fn number(&self) -> u8 {
         match self {
             ReturnedFrame::Motion { .. } => Self::MOTION,
             ReturnedFrame::Condition { .. } => Self::CONDITION,
@@ -208,6 +245,34 @@ impl ReturnedFrame {
     }
 }
 
+const SPEED: FieldInfo = <Rpm as Shown>::INFO.named("speed_rpm");
+const VOLTAGE: FieldInfo = <Decivolts as Shown>::INFO.named("voltage_v");
+const CURRENT: FieldInfo = <Deciamps as Shown>::INFO.named("current_a");
+const FAULTS: FieldInfo = <Faults as Shown>::INFO.named("faults");
+const MOTOR_TEMPERATURE: FieldInfo = <Celsius as Shown>::INFO.named("motor_temperature_c");
+const DRIVER_TEMPERATURE: FieldInfo = <Celsius as Shown>::INFO.named("driver_temperature_c");
+/// The first word of frame 3.
+const ABSOLUTE_ANGLE: FieldInfo =
+    <Decidegrees as Shown>::INFO.named("absolute_angle_deg").within(i16::MIN as i64, i16::MAX as i64);
+/// The two positions of frame 3.
+const DATA_FIELD: FieldInfo = FieldInfo::other(FieldKind::Bytes, "data");
+
+/// Frame 1, 2 or 3 of a source as a row of the table; never sent by a host.
+pub(crate) const fn row(name: &'static str, source: ReturnSource, number: u8) -> CommandInfo {
+    let (section, note) = match source {
+        ReturnSource::Signal | ReturnSource::Speed => {
+            ("Thruster manual §2.4", "never sent; returned instead of an echo, see configure_return")
+        }
+        ReturnSource::Stream => ("Thruster manual §2.5", "never sent; an event, see configure_stream"),
+    };
+    let fields: &[FieldInfo] = match number {
+        ReturnedFrame::MOTION => &[SPEED, VOLTAGE, CURRENT],
+        ReturnedFrame::CONDITION => &[FAULTS, MOTOR_TEMPERATURE, DRIVER_TEMPERATURE],
+        _ => &[ABSOLUTE_ANGLE, DATA_FIELD],
+    };
+    CommandInfo::new(name, header(source, number), section).with_reply(fields).with_note(note)
+}
+
 const fn joined([[a0, a1], [b0, b1], [c0, c1]]: [[u8; 2]; 3]) -> [u8; 6] {
     [a0, a1, b0, b1, c0, c1]
 }
@@ -224,7 +289,7 @@ pub struct Returned {
 
 impl Returned {
     /// The header: the upper byte tells the source, the lower one numbers the frame.
-    pub fn header(&self) -> u16 {
+    pub const fn header(&self) -> u16 {
         header(self.source, self.frame.number())
     }
 
@@ -234,11 +299,56 @@ impl Returned {
         Payload::Full([h0, h1, b0, b1, b2, b3, b4, b5])
     }
 
+    /// Its row in the table of commands.
+    pub(crate) fn info(&self) -> &'static CommandInfo {
+        use ReturnSource::{Signal, Speed, Stream};
+        use ReturnedFrame::{Condition, Motion, Position};
+        match (self.source, self.frame) {
+            (Signal, Motion { .. }) => &table::SIGNAL_RETURN_1,
+            (Signal, Condition { .. }) => &table::SIGNAL_RETURN_2,
+            (Signal, Position { .. }) => &table::SIGNAL_RETURN_3,
+            (Speed, Motion { .. }) => &table::SPEED_RETURN_1,
+            (Speed, Condition { .. }) => &table::SPEED_RETURN_2,
+            (Speed, Position { .. }) => &table::SPEED_RETURN_3,
+            (Stream, Motion { .. }) => &table::STREAM_1,
+            (Stream, Condition { .. }) => &table::STREAM_2,
+            (Stream, Position { .. }) => &table::STREAM_3,
+        }
+    }
+
+    pub(crate) fn visit(&self, visit: &mut Visit<'_>) {
+        match &self.frame {
+            ReturnedFrame::Motion { speed, voltage, current } => {
+                speed.visit(&SPEED, visit);
+                voltage.visit(&VOLTAGE, visit);
+                current.visit(&CURRENT, visit);
+            }
+            ReturnedFrame::Condition { faults, motor_temperature, driver_temperature } => {
+                faults.visit(&FAULTS, visit);
+                motor_temperature.visit(&MOTOR_TEMPERATURE, visit);
+                driver_temperature.visit(&DRIVER_TEMPERATURE, visit);
+            }
+            ReturnedFrame::Position { raw } => {
+                if let Some(absolute) = self.frame.absolute_position() {
+                    ABSOLUTE_ANGLE.visit_count(visit, absolute.0);
+                }
+                DATA_FIELD.visit_bytes(visit, raw);
+            }
+        }
+    }
+
     /// The returned frame in a data field, if it begins with the header of one.
     pub(crate) fn of(payload: Payload) -> Option<Returned> {
         let Payload::Full([upper, number, raw @ ..]) = payload else { return None };
         let frame = ReturnedFrame::of(number, raw)?;
         Some(Returned { source: ReturnSource::of(upper)?, frame })
+    }
+}
+
+/// The header and the words.
+impl Encode<Payload> for Returned {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        *data = self.payload();
     }
 }
 
@@ -261,6 +371,17 @@ pub struct Headerless {
 }
 
 impl Headerless {
+    /// Name of the frame in listings; no row of [`COMMANDS`](crate::COMMANDS), as it has no command word.
+    pub const NAME: &'static str = "headerless_return";
+
+    /// Hands on every field in the order of the wire.
+    pub fn visit_fields(&self, visit: &mut Visit<'_>) {
+        self.speed.visit(&SPEED, visit);
+        self.voltage.visit(&VOLTAGE, visit);
+        self.current.visit(&CURRENT, visit);
+        self.faults.visit(&FAULTS, visit);
+    }
+
     /// The eight bytes.
     pub fn encode(&self) -> Payload {
         let ([s0, s1], [v0, v1]) = (self.speed.0.to_be_bytes(), self.voltage.0.to_be_bytes());

@@ -1,6 +1,7 @@
 //! Literal bytes of replies.
 
 use super::*;
+use crate::{Register, TurnDegrees, Value};
 
 fn both_ways(bytes: [u8; 5], reply: Reply) {
     assert_eq!(Reply::decode(&Payload(bytes)), Ok(reply));

@@ -1,6 +1,7 @@
 //! Literal bytes of requests.
 
 use super::*;
+use crate::{Register, Value, Width};
 
 fn both_ways(bytes: [u8; 5], request: Request) {
     assert_eq!(Request::decode(&Payload(bytes)), Ok(request));

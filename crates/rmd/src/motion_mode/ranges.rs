@@ -1,11 +1,12 @@
 //! What the words of motion mode mean on a given motor.
 
-use codec::{BuildError, nearest_count};
+use codec::{BuildError, FieldInfo, FieldKind, Fields, Visit, nearest_count};
 
 use super::{MotionCommand, MotionFeedback};
+use crate::node::Node;
 
 /// Highest position word.
-pub(crate) const RAW_16_MAX: u16 = u16::MAX;
+const RAW_16_MAX: u16 = u16::MAX;
 /// Highest word of the 12-bit fields.
 pub(crate) const RAW_12_MAX: u16 = 0xFFF;
 
@@ -66,6 +67,53 @@ pub struct MotionState {
     pub velocity_rad_s: f64,
     /// Torque, N·m.
     pub torque_nm: f64,
+}
+
+/// A motion-mode field, with the default range of `last` + 1 counts.
+const fn span(name: &'static str, unit: &'static str, span: Span, last: u16) -> FieldInfo {
+    let counts_per_unit = (last as f64 + 1.0) / (span.max - span.min);
+    FieldInfo { name, unit, kind: FieldKind::Physical, min: span.min, max: span.max, counts_per_unit }
+}
+
+pub(super) const POSITION: FieldInfo =
+    span("position_rad", "rad", MotionRanges::DEFAULT.position_rad, RAW_16_MAX);
+pub(super) const VELOCITY: FieldInfo =
+    span("velocity_rad_s", "rad/s", MotionRanges::DEFAULT.velocity_rad_s, RAW_12_MAX);
+pub(super) const KP: FieldInfo = span("kp", "N*m/rad", MotionRanges::DEFAULT.kp, RAW_12_MAX);
+pub(super) const KD: FieldInfo = span("kd", "N*m*s/rad", MotionRanges::DEFAULT.kd, RAW_12_MAX);
+pub(super) const TORQUE: FieldInfo = span("torque_nm", "N*m", MotionRanges::DEFAULT.torque_nm, RAW_12_MAX);
+/// The motor's id as it stands in a reply.
+pub(super) const ID: FieldInfo = FieldInfo::integer("id", "", Node::MIN as i64, Node::MAX as i64);
+
+impl MotionTarget {
+    /// Not checked against the ranges of the table, which are the manual's: the caller's ranges decide.
+    pub(crate) fn build(fields: &Fields<'_>) -> Result<MotionTarget, BuildError> {
+        Ok(MotionTarget {
+            position_rad: fields.any(&POSITION)?,
+            velocity_rad_s: fields.any(&VELOCITY)?,
+            kp: fields.any(&KP)?,
+            kd: fields.any(&KD)?,
+            torque_nm: fields.any(&TORQUE)?,
+        })
+    }
+
+    pub(crate) fn visit(&self, visit: &mut Visit<'_>) {
+        POSITION.visit_physical(visit, self.position_rad);
+        VELOCITY.visit_physical(visit, self.velocity_rad_s);
+        KP.visit_physical(visit, self.kp);
+        KD.visit_physical(visit, self.kd);
+        TORQUE.visit_physical(visit, self.torque_nm);
+    }
+}
+
+impl MotionState {
+    /// The state of the motor with this id.
+    pub(crate) fn visit(&self, id: u8, visit: &mut Visit<'_>) {
+        ID.visit_integer(visit, id);
+        POSITION.visit_physical(visit, self.position_rad);
+        VELOCITY.visit_physical(visit, self.velocity_rad_s);
+        TORQUE.visit_physical(visit, self.torque_nm);
+    }
 }
 
 impl Span {
@@ -143,16 +191,21 @@ impl Default for MotionRanges {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::request::Request;
 
     const RANGES: MotionRanges = MotionRanges::DEFAULT;
     const PRINTED: MotionTarget =
         MotionTarget { position_rad: 10.0, velocity_rad_s: 1.0, kp: 10.0, kd: 1.0, torque_nm: 10.0 };
 
+    fn bytes(command: &MotionCommand) -> [u8; 8] {
+        Request::MotionMode { command: *command }.encode().expect("words in their ranges")
+    }
+
     /// RMD V3.6 §5.4: 10 rad, 1 rad/s, 10, 1, 10 N·m.
     #[test]
     fn the_printed_request_comes_from_its_values() {
         let command = RANGES.command(&PRINTED).expect("in range");
-        assert_eq!(command.to_bytes(), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
+        assert_eq!(bytes(&command), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
     }
 
     /// RMD V3.6 §5.4 prints 9.99, 1.021, 10.012, 1 and 10.004 for these words.
@@ -177,10 +230,10 @@ mod tests {
     fn the_ends_of_every_range() {
         let low =
             MotionTarget { position_rad: -12.5, velocity_rad_s: -45.0, kp: 0.0, kd: 0.0, torque_nm: -24.0 };
-        assert_eq!(RANGES.command(&low).map(MotionCommand::to_bytes), Ok([0; 8]));
+        assert_eq!(RANGES.command(&low).map(|command| bytes(&command)), Ok([0; 8]));
         let high =
             MotionTarget { position_rad: 12.5, velocity_rad_s: 45.0, kp: 500.0, kd: 5.0, torque_nm: 24.0 };
-        assert_eq!(RANGES.command(&high).map(MotionCommand::to_bytes), Ok([0xFF; 8]));
+        assert_eq!(RANGES.command(&high).map(|command| bytes(&command)), Ok([0xFF; 8]));
         let rest = MotionTarget { position_rad: 0.0, velocity_rad_s: 0.0, kp: 0.0, kd: 0.0, torque_nm: 0.0 };
         assert_eq!(RANGES.command(&rest), Ok(MotionCommand::NEUTRAL));
     }
@@ -208,6 +261,6 @@ mod tests {
     fn other_ranges() {
         let ranges = MotionRanges { torque_nm: Span::new(-240.0, 240.0), ..RANGES };
         let command = ranges.command(&MotionTarget { torque_nm: 100.0, ..PRINTED }).expect("in range");
-        assert_eq!(command.to_bytes(), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
+        assert_eq!(bytes(&command), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
     }
 }

@@ -1,6 +1,9 @@
 use super::*;
-use crate::error::{DecodeError, EncodeError};
-use crate::units::{Degrees, DegreesPerSecond};
+use crate::{
+    Celsius, Centiamps, Centidegrees, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
+    DegreesPerSecondSquared, EncoderPulses, Faults, Function, Milliseconds, Model, Motion, PidGains, Ramp,
+    RunMode, VersionDate,
+};
 
 /// The single-motor commands of RMD V3.6 §2 that are answered, and the timeout notice.
 const COMMANDS: [u8; 33] = [

@@ -1,5 +1,8 @@
 use super::*;
-use crate::error::EncodeError;
+use crate::{
+    BaudCode, Centiamps, Centidegrees, CentidegreesPerSecond, DegreesPerSecondSquared, EncoderPulses,
+    FineSpeedLimit, Milliseconds, PidGains, Ramp, SpeedLimit,
+};
 
 /// The 33 single-motor commands of RMD V3.6 §2.
 const COMMANDS: [u8; 33] = [
@@ -217,5 +220,17 @@ fn unknown_cannot_carry_a_known_command() {
                 reason: "this command has a request of its own"
             })
         );
+    }
+}
+
+/// RMD V3.6 §2.13, §2.16, §2.25, §2.33; and a command that the manual does not list.
+#[test]
+fn reading_is_told_from_the_rest_by_the_first_byte() {
+    let only_reads = |first: u8| Request::decode(&[first, 0, 0, 0, 0, 0, 0, 0]).only_reads();
+    for first in [0x30, 0x42, 0x60, 0x61, 0x62, 0x70, 0x71, 0x90, 0x92, 0x9A, 0x9C, 0x9D, 0xB1, 0xB2, 0xB5] {
+        assert_eq!(only_reads(first), first != 0x90, "{first:#04X}");
+    }
+    for first in [0x20, 0x31, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x80, 0x81, 0xA1, 0xA8, 0xB3, 0xB4, 0xF1] {
+        assert!(!only_reads(first), "{first:#04X}");
     }
 }

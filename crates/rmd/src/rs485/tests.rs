@@ -1,6 +1,6 @@
 use super::*;
+use crate::motion::Motion;
 use crate::motion_mode::MotionCommand;
-use crate::reply::Motion;
 use crate::units::{Celsius, Centiamps, Degrees, DegreesPerSecond};
 
 const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];

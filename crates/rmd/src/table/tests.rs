@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 use std::string::String;
 use std::vec::Vec;
 
-use codec::{BuildError, CommandInfo, FieldInfo, FieldValue};
+use codec::{BuildError, FieldValue};
 
 use super::*;
-use crate::units::{Centiamps, SpeedLimit};
-use crate::{MotionRanges, Reply, Request, Span};
+use crate::{MotionRanges, Span};
 
 fn none(_: &str) -> Option<f64> {
     None
@@ -67,15 +66,20 @@ fn every_command_but_the_notice_can_be_built_and_shows_its_fields() {
 /// The ends of RMD V3.6 §2.17, §2.20 and §2.21 in their units.
 #[test]
 fn ranges_are_in_the_units_of_the_names() {
-    let range = |field: FieldInfo| (field.min, field.max, field.lsb());
-    assert_eq!(range(field::CURRENT), (-327.68, 327.67, 0.01));
-    assert_eq!(range(field::MAX_SPEED), (0.0, 65535.0, 1.0));
-    assert_eq!(range(field::FINE_MAX_SPEED), (0.0, 655.35, 0.01));
-    assert_eq!(range(field::ANGLE), (-21_474_836.48, 21_474_836.47, 0.01));
-    assert_eq!(range(field::VOLTAGE), (0.0, 6553.5, 0.1));
-    assert_eq!(range(field::ACCELERATION), (100.0, 60_000.0, 1.0));
-    assert_eq!(range(field::POSITION), (-12.5, 12.5, 25.0 / 65536.0));
-    assert_eq!(range(field::TORQUE), (-24.0, 24.0, 48.0 / 4096.0));
+    let range = |name: &str, field: &str| {
+        let info = COMMANDS.iter().find(|info| info.name == name).expect(name);
+        let mut fields = info.request.iter().chain(info.reply);
+        let field = fields.find(|info| info.name == field).expect(field);
+        (field.min, field.max, field.lsb())
+    };
+    assert_eq!(range("torque_current", "current_a"), (-327.68, 327.67, 0.01));
+    assert_eq!(range("absolute_position", "max_speed_dps"), (0.0, 65535.0, 1.0));
+    assert_eq!(range("limited_position_tracking", "max_speed_dps"), (0.0, 655.35, 0.01));
+    assert_eq!(range("absolute_position", "angle_deg"), (-21_474_836.48, 21_474_836.47, 0.01));
+    assert_eq!(range("read_status_1", "voltage_v"), (0.0, 6553.5, 0.1));
+    assert_eq!(range("write_acceleration", "acceleration_dps2"), (100.0, 60_000.0, 1.0));
+    assert_eq!(range("motion_mode", "position_rad"), (-12.5, 12.5, 25.0 / 65536.0));
+    assert_eq!(range("motion_mode", "torque_nm"), (-24.0, 24.0, 48.0 / 4096.0));
 }
 
 #[test]

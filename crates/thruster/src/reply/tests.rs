@@ -1,6 +1,7 @@
 //! Literal bytes of replies.
 
 use super::*;
+use crate::{Deciamps, Decidegrees, Decivolts, Faults, LimitDecidegrees, Rpm, RpmLimit};
 
 /// Thruster manual §1.3: the printed refusal of TC; any set command can be refused so.
 #[test]

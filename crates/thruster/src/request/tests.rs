@@ -1,6 +1,9 @@
 //! Literal bytes of requests.
 
 use super::*;
+use crate::{
+    Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percent, ReturnFlags, ReturnFrames, Rpm, RpmLimit,
+};
 
 fn encoded(request: Request) -> Payload {
     request.encode().unwrap()
@@ -273,5 +276,24 @@ fn raw_bytes_do_not_go_around_the_checks() {
         assert!(
             matches!(result, Err(EncodeError::Forbidden { field: "command", value, .. }) if value == command)
         );
+    }
+}
+
+/// Thruster manual §2.1 to §2.6, §4; and a command that the manual does not list.
+#[test]
+fn reading_is_told_from_the_rest_by_its_letters() {
+    let only_reads = |data: &[u8]| Request::decode(data).unwrap().only_reads();
+    for data in
+        [b"QV\0\0", b"QC\0\0", b"QP\0\0", b"QT\0\0", b"EQ\0\0", b"EF\0\0", b"FR\0\0", b"QA\0\0", b"QR\0\0"]
+    {
+        assert!(only_reads(data), "{data:02X?}");
+    }
+    for data in
+        [b"TC\0\0\0\0\0\0", b"VC\0\0\0\0\0\0", b"CI\0\0\0\0\0\x0B", b"ST\0\0\0\0\0\0", b"XX\0\0\0\0\0\0"]
+    {
+        assert!(!only_reads(data), "{data:02X?}");
+    }
+    for data in [b"CF\0\0", b"MQ\0\0", b"ML\0\0", b"AZ\0\0", b"LS\0\0"] {
+        assert!(!only_reads(data), "{data:02X?}");
     }
 }

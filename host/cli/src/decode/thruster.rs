@@ -119,11 +119,11 @@ impl Device {
             Some(Reply::Refused { .. } | Reply::Returned(_)) => false,
             Some(reply) => {
                 !self.is_pending(reply.command())
-                    && (self.is_pending(command::TC) || self.is_pending(command::VC))
+                    && (self.is_pending(command::SIGNAL) || self.is_pending(command::SPEED))
             }
         };
-        if is_meant && !self.settle(command::TC) {
-            self.settle(command::VC);
+        if is_meant && !self.settle(command::SIGNAL) {
+            self.settle(command::SPEED);
         }
         is_meant
     }
