@@ -10,6 +10,7 @@ use virtual_stm32::processor::Pace;
 use virtual_stm32::serial_port::SerialPort;
 
 use crate::machine::{CanPort, UartPort};
+use crate::measure::SPEEDS;
 
 /// A board that the firmware is built for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,6 +107,25 @@ impl Board {
         match self {
             Self::NucleoH743zi => INSTRUCTIONS_PER_SECOND,
             Self::NucleoG474re => const { NonZeroU64::new(168_000_000).expect("not zero") },
+        }
+    }
+
+    /// The speeds that measurements and reaction times are taken at, in instructions per second: what the core reaches at best with its
+    /// caches, or with one instruction in each cycle, and a bad case without.
+    #[must_use]
+    pub const fn speeds(self) -> [u64; 2] {
+        match self {
+            Self::NucleoH743zi => SPEEDS,
+            Self::NucleoG474re => [168_000_000, 100_000_000],
+        }
+    }
+
+    /// What a bit lasts on host link 1 at 921600 baud, in picoseconds: 109 cycles of 100 MHz, 182 of 168 MHz.
+    #[must_use]
+    pub const fn host_1_bit_ps(self) -> u64 {
+        match self {
+            Self::NucleoH743zi => 1_090_000,
+            Self::NucleoG474re => 1_083_333,
         }
     }
 

@@ -18,12 +18,13 @@ use std::panic::resume_unwind;
 use std::path::Path;
 use std::{fmt, fs, thread};
 
+use crate::board::Board;
 use crate::machine::Builder;
 use bench::{Bench, Count, Span};
 use image::ImageFacts;
 use operations::Session;
 
-/// Speeds of the core, instructions per second: what a part at 400 MHz reaches with its caches, and a bad case without.
+/// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with its caches, and a bad case without.
 pub const SPEEDS: [u64; 2] = [250_000_000, 100_000_000];
 
 /// Repetitions of each operation, its last ones, of which there is a trace; the first of them fills the cache.
@@ -37,9 +38,10 @@ pub const LEGEND: &str = "\
 # What the firmware costs on the virtual board. CI fails when a value grows by more than 5 % (the worst ones are shown and
 # not compared), or when another compiler has built the image and the table was not renewed:
 #
-#     .ci/virtual-board measure --renew
+#     .ci/virtual-board measure [--board BOARD] --renew
 #
-# The last two columns are of a core that executes 250 and 100 million instructions a second. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
+# The last two columns are of a core that executes 250 and 100 million instructions a second, that of the STM32G474 168 and 100
+# million. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
 # exactly. Latency: the virtual time between the same two instants. Median and worst: of 100 repetitions at other phases of the
 # firmware's own timers. Eight axes, RMD motors, four on each CAN bus at 1 Mbit/s, and a host on UART at 921600 baud.
 #
@@ -90,7 +92,7 @@ pub fn measure(image: &Path) -> Result<Table, NotMeasurable> {
     let board = &|| Builder::new(image).expect("the image that was just read");
 
     let [fast, slow] = thread::scope(|scope| {
-        let runs = SPEEDS.map(|speed| scope.spawn(move || measure_at(board, speed)));
+        let runs = Board::chosen().speeds().map(|speed| scope.spawn(move || measure_at(board, speed)));
         runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     let row = |(what, unit, fast): &Measured| {

@@ -13,24 +13,29 @@ use mgw_client::{Client, ClientError, Hold, Transport};
 
 use super::bench::STARTED;
 use super::{SEED, stack};
+use crate::board::Board;
 use crate::machine::{Builder, CanPort, Machine};
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
 use virtual_stm32::fdcan::Wiring;
 
 /// Bus, bitrate and protocols.
-const BUSES: [(u8, u32, &[Protocol]); 3] = [
-    (0, 1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
-    (1, 210_526, &[Protocol::D5]),
-    (2, 115_200, &[Protocol::Rmd]),
-];
+fn buses() -> [(u8, u32, &'static [Protocol]); 3] {
+    [
+        (0, 1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
+        (1, 210_526, &[Protocol::D5]),
+        (Board::chosen().rs485_bus(), 115_200, &[Protocol::Rmd]),
+    ]
+}
 /// Bus, protocol, node and stop action of each axis: the four motors of the simulator.
-const AXES: [(u8, Protocol, u32, StopAction); 4] = [
-    (0, Protocol::Rmd, 0x01, StopAction::Hold),
-    (0, Protocol::Thruster, 0x0B, StopAction::Coast),
-    (1, Protocol::D5, 0x0B, StopAction::Hold),
-    (2, Protocol::Rmd, 0x01, StopAction::Brake),
-];
+fn axes() -> [(u8, Protocol, u32, StopAction); 4] {
+    [
+        (0, Protocol::Rmd, 0x01, StopAction::Hold),
+        (0, Protocol::Thruster, 0x0B, StopAction::Coast),
+        (1, Protocol::D5, 0x0B, StopAction::Hold),
+        (Board::chosen().rs485_bus(), Protocol::Rmd, 0x01, StopAction::Brake),
+    ]
+}
 const REPLY_WINDOW: Duration = Duration::from_millis(5);
 const MOTOR_TIMEOUT_MS: u32 = 1_000;
 const TTL: Duration = Duration::from_millis(100);
@@ -114,10 +119,10 @@ fn live(
 }
 
 fn configure(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
-    for (bus, bitrate, protocols) in BUSES {
+    for (bus, bitrate, protocols) in buses() {
         client.configure_bus(bus, bitrate, ProtocolSet::of(protocols), true, REPLY_WINDOW)?;
     }
-    for (axis, (bus, protocol, node, stop_action)) in (0..).zip(AXES) {
+    for (axis, (bus, protocol, node, stop_action)) in (0..).zip(axes()) {
         let values = [
             (AxisParameter::Bus, bus.into()),
             (AxisParameter::Protocol, protocol.into()),
@@ -137,7 +142,7 @@ fn configure(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
 /// All four motors turn at once.
 fn move_all(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
     let mut holds = Vec::new();
-    for (axis, (_, protocol, ..)) in (0..).zip(AXES) {
+    for (axis, (_, protocol, ..)) in (0..).zip(axes()) {
         let setpoint = match protocol {
             Protocol::Thruster => Setpoint::Signal { fraction: 0.1 },
             Protocol::Rmd | Protocol::D5 => Setpoint::Velocity { velocity_rad_s: 2.0 },

@@ -15,7 +15,7 @@ use mgw_sim::MotorWiring;
 use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
-use crate::board::serial_port;
+use crate::board::{Board, serial_port};
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
@@ -47,8 +47,6 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const SEQUENCE: u16 = 0x7000;
 /// Of a byte on a UART: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
-/// 100 MHz / 109, the nearest to 921600 bit/s.
-const HOST_BIT: Duration = Duration::from_nanos(1_090);
 
 /// A situation.
 pub(super) struct Rig {
@@ -165,7 +163,7 @@ impl Rig {
     pub(super) fn trace<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> String {
         let bus = self.situation.bus;
         let found = self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
-            2 => trace::of_bytes(line(part).sent(), since).into_bytes(),
+            _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since).into_bytes(),
             bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
         });
         String::from_utf8(found).expect("it was text")
@@ -185,12 +183,13 @@ impl Rig {
         let bits = BITS_PER_BYTE * u64::try_from(length).expect("short");
         let mut machine = self.machine.borrow_mut();
         let begin = self.begin + after;
-        let since = machine.now() + begin + HOST_BIT * u32::try_from(bits).expect("short");
+        let since =
+            machine.now() + begin + Duration::from_nanos(bits * Board::chosen().host_1_bit_ps() / 1000);
         let send = move |part: &mut Chip, _| {
             let host: &mut HostUart = serial_port(part, UartPort::Host1).peer_mut().expect("a computer");
             assert_eq!(
                 (host.unsent(), host.settings().bit_ps),
-                (0, 1_090_000),
+                (0, Board::chosen().host_1_bit_ps()),
                 "the line is free, as fast as it should be"
             );
             host.send(&frame);
@@ -204,7 +203,7 @@ impl Rig {
         let (begin, bus) = (machine.now(), self.situation.bus);
         let ends = move |part: &mut Chip| {
             let ends: Vec<Duration> = match bus.index() {
-                2 => line(part).sent().iter().map(|sent| sent.end).collect(),
+                _ if !bus.is_can() => line(part).sent().iter().map(|sent| sent.end).collect(),
                 bus => {
                     part.fdcan(usize::from(bus)).log().iter().map(|record| since_start(record.end)).collect()
                 }
@@ -234,7 +233,7 @@ fn line(part: &mut Chip) -> &mut Rs485Line {
 
 fn first_stops(part: &mut Chip, bus: Bus, since: Duration) -> FirstStops {
     match bus.index() {
-        2 => stops::among_bytes(line(part).sent(), since),
+        _ if !bus.is_can() => stops::among_bytes(line(part).sent(), since),
         bus => stops::among_frames(part.fdcan(usize::from(bus)).log(), since),
     }
 }

@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use host_protocol::Protocol;
 
+use crate::board::Board;
+
 /// Axes on a bus at most.
 pub(super) const MOST_AXES: u8 = 16;
 /// Axes with D5 motors that the gateway takes on a bus: it sends each its setpoint every 20 ms.
@@ -80,7 +82,7 @@ impl Bus {
         match self {
             Self::Can => 0,
             Self::SlowCan => 1,
-            Self::Rs485 | Self::FastRs485 => 2,
+            Self::Rs485 | Self::FastRs485 => Board::chosen().rs485_bus(),
         }
     }
 
