@@ -50,7 +50,10 @@ impl Payload {
     // Here and below, one copy instead of one for each command.
     #[inline(never)]
     fn expect_bare(&self) -> Result<(), DecodeError> {
-        self.expect_zero_from(PARAMETER, self.as_slice())
+        match self {
+            Payload::Short([_, _, 0, 0]) | Payload::Full([_, _, 0, 0, 0, 0, 0, 0]) => Ok(()),
+            _ => self.expect_zero_from(PARAMETER, self.as_slice()),
+        }
     }
 
     /// Checks that no bit is set beyond bytes 2–3, in both lengths.
@@ -62,7 +65,10 @@ impl Payload {
     /// Checks that there are data, and no parameter before them.
     #[inline(never)]
     fn expect_value(&self) -> Result<(), DecodeError> {
-        self.data().and_then(|_| self.expect_no_parameter())
+        match self {
+            Payload::Full([_, _, 0, 0, ..]) => Ok(()),
+            _ => self.data().and_then(|_| self.expect_no_parameter()),
+        }
     }
 
     /// Checks that bytes 2–3 are zero.
