@@ -65,7 +65,7 @@ fn main() -> ExitCode {
 /// Whether the committed table holds.
 fn run(arguments: &Arguments) -> Result<bool, Box<dyn Error>> {
     let only = arguments.only.as_deref().unwrap_or_default();
-    let phases = arguments.phases.unwrap_or(FEW_PHASES);
+    let phases = arguments.phases.map_or(FEW_PHASES, |phases| [phases; FEW_PHASES.len()]);
     if arguments.trace {
         print!("{}", traces(&image_path()?, phases, only)?);
         return Ok(true);

@@ -130,7 +130,7 @@ fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64) -> Vec<
     let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
     let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
     // What is executed is nearly the same at each speed.
-    let is_traced = instructions_per_second == SPEEDS[0];
+    let is_traced = instructions_per_second == Board::chosen().speeds()[0];
     let traced = spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
     let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect()).traced(traced);
     assert_eq!(run(&mut bench), spans, "the same orders make the same run");

@@ -84,6 +84,11 @@ impl Probe {
         self.delivered
     }
 
+    /// Forgets the frames that still wait.
+    pub fn forget_unsent(&mut self) {
+        self.waiting.clear();
+    }
+
     /// Frames that still wait.
     #[must_use]
     pub fn unsent(&self) -> usize {

@@ -1,10 +1,14 @@
 //! A situation, set up once; every reaction is a branch of the run that has led there.
+//!
+//! One board serves all situations of its bus: between two of them it is switched off and on, and so are the motors. What the emulator
+//! has translated stays, which takes most of the time of a new board.
 
 use std::cell::RefCell;
 use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Duration;
 
+use host_protocol::requests::Ping;
 use host_protocol::{
     AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol, ProtocolSet,
     Setpoint, StopAction, StopTarget, Value, encode,
@@ -12,7 +16,7 @@ use host_protocol::{
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
 
-use super::situation::{Bus, Load, Place, Situation};
+use super::situation::{Bus, Flood, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
 use crate::board::{Board, serial_port};
@@ -47,6 +51,29 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const SEQUENCE: u16 = 0x7000;
 /// Of a byte on a UART: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
+const HOST_BITS_PER_SECOND: u32 = 921_600;
+
+/// How long a board is off between two situations, and until all is at rest then.
+const OFF: Duration = Duration::from_millis(10);
+const AT_REST: Duration = Duration::from_secs(1);
+/// How long the computers have sent without a pause when the command follows, at least.
+const FLOODED: Duration = Duration::from_millis(4);
+/// How long they do so once before.
+const REHEARSED: Duration = Duration::from_millis(20);
+/// Noise on the RS485 line lasts for so long: more than a branch whose stops come in time.
+const NOISE: Duration = Duration::from_millis(40);
+/// Bits per second of the buses that are there to be flooded.
+const FLOODED_CAN: (u8, u32) = (1, 1_000_000);
+const FLOODED_RS485: (u8, u32) = (2, 2_000_000);
+
+/// A board with the motors of one bus.
+pub(super) struct Stand {
+    bus: Bus,
+    machine: Rc<RefCell<Machine>>,
+    outside: Outside,
+    probes: [CanNode<Probe>; 2],
+    is_used: bool,
+}
 
 /// A situation.
 pub(super) struct Rig {
@@ -58,8 +85,7 @@ pub(super) struct Rig {
 }
 
 /// A board with what hangs on it, not yet switched on.
-fn wired(board: &dyn Fn() -> Builder, situation: Situation) -> (Builder, Outside, [CanNode<Probe>; 2]) {
-    let bus = situation.bus;
+fn wired(board: &dyn Fn() -> Builder, bus: Bus) -> (Builder, Outside, [CanNode<Probe>; 2]) {
     let motor = |node| MotorWiring {
         bus: bus.index(),
         protocol: bus.protocol(),
@@ -74,52 +100,110 @@ fn wired(board: &dyn Fn() -> Builder, situation: Situation) -> (Builder, Outside
     (board, outside, probes)
 }
 
-impl Rig {
-    /// Sets it up.
+impl Stand {
+    /// Switches it on.
+    pub(super) fn new(board: &dyn Fn() -> Builder, bus: Bus) -> Self {
+        let (powered_off, outside, probes) = wired(board, bus);
+        let machine = Rc::new(RefCell::new(powered_off.power_on()));
+        Self { bus, machine, outside, probes, is_used: false }
+    }
+
+    /// Sets a situation of its bus up. The one before is over.
     ///
     /// # Panics
     ///
     /// If the gateway refuses what it should do.
-    pub(super) fn new(board: &dyn Fn() -> Builder, situation: Situation) -> Self {
-        let (powered_off, outside, probes) = wired(board, situation);
-        let machine = Rc::new(RefCell::new(powered_off.power_on()));
+    pub(super) fn set_up(&mut self, situation: Situation) -> Rig {
+        assert_eq!(situation.bus, self.bus);
+        let is_first = !std::mem::replace(&mut self.is_used, true);
+        if !is_first {
+            self.start_anew();
+        }
         let connect = |link: usize, session| {
-            Client::connect_as(BoardTransport::new(&machine, outside.hosts[link]), session, 1).expect("hello")
+            let transport = BoardTransport::new(&self.machine, self.outside.hosts[link]);
+            Client::connect_as(transport, session, 1).expect("hello")
         };
         let mut client = connect(0, 1);
         let build_id = client.hello().build_id.to_string();
-        let set_up = configure(&mut client, situation).and_then(|()| rehearse(&mut client, situation));
-        set_up
+        let rehearsed = |client: &mut _| if is_first { rehearse(client, situation) } else { Ok(()) };
+        configure(&mut client, situation)
+            .and_then(|()| rehearsed(&mut client))
             .and_then(|()| arm(&mut client, situation))
             .unwrap_or_else(|error| panic!("{situation}: {error}"));
         // Known there, but without a say.
         drop((client, connect(1, 2)));
         {
-            let mut machine = machine.borrow_mut();
-            if situation.load == Load::Foreign(Place::BehindAll) {
-                let now = machine.now();
-                babble(&mut machine, probes, situation, now);
+            let mut machine = self.machine.borrow_mut();
+            let now = machine.now();
+            match situation.load {
+                Load::Foreign(Place::BehindAll) => {
+                    self.babble(&mut machine, &[self.bus.index()], situation, now)
+                }
+                Load::All => self.babble(&mut machine, &[self.bus.index(), FLOODED_CAN.0], situation, now),
+                Load::Quiet | Load::Own | Load::Foreign(_) | Load::Hosts(_) => {}
+            }
+            if let Some(of) = situation.load.flood() {
+                // So that branches find translated what serves it; it is over long before they begin.
+                for host in self.outside.hosts {
+                    machine.line(host).send(&flood(of, REHEARSED));
+                }
             }
             machine.run_for(SETTLED);
             for port in [CanPort::Bus0, CanPort::Bus1] {
                 machine.can_mut(port).take_log();
             }
-            machine.line(outside.rs485).clear_sent();
+            machine.line(self.outside.rs485).clear_sent();
+            if situation.load == Load::All {
+                let bytes = garbage(NOISE, FLOODED_RS485.1);
+                machine
+                    .drive_line(self.outside.rs485, |line, timeline| line.disturb(&bytes, false, timeline));
+            }
         }
-        let mut rig = Self { situation, machine, begin: Duration::ZERO, build_id };
+        let mut rig = Rig { situation, machine: Rc::clone(&self.machine), begin: Duration::ZERO, build_id };
         match situation.load {
-            Load::Own | Load::Foreign(Place::BehindAll) => {}
-            Load::Quiet => rig.begin = rig.quiet_spell(),
+            Load::Own | Load::Foreign(Place::BehindAll) | Load::All => {}
+            Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
             Load::Foreign(_) => {
                 rig.begin = rig.quiet_spell();
-                let mut machine = rig.machine.borrow_mut();
+                let mut machine = self.machine.borrow_mut();
                 let from = machine.now() + rig.begin;
-                babble(&mut machine, probes, situation, from);
+                self.babble(&mut machine, &[self.bus.index()], situation, from);
             }
         }
         rig
     }
 
+    /// Switches board and motors off and on, and has nobody else send any more.
+    fn start_anew(&self) {
+        let mut machine = self.machine.borrow_mut();
+        for probe in self.probes {
+            machine.node(probe).forget_unsent();
+            machine.node(probe).clear();
+        }
+        for motor in 0..self.outside.motors() {
+            self.outside.power_cycle(&mut machine, motor);
+        }
+        machine.power_cycle(OFF);
+        machine.run_for(AT_REST);
+        for host in self.outside.hosts {
+            machine.line(host).clear();
+        }
+    }
+
+    /// A node on each of these buses sends without a pause from an instant on.
+    fn babble(&self, machine: &mut Machine, buses: &[u8], situation: Situation, from: Duration) {
+        let frames = (SETTLED + LASTS).as_nanos() / (situation.bus.frame() * 3 / 4).as_nanos();
+        let frame = CanFrame::standard(situation.load_id(), &[0x55; 8]).expect("a frame");
+        for bus in buses {
+            let probe = machine.node(self.probes[usize::from(*bus)]);
+            for _ in 0..frames {
+                probe.send(from, &frame);
+            }
+        }
+    }
+}
+
+impl Rig {
     /// The build of the firmware.
     pub(super) fn build_id(&self) -> &str {
         &self.build_id
@@ -177,24 +261,24 @@ impl Rig {
         within: Duration,
         report: impl FnOnce(&mut Chip, Duration) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
-        let mut frame = [0; MAX_FRAME];
-        let length = encode(Kind::Request, SEQUENCE, C::NUMBER, command, &mut frame).expect("it fits");
-        let frame = frame[..length].to_vec();
-        let bits = BITS_PER_BYTE * u64::try_from(length).expect("short");
+        let command = request(command, SEQUENCE);
         let mut machine = self.machine.borrow_mut();
         let begin = self.begin + after;
-        let since =
-            machine.now() + begin + Duration::from_nanos(bits * Board::chosen().host_1_bit_ps() / 1000);
-        let send = move |part: &mut Chip, _| {
-            let host: &mut HostUart = serial_port(part, UartPort::Host1).peer_mut().expect("a computer");
-            assert_eq!(
-                (host.unsent(), host.settings().bit_ps),
-                (0, Board::chosen().host_1_bit_ps()),
-                "the line is free, as fast as it should be"
-            );
-            host.send(&frame);
+        // The command is behind what its computer has sent, and the other one sends as well.
+        let (before, behind) = match self.situation.load.flood() {
+            Some(of) => (flood(of, FLOODED), flood(of, within)),
+            None => (Vec::new(), Vec::new()),
         };
-        machine.branch(begin, send, within, move |part| report(part, since))
+        let bits = BITS_PER_BYTE * u64::try_from(before.len() + command.len()).expect("short");
+        let takes = Duration::from_nanos(bits * Board::chosen().host_1_bit_ps() / 1000);
+        let since = machine.now() + begin + takes;
+        let send = move |part: &mut Chip, _| {
+            computer(part, UartPort::Host0).send(&[&before[..], &behind[..]].concat());
+            let host = computer(part, UartPort::Host1);
+            assert_eq!(host.settings().bit_ps, Board::chosen().host_1_bit_ps(), "as fast as it should be");
+            host.send(&[&before[..], &command[..], &behind[..]].concat());
+        };
+        machine.branch(begin, send, takes + within, move |part| report(part, since))
     }
 
     /// When the longest pause of the bus begins, with a margin: from where the board stands.
@@ -249,6 +333,11 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
         false,
         REPLY_WINDOW,
     )?;
+    if load == Load::All {
+        for (bus, bitrate) in [FLOODED_CAN, FLOODED_RS485] {
+            client.configure_bus(bus, bitrate, ProtocolSet::of(&[Protocol::Rmd]), false, REPLY_WINDOW)?;
+        }
+    }
     let (refresh_us, poll_us) =
         if load == Load::Own { bus.busy_periods_us() } else { (RARELY_US, RARELY_US) };
     for axis in 0..bus.axes() {
@@ -305,14 +394,43 @@ fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result
     Ok(())
 }
 
-/// The node on the bus sends without a pause from an instant on.
-fn babble(machine: &mut Machine, probes: [CanNode<Probe>; 2], situation: Situation, from: Duration) {
-    let frames = (SETTLED + LASTS).as_nanos() / (situation.bus.frame() * 3 / 4).as_nanos();
-    let frame = CanFrame::standard(situation.load_id(), &[0x55; 8]).expect("a frame");
-    let probe = machine.node(probes[usize::from(situation.bus.index())]);
-    for _ in 0..frames {
-        probe.send(from, &frame);
+/// So many bytes as a line carries in that time: any, the delimiter among them, and the same in each run.
+fn garbage(duration: Duration, bits_per_second: u32) -> Vec<u8> {
+    let bits = duration.as_micros() * u128::from(bits_per_second) / 1_000_000;
+    let bytes = usize::try_from(bits / u128::from(BITS_PER_BYTE)).expect("a second or so");
+    // A linear congruential generator; its upper bits are the better ones.
+    let next = |state: &mut u32| {
+        *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        Some(state.to_be_bytes()[0])
+    };
+    let mut state = 1;
+    std::iter::from_fn(|| next(&mut state)).take(bytes).collect()
+}
+
+/// What a computer sends in that time, whole frames.
+fn flood(of: Flood, duration: Duration) -> Vec<u8> {
+    let bytes = garbage(duration, HOST_BITS_PER_SECOND);
+    match of {
+        Flood::Garbage => bytes,
+        Flood::Requests => {
+            let ping = |sequence| request(&Ping {}, sequence);
+            let requests = bytes.len().div_ceil(ping(0).len());
+            (0..SEQUENCE).cycle().take(requests).flat_map(ping).collect()
+        }
     }
+}
+
+fn request<C: Call>(command: &C, sequence: u16) -> Vec<u8> {
+    let mut frame = [0; MAX_FRAME];
+    let length = encode(Kind::Request, sequence, C::NUMBER, command, &mut frame).expect("it fits");
+    frame[..length].to_vec()
+}
+
+/// A computer whose line is free.
+fn computer(part: &mut Chip, port: UartPort) -> &mut HostUart {
+    let host: &mut HostUart = serial_port(part, port).peer_mut().expect("a computer");
+    assert_eq!(host.unsent(), 0);
+    host
 }
 
 #[cfg(test)]
@@ -330,7 +448,7 @@ mod tests {
     fn a_load_is_one() {
         for load in [Load::Own, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
-            let rig = Rig::new(&Machine::builder, situation);
+            let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
             let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16);
             assert!(stops.iter().all(Option::is_some), "{stops:?}");
             assert_eq!(
@@ -372,7 +490,7 @@ mod tests {
     #[test]
     fn stops_that_lose_to_a_load_are_reported_and_the_others_leave_in_time() {
         let situation = Situation { bus: Bus::Can, load: Load::Foreign(Place::Middle) };
-        let rig = Rig::new(&Machine::builder, situation);
+        let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
         let (winners, axes) = (situation.winners(), situation.bus.axes());
         let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(winners), 0..axes);
         for (k, stop) in (1..=winners).zip(&stops) {

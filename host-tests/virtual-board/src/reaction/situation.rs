@@ -26,6 +26,8 @@ const WINDOW: Duration = Duration::from_millis(1);
 const PERIODS: u32 = 16;
 /// The same of a load that keeps axes from their motors.
 const FEW_PERIODS: u32 = 3;
+/// Phases under floods from hosts.
+const FLOOD_PHASES: u32 = 4;
 /// Frames between two of them.
 const FRAMES_APART: u32 = 7;
 
@@ -48,6 +50,19 @@ pub(super) enum Load {
     Quiet,
     Own,
     Foreign(Place),
+    /// Nothing; but both computers send without a pause.
+    Hosts(Flood),
+    /// Both CAN buses carry foreign frames and the RS485 line noise, and both computers send requests, all without a pause.
+    All,
+}
+
+/// What a computer sends without a pause, a command in between.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flood {
+    /// The shortest request, again and again.
+    Requests,
+    /// Any bytes.
+    Garbage,
 }
 
 /// Where the id of another node lies among those of the axes.
@@ -61,6 +76,19 @@ pub(super) enum Place {
     BeforeHighest,
     /// Behind all.
     BehindAll,
+}
+
+impl Load {
+    const FLOODS: [Self; 3] = [Self::Hosts(Flood::Requests), Self::Hosts(Flood::Garbage), Self::All];
+
+    /// What the computers send.
+    pub(super) fn flood(self) -> Option<Flood> {
+        match self {
+            Self::Hosts(flood) => Some(flood),
+            Self::All => Some(Flood::Requests),
+            Self::Quiet | Self::Own | Self::Foreign(_) => None,
+        }
+    }
 }
 
 impl Place {
@@ -148,7 +176,9 @@ impl Situation {
         let loads = |bus: Bus| {
             let places: &[Place] = if bus.is_can() { &Place::ALL } else { &[] };
             let foreign = places.iter().map(|place| Load::Foreign(*place));
-            [Load::Quiet, Load::Own].into_iter().chain(foreign).map(move |load| Self { bus, load })
+            let floods: &[Load] = if bus == Bus::Can { &Load::FLOODS } else { &[] };
+            let loads = [Load::Quiet, Load::Own].into_iter().chain(foreign).chain(floods.iter().copied());
+            loads.map(move |load| Self { bus, load })
         };
         Bus::ALL.into_iter().flat_map(loads).collect()
     }
@@ -178,8 +208,14 @@ impl Situation {
             Load::Foreign(Place::BehindLowest) => 1,
             Load::Foreign(Place::Middle) => axes / 2,
             Load::Foreign(Place::BeforeHighest) => axes - 1,
-            Load::Quiet | Load::Own | Load::Foreign(Place::BehindAll) => axes,
+            Load::Quiet | Load::Own | Load::Foreign(Place::BehindAll) | Load::Hosts(_) | Load::All => axes,
         }
+    }
+
+    /// How many phases are looked at where others have so many: a branch under a flood takes the emulator ten times as long. They are
+    /// the first ones of always the same.
+    pub(super) fn phases(self, phases: u32) -> u32 {
+        if self.load.flood().is_some() { (phases / 8).clamp(1, FLOOD_PHASES) } else { phases }
     }
 
     /// The axis that is stopped alone in a phase.
@@ -190,17 +226,18 @@ impl Situation {
     /// The id of the load: right behind the last of those that win against it.
     pub(super) fn load_id(self) -> u16 {
         match self.load {
-            Load::Foreign(Place::BehindAll) => 0x7FF,
+            Load::Foreign(Place::BehindAll) | Load::All => 0x7FF,
             _ => self.bus.request_id(self.winners() - 1) + 1,
         }
     }
 
     /// How long after the snapshot the command of a phase is sent.
     pub(super) fn offset(self, phase: u32, phases: u32) -> Duration {
+        let phases = if self.load.flood().is_some() { FLOOD_PHASES } else { phases };
         let within = self.bus.frame() * phase / phases;
         match self.load {
             Load::Quiet => within,
-            Load::Own | Load::Foreign(Place::BehindAll) => {
+            Load::Own | Load::Foreign(Place::BehindAll) | Load::Hosts(_) | Load::All => {
                 within + self.bus.frame() * FRAMES_APART * (phase % PERIODS)
             }
             // The load begins shortly before: an axis that it keeps from its motor trips by itself.
@@ -219,6 +256,9 @@ impl fmt::Display for Situation {
             Load::Foreign(Place::BehindLowest) => "behind lowest",
             Load::Foreign(Place::Middle) => "middle",
             Load::Foreign(Place::BeforeHighest) => "before highest",
+            Load::Hosts(Flood::Requests) => "host requests",
+            Load::Hosts(Flood::Garbage) => "host garbage",
+            Load::All => "all floods",
         };
         write!(f, "{kind} {}, {load}", self.bus.bitrate())
     }
@@ -249,6 +289,8 @@ mod tests {
         assert_bound(Bus::Rs485, Load::Own, 1, 3530.6);
         assert_bound(Bus::FastRs485, Load::Own, 1, 1240.0);
         assert_bound(Bus::FastRs485, Load::Quiet, 1, 210.0);
+        assert_bound(Bus::Can, Load::Hosts(Flood::Garbage), 1, 235.0);
+        assert_bound(Bus::Can, Load::All, 16, 100.0 + 31.0 * 135.0);
     }
 
     /// The ids of the axes are 0x141 to 0x15F, and 1 to 21, every other one.
@@ -274,5 +316,8 @@ mod tests {
         assert_eq!([0, 25, 49].map(|phase| quiet.offset(phase, 50)), [us(0.0), us(67.5), us(132.3)]);
         let own = Situation { bus: Bus::Can, load: Load::Own };
         assert_eq!(own.offset(17, 50), us(45.9) + us(945.0));
+        let flood = Situation { bus: Bus::Can, load: Load::All };
+        assert_eq!([5, 20, 1000].map(|phases| flood.phases(phases)), [1, 2, 4]);
+        assert_eq!(flood.offset(1, 2), flood.offset(1, 4));
     }
 }

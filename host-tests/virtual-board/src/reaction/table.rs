@@ -3,6 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::measure::SPEEDS;
+
 /// By how much the worst may be worse than the committed worst: a twentieth, and 20 µs. The committed table has looked at more
 /// phases, so what is beyond that is the software's.
 const TOLERANCE: u64 = 20;
@@ -14,26 +16,34 @@ const COMMENT: char = '#';
 /// The first words of the lines with the build and the number of phases.
 const IMAGE: &str = "image";
 const PHASES: &str = "phases";
-/// Ends a row that breaks its bound.
+/// Ends a row that breaks its bound: at both speeds, or at the lower one.
 const OVER: &str = "over";
+const OVER_WHEN_SLOW: &str = "over at 100 M";
 /// The table is in tenths of a microsecond.
 const TENTH_NS: u64 = 100;
 /// No stop came in all the time that it was waited for.
 const NEVER: u64 = u64::MAX;
 const NEVER_TEXT: &str = "never";
 
-/// The reaction times of one command in one situation, ns.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Row {
-    /// The situation, and which stop.
-    pub what: String,
+/// The reaction times of one command in one situation at one speed, ns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Times {
     /// Of all phases.
     pub best: u64,
     /// The lower median.
     pub median: u64,
     /// Of all phases.
     pub worst: u64,
-    /// What it may be.
+}
+
+/// The reaction times of one command in one situation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Row {
+    /// The situation, and which stop.
+    pub what: String,
+    /// At each of the [`SPEEDS`].
+    pub times: [Times; SPEEDS.len()],
+    /// What they may be, ns.
     pub bound: u64,
 }
 
@@ -42,8 +52,8 @@ pub struct Row {
 pub struct Table {
     /// The build, as the firmware names it.
     pub image: String,
-    /// How many phases were looked at.
-    pub phases: u32,
+    /// How many phases were looked at, at each speed.
+    pub phases: [u32; SPEEDS.len()],
     /// The reaction times.
     pub rows: Vec<Row>,
 }
@@ -54,12 +64,25 @@ pub enum Complaint {
     /// The worst is worse than the committed worst by more than the tolerance.
     Slower {
         /// What was measured.
-        measured: Row,
+        what: String,
+        /// Instructions a second.
+        speed: u64,
+        /// The worst that was measured, ns.
+        measured: u64,
         /// The committed worst, ns.
         committed: u64,
     },
     /// The worst is beyond its bound, and the committed one is not.
-    OverBound(Row),
+    OverBound {
+        /// What was measured.
+        what: String,
+        /// Instructions a second.
+        speed: u64,
+        /// The worst that was measured, ns.
+        measured: u64,
+        /// The bound, ns.
+        bound: u64,
+    },
     /// The committed table has no such row.
     NotCommitted(String),
     /// A row of the committed table is measured no more.
@@ -73,35 +96,53 @@ pub struct Malformed {
     pub line: usize,
 }
 
-impl Row {
-    /// Of the times of all phases, rounded up to tenths of a microsecond, as the table has them; `None`: no stop came.
+impl Times {
+    /// Of all phases, rounded up to tenths of a microsecond, as the table has them; `None`: no stop came.
     ///
     /// # Panics
     ///
     /// Without any.
     #[must_use]
-    pub fn new(what: &str, took: &[Option<Duration>], bound: Duration) -> Self {
-        let ns = |span: Duration| u64::try_from(span.as_nanos()).expect("short").next_multiple_of(TENTH_NS);
-        let mut took: Vec<u64> = took.iter().map(|took| took.map_or(NEVER, ns)).collect();
+    pub fn of(took: &[Option<Duration>]) -> Self {
+        let mut took: Vec<u64> = took.iter().map(|took| took.map_or(NEVER, rounded)).collect();
         took.sort_unstable();
         let last = took.len().checked_sub(1).expect("a phase");
-        Self {
-            what: what.to_owned(),
-            best: took[0],
-            median: took[last / 2],
-            worst: took[last],
-            bound: ns(bound),
-        }
+        Self { best: took[0], median: took[last / 2], worst: took[last] }
+    }
+}
+
+/// Nanoseconds, rounded up to tenths of a microsecond.
+fn rounded(span: Duration) -> u64 {
+    u64::try_from(span.as_nanos()).expect("short").next_multiple_of(TENTH_NS)
+}
+
+impl Row {
+    /// A row.
+    #[must_use]
+    pub fn new(what: &str, times: [Times; SPEEDS.len()], bound: Duration) -> Self {
+        Self { what: what.to_owned(), times, bound: rounded(bound) }
     }
 
     fn parse(what: &str, columns: &[&str]) -> Option<Self> {
         let values: Option<Vec<u64>> = columns.iter().map(|column| tenths(column)).collect();
-        let [best, median, worst, bound] = values?[..] else { return None };
-        Some(Self { what: what.to_owned(), best, median, worst, bound })
+        let [best, median, worst, slow_best, slow_median, slow_worst, bound] = values?[..] else {
+            return None;
+        };
+        let fast = Times { best, median, worst };
+        let slow = Times { best: slow_best, median: slow_median, worst: slow_worst };
+        Some(Self { what: what.to_owned(), times: [fast, slow], bound })
     }
 
-    fn is_over(&self) -> bool {
-        self.worst > self.bound
+    fn is_over(&self, speed: usize) -> bool {
+        self.times[speed].worst > self.bound
+    }
+
+    fn verdict(&self) -> &'static str {
+        match (self.is_over(0), self.is_over(1)) {
+            (true, _) => OVER,
+            (false, true) => OVER_WHEN_SLOW,
+            (false, false) => "",
+        }
     }
 }
 
@@ -131,8 +172,14 @@ impl Table {
             let columns: Vec<&str> = content.split(SEPARATOR).map(str::trim).collect();
             match columns[..] {
                 [IMAGE, build] => image = Some(build.to_owned()),
-                [PHASES, count] => phases = Some(count.parse().map_err(|_| malformed)?),
-                [what, ref columns @ .., "" | OVER] => rows.push(Row::parse(what, columns).ok_or(malformed)?),
+                [PHASES, fast, slow] => {
+                    let count = |text: &str| text.parse().map_err(|_| Malformed { line });
+                    phases = Some([count(fast)?, count(slow)?]);
+                }
+                [what, ref columns @ .., verdict] => {
+                    let row = Row::parse(what, columns).filter(|row| row.verdict() == verdict);
+                    rows.push(row.ok_or(malformed)?);
+                }
                 _ => return Err(malformed),
             }
         }
@@ -149,19 +196,25 @@ impl Table {
         for row in &self.rows {
             match committed.rows.iter().find(|other| other.what == row.what) {
                 None => complaints.push(Complaint::NotCommitted(row.what.clone())),
-                Some(other) if row.is_over() && !other.is_over() => {
-                    complaints.push(Complaint::OverBound(row.clone()));
+                Some(other) => {
+                    complaints.extend((0..SPEEDS.len()).filter_map(|speed| worse(row, other, speed)))
                 }
-                Some(other) if row.worst > tolerated(other.worst) => {
-                    complaints.push(Complaint::Slower { measured: row.clone(), committed: other.worst });
-                }
-                Some(_) => {}
             }
         }
         let gone = committed.rows.iter().filter(|row| !self.rows.iter().any(|other| other.what == row.what));
         complaints.extend(gone.map(|row| Complaint::NotMeasured(row.what.clone())));
         complaints
     }
+}
+
+/// What is worse at one speed.
+fn worse(row: &Row, committed: &Row, at: usize) -> Option<Complaint> {
+    let (what, speed) = (row.what.clone(), SPEEDS[at]);
+    let (measured, before) = (row.times[at].worst, committed.times[at].worst);
+    if row.is_over(at) && !committed.is_over(at) {
+        return Some(Complaint::OverBound { what, speed, measured, bound: row.bound });
+    }
+    (measured > tolerated(before)).then_some(Complaint::Slower { what, speed, measured, committed: before })
 }
 
 fn tolerated(worst: u64) -> u64 {
@@ -184,17 +237,23 @@ impl fmt::Display for Tenths {
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{IMAGE} {SEPARATOR} {}", self.image)?;
-        writeln!(f, "{PHASES} {SEPARATOR} {}", self.phases)?;
+        let [fast, slow] = self.phases;
+        writeln!(f, "{PHASES} {SEPARATOR} {fast} {SEPARATOR} {slow}")?;
         let width = self.rows.iter().map(|row| row.what.chars().count()).max().unwrap_or_default();
-        let head = ["best us", "median us", "worst us", "bound us"]
-            .map(|column| format!(" {SEPARATOR} {column:>9}"));
-        writeln!(f, "{COMMENT}{:1$}{2}", "", width.saturating_sub(1), head.concat())?;
+        let million = SPEEDS.map(|speed| format!("{} M:", speed / 1_000_000));
+        let head = [&million[0], "", "", &million[1], "", ""].map(|speed| format!(" {SEPARATOR} {speed:>9}"));
+        writeln!(f, "{COMMENT}{:1$}{2} {SEPARATOR} {3:>9}", "", width.saturating_sub(1), head.concat(), "")?;
+        let times = ["best us", "median us", "worst us"].map(|column| format!(" {SEPARATOR} {column:>9}"));
+        let times = times.concat().repeat(SPEEDS.len());
+        writeln!(f, "{COMMENT}{:1$}{times} {SEPARATOR} {2:>9}", "", width.saturating_sub(1), "bound us")?;
         for row in &self.rows {
             write!(f, "{:width$}", row.what)?;
-            for value in [row.best, row.median, row.worst, row.bound] {
+            let times = row.times.iter().flat_map(|times| [times.best, times.median, times.worst]);
+            for value in times.chain([row.bound]) {
                 write!(f, " {SEPARATOR} {:>9}", Tenths(value))?;
             }
-            writeln!(f, " {SEPARATOR}{}", if row.is_over() { " over" } else { "" })?;
+            let verdict = row.verdict();
+            writeln!(f, " {SEPARATOR}{}{verdict}", if verdict.is_empty() { "" } else { " " })?;
         }
         Ok(())
     }
@@ -203,11 +262,13 @@ impl fmt::Display for Table {
 impl fmt::Display for Complaint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Slower { measured: Row { what, worst, .. }, committed } => {
-                write!(f, "{what}: {} us, the table has {} us", Tenths(*worst), Tenths(*committed))
+            Self::Slower { what, speed, measured, committed } => {
+                let (measured, committed) = (Tenths(*measured), Tenths(*committed));
+                write!(f, "{what}, at {speed} a second: {measured} us, the table has {committed} us")
             }
-            Self::OverBound(Row { what, worst, bound, .. }) => {
-                write!(f, "{what}: {} us, and the bound is {} us", Tenths(*worst), Tenths(*bound))
+            Self::OverBound { what, speed, measured, bound } => {
+                let (measured, bound) = (Tenths(*measured), Tenths(*bound));
+                write!(f, "{what}, at {speed} a second: {measured} us, and the bound is {bound} us")
             }
             Self::NotCommitted(row) => write!(f, "{row}: the table has no such row: renew it"),
             Self::NotMeasured(row) => write!(f, "{row}: is in the table, but is measured no more: renew it"),
@@ -233,10 +294,11 @@ mod tests {
     const COMMITTED: &str = "\
 # A comment.
 image | 0123456789ab
-phases | 1000
-#                  |   best us | median us |  worst us |  bound us
-CAN, quiet, one    |     100.0 |     150.5 |     180.0 |     200.0 |
-CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    4285.0 | over
+phases | 1000 | 500
+#                  |   best us | median us |  worst us |   best us | median us |  worst us |  bound us
+CAN, quiet, one    |     100.0 |     150.5 |     180.0 |     101.0 |     151.5 |     190.0 |     200.0 |
+CAN, quiet, first  |     100.0 |     150.5 |     170.0 |     101.0 |     251.5 |     290.0 |     200.0 | over at 100 M
+CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |    6000.0 |    4285.0 | over
 ";
 
     fn table() -> Table {
@@ -250,21 +312,22 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    4285.0 | over
 
     #[test]
     fn a_table_is_read_as_it_was_written() {
-        assert_eq!((table().image.as_str(), table().phases), ("0123456789ab", 1000));
-        assert_eq!((table().rows[0].median, table().rows[1].worst), (150_500, 5_000_000));
+        assert_eq!((table().image.as_str(), table().phases), ("0123456789ab", [1000, 500]));
+        assert_eq!((table().rows[0].times[0].median, table().rows[2].times[1].worst), (150_500, 6_000_000));
         let written = table().to_string();
         assert_eq!(Table::parse(&written).unwrap(), table());
-        assert!(written.ends_with("| over\n"), "{written}");
+        assert!(written.contains("| over at 100 M\n") && written.ends_with("| over\n"), "{written}");
     }
 
     #[test]
-    fn a_row_has_best_median_and_worst_rounded_up() {
+    fn times_are_best_median_and_worst_rounded_up() {
         let took = [3_050, 1_000, 2_001, 9_999].map(|ns| Some(Duration::from_nanos(ns)));
-        let row = Row::new("x", &took, Duration::from_micros(5));
-        assert_eq!((row.best, row.median, row.worst, row.bound), (1_000, 2_100, 10_000, 5_000));
-        let none = Row::new("x", &[took[0], None], Duration::from_micros(5));
+        let times = Times::of(&took);
+        assert_eq!((times.best, times.median, times.worst), (1_000, 2_100, 10_000));
+        let none = Times::of(&[took[0], None]);
         assert_eq!((none.best, none.worst), (3_100, NEVER));
-        let table = Table { image: String::new(), phases: 2, rows: vec![none] };
+        let row = Row::new("x", [times, none], Duration::from_micros(10));
+        let table = Table { image: String::new(), phases: [2, 2], rows: vec![row] };
         assert_eq!(Table::parse(&table.to_string()).unwrap(), table);
         assert_eq!(table.complaints(&table), []);
     }
@@ -277,17 +340,24 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    4285.0 | over
 
     /// 5000 × 1.05 + 20 = 5270.
     #[test]
-    fn slower_is_noticed_above_the_tolerance() {
+    fn slower_is_noticed_above_the_tolerance_at_each_speed() {
         assert_eq!(complaints("5000.0", "5270.0"), []);
         let found = complaints("5000.0", "5270.1");
         assert!(matches!(&found[..], [Complaint::Slower { committed: 5_000_000, .. }]), "{found:?}");
+        let found = complaints("6000.0", "6320.1");
+        assert!(matches!(&found[..], [Complaint::Slower { speed: 100_000_000, .. }]), "{found:?}");
     }
 
     #[test]
-    fn a_bound_that_was_kept_must_be_kept() {
+    fn a_bound_that_was_kept_must_be_kept_at_each_speed() {
         assert_eq!(complaints("180.0", "200.0"), []);
-        let found = complaints("180.0", "200.1");
-        assert!(matches!(&found[..], [Complaint::OverBound(row)] if row.worst == 200_100), "{found:?}");
+        let found = complaints(
+            "180.0 |     101.0 |     151.5 |     190.0 |     200.0 |",
+            "200.1 | 1.0 | 1.0 | 1.0 | 200.0 | over",
+        );
+        assert!(matches!(&found[..], [Complaint::OverBound { measured: 200_100, .. }]), "{found:?}");
+        let found = complaints("190.0 |     200.0 |", "200.1 |     200.0 | over at 100 M");
+        assert!(matches!(&found[..], [Complaint::OverBound { speed: 100_000_000, .. }]), "{found:?}");
     }
 
     #[test]
@@ -300,14 +370,16 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    4285.0 | over
     #[test]
     fn what_is_no_table_is_refused_with_its_line() {
         assert_eq!(Table::parse("image | x"), Err(Malformed { line: 0 }));
-        assert_eq!(Table::parse("image | x\nphases | many"), Err(Malformed { line: 2 }));
+        assert_eq!(Table::parse("image | x\nphases | 1 | many"), Err(Malformed { line: 2 }));
+        let row = |row: &str| Table::parse(&format!("image | x\nphases | 5 | 5\nCAN | {row}"));
+        assert!(row("1.0 | 2.0 | 3.0 | 1.0 | 2.0 | 3.0 | 4.0 |").is_ok());
+        for wrong in ["1.0 | 2.0 | 3.0 | 4.0 |", "1.00 | 2.0 | 3.0 | 1.0 | 2.0 | 3.0 | 4.0 |"] {
+            assert_eq!(row(wrong), Err(Malformed { line: 3 }));
+        }
         assert_eq!(
-            Table::parse("image | x\nphases | 5\nCAN | 1.0 | 2.0 | 3.0 |"),
-            Err(Malformed { line: 3 })
-        );
-        assert_eq!(
-            Table::parse("image | x\nphases | 5\nCAN | 1.00 | 2.0 | 3.0 | 4.0 |"),
-            Err(Malformed { line: 3 })
+            row("1.0 | 2.0 | 5.0 | 1.0 | 2.0 | 3.0 | 4.0 |"),
+            Err(Malformed { line: 3 }),
+            "over, untold"
         );
     }
 }
