@@ -62,8 +62,19 @@ impl Turn {
         yield_now().await;
     }
 
+    /// Ends a turn behind which the next stands ready: buses and deadlines go first too. A packet holds several requests, and each
+    /// may have to wait for one of them only. After [`IN_A_ROW`] turns everybody goes first.
+    pub async fn end_one_of_many(&self) {
+        self.task.set_priority(Urgency::Deadline as u8);
+        self.yield_once().await;
+    }
+
     /// Ends a turn: those as urgent that are ready go first, and after [`IN_A_ROW`] turns everybody.
     pub async fn end(&self) {
+        self.yield_once().await;
+    }
+
+    async fn yield_once(&self) {
         let in_a_row = self.in_a_row.get() + 1;
         let is_flooded = in_a_row >= IN_A_ROW;
         self.in_a_row.set(if is_flooded { 0 } else { in_a_row });

@@ -16,6 +16,9 @@ use crate::turn::{Turn, Urgency};
 use crate::usb::{self, PACKET, Receiver, Sender};
 use crate::watchdog::{Life, Watch};
 
+/// What frames of the host protocol end with.
+const DELIMITER: u8 = 0;
+
 /// For ever. Where the chip's USB does not start, the other links go on without it.
 #[embassy_executor::task]
 pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort, spawner: Spawner) {
@@ -54,11 +57,23 @@ async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
     let turn = Turn::of(Urgency::Demand).await;
     let mut packet = [0; PACKET as usize];
     loop {
-        let bytes = turn.wait(receiver.receive(&mut packet)).await;
-        gateway.handle(Event::HostBytes { link, bytes });
-        // A host that never stops writing must leave the processor to the others.
-        turn.end().await;
+        let mut bytes = turn.wait(receiver.receive(&mut packet)).await;
+        while !bytes.is_empty() {
+            let (frame, rest) = bytes.split_at(first_frame(bytes));
+            gateway.handle(Event::HostBytes { link, bytes: frame });
+            bytes = rest;
+            // A host that never stops writing must leave the processor to the others.
+            turn.end_one_of_many().await;
+        }
     }
+}
+
+/// The length of the first frame in these bytes, with the delimiters around it; all of them where none ends.
+fn first_frame(bytes: &[u8]) -> usize {
+    let is_delimiter = |byte: &u8| *byte == DELIMITER;
+    let begin = bytes.iter().position(|byte| !is_delimiter(byte)).unwrap_or(bytes.len());
+    let length = bytes.iter().skip(begin).position(is_delimiter);
+    length.map_or(bytes.len(), |length| begin + length + 1)
 }
 
 /// For ever: frames from the core to the host.

@@ -4,6 +4,9 @@
 //! they reach the driver only if the device has that endpoint. And the stack never lets another task run while the driver has
 //! events; here each waits for the next round.
 //!
+//! A packet that the host has not fetched when it resets the bus, or after an unplugged cable is plugged in again, keeps the endpoint of
+//! the H743 busy for ever: the stack switches no endpoint off at a reset. Here all are.
+//!
 //! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0 §9.4.5, §9.1.1.5). The drivers
 //! leave its toggle as it is, so that a packet would be lost, and the one of the G474 never returns from ending a halt that is none.
 
@@ -31,6 +34,12 @@ impl Endpoints {
 
     fn add(&mut self, info: &EndpointInfo) {
         self.0 |= Self::bit(info.addr);
+    }
+
+    /// Their addresses.
+    fn addresses(self) -> impl Iterator<Item = EndpointAddress> {
+        let of = |direction| (1..16).map(move |number| EndpointAddress::from_parts(number, direction));
+        of(Direction::Out).chain(of(Direction::In)).filter(move |address| self.has(*address))
     }
 
     fn has(self, address: EndpointAddress) -> bool {
@@ -105,7 +114,11 @@ impl<B: Bus> Bus for GuardedBus<B> {
     async fn poll(&mut self) -> Event {
         // First, as an event that is already taken would be lost if the stack dropped this future.
         yield_now().await;
-        self.bus.poll().await
+        let event = self.bus.poll().await;
+        if matches!(event, Event::Reset) {
+            self.endpoints.addresses().for_each(|address| self.bus.endpoint_set_enabled(address, false));
+        }
+        event
     }
 
     fn endpoint_set_enabled(&mut self, address: EndpointAddress, enabled: bool) {

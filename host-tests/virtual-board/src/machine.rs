@@ -25,6 +25,7 @@ pub use handles::{CanNode, CanPort, Line, UartPort};
 pub use pins::PinProbe;
 pub use plant::{Fault, Place};
 pub use reports::Reports;
+pub use rom::bootloader_entry;
 pub use snapshot::Snapshot;
 
 use std::time::Duration;

@@ -15,7 +15,7 @@ use super::core_thread::{CoreThread, PoweredOff};
 use super::handles::{CanNode, CanPort, Line, UartPort};
 use super::names::Names;
 use super::recorder::Recorder;
-use super::rom::rom_bootloader;
+use super::rom::{rom_bootloader, waiting_bootloader};
 use super::{Machine, Snapshot};
 use crate::board::{Board, serial_port};
 use virtual_stm32::Chip;
@@ -68,6 +68,7 @@ pub struct Builder {
     part: Box<Chip>,
     image: Image,
     started_by_rom: bool,
+    bootloader: bool,
     symbols: Symbols,
     names: Names,
     instructions_per_second: NonZeroU64,
@@ -101,6 +102,7 @@ impl Builder {
             part,
             image,
             started_by_rom: false,
+            bootloader: false,
             symbols,
             names,
             instructions_per_second: board.usual_rate(),
@@ -132,6 +134,13 @@ impl Builder {
     #[must_use]
     pub fn started_by_rom(mut self) -> Self {
         self.started_by_rom = true;
+        self
+    }
+
+    /// Puts a bootloader where the firmware starts it: it waits at [`bootloader_entry`](super::bootloader_entry).
+    #[must_use]
+    pub fn with_bootloader(mut self) -> Self {
+        self.bootloader = true;
         self
     }
 
@@ -171,7 +180,7 @@ impl Builder {
     }
 
     fn start(self, from: Option<Snapshot>) -> Machine {
-        let Self { part, image, started_by_rom, symbols, names, instructions_per_second } = self;
+        let Self { part, image, started_by_rom, bootloader, symbols, names, instructions_per_second } = self;
         let (vector_table, rom) = match started_by_rom {
             true => {
                 let (at, image) = rom_bootloader(Board::of(&part));
@@ -179,9 +188,10 @@ impl Builder {
             }
             false => (FLASH, None),
         };
-        let images: Vec<Image> = std::iter::once(image).chain(rom).collect();
-        let firmware = digest(&images, None);
         let board = Board::of(&part);
+        let bootloader = bootloader.then(|| waiting_bootloader(board));
+        let images: Vec<Image> = [Some(image), rom, bootloader].into_iter().flatten().collect();
+        let firmware = digest(&images, None);
         let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board);
         let board = Socket::new(board.name(), part, board.pace(instructions_per_second), vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);

@@ -1,4 +1,4 @@
-//! A ROM bootloader that does one thing: it leaves for the image in the flash, and its own vector table stays in place.
+//! ROM bootloaders that do one thing each: leave for the image in the flash, with their own vector table still in place, or wait.
 
 use std::path::Path;
 
@@ -40,4 +40,32 @@ pub fn rom_bootloader(board: Board) -> (u32, Image) {
     bytes.extend(LEAVE.into_iter().flat_map(u16::to_le_bytes));
     let image = Image::new(Path::new("ROM bootloader"), bytes, Some(rom.into()));
     (rom, image.expect("no ELF file, and placed"))
+}
+
+/// Where the firmware of a board starts the bootloader: its vector table (AN2606).
+const fn started_at(board: Board) -> u32 {
+    match board {
+        Board::NucleoH743zi => 0x1FF0_9800,
+        Board::NucleoG474re => 0x1FFF_0000,
+    }
+}
+
+/// RAM of either board, for the stack.
+const STACK: u32 = 0x2000_4000;
+
+/// The first instruction of the bootloader that a board's firmware starts.
+#[must_use]
+pub const fn bootloader_entry(board: Board) -> u64 {
+    (started_at(board) + WAIT) as u64
+}
+
+/// Where it lies, behind stack pointer and entry.
+const WAIT: u32 = 8;
+
+/// That bootloader, to be placed beside an image: it waits for an update that does not come.
+pub fn waiting_bootloader(board: Board) -> Image {
+    let place = started_at(board);
+    let mut bytes: Vec<u8> = [STACK, place + WAIT + THUMB].into_iter().flat_map(u32::to_le_bytes).collect();
+    bytes.extend(0xE7FE_u16.to_le_bytes()); // b .
+    Image::new(Path::new("ROM bootloader"), bytes, Some(place.into())).expect("no ELF file, and placed")
 }

@@ -4,7 +4,10 @@ use virtual_board::board::Board;
 use virtual_board::usb_session::{self, Described};
 use virtual_stm32::usb::host::Errors;
 
-use crate::{STARTED, builder, log};
+use crate::rig::{STARTED, builder, image};
+use crate::rtt;
+
+on_each_board!(a_host_enumerates_it);
 
 /// USB 2.1, class of several functions with associations, packets of 64; pid.codes' number for tests, version 0.1.0; strings 1 to 3,
 /// one configuration.
@@ -36,17 +39,7 @@ const UPDATE: [u8; 26] = [
     9, 0x21, 0x09, 50, 0, 64, 0, 0x10, 0x01,
 ];
 
-#[test]
-fn a_host_enumerates_the_h743() {
-    a_host_enumerates(Board::NucleoH743zi);
-}
-
-#[test]
-fn a_host_enumerates_the_g474() {
-    a_host_enumerates(Board::NucleoG474re);
-}
-
-fn a_host_enumerates(board: Board) {
+fn a_host_enumerates_it(board: Board) {
     let mut machine = builder(board).power_on();
     machine.run_for(STARTED);
     let Described { device, configuration, strings } = usb_session::connect(&mut machine);
@@ -56,7 +49,7 @@ fn a_host_enumerates(board: Board) {
     let [manufacturer, product, serial] = strings;
     assert_eq!([manufacturer, product], ["Motor gateway", "Motor gateway"]);
     let logged = format!("INFO host link 2: USB, serial number {serial}");
-    assert!(log(&mut machine, board).contains(&logged), "{logged}");
+    assert!(rtt::take(&mut machine, &image(board)).contains(&logged), "{logged}");
     assert_eq!(machine.usb().errors(), Errors::default());
     let told = machine.reports().told;
     assert!(told.iter().all(|told| told.instance == "RCC"), "{told:?}");

@@ -257,9 +257,10 @@ impl Host {
         !self.received.is_empty()
     }
 
-    /// Forgets the packets that it has still to send, and what it has received.
+    /// Forgets the packets that it has still to send, but for one that is on the bus, and what it has received.
     pub fn clear(&mut self) {
-        self.out.queue.clear();
+        let is_on_bus = matches!(self.transaction, Some((_, Transaction::Out { control: false, .. })));
+        self.out.queue.truncate(usize::from(is_on_bus));
         self.received.clear();
     }
 
