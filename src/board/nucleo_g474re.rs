@@ -40,7 +40,7 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
-use embassy_usb::driver::EndpointAddress;
+use embassy_usb::driver::{Bus, EndpointAddress};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::StaticCell;
@@ -193,8 +193,9 @@ impl UsbPort {
 /// What leaves STAT_RX and STAT_TX as they are.
 const KEPT: pac::usb::vals::Stat = pac::usb::vals::Stat::from_bits(0);
 
-/// Has an endpoint that is disabled begin with DATA0.
-pub fn begin_with_data0(endpoint: EndpointAddress) {
+/// Has an endpoint begin with DATA0 when it is enabled next. Until then it is disabled: nothing else turns its toggle meanwhile.
+pub fn begin_with_data0(bus: &mut impl Bus, endpoint: EndpointAddress) {
+    bus.endpoint_set_enabled(endpoint, false);
     let register = pac::USB.epr(endpoint.index());
     register.modify(|w| {
         // A 1 turns a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this toggle turns.
@@ -206,6 +207,12 @@ pub fn begin_with_data0(endpoint: EndpointAddress) {
         w.set_ctr_rx(true);
         w.set_ctr_tx(true);
     });
+}
+
+/// Ends the halt of an endpoint, which begins with DATA0.
+pub fn end_halt(bus: &mut impl Bus, endpoint: EndpointAddress) {
+    begin_with_data0(bus, endpoint);
+    bus.endpoint_set_enabled(endpoint, true);
 }
 
 /// Where the ROM bootloader's vector table lies (AN2606).

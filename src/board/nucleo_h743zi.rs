@@ -31,7 +31,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use embassy_time::{Duration, Instant, Timer};
-use embassy_usb::driver::{Direction, EndpointAddress};
+use embassy_usb::driver::{Bus, Direction, EndpointAddress};
 use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -216,13 +216,19 @@ impl UsbPort {
     }
 }
 
-/// Has an endpoint that is disabled begin with DATA0 (RM0433, OTG chapter, SD0PID).
-pub fn begin_with_data0(endpoint: EndpointAddress) {
+/// Has an endpoint begin with DATA0 (RM0433, OTG chapter, SD0PID).
+pub fn begin_with_data0(_: &mut impl Bus, endpoint: EndpointAddress) {
     let (registers, number) = (pac::USB_OTG_FS, endpoint.index());
     match endpoint.direction() {
         Direction::Out => registers.doepctl(number).modify(|w| w.set_sd0pid_sevnfrm(true)),
         Direction::In => registers.diepctl(number).modify(|w| w.set_sd0pid_sevnfrm(true)),
     }
+}
+
+/// Ends the halt of an endpoint, which begins with DATA0. What it has under way goes on: so does ST's HAL (`USB_EPClearStall`).
+pub fn end_halt(bus: &mut impl Bus, endpoint: EndpointAddress) {
+    bus.endpoint_set_stalled(endpoint, false);
+    begin_with_data0(bus, endpoint);
 }
 
 /// Waits for what the USB controller should do soon.

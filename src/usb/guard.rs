@@ -123,21 +123,20 @@ impl<B: Bus> Bus for GuardedBus<B> {
 
     fn endpoint_set_enabled(&mut self, address: EndpointAddress, enabled: bool) {
         if self.endpoints.has(address) {
-            self.bus.endpoint_set_enabled(address, false);
             if enabled {
-                // Of one that is disabled, as above.
-                self.bus.endpoint_set_stalled(address, false);
-                board::begin_with_data0(address);
-                self.bus.endpoint_set_enabled(address, true);
+                board::begin_with_data0(&mut self.bus, address);
             }
+            self.bus.endpoint_set_enabled(address, enabled);
         }
     }
 
     fn endpoint_set_stalled(&mut self, address: EndpointAddress, stalled: bool) {
-        if !stalled {
-            self.endpoint_set_enabled(address, true);
-        } else if self.endpoints.has(address) {
-            self.bus.endpoint_set_stalled(address, true);
+        if self.endpoints.has(address) {
+            if stalled {
+                self.bus.endpoint_set_stalled(address, true);
+            } else {
+                board::end_halt(&mut self.bus, address);
+            }
         }
     }
 
