@@ -17,6 +17,8 @@ pub use layout::RETAINED_WORDS;
 use core::mem::take;
 
 use crate::axis::{Axis, AxisConfig};
+use crate::bus::Bus;
+use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
@@ -239,6 +241,7 @@ impl Gateway {
     /// | words without the mark of this layout: power was off unnoticed, or another firmware wrote them | not latched | none |
     /// | every slot sound, or cut short by the reset | as it was | as they were |
     /// | a damaged copy of any slot | latched | all that are configured trip |
+    /// | a bus that the board cannot run now | as it was | what was in motion or tripped there is unreachable |
     ///
     /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where both are, the axis or bus is lost, and
     /// the latched e-stop says that something is.
@@ -280,6 +283,13 @@ impl Gateway {
             let (Some(config), Ok(bus)) = (payload.and_then(bus_config), u8::try_from(index)) else {
                 continue;
             };
+            if let Some(unserved) = self.buses.get_mut(index).filter(|bus| bus.is_unserved()) {
+                let bitrates = [config.bitrate];
+                if bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config).is_ok() {
+                    unserved.restore_unserved(config);
+                }
+                continue;
+            }
             let request = requests::ConfigureBus {
                 bus,
                 bitrate: config.bitrate,
@@ -303,14 +313,21 @@ impl Gateway {
     }
 
     fn stop_after_reset(&mut self, now: Instant, states: States) {
-        let Self { axes, links, history, .. } = self;
+        let Self { axes, buses, links, history, .. } = self;
         let mut out = Outbox::new(now, links);
+        let unserved = |axis: &Axis| {
+            let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
+            bus.is_some_and(Bus::is_unserved)
+        };
         for (index, axis) in axes.iter_mut().enumerate().filter(|(_, axis)| axis.state == AxisState::Idle) {
             let was_tripped = states.tripped & bit(index) != 0;
             if was_tripped || states.moving & bit(index) != 0 {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
                 let unreachable = was_tripped && states.unreachable & bit(index) != 0;
                 axis.trip_after_reset(now, known.unwrap_or(TripReason::Reset), unreachable, &mut out);
+                if unserved(axis) {
+                    axis.stop_not_sent(now, &mut out);
+                }
                 if was_tripped {
                     // It stands in the history already.
                     let _ = axis.take_unrecorded_trip();

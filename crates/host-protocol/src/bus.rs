@@ -29,6 +29,8 @@ wire! {
         BootPin,
         /// This revision of the chip can read wrong frames where two CAN controllers run.
         ChipRevision,
+        /// The clock that CAN needs does not run, and the chip's own is not exact enough.
+        NoClock,
     }
 
     /// What a bus of this board can do.

@@ -164,7 +164,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         enable_output: Some(true),
         random_number: true,
         memory_damaged: true,
-        bus_limit: Some(BusLimit::ChipRevision),
+        bus_limit: Some(BusLimit::NoClock),
     };
     let incident = Incident::Tripped { start: u32::MAX, axis: u8::MAX, trip: TRIP };
     let summary = AxisSummary {

@@ -146,6 +146,17 @@ impl Bus {
         self.restart(now, axes, out);
     }
 
+    /// Whether the board cannot run this bus at present, whatever its configuration: it offers no bitrate for it.
+    pub fn is_unserved(&self) -> bool {
+        self.port.bitrates.is_empty()
+    }
+
+    /// Takes the configuration that an unserved bus had before a reset: its axes stay known. It counts as off, and is never started.
+    pub fn restore_unserved(&mut self, config: BusConfig) {
+        self.config = Some(config);
+        self.state = BusState::BusOff;
+    }
+
     /// Has the port start the bus again; it drops what it holds.
     fn restart(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         self.generation = self.generation.wrapping_add(1);
@@ -197,7 +208,7 @@ impl Bus {
     }
 
     pub fn setup(&self) -> Option<BusSetup> {
-        let config = self.config.as_ref()?;
+        let config = self.config.as_ref().filter(|_| !self.is_unserved())?;
         Some(BusSetup { generation: self.generation, bitrate: config.bitrate })
     }
 

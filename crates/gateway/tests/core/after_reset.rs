@@ -1,7 +1,7 @@
 //! A reset in mid-motion: what the gateway remembers, and that it stops its motors before it speaks to anybody.
 
 use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
-use crate::rig::{Instead, Rig};
+use crate::rig::{BOARD_WITHOUT_CAN, Instead, Rig};
 use gateway::Event;
 use host_protocol::{
     AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply, Request,
@@ -298,4 +298,32 @@ fn buses_of_all_kinds_and_protocols_are_stopped() {
     assert_eq!(first, [HOLD, "30B#5443000000000000"]);
     assert_eq!(rig.sent_since(1, 0)[0], "00B#D50B050320000033");
     assert_eq!(rig.sent_since(2, 0)[0], "3E01088000000000000000F369");
+}
+
+#[test]
+fn on_a_bus_that_the_board_can_no_longer_run_what_moved_is_unreachable_until_it_can() {
+    let mut rig = moving();
+    bench::configure_bus(&mut rig, 2, 115_200, &[Protocol::Rmd]);
+    bench::configure_axis(&mut rig, 2, 2, Protocol::Rmd, 1, StopAction::Coast);
+    rig.reset_as(&BOARD_WITHOUT_CAN);
+    assert!(!rig.gateway.enable_output(), "nothing stops the motor on CAN");
+    rig.run(10_000);
+    assert_eq!(rig.sent_since(2, 0)[0], "3E01088000000000000000F369", "RS485 runs");
+    assert_eq!(rig.sent_since(0, 0), [""; 0]);
+    assert_eq!(rig.gateway.bus_setup(0), None, "no port starts it");
+    bench::hello(&mut rig);
+    assert_eq!(axes(&mut rig), [0, 1, 2]);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    let not_confirmed = Err(Error::StopNotConfirmed { axis: 0 });
+    assert_eq!(clear(&mut rig, 0), not_confirmed);
+    let arm = rig.ask(Request::Arm(requests::Arm { axis: 1 }));
+    assert!(arm.is_err(), "{arm:?}");
+    // It has its clock again.
+    rig.reset();
+    rig.run(1_000);
+    assert!(rig.sent_since(0, 0).contains(&HOLD));
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    assert!(rig.gateway.enable_output());
 }

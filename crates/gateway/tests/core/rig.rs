@@ -3,8 +3,8 @@
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit};
 use host_protocol::{
-    BootReason, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind, MAX_FRAME,
-    Reply, Request,
+    BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind,
+    MAX_FRAME, Reply, Request,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -30,8 +30,20 @@ const BOARD_VALUES: Board = Board {
 };
 
 /// The same board after its watchdog has reset it.
-pub static BOARD_AGAIN: Board =
+pub static BOARD_AGAIN: Board = BOARD_AGAIN_VALUES;
+const BOARD_AGAIN_VALUES: Board =
     Board { boot: BootReason::Watchdog, last_words: "no life from bus 1", ..BOARD_VALUES };
+
+/// The same again, without the clock that CAN needs.
+pub static BOARD_WITHOUT_CAN: Board = Board {
+    buses: &[
+        BusPort { kind: BusPortKind::Can, bitrates: &[] },
+        BusPort { kind: BusPortKind::Can, bitrates: &[] },
+        BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
+    ],
+    bus_limit: Some(BusLimit::NoClock),
+    ..BOARD_AGAIN_VALUES
+};
 
 const BUSES: usize = 3;
 
@@ -143,7 +155,12 @@ impl Rig {
 
     /// The watchdog resets the gateway: the motors go on, time begins anew, and what was saved is all that is left.
     pub fn reset(&mut self) {
-        self.gateway = Gateway::new(&BOARD_AGAIN, Some(0x8000_0000));
+        self.reset_as(&BOARD_AGAIN);
+    }
+
+    /// The same, and the board offers something else than before.
+    pub fn reset_as(&mut self, board: &'static Board) {
+        self.gateway = Gateway::new(board, Some(0x8000_0000));
         self.now_us = 500;
         self.due.clear();
         self.held.clear();

@@ -88,6 +88,10 @@ fn bus_limit(limit: BusLimit) -> &'static str {
             "bus 1 is off: with two CAN controllers this chip can read wrong frames; \
              buy one of revision V (NUCLEO-H743ZI2)"
         }
+        BusLimit::NoClock => {
+            "CAN is off: the board's clock did not run at the start, and the chip's own is not exact \
+             enough; see to the clock, then reset the board"
+        }
     }
 }
 
