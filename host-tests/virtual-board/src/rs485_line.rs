@@ -253,8 +253,10 @@ impl Rs485Line {
             port.hear(*start_ps, bit_ps, *byte, &mut heard);
         }
         port.rest(end_ps + SETTLE_BITS * self.settings.bit_ps, &mut heard);
-        for Sampled { start_ps, byte, damaged } in heard {
-            let end_ps = start_ps + BITS_PER_BYTE * self.settings.bit_ps;
+        // A receiver is ready for the next byte in the middle of the stop bit: a sender that is a little faster reaches into it.
+        let nexts = heard.iter().skip(1).map(|next| next.start_ps).chain([u64::MAX]).collect::<Vec<_>>();
+        for (Sampled { start_ps, byte, damaged }, next_ps) in heard.into_iter().zip(nexts) {
+            let end_ps = next_ps.min(start_ps + BITS_PER_BYTE * self.settings.bit_ps);
             self.arrive(Arriving { source: Source::Motor, start_ps, end_ps, byte, damaged });
         }
     }

@@ -22,15 +22,6 @@ const WINDOW: Duration = Duration::from_millis(2);
 const MOTOR: usize = 0;
 const AXIS: u8 = 0;
 
-/// The rate of the motor: the simulated line takes a byte at another rate for garbage sooner than a motor does.
-fn rate_of_motor(baud: u32) -> u32 {
-    match (Board::chosen(), baud) {
-        // What its port makes of it: 100 MHz / 67.
-        (Board::NucleoH743zi, 1_500_000) => 1_492_537,
-        _ => baud,
-    }
-}
-
 /// A board with one motor on its RS485 line.
 struct Bench {
     machine: Rc<RefCell<Machine>>,
@@ -41,13 +32,8 @@ struct Bench {
 impl Bench {
     fn at(baud: u32) -> Self {
         let mut board = Machine::builder();
-        let motor = MotorWiring {
-            bus: bus_rs485(),
-            protocol: Protocol::Rmd,
-            node: 1,
-            bitrate: rate_of_motor(baud),
-            can_id: None,
-        };
+        let motor =
+            MotorWiring { bus: bus_rs485(), protocol: Protocol::Rmd, node: 1, bitrate: baud, can_id: None };
         let outside = Outside::connect(&mut board, &[motor], SEED).expect("a sound wiring");
         let machine = Rc::new(RefCell::new(board.power_on()));
         let client =
