@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use host_protocol::{MAX_FRAME, Request, requests};
+use host_protocol::{MAX_FRAME, Request, StopTarget, requests};
 use virtual_board::board::Board;
 use virtual_board::machine::{Fault, Machine, Place};
 
@@ -87,4 +87,30 @@ fn what_comes_after_an_overflow_is_received_right() {
         second.gateway_status().expect("a status");
     }
     assert_eq!(lab.report(RMD).trip, None);
+}
+
+/// From the last bit of a stop to the first of its first frame (GUARANTEES G5), and what the bytes before it may take.
+const WITHIN: Duration = Duration::from_micros(300);
+
+/// The receiver takes 128 bytes at once, and may wait a millisecond for the end of a frame: not where it has come already.
+#[test]
+fn a_stop_behind_a_backlog_of_any_length_acts_at_once() {
+    let lab = Lab::configured();
+    let host = lab.outside.hosts[1];
+    let stop = Request::Stop(requests::Stop { target: StopTarget::All });
+    let mut machine = lab.machine.borrow_mut();
+    for (backlog, sequence) in [0, 1, 100, 105, 110, 127, 128, 129, 140, 200, 230].into_iter().zip(1..) {
+        let mut bytes = vec![1; backlog];
+        bytes.push(0);
+        bytes.extend(frame(&stop, sequence));
+        let since = machine.now();
+        machine.line(host).send(&bytes);
+        let all_sent = |machine: &mut Machine| machine.line(host).unsent() == 0;
+        assert!(machine.run_until(Duration::from_millis(10), all_sent));
+        let asked = machine.now() + Duration::from_secs_f64(10.0 / 921_600.0);
+        machine.run_for(Duration::from_millis(20));
+        let sent = wire_of(&mut machine, &lab.outside, BUS_RMD_AND_THRUSTER, since);
+        let first = wire::find(&sent, STOPS[usize::from(RMD)]).expect("a stop").first_bit;
+        assert!(first >= asked && first - asked < WITHIN, "behind {backlog}: {:?}", first - asked);
+    }
 }

@@ -8,7 +8,6 @@ use std::time::Duration;
 use host_protocol::{AxisParameter, Protocol, ProtocolSet, StopAction, StopTarget, Value};
 use mgw_client::Client;
 use mgw_sim::{Injection, MotorWiring};
-use virtual_board::board::Board;
 use virtual_board::machine::Machine;
 use virtual_board::outside::Outside;
 use virtual_board::rs485_line::Reply;
