@@ -45,6 +45,7 @@ use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::StaticCell;
 
+use super::clock;
 use super::host_links::HostLinks;
 use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
@@ -94,6 +95,9 @@ pub const HOST_UARTS: usize = 2;
 
 /// The crystal X3.
 const HSE_HZ: u32 = 24_000_000;
+/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for UARTs, not for CAN.
+const HSI_HZ: u32 = 16_000_000;
+const _: () = assert!(HSI_HZ / 4 * 84 == PLL_VCO_HZ);
 /// 24 MHz / 2 × 28 = 336 MHz. The processor gets half of it, 168 MHz: 170 MHz is the most, but makes no 800 kbit/s.
 const PLL_VCO_HZ: u32 = HSE_HZ / 2 * 28;
 /// PLL Q: 336 MHz / 4 = 84 MHz, one clock for all three controllers. Below the 168 MHz of APB1, which clocks their registers.
@@ -121,8 +125,8 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 
 const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
-/// Bus 0 while its input also decides where the chip starts from.
-const UNSAFE_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
+/// A CAN bus that cannot run now: bus 0 while its input also decides where the chip starts from, all of them without the crystal.
+const OFF_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
 const RS485_BUS: BusPort =
     BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
 
@@ -259,8 +263,13 @@ pub fn set_enable_output(active: bool) {
 /// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
 pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
-    set_clocks(&mut config.rcc);
+    let has_clock = crystal_swings(boot);
+    set_clocks(&mut config.rcc, has_clock);
     let p = embassy_stm32::init(config);
+    if has_clock {
+        // Should it stop, the chip goes on with its oscillator and tells `has_lost_clock`.
+        pac::RCC.cr().modify(|w| w.set_csson(true));
+    }
     boost();
     // An output until the next reset: dropped, it would become an input.
     core::mem::forget(Output::new(p.PB0, Level::Low, Speed::Low));
@@ -302,7 +311,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PA4, p.EXTI4, Pull::Up, Irqs),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
     };
-    (description(boot, last_words), ports)
+    (description(boot, last_words, has_clock), ports)
 }
 
 impl Ports {
@@ -324,12 +333,29 @@ impl Ports {
     }
 }
 
-fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
-    rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Oscillator });
+/// Whether the crystal swings.
+fn crystal_swings(boot: BootReason) -> bool {
+    pac::RCC.cr().modify(|w| w.set_hseon(true));
+    clock::starts(boot, HSI_HZ, || pac::RCC.cr().read().hserdy())
+}
+
+/// Whether the crystal has stopped since the start: the chip then raises its non-maskable interrupt.
+pub fn has_lost_clock() -> bool {
+    pac::RCC.cifr().read().cssf()
+}
+
+/// The same frequencies from either clock: without the crystal the PLL is fed by the chip's oscillator, 16 MHz / 4 × 84.
+fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
+    let (source, prediv, mul) = if has_clock {
+        rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Oscillator });
+        (PllSource::HSE, PllPreDiv::DIV2, PllMul::MUL28)
+    } else {
+        (PllSource::HSI, PllPreDiv::DIV4, PllMul::MUL84)
+    };
     rcc.pll = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV2,
-        mul: PllMul::MUL28,
+        source,
+        prediv,
+        mul,
         divp: None,
         divq: Some(PllQDiv::DIV4), // 336 MHz / 4 = 84 MHz: FDCAN kernel
         divr: Some(PllRDiv::DIV2), // 336 MHz / 2 = 168 MHz: processor
@@ -355,12 +381,15 @@ fn boost() {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason, last_words: &'static str) -> Board {
-    let (buses, bus_limit): (&[BusPort], _) = if starts_from_flash_always() {
+fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
+    let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
+        defmt::error!("CAN is off: the crystal does not swing, and the chip's own clock is not exact enough");
+        (&[OFF_CAN_BUS, OFF_CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::NoClock))
+    } else if starts_from_flash_always() {
         (&[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], None)
     } else {
         defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
-        (&[UNSAFE_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
+        (&[OFF_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
     };
     Board {
         name: "nucleo-g474re",

@@ -36,6 +36,7 @@ use gateway::{Board, BusPort, BusPortKind};
 use host_protocol::{BootReason, BusLimit};
 use static_cell::{ConstStaticCell, StaticCell};
 
+use super::clock;
 use super::host_links::HostLinks;
 use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
@@ -86,6 +87,9 @@ pub const HOST_UARTS: usize = 2;
 
 /// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
 const HSE_HZ: u32 = 8_000_000;
+/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for UARTs, not for CAN.
+const HSI_HZ: u32 = 64_000_000;
+const _: () = assert!(HSI_HZ / 8 == HSE_HZ);
 /// PLL1: 8 MHz × 100 = 800 MHz. The processor gets half of it, 400 MHz, the most at voltage scale 1.
 const PLL1_VCO_HZ: u32 = HSE_HZ * 100;
 /// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN registers.
@@ -286,8 +290,13 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         core.SCB.enable_icache();
     }
     let mut config = Config::default();
-    set_clocks(&mut config.rcc);
+    let has_clock = st_link_clocks_us(boot);
+    set_clocks(&mut config.rcc, has_clock);
     let p = embassy_stm32::init(config);
+    if has_clock {
+        // Should it stop, the chip goes on with its oscillator and tells `has_lost_clock`.
+        pac::RCC.cr().modify(|w| w.set_hsecsson(true));
+    }
     trim_by_usb_2();
     // An output until the next reset: dropped, it would become an input.
     core::mem::forget(Output::new(p.PE9, Level::Low, Speed::Low));
@@ -327,7 +336,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PE11, p.EXTI11, Pull::Up, Irqs),
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(boot, last_words), ports)
+    (description(boot, last_words, has_clock), ports)
 }
 
 impl Ports {
@@ -347,11 +356,29 @@ impl Ports {
     }
 }
 
-fn set_clocks(rcc: &mut embassy_stm32::rcc::Config) {
-    rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Bypass });
+/// Whether the ST-LINK gives its clock.
+fn st_link_clocks_us(boot: BootReason) -> bool {
+    pac::RCC.cr().modify(|w| w.set_hsebyp(true));
+    pac::RCC.cr().modify(|w| w.set_hseon(true));
+    clock::starts(boot, HSI_HZ, || pac::RCC.cr().read().hserdy())
+}
+
+/// Whether the ST-LINK's clock has stopped since the start: the chip then raises its non-maskable interrupt.
+pub fn has_lost_clock() -> bool {
+    pac::RCC.cifr().read().hsecssf()
+}
+
+/// The same frequencies from either clock: without the ST-LINK's PLL1 is fed by the chip's oscillator, 64 MHz / 8.
+fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
+    let (source, prediv) = if has_clock {
+        rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Bypass });
+        (PllSource::HSE, PllPreDiv::DIV1)
+    } else {
+        (PllSource::HSI, PllPreDiv::DIV8)
+    };
     rcc.pll1 = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV1,
+        source,
+        prediv,
         mul: PllMul::MUL100,
         fracn: None,
         divp: Some(PllDiv::DIV2),  // 800 MHz / 2 = 400 MHz: processor
@@ -381,8 +408,11 @@ fn trim_by_usb_2() {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason, last_words: &'static str) -> Board {
-    let (buses, bus_limit): (&[BusPort], _) = if reads_frames_right() {
+fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
+    let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
+        defmt::error!("CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough");
+        (&[OFF_CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::NoClock))
+    } else if reads_frames_right() {
         (&[CAN_BUS, CAN_BUS, RS485_BUS], None)
     } else {
         let revision = pac::DBGMCU.idc().read().rev_id();

@@ -72,19 +72,27 @@ impl Board {
         }
     }
 
-    /// Its chip, with the clock on its HSE pins: 8 MHz from the ST-LINK, or the 24 MHz crystal X3.
+    /// The clock on the HSE pins: from the ST-LINK, or the crystal X3.
+    pub(crate) const fn hse_hz(self) -> u64 {
+        match self {
+            Self::NucleoH743zi => 8_000_000,
+            Self::NucleoG474re => 24_000_000,
+        }
+    }
+
+    /// Its chip, with the clock on its HSE pins.
     ///
     /// # Panics
     ///
     /// If a chip is not described as our models expect it: a defect of the emulator.
     #[must_use]
     pub fn chip(self) -> Chip {
-        let (chip, hse_hz) = match self {
-            Self::NucleoH743zi => (Chip::new_h743(), 8_000_000),
-            Self::NucleoG474re => (Chip::new_g474(), 24_000_000),
+        let chip = match self {
+            Self::NucleoH743zi => Chip::new_h743(),
+            Self::NucleoG474re => Chip::new_g474(),
         };
         let mut chip = chip.unwrap_or_else(|error| panic!("{error}"));
-        chip.attach_hse(hse_hz);
+        chip.attach_hse(self.hse_hz());
         if let Chip::H743(part) = &mut chip {
             part.stm32.set_supply(SUPPLY_MILLIVOLTS);
             part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);

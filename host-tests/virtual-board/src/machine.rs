@@ -10,6 +10,7 @@ mod branch;
 mod builder;
 mod core_thread;
 mod handles;
+mod hse;
 mod names;
 mod pins;
 mod plant;

@@ -109,12 +109,18 @@ impl Chip {
         }
     }
 
-    /// Puts a crystal, or another clock of `hz`, on the HSE pins.
+    /// Puts a crystal, or another clock of `hz`, on the HSE pins; nothing where it is 0.
     pub fn attach_hse(&mut self, hz: u64) {
         match self {
-            Self::H743(part) => part.stm32.rcc.attach_crystals(hz, 0),
+            Self::H743(part) => part.attach_hse(hz),
             Self::G474(part) => part.clocks.attach_crystal(hz),
         }
+    }
+
+    /// The clock on the HSE pins stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the
+    /// NMI, which is up to the caller.
+    pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
+        either!(self, part => part.lose_hse(at))
     }
 
     /// A controller for CAN with its bus. FDCAN1 is 0.

@@ -345,6 +345,14 @@ impl Stm32g474 {
         self.bus.registers(PORTS[port]).expect("it is there")
     }
 
+    /// The crystal stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the NMI, which is
+    /// up to the caller.
+    pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
+        let slot = self.bus.slot(clocks::NAME).expect("it is there");
+        let (registers, mut context) = self.bus.drive(at, slot);
+        self.clocks.lose_crystal(registers, &mut context)
+    }
+
     /// Cuts the supply at an instant, or gives it back.
     pub(crate) fn supply(&mut self, at: VirtualNanos, on: bool) {
         let slot = self.bus.slot(clocks::NAME).expect("it is there");

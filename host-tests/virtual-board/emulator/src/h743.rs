@@ -6,7 +6,7 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32h743;
 use rigless::soc::stm32h743::generated::dbgmcu::Register as DebugRegister;
-use rigless::soc::stm32h743::generated::rcc::Register as ClockRegister;
+use rigless::soc::stm32h743::generated::rcc::{Register as ClockRegister, cifr, cr};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
@@ -33,6 +33,8 @@ const DEBUG_NAME: &str = "DBGMCU";
 const INTERCONNECT_NAME: &str = "AXI";
 /// The watchdog's name on the bus.
 const IWDG_NAME: &str = "IWDG";
+/// The clock controller's name on the bus.
+const CLOCKS_NAME: &str = "RCC";
 /// The flags of RCC_RSR after power-on (RM0433 §8.7.39).
 const POWER_ON_FLAGS: u64 = 0x00FE_0000;
 
@@ -76,6 +78,7 @@ struct Slots {
     fdcan: [usize; FDCANS],
     serial: [usize; SERIAL_NAMES.len()],
     iwdg: usize,
+    clocks: usize,
     crs: usize,
     interconnect: usize,
     debug: usize,
@@ -104,6 +107,7 @@ impl Stm32h743 {
             fdcan: [bus.slot(first)?, bus.slot(second)?],
             serial,
             iwdg: bus.slot(IWDG_NAME)?,
+            clocks: bus.slot(CLOCKS_NAME)?,
             crs: bus.slot(crs::NAME)?,
             interconnect: bus.slot(INTERCONNECT_NAME)?,
             debug: bus.slot(DEBUG_NAME)?,
@@ -133,6 +137,28 @@ impl Stm32h743 {
     pub fn set_revision(&mut self, revision: Revision, pretended: Option<Revision>) {
         (self.revision, self.pretended) = (revision, pretended);
         self.identify();
+    }
+
+    /// Puts a clock of `hz` on the HSE input; none where it is 0. A firmware that waits for it finds it ready.
+    pub fn attach_hse(&mut self, hz: u64) {
+        let (clocks, registers) = self.stm32.clocks();
+        clocks.attach_crystals(hz, 0);
+        let control = registers.get(ClockRegister::Cr);
+        let ready = hz > 0 && cr::HSEON.is_set(control);
+        registers.set(ClockRegister::Cr, cr::HSERDY.set(control, ready.into()));
+    }
+
+    /// The clock on the HSE input stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the
+    /// NMI, which is up to the caller.
+    pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
+        let slot = self.slots.clocks;
+        let mut clocks = std::mem::take(&mut self.stm32.rcc);
+        let (registers, mut context) = self.stm32.bus_mut().drive(at, slot);
+        clocks.fail_hse(registers, &mut context);
+        clocks.attach_crystals(0, 0);
+        let noticed = cifr::HSECSSF.is_set(registers.get(ClockRegister::Cifr));
+        self.stm32.rcc = clocks;
+        noticed
     }
 
     fn identify(&mut self) {
@@ -263,6 +289,12 @@ impl Mcu for Stm32h743 {
             slot if slot == slots.message_ram => {
                 window.disturb(disturbs);
                 window
+            }
+            slot if slot == slots.clocks && stm32.rcc.crystals().0 == 0 => {
+                // The emulator has an oscillator ready without anything on its pins.
+                let (_, registers) = stm32.clocks();
+                registers.set(ClockRegister::Cr, cr::HSERDY.set(registers.get(ClockRegister::Cr), 0));
+                return stm32.split(slot);
             }
             slot if let Some(block) = usb_windows.block(slot) => {
                 usb.select(block);

@@ -129,6 +129,13 @@ impl Builder {
         self
     }
 
+    /// Nothing is on the HSE input: no ST-LINK that clocks the chip, no crystal that swings.
+    #[must_use]
+    pub fn without_hse(mut self) -> Self {
+        self.part.attach_hse(0);
+        self
+    }
+
     /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector table still in place, as after an
     /// update over USB (DFU `:leave`, AN3156).
     #[must_use]

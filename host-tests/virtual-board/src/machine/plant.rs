@@ -138,7 +138,7 @@ impl Machine {
     }
 
     /// Writes instructions into the flash.
-    fn program(&mut self, address: u64, code: &[u16]) {
+    pub(super) fn program(&mut self, address: u64, code: &[u16]) {
         let code = code.to_vec();
         self.core.order(move |_, host, _, _| {
             for (at, halfword) in (address..).step_by(2).zip(code) {

@@ -10,6 +10,7 @@ mod end_to_end;
 mod faults;
 mod floods;
 mod gaps;
+mod hse;
 mod lab;
 mod log;
 mod only_g474;

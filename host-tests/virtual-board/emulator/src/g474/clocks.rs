@@ -9,7 +9,8 @@
 //! | CR, CRRCR, CSR, BDCR | an oscillator or the PLL is ready as soon as it is on; an HSE without a crystal never is |
 //! | CFGR | SWS follows SW if that clock runs |
 //! | CSR | the flags of the last resets, until RMVF |
-//! | not modelled | start-up times, the clock security system, the low-speed crystal |
+//! | CR CSSON | a crystal that stops moves the system to the HSI, stops the PLL that it feeds and sets CIFR CSSF; the NMI is up to the caller |
+//! | not modelled | start-up times, the low-speed crystal |
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange, ResetCause};
 use rigless::snapshot::store;
@@ -99,7 +100,7 @@ pub struct Clocks {
     driven: [Option<u64>; OUTPUTS.len()],
 }
 
-store!(Clocks { values: [hsi48_hz, watchdog, system, flags, driven], parts: [], built: [table, hse_hz] });
+store!(Clocks { values: [hse_hz, hsi48_hz, watchdog, system, flags, driven], parts: [], built: [table] });
 
 impl Default for Clocks {
     /// Without a crystal.
@@ -121,6 +122,23 @@ impl Clocks {
     /// Puts a crystal on the HSE pins.
     pub fn attach_crystal(&mut self, hz: u64) {
         self.hse_hz = hz;
+    }
+
+    /// The crystal stops. Whether the clock security system has noticed (RM0440, RCC chapter).
+    pub fn lose_crystal(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) -> bool {
+        let watched = ["CSSON", "HSERDY"].into_iter().all(|field| self.get(registers, "CR", field) == 1);
+        self.hse_hz = 0;
+        if watched {
+            self.set(registers, "CR", "HSEON", false);
+            if self.get(registers, "PLLCFGR", "PLLSRC") == 3 {
+                self.set(registers, "CR", "PLLON", false);
+            }
+            let (config, sw) = (self.row("CFGR"), self.field("CFGR", "SW"));
+            registers.set(config, sw.set(registers.get(config), HSI));
+            self.set(registers, "CIFR", "CSSF", true);
+        }
+        self.follow(registers, context);
+        watched
     }
 
     /// The part was reset. What the flags said before stays, until RMVF or the loss of power.
