@@ -8,7 +8,7 @@ use core::ops::Range;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use cortex_m::peripheral::{DCB, SCB};
+use cortex_m::peripheral::{DCB, MPU, SCB};
 use cortex_m_rt::{ExceptionFrame, exception};
 
 use crate::board;
@@ -19,6 +19,14 @@ use crate::last_words::{self, Text};
 const LOG_GRACE_CYCLES: u32 = 800_000;
 /// Return addresses that are kept where there is no message; the first few belong to the panic itself.
 const RETURN_ADDRESSES: usize = 12;
+/// The lowest bytes of the stack, which nothing may touch; a power of two.
+const GUARD: usize = 256;
+/// Bytes of stack that keeping the reason of a fault takes, and more, above the guard.
+const HANDLER_ROOM: usize = 2048;
+/// MPU_CTRL: on, and what no region covers is as without it (ARMv7-M Architecture Reference Manual, B3.5).
+const MPU_ON: u32 = 1 << 2 | 1;
+/// MPU_RASR: normal memory of 2^(SIZE + 1) bytes without any access; on.
+const NO_ACCESS: u32 = 1 << 28 | 1 << 19 | (GUARD.ilog2() - 1) << 1 | 1;
 /// Bytes of a word of the stack.
 const WORD: usize = size_of::<usize>();
 
@@ -46,11 +54,27 @@ const FAULTS: [(u32, &str); 19] = [
 ];
 
 unsafe extern "C" {
-    /// One past the highest word of the stack; cortex-m-rt's link.x.
+    /// One past the highest word of the stack, and its lowest; the board's memory regions.
     static _stack_start: u32;
+    static _stack_end: u32;
     /// Begin and end of the code; cortex-m-rt's link.x.
     static __stext: u8;
     static __etext: u8;
+}
+
+/// Has a stack that overflows fault at once, before it reaches the end of its memory; early in each start. The handlers of faults may
+/// touch the guard.
+pub fn guard_stack() {
+    // Safety: nothing else uses the MPU, and nothing lies in the guard.
+    unsafe {
+        let mpu = &*MPU::PTR;
+        mpu.rnr.write(0);
+        mpu.rbar.write(&raw const _stack_end as u32);
+        mpu.rasr.write(NO_ACCESS);
+        mpu.ctrl.write(MPU_ON);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 /// File and line first: a long message is cut.
@@ -71,14 +95,56 @@ fn defmt_panic() -> ! {
     })
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+// A handler that pushed onto a stack that is full would lock the processor up. None returns from here, so the stack can begin anew: not
+// where it has room, as what was saved at the fault lies there and must still be read.
+core::arch::global_asm!(
+    ".section .text.HardFault, \"ax\"",
+    ".global HardFault",
+    ".type HardFault, %function",
+    ".thumb_func",
+    "HardFault:",
+    "mov r0, sp",
+    "ldr r1, =_stack_end + {room}",
+    "cmp r0, r1",
+    "bhs 1f",
+    "ldr r1, =_stack_start",
+    "mov sp, r1",
+    "1: b {handler}",
+    room = const HANDLER_ROOM,
+    handler = sym hard_fault,
+);
+
+/// `frame`: what the processor saved, unless the stack had no room for it.
+unsafe extern "C" fn hard_fault(frame: *const ExceptionFrame) -> ! {
     restart_after(|text| {
+        let end = &raw const _stack_end as usize;
+        if frame.addr() < end + HANDLER_ROOM {
+            text.write_str("the stack is full: ")?;
+        }
+        if frame.addr() < end + GUARD {
+            text.write_str("hard fault")?;
+        } else {
+            // Safety: the processor has saved it on the stack, and nothing has been written over it.
+            let frame = unsafe { &*frame };
+            write!(text, "hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr())?;
+        }
         // Safety: reading this register changes nothing.
         let status = unsafe { (*SCB::PTR).cfsr.read() };
-        write!(text, "hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr())?;
         let met = FAULTS.iter().filter(|(bit, _)| status & (1 << bit) != 0);
         met.map(|(_, fault)| fault).try_for_each(|fault| write!(text, ", {fault}"))
+    })
+}
+
+/// The clock security system has noticed that the board's clock stands still, and the chip goes on with its own: what hangs on PLLs has
+/// stopped. The run after this one does without that clock.
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    restart_after(|text| {
+        text.write_str(if board::has_lost_clock() {
+            "the board's clock has stopped"
+        } else {
+            "non-maskable interrupt"
+        })
     })
 }
 

@@ -42,6 +42,7 @@ async fn main(spawner: embassy_executor::Spawner) {
 
     let boot = board::boot_reason();
     usb::bootloader::start_if_asked_for(boot);
+    fault::guard_stack();
     watchdog::start();
     let words = retained::start(boot);
     let is_bare = starts::count(boot);

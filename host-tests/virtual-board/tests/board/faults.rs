@@ -66,6 +66,7 @@ faults! {
     reset::a_hang_of_the_core_is_followed_by_stops
     reset::a_panic_in_a_task_is_followed_by_stops
     reset::a_hard_fault_is_followed_by_stops
+    reset::a_stack_that_is_full_faults_and_is_followed_by_stops
     reset::a_power_cycle_leaves_nothing_configured_and_says_so
     reset::after_a_reset_an_axis_is_cleared_and_moves_again
     two_hosts::the_second_host_may_read_and_stop_and_not_command

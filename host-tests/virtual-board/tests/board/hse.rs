@@ -1,4 +1,4 @@
-//! The clock that the ST-LINK gives: missing at the start, late, and lost while motors turn.
+//! The clock of the board, from the ST-LINK or a crystal: missing at the start, late, and lost while motors turn.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -12,26 +12,37 @@ use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Machine, UartPort};
 use virtual_board::transport::BoardTransport;
 
-use crate::lab::{AXES, BUS_RS485, D5, Lab, RMD, RMD_RS485, SEED, THRUSTER, wired};
+use crate::lab::{AXES, D5, Lab, RMD, RMD_RS485, SEED, THRUSTER, bus_rs485, wired};
 use crate::log;
 
-const NO_CLOCK: &str = "ERROR CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough";
-const ON_CAN: [u8; 3] = [RMD, THRUSTER, D5];
-
-/// Which buses the board offers, and why not all.
-fn offered(client: &mut Client<BoardTransport>) -> (Vec<bool>, Option<BusLimit>) {
-    let offered = client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
-    (offered, client.gateway_status().expect("a status").bus_limit)
+/// What the log begins with where CAN is off, by board.
+fn no_clock() -> &'static str {
+    match Board::chosen() {
+        Board::NucleoH743zi => "ERROR CAN is off: the ST-LINK gives no clock",
+        Board::NucleoG474re => "ERROR CAN is off: the crystal does not swing",
+    }
 }
 
+const ON_CAN: [u8; 3] = [RMD, THRUSTER, D5];
+
+/// How many buses the board offers, whether the last one, which is RS485, is among them, and why not all.
+fn offered(client: &mut Client<BoardTransport>) -> (usize, bool, Option<BusLimit>) {
+    let offered: Vec<bool> = client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
+    let limit = client.gateway_status().expect("a status").bus_limit;
+    (offered.iter().filter(|offered| **offered).count(), offered.last() == Some(&true), limit)
+}
+
+/// RS485 alone.
+const WITHOUT_CAN: (usize, bool, Option<BusLimit>) = (1, true, Some(BusLimit::NoClock));
+
 #[test]
-fn without_the_clock_of_the_st_link_rs485_runs_and_can_is_off() {
+fn without_the_boards_clock_rs485_runs_and_can_is_off() {
     let (board, outside, probes) = wired(SEED);
     let mut lab = Lab::around(board.without_hse().power_on(), outside, probes);
-    assert_eq!(offered(&mut lab.client), (vec![false, false, true], Some(BusLimit::NoClock)));
+    assert_eq!(offered(&mut lab.client), WITHOUT_CAN);
     let lines = log::take(&mut lab.machine.borrow_mut());
-    assert!(lines.iter().any(|line| line == NO_CLOCK), "{lines:?}");
-    lab.configure_bus(BUS_RS485);
+    assert!(lines.iter().any(|line| line.starts_with(no_clock())), "{lines:?}");
+    lab.configure_bus(bus_rs485());
     lab.configure_axis(RMD_RS485);
     lab.moving(&[RMD_RS485]);
     let resets = lab.machine.borrow_mut().reports().resets;
@@ -47,7 +58,8 @@ fn a_clock_that_comes_late_after_the_power_is_waited_for() {
     machine.borrow_mut().run_for(Duration::from_millis(70));
     machine.borrow_mut().restore_hse();
     let mut client = Client::connect_as(BoardTransport::new(&machine, host), 1, 1).expect("hello");
-    assert_eq!(offered(&mut client), (vec![true; 3], None));
+    let buses = client.hello().buses.len();
+    assert_eq!(offered(&mut client), (buses, true, None));
     assert!(machine.borrow_mut().reports().resets.is_empty());
 }
 
@@ -59,7 +71,7 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     lab.machine.borrow_mut().lose_hse();
     let reset = lab.now();
     assert_eq!(
-        lab.machine.borrow_mut().probe(Board::NucleoH743zi.enable()).driven(),
+        lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(),
         None,
         "the pin's resistor switches off"
     );
@@ -67,11 +79,11 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     let stop = lab.first_stop(RMD_RS485, reset);
     // It waits 20 ms for the clock.
     assert!(stop.first_bit - reset < Duration::from_millis(30), "{:?}", stop.first_bit - reset);
-    assert_eq!(lab.machine.borrow_mut().probe(Board::NucleoH743zi.enable()).driven(), Some(Level::Low));
+    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(), Some(Level::Low));
     lab.run_for(Duration::from_millis(300));
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.hello().boot, BootReason::Software);
-    assert_eq!(offered(&mut lab.client), (vec![false, false, true], Some(BusLimit::NoClock)));
+    assert_eq!(offered(&mut lab.client), WITHOUT_CAN);
     assert_eq!(lab.client.last_words().expect("a text"), "the board's clock has stopped");
     assert_eq!(lab.trip(RMD_RS485), Some((TripReason::Reset, true)));
     lab.assert_stopped_by_gateway(RMD_RS485, before);
@@ -87,5 +99,5 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     for axis in AXES {
         assert_eq!(lab.report(axis).state, AxisState::Tripped { confirmed: true }, "axis {axis}");
     }
-    assert_eq!(lab.machine.borrow_mut().probe(Board::NucleoH743zi.enable()).driven(), Some(Level::High));
+    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(), Some(Level::High));
 }

@@ -217,6 +217,27 @@ pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {
     faults.into_iter().flat_map(fault).collect()
 }
 
+/// A recursion without end, and a stack pointer at its end when something else faults.
+pub fn a_stack_that_is_full_faults_and_is_followed_by_stops() -> Vec<Reaction> {
+    // `NOP`; `PUSH {r0-r7, lr}`, `B` to it.
+    let recursion = Fault::Code(vec![0xBF00, 0xB5FF, 0xE7FD]);
+    // `LDR r0`, `MOV sp, r0`, `UDF`; the word 0x2000_0080 or 0x1000_0080: the frame of the fault has no room.
+    let stack = match Board::chosen() {
+        Board::NucleoH743zi => 0x2000,
+        Board::NucleoG474re => 0x1000,
+    };
+    let end = Fault::Code(vec![0x4801, 0x4685, 0xDE00, 0xBF00, 0x0080, stack]);
+    let words = "the stack is full: hard fault, forbidden memory on entry to an exception";
+    let faults = [
+        ("recursion without end", &recursion, "the stack is full: hard fault"),
+        ("fault on a full stack", &end, words),
+    ];
+    let task = task("motor_gateway::tasks::light::light", 0);
+    let fault =
+        |(name, fault, words)| restarts(name, Cause::Planted(task, fault, words), BootReason::Software);
+    faults.into_iter().flat_map(fault).collect()
+}
+
 /// The board loses its supply and the motors do not: nothing is configured any more, so nobody says a word to them, and
 /// that is told. Each stops when its own timeout strikes.
 pub fn a_power_cycle_leaves_nothing_configured_and_says_so() -> Vec<Reaction> {
