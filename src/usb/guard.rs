@@ -4,11 +4,11 @@
 //! they reach the driver only if the device has that endpoint. And the stack never lets another task run while the driver has
 //! events; here each waits for the next round.
 //!
-//! A packet that the host has not fetched when it resets the bus, or after an unplugged cable is plugged in again, keeps the endpoint of
-//! the H743 busy for ever: the stack switches no endpoint off at a reset. Here all are.
+//! A packet that the host has not fetched when it resets the bus, or after an unplugged cable is plugged in again, keeps an endpoint
+//! of the OTG controller busy for ever: the stack switches no endpoint off at a reset. Here all are.
 //!
 //! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0 §9.4.5, §9.1.1.5). The drivers
-//! leave its toggle as it is, so that a packet would be lost, and the one of the G474 never returns from ending a halt that is none.
+//! leave its toggle as it is, so that a packet would be lost, and the one of the controller with packet memory never returns from ending a halt that is none.
 
 use embassy_futures::yield_now;
 use embassy_usb::driver::{

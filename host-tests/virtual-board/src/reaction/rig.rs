@@ -64,7 +64,7 @@ const REHEARSED: Duration = Duration::from_millis(20);
 const NOISE: Duration = Duration::from_millis(40);
 /// Bits per second of the buses that are there to be flooded.
 const FLOODED_CAN: (u8, u32) = (1, 1_000_000);
-const FLOODED_RS485: (u8, u32) = (2, 2_000_000);
+const FLOODED_BAUD: u32 = 2_000_000;
 
 /// A board with the motors of one bus.
 pub(super) struct Stand {
@@ -154,7 +154,7 @@ impl Stand {
             }
             machine.line(self.outside.rs485).clear_sent();
             if situation.load == Load::All {
-                let bytes = garbage(NOISE, FLOODED_RS485.1);
+                let bytes = garbage(NOISE, FLOODED_BAUD);
                 machine
                     .drive_line(self.outside.rs485, |line, timeline| line.disturb(&bytes, false, timeline));
             }
@@ -334,7 +334,7 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
         REPLY_WINDOW,
     )?;
     if load == Load::All {
-        for (bus, bitrate) in [FLOODED_CAN, FLOODED_RS485] {
+        for (bus, bitrate) in [FLOODED_CAN, (Board::chosen().rs485_bus(), FLOODED_BAUD)] {
             client.configure_bus(bus, bitrate, ProtocolSet::of(&[Protocol::Rmd]), false, REPLY_WINDOW)?;
         }
     }

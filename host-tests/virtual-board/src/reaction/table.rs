@@ -3,6 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::board::Board;
 use crate::measure::SPEEDS;
 
 /// By how much the worst may be worse than the committed worst: a twentieth, and 20 µs. The committed table has looked at more
@@ -209,7 +210,7 @@ impl Table {
 
 /// What is worse at one speed.
 fn worse(row: &Row, committed: &Row, at: usize) -> Option<Complaint> {
-    let (what, speed) = (row.what.clone(), SPEEDS[at]);
+    let (what, speed) = (row.what.clone(), Board::chosen().speeds()[at]);
     let (measured, before) = (row.times[at].worst, committed.times[at].worst);
     if row.is_over(at) && !committed.is_over(at) {
         return Some(Complaint::OverBound { what, speed, measured, bound: row.bound });
@@ -240,7 +241,7 @@ impl fmt::Display for Table {
         let [fast, slow] = self.phases;
         writeln!(f, "{PHASES} {SEPARATOR} {fast} {SEPARATOR} {slow}")?;
         let width = self.rows.iter().map(|row| row.what.chars().count()).max().unwrap_or_default();
-        let million = SPEEDS.map(|speed| format!("{} M:", speed / 1_000_000));
+        let million = Board::chosen().speeds().map(|speed| format!("{} M:", speed / 1_000_000));
         let head = [&million[0], "", "", &million[1], "", ""].map(|speed| format!(" {SEPARATOR} {speed:>9}"));
         writeln!(f, "{COMMENT}{:1$}{2} {SEPARATOR} {3:>9}", "", width.saturating_sub(1), head.concat(), "")?;
         let times = ["best us", "median us", "worst us"].map(|column| format!(" {SEPARATOR} {column:>9}"));
