@@ -40,7 +40,7 @@ fn main() -> ExitCode {
 
 /// Whether the committed table holds.
 fn run(renew: bool) -> Result<bool, Box<dyn Error>> {
-    let measured = measure(&image_path()?)?;
+    let measured = measure(&image_path()?, renew)?;
     print!("{measured}");
     let (path, board) = (Path::new(COMMITTED), Board::chosen());
     let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;

@@ -84,11 +84,12 @@ fn live(
     client.list_axes()?;
     client.subscribe(&[0, 1, 2, 3], StateFields::from_bits(u8::MAX), SAMPLE_PERIOD)?;
     // Before a motor holds.
-    client.raw_open(2)?;
-    client.raw_send(2, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
+    let line = Board::chosen().rs485_bus();
+    client.raw_open(line)?;
+    client.raw_send(line, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
     stay(client, TTL)?;
-    client.raw_receive(2)?;
-    client.raw_close(2)?;
+    client.raw_receive(line)?;
+    client.raw_close(line)?;
 
     move_all(client)?;
     client.stop(StopTarget::All)?;
