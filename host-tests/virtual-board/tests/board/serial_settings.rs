@@ -68,7 +68,7 @@ fn both_host_links_run_at_921600_baud() {
     let lab = Lab::configured();
     let expected = match Board::chosen() {
         Board::NucleoH743zi => [917_431, 917_431],
-        Board::NucleoG474re => [921_594, 923_076],
+        Board::NucleoG474re => [921_594, 923_077],
     };
     for (host, expected) in lab.outside.hosts.into_iter().zip(expected) {
         let settings = lab.machine.borrow_mut().line(host).settings();
