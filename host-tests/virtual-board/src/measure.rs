@@ -130,11 +130,7 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
 type Measured = (&'static str, &'static str, u64);
 
 /// Runs everything twice, to find the instants and to count at them.
-fn measure_at(
-    board: &dyn Fn() -> Builder,
-    instructions_per_second: u64,
-    is_traced: bool,
-) -> Vec<Measured> {
+fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64, is_traced: bool) -> Vec<Measured> {
     let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
     let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
     let traced = spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();

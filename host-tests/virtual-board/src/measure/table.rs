@@ -129,9 +129,10 @@ impl Table {
                 None => complaints.push(Complaint::NotCommitted(row.name())),
             }
         }
-        let gone = committed.rows.iter().filter(|row| {
-            !row.unit.ends_with(OF_A_TRACE) && !self.rows.iter().any(|other| row.is_of(other))
-        });
+        let gone = committed
+            .rows
+            .iter()
+            .filter(|row| !row.unit.ends_with(OF_A_TRACE) && !self.rows.iter().any(|other| row.is_of(other)));
         complaints.extend(gone.map(|row| Complaint::NotMeasured(row.name())));
         complaints
     }

@@ -199,5 +199,8 @@ fn a_watch_sees_each_write() {
 fn without_image_it_says_how_to_build_one() {
     let missing = virtual_board::machine::Builder::new("/nowhere/motor-gateway".as_ref()).unwrap_err();
     let message = missing.to_string();
-    assert!(message.contains("/nowhere/motor-gateway") && message.contains("`.ci/virtual-board`"), "{message}");
+    assert!(
+        message.contains("/nowhere/motor-gateway") && message.contains("`.ci/virtual-board`"),
+        "{message}"
+    );
 }
