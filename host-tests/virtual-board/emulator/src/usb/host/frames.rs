@@ -124,7 +124,16 @@ impl Host {
         }
     }
 
+    /// The answer to what was sent to the device.
     fn handshake(&mut self, at: VirtualNanos, control: bool, answer: Handshake) {
+        let end = self.end_by(at, control, answer);
+        if !control {
+            self.out.answered(end, answer);
+        }
+    }
+
+    /// Ends a transaction by an answer, and tells the control transfer where it is one of its. Returns when it has ended.
+    fn end_by(&mut self, at: VirtualNanos, control: bool, answer: Handshake) -> VirtualNanos {
         let rest = if answer == Handshake::NoResponse { NO_ANSWER } else { 2 * BETWEEN + HANDSHAKE };
         let end = after(at, bits(rest));
         self.transaction = Some((end, Transaction::Ending));
@@ -132,9 +141,8 @@ impl Host {
         if control {
             let ended = self.control.as_mut().and_then(|progress| progress.answered(end, answer));
             self.end_control(ended);
-        } else {
-            self.out.answered(end, answer);
         }
+        end
     }
 
     fn not_given(&mut self, at: VirtualNanos, control: bool, answer: &Input) {
@@ -143,14 +151,8 @@ impl Host {
             Input::NoResponse => Handshake::NoResponse,
             Input::Nak | Input::Data(..) => Handshake::Nak,
         };
-        let rest = if answer == Handshake::NoResponse { NO_ANSWER } else { 2 * BETWEEN + HANDSHAKE };
-        let end = after(at, bits(rest));
-        self.transaction = Some((end, Transaction::Ending));
-        self.errors.no_response += u32::from(answer == Handshake::NoResponse);
-        if control {
-            let ended = self.control.as_mut().and_then(|progress| progress.answered(end, answer));
-            self.end_control(ended);
-        } else {
+        let end = self.end_by(at, control, answer);
+        if !control {
             self.input.answered(end, answer);
         }
     }
