@@ -39,10 +39,11 @@ pub const LEGEND: &str = "\
 # evenly over the time of one frame, and with a load over sixteen periods of it as well; each is a branch of one run, as from a snapshot.
 # The bound is that of GUARANTEES G5. Under floods from hosts there are four at most.
 #
-#     .ci/virtual-board reaction                          20 and 5 phases, compared with this table, as CI does
+#     .ci/virtual-board reaction                          20 and 5 phases, compared with this table
 #     .ci/virtual-board reaction --phases 1000 --renew    writes it anew
 #
-# CI fails when the worst of its phases is more than 5 % and 20 us above the worst here, or above the bound and that of the table is
+# CI looks at three lines.
+# A comparison fails when the worst of its phases is more than 5 % and 20 us above the worst here, or above the bound and that of the table is
 # not: a line with \"over\" breaks its bound, and says so; SAFETY.md lists them. never: no stop came within 100 ms of the bound.
 #
 # quiet      the axes stand, nothing else is on the bus at that time
