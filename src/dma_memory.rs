@@ -1,7 +1,8 @@
-//! Memory that DMA reads and writes, in a section of its own, `.dma`: the processor's own data may lie where DMA does not reach.
+//! Memory that DMA reads and writes, in a section of its own, `.dma`: the processor's own data may
+//! lie where DMA does not reach.
 //!
-//! [`buffer`] is the only way to such memory, and the lines take no other: nothing that a task owns is handed to DMA. `.ci/size` finds
-//! the buffers by the name that it gives them.
+//! [`buffer`] is the only way to such memory, and the lines take no other: nothing that a task owns
+//! is handed to DMA. `.ci/size` finds the buffers by the name that it gives them.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -20,8 +21,9 @@ impl<const BYTES: usize> Room<BYTES> {
         Self(UnsafeCell::new(MaybeUninit::uninit()))
     }
 
-    /// Fills it with zeros and hands it out. The zeros matter: RAM with an error-correcting code reports an error where DMA writes a byte
-    /// into a word that has never been written whole (RM0433, RAMECC).
+    /// Fills it with zeros and hands it out. The zeros matter: RAM with an error-correcting code
+    /// reports an error where DMA writes a byte into a word that has never been written whole
+    /// (RM0433, RAMECC).
     ///
     /// # Panics
     ///
@@ -56,7 +58,8 @@ macro_rules! buffer {
     ($bytes:expr) => {{
         #[unsafe(link_section = ".dma")]
         static DMA_BUFFER: $crate::dma_memory::Room<{ $bytes }> = $crate::dma_memory::Room::new();
-        static IS_TAKEN: core::sync::atomic::AtomicBool = core::sync::atomic::AtomicBool::new(false);
+        static IS_TAKEN: core::sync::atomic::AtomicBool =
+            core::sync::atomic::AtomicBool::new(false);
         DMA_BUFFER.take(&IS_TAKEN)
     }};
 }

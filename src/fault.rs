@@ -1,7 +1,8 @@
-//! What happens after a panic or a processor fault: the enable output goes inactive, the reason is kept, and the board starts
-//! again at once.
+//! What happens after a panic or a processor fault: the enable output goes inactive, the reason is
+//! kept, and the board starts again at once.
 //!
-//! A gateway that stands still is worse than one that starts again: after the reset it stops every motor that it knew.
+//! A gateway that stands still is worse than one that starts again: after the reset it stops every
+//! motor that it knew.
 
 use core::fmt::{self, Write};
 use core::ops::Range;
@@ -14,23 +15,27 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use crate::board;
 use crate::last_words::{self, Text};
 
-/// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes it: 2 ms at 400 MHz. Without a
-/// probe there is no wait, and the run after this one logs the text anyway.
+/// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes
+/// it: 2 ms at 400 MHz. Without a probe there is no wait, and the run after this one logs the text
+/// anyway.
 const LOG_GRACE_CYCLES: u32 = 800_000;
-/// Return addresses that are kept where there is no message; the first few belong to the panic itself.
+/// Return addresses that are kept where there is no message; the first few belong to the panic
+/// itself.
 const RETURN_ADDRESSES: usize = 12;
 /// The lowest bytes of the stack, which nothing may touch; a power of two.
 const GUARD: usize = 256;
 /// Bytes of stack that keeping the reason of a fault takes, and more, above the guard.
 const HANDLER_ROOM: usize = 2048;
-/// MPU_CTRL: on, and what no region covers is as without it (ARMv7-M Architecture Reference Manual, B3.5).
+/// MPU_CTRL: on, and what no region covers is as without it (ARMv7-M Architecture Reference Manual,
+/// B3.5).
 const MPU_ON: u32 = 1 << 2 | 1;
 /// MPU_RASR: normal memory of 2^(SIZE + 1) bytes without any access; on.
 const NO_ACCESS: u32 = 1 << 28 | 1 << 19 | (GUARD.ilog2() - 1) << 1 | 1;
 /// Bytes of a word of the stack.
 const WORD: usize = size_of::<usize>();
 
-/// What the bits of the configurable fault status register, CFSR, mean (ARMv7-M Architecture Reference Manual, B3.2.15).
+/// What the bits of the configurable fault status register, CFSR, mean (ARMv7-M Architecture
+/// Reference Manual, B3.2.15).
 const FAULTS: [(u32, &str); 19] = [
     (0, "instruction from forbidden memory"),
     (1, "data access to forbidden memory"),
@@ -62,8 +67,8 @@ unsafe extern "C" {
     static __etext: u8;
 }
 
-/// Has a stack that overflows fault at once, before it reaches the end of its memory; early in each start. The handlers of faults may
-/// touch the guard.
+/// Has a stack that overflows fault at once, before it reaches the end of its memory; early in each
+/// start. The handlers of faults may touch the guard.
 pub fn guard_stack() {
     // Safety: nothing else uses the MPU, and nothing lies in the guard.
     unsafe {
@@ -86,7 +91,8 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     })
 }
 
-/// Panics of the logger's own macros: the message is in the log and nowhere else, so the way there is kept.
+/// Panics of the logger's own macros: the message is in the log and nowhere else, so the way there
+/// is kept.
 #[defmt::panic_handler]
 fn defmt_panic() -> ! {
     restart_after(|text| {
@@ -95,8 +101,9 @@ fn defmt_panic() -> ! {
     })
 }
 
-// A handler that pushed onto a stack that is full would lock the processor up. None returns from here, so the stack can begin anew: not
-// where it has room, as what was saved at the fault lies there and must still be read.
+// A handler that pushed onto a stack that is full would lock the processor up. None returns from
+// here, so the stack can begin anew: not where it has room, as what was saved at the fault lies
+// there and must still be read.
 core::arch::global_asm!(
     ".section .text.HardFault, \"ax\"",
     ".global HardFault",
@@ -124,7 +131,8 @@ unsafe extern "C" fn hard_fault(frame: *const ExceptionFrame) -> ! {
         if frame.addr() < end + GUARD {
             text.write_str("hard fault")?;
         } else {
-            // Safety: the processor has saved it on the stack, and nothing has been written over it.
+            // Safety: the processor has saved it on the stack, and nothing has been written over
+            // it.
             let frame = unsafe { &*frame };
             write!(text, "hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr())?;
         }
@@ -135,8 +143,8 @@ unsafe extern "C" fn hard_fault(frame: *const ExceptionFrame) -> ! {
     })
 }
 
-/// The clock security system has noticed that the board's clock stands still, and the chip goes on with its own: what hangs on PLLs has
-/// stopped. The run after this one does without that clock.
+/// The clock security system has noticed that the board's clock stands still, and the chip goes on
+/// with its own: what hangs on PLLs has stopped. The run after this one does without that clock.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
     restart_after(|text| {
@@ -167,14 +175,16 @@ fn restart_after(write: impl FnOnce(&mut Text) -> fmt::Result) -> ! {
     SCB::sys_reset()
 }
 
-/// The words of the stack that can be return addresses: odd, as Thumb code has them, and inside the code.
+/// The words of the stack that can be return addresses: odd, as Thumb code has them, and inside the
+/// code.
 fn return_addresses() -> impl Iterator<Item = usize> {
     let (top, code) = (&raw const _stack_start as usize, code());
     let here = 0usize;
     let lowest = &raw const here as usize;
     (lowest..top)
         .step_by(WORD)
-        // Safety: aligned words between a live local and the top of the stack are RAM of this program.
+        // Safety: aligned words between a live local and the top of the stack are RAM of this
+        // program.
         .map(|address| unsafe { core::ptr::read_volatile(address as *const usize) })
         .filter(move |word| word % 2 == 1 && code.contains(word))
         .take(RETURN_ADDRESSES)

@@ -60,7 +60,8 @@ fn check(text: &Text) -> u32 {
     digest.finalize()
 }
 
-/// Keeps a text for the run after this one, cut where it is too long. From any context, after a fault too.
+/// Keeps a text for the run after this one, cut where it is too long. From any context, after a
+/// fault too.
 pub fn keep(write: impl FnOnce(&mut Text) -> fmt::Result) {
     let mut text = Text::new();
     // An error says that it was cut.
@@ -77,8 +78,8 @@ pub fn keep(write: impl FnOnce(&mut Text) -> fmt::Result) {
     retained::close();
 }
 
-/// Takes what the run before this one has left: its last words, or who failed to show life where the watchdog ended it. Empty
-/// if it left nothing. Once, when the retained RAM has been started.
+/// Takes what the run before this one has left: its last words, or who failed to show life where
+/// the watchdog ended it. Empty if it left nothing. Once, when the retained RAM has been started.
 /// A run without configuration, after many that failed, says so first.
 pub fn take(boot: BootReason, is_bare: bool) -> &'static str {
     static LAST: StaticCell<Text> = StaticCell::new();

@@ -1,10 +1,11 @@
 //! What a serial line reports beside the driver: bytes arrived, the last bit left.
 //!
-//! The driver's receiver stays out of it. It wakes on an idle line or a half-full ring, so a stop in the middle of a stream would wait
-//! for the bytes behind it. After a ring that overflowed or a line error it stops the reception, answers with the next error for as
-//! long as bytes keep coming, and starts its ring anew without forgetting where it was: old bytes would be received again, and new
-//! ones not. Here DMA fills a ring round and round and is never stopped; who was too slow goes on with the next byte that comes.
-//! And the driver's `flush` may never return.
+//! The driver's receiver stays out of it. It wakes on an idle line or a half-full ring, so a stop
+//! in the middle of a stream would wait for the bytes behind it. After a ring that overflowed or a
+//! line error it stops the reception, answers with the next error for as long as bytes keep coming,
+//! and starts its ring anew without forgetting where it was: old bytes would be received again, and
+//! new ones not. Here DMA fills a ring round and round and is never stopped; who was too slow goes
+//! on with the next byte that comes. And the driver's `flush` may never return.
 
 use core::future::poll_fn;
 use core::marker::PhantomData;
@@ -29,12 +30,13 @@ use crate::dma_memory::Buffer;
 const BITS_PER_BYTE: u64 = 10;
 /// Bits that the driver-enable may add: its lead and its tail.
 const DRIVER_ENABLE_BITS: u64 = 4;
-/// Bytes that the transmitter still holds when DMA has handed over the last one: its FIFO, and the shift register (RM0433, RM0440,
-/// USART chapter).
+/// Bytes that the transmitter still holds when DMA has handed over the last one: its FIFO, and the
+/// shift register (RM0433, RM0440, USART chapter).
 const TRANSMITTER_DEPTH: usize = 16 + 1;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
-/// How often a stream that is to be stopped is looked at: it stops when the byte on its way has arrived.
+/// How often a stream that is to be stopped is looked at: it stops when the byte on its way has
+/// arrived.
 const STREAM_POLLS: usize = 1000;
 /// What a transmission may take longer than its bits before it counts as hung.
 const MARGIN: Duration = Duration::from_millis(2);
@@ -79,8 +81,8 @@ impl LineEvents {
         self.arrived.signal(());
     }
 
-    /// Waits until bytes have arrived that want to be read: the line is idle, or the byte 0x00 came where that is a delimiter, or an
-    /// error. For one task per line.
+    /// Waits until bytes have arrived that want to be read: the line is idle, or the byte 0x00 came
+    /// where that is a delimiter, or an error. For one task per line.
     pub async fn arrived(&self) {
         self.arrived.wait().await;
     }
@@ -93,8 +95,9 @@ pub struct LineErrors {
 }
 
 impl LineErrors {
-    /// Adds new ones. Returns how many there have been where that is worth a line: at the first, and whenever there are twice
-    /// as many. A line that only makes noise must not fill the log.
+    /// Adds new ones. Returns how many there have been where that is worth a line: at the first,
+    /// and whenever there are twice as many. A line that only makes noise must not fill the
+    /// log.
     pub fn add(&mut self, new: u32) -> Option<u32> {
         let before = self.count;
         self.count = before.saturating_add(new);
@@ -119,13 +122,17 @@ pub trait Instance: usart::Instance {
     unsafe fn ring(memory: NonNull<[u8]>) -> Ring;
 }
 
-/// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, and what binds their interrupts.
+/// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, and what
+/// binds their interrupts.
 macro_rules! instance {
     ($name:ident, $stream:ident, $irqs:expr) => {
         impl $crate::line::Instance for embassy_stm32::peripherals::$name {
             fn registers() -> embassy_stm32::pac::usart::Usart {
-                // Safety: the block of this peripheral; a low-power one has the registers that are used here at the same places.
-                unsafe { embassy_stm32::pac::usart::Usart::from_ptr(embassy_stm32::pac::$name.as_ptr()) }
+                // Safety: the block of this peripheral; a low-power one has the registers that are
+                // used here at the same places.
+                unsafe {
+                    embassy_stm32::pac::usart::Usart::from_ptr(embassy_stm32::pac::$name.as_ptr())
+                }
             }
             fn events() -> &'static $crate::line::LineEvents {
                 static EVENTS: $crate::line::LineEvents = $crate::line::LineEvents::new();
@@ -157,7 +164,8 @@ macro_rules! instance {
 }
 pub(crate) use instance;
 
-/// Serves the interrupt of a USART, in place of the driver's handler, which stops the reception at an error.
+/// Serves the interrupt of a USART, in place of the driver's handler, which stops the reception at
+/// an error.
 pub struct InterruptHandler<T: Instance> {
     usart: PhantomData<T>,
 }
@@ -190,7 +198,8 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
     }
 }
 
-/// More bytes came than the ring holds before they were read. The next read goes on with what comes from now on.
+/// More bytes came than the ring holds before they were read. The next read goes on with what comes
+/// from now on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
 pub struct Overflow;
 
@@ -207,7 +216,8 @@ pub struct Receiver {
 impl Receiver {
     /// Starts a receiver that also looks for each byte 0x00.
     pub fn with_delimiters<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer) -> Self {
-        // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host protocol.
+        // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host
+        // protocol.
         T::registers().cr1().modify(|w| w.set_cmie(true));
         Self::new::<T>(driver, memory)
     }
@@ -239,8 +249,8 @@ impl Receiver {
         Ok(length)
     }
 
-    /// Waits for bytes, until those that have come want to be read, and takes as much as fits; nothing where there was only an error.
-    /// Bears being dropped.
+    /// Waits for bytes, until those that have come want to be read, and takes as much as fits;
+    /// nothing where there was only an error. Bears being dropped.
     pub async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
         match self.take(bytes) {
             Ok(0) => {}
@@ -250,8 +260,8 @@ impl Receiver {
         self.take(bytes)
     }
 
-    /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is woken by another one's event, it looks
-    /// too: what has come decides what may go.
+    /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is
+    /// woken by another one's event, it looks too: what has come decides what may go.
     async fn wait(&mut self) {
         let mut arrived = pin!(self.events.arrived.wait());
         let mut is_woken = false;
@@ -265,8 +275,8 @@ impl Receiver {
         .await;
     }
 
-    /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring data to/from USART/UART"). What has
-    /// come is lost.
+    /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring
+    /// data to/from USART/UART"). What has come is lost.
     fn restart(&mut self) {
         self.ring.request_pause();
         for _ in 0..STREAM_POLLS {
@@ -274,7 +284,8 @@ impl Receiver {
                 break;
             }
         }
-        // Safety: the stream has been stopped, and the ring before is forgotten: its end would wait for a stream that hangs.
+        // Safety: the stream has been stopped, and the ring before is forgotten: its end would wait
+        // for a stream that hangs.
         let ring = unsafe { (self.make)(self.memory) };
         mem::forget(mem::replace(&mut self.ring, ring));
         self.registers.rqr().write(|w| w.set_rxfrq(true));
@@ -295,7 +306,11 @@ pub struct Sender {
 
 impl Sender {
     /// Of a USART that was set up with this bitrate; `memory` has room for the longest message.
-    pub fn new<T: Instance>(driver: UartTx<'static, Async>, memory: Buffer, bits_per_second: u32) -> Self {
+    pub fn new<T: Instance>(
+        driver: UartTx<'static, Async>,
+        memory: Buffer,
+        bits_per_second: u32,
+    ) -> Self {
         Self { driver, memory, registers: T::registers(), events: T::events(), bits_per_second }
     }
 
@@ -311,7 +326,8 @@ impl Sender {
         Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(self.bits_per_second.max(1))))
     }
 
-    /// Waits until no byte is just arriving: what has come whole decides what may go. Not for ever, as noise may not end.
+    /// Waits until no byte is just arriving: what has come whole decides what may go. Not for ever,
+    /// as noise may not end.
     pub async fn between_bytes(&self) {
         for _ in 0..ARRIVING_BYTES {
             if !self.registers.isr().read().busy() {
@@ -321,7 +337,8 @@ impl Sender {
         }
     }
 
-    /// Sends, and returns when the last stop bit has left. A message without room counts as one that did not leave in time.
+    /// Sends, and returns when the last stop bit has left. A message without room counts as one
+    /// that did not leave in time.
     pub async fn send(&mut self, message: &[u8]) -> Result<(), TimeoutError> {
         let bits = BITS_PER_BYTE * message.len() as u64 + DRIVER_ENABLE_BITS;
         // What is left when the transmitter has been handed the last byte, and a byte more.
@@ -335,7 +352,8 @@ impl Sender {
             self.registers.cr1().modify(|w| w.set_tcie(true));
             // The result is always Ok: this driver's write reports nothing.
             let _ = self.driver.write(bytes).await;
-            // What the transmitter still holds is on its way. Its event tells when that has left; where no event comes, the time does.
+            // What the transmitter still holds is on its way. Its event tells when that has left;
+            // where no event comes, the time does.
             let _ = with_timeout(rest, self.events.sent.wait()).await;
         })
         .await

@@ -1,4 +1,5 @@
-//! The log's lines on what the core tells: links, axes, trips, e-stop. The tasks log what happens to their ports.
+//! The log's lines on what the core tells: links, axes, trips, e-stop. The tasks log what happens
+//! to their ports.
 
 use gateway::LogEntry;
 use host_protocol::{AxisState, Event};

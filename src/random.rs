@@ -7,8 +7,9 @@ use embassy_time::{Duration, Instant};
 /// In which the generator must have given it.
 const DEADLINE: Duration = Duration::from_millis(1);
 
-/// A random number; nothing if the generator gives none in time. Once, when the clocks run. Errors of its noise source and its clock
-/// are answered by another try (RM0433, RM0440, "Error management"), and both numbers of a stuck source by none: the first is only there to be
+/// A random number; nothing if the generator gives none in time. Once, when the clocks run. Errors
+/// of its noise source and its clock are answered by another try (RM0433, RM0440, "Error
+/// management"), and both numbers of a stuck source by none: the first is only there to be
 /// told from the second (FIPS 140-2, 4.9.2).
 pub fn number() -> Option<u32> {
     rcc::enable_and_reset::<peripherals::RNG>();

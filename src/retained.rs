@@ -1,10 +1,12 @@
 //! RAM that outlives a reset of the processor, and nothing else: not a power cycle.
 //!
-//! Start-up leaves it alone. After the power was off its words have never been written, and reading such a word where the RAM
-//! has an error-correcting code stops the processor: so it is filled then, and never read before.
+//! Start-up leaves it alone. After the power was off its words have never been written, and reading
+//! such a word where the RAM has an error-correcting code stops the processor: so it is filled
+//! then, and never read before.
 //!
-//! The same code makes a write whole only when the next one to the same RAM follows: a reset in between loses it (ST AN5342,
-//! ECC on RAM). So only whole words are written, and [`close`] ends each group of writes with one to a word that means nothing.
+//! The same code makes a write whole only when the next one to the same RAM follows: a reset in
+//! between loses it (ST AN5342, ECC on RAM). So only whole words are written, and [`close`] ends
+//! each group of writes with one to a word that means nothing.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -30,14 +32,16 @@ pub const LAST_WORDS: Area = Area { first: RETAINED_WORDS, words: RECORD_WORDS }
 pub const LIFE: Area = Area { first: LAST_WORDS.first + RECORD_WORDS, words: LIFE_WORDS };
 /// Starts that failed early.
 pub const STARTS: Area = Area { first: LIFE.first + LIFE_WORDS, words: START_WORDS };
-/// The word that closes a group of writes, with a neighbour: no other word shares the 64 bits that it may be protected with.
+/// The word that closes a group of writes, with a neighbour: no other word shares the 64 bits that
+/// it may be protected with.
 const CLOSING: usize = (STARTS.first + START_WORDS).next_multiple_of(2);
 const WORDS: usize = CLOSING + 2;
 
 #[repr(C, align(8))]
 struct Words(UnsafeCell<MaybeUninit<[u32; WORDS]>>);
 
-// Safety: words are copied in and out, each by one access that nothing can divide; those of the core have one owner.
+// Safety: words are copied in and out, each by one access that nothing can divide; those of the
+// core have one owner.
 unsafe impl Sync for Words {}
 
 #[unsafe(link_section = ".retained")]
@@ -49,12 +53,14 @@ fn pointer(area: Area, index: usize) -> *mut u32 {
     RETAINED.0.get().cast::<u32>().wrapping_add(area.first + index)
 }
 
-/// Whether this RAM has kept its words over what started the processor. If nobody knows, it has not.
+/// Whether this RAM has kept its words over what started the processor. If nobody knows, it has
+/// not.
 fn is_kept(boot: BootReason) -> bool {
     !matches!(boot, BootReason::PowerOn | BootReason::Brownout | BootReason::Unknown)
 }
 
-/// Makes the RAM readable; once, before anything else that can fail. Where nothing was kept it is filled with zeros.
+/// Makes the RAM readable; once, before anything else that can fail. Where nothing was kept it is
+/// filled with zeros.
 pub fn start(boot: BootReason) -> CoreWords {
     if !is_kept(boot) {
         let all = Area { first: 0, words: WORDS };
@@ -96,7 +102,8 @@ impl CoreWords {
     /// What the run before has left; nothing if it is lost.
     pub fn as_slice(&self) -> &[u32] {
         let kept = if self.kept { RETAINED_WORDS } else { 0 };
-        // Safety: the words are part of the static, have been written, and only the owner writes them.
+        // Safety: the words are part of the static, have been written, and only the owner writes
+        // them.
         unsafe { core::slice::from_raw_parts(pointer(CORE, 0), kept) }
     }
 

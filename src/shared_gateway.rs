@@ -8,7 +8,8 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use gateway::{
-    Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Store, Transmit,
+    Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Store,
+    Transmit,
 };
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
@@ -17,8 +18,8 @@ use crate::board;
 use crate::retained::{self, CoreWords};
 use crate::watchdog::Watch;
 
-/// Every task runs in thread mode, so the core is guarded without masking interrupts: the controllers' receive
-/// queues are filled even while the core works.
+/// Every task runs in thread mode, so the core is guarded without masking interrupts: the
+/// controllers' receive queues are filled even while the core works.
 type Guard = ThreadModeRawMutex;
 
 /// "The core has changed: poll again."
@@ -29,8 +30,8 @@ const FIRST_STOPS: Duration = Duration::from_millis(100);
 /// How often these are looked for.
 const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
 
-/// The one gateway of the board. What reaches into the core is never inlined: several tasks call it, and the core's
-/// code would be in the image as often.
+/// The one gateway of the board. What reaches into the core is never inlined: several tasks call
+/// it, and the core's code would be in the image as often.
 pub struct SharedGateway {
     core: Mutex<Guard, RefCell<Gateway>>,
     kept: Mutex<Guard, RefCell<CoreWords>>,
@@ -40,14 +41,20 @@ pub struct SharedGateway {
     /// The next deadline, when it has been worked out.
     due: Signal<Guard, Option<embassy_time::Instant>>,
     log: Changed,
-    /// This run knows no motor that a run before may have left turning: the enable output stays inactive.
+    /// This run knows no motor that a run before may have left turning: the enable output stays
+    /// inactive.
     is_bare: bool,
 }
 
 impl SharedGateway {
     /// Puts the gateway of this board in its place, with what the run before has left; once.
     #[inline(never)]
-    pub fn place(board: Board, random_number: Option<u32>, kept: CoreWords, is_bare: bool) -> &'static Self {
+    pub fn place(
+        board: Board,
+        random_number: Option<u32>,
+        kept: CoreWords,
+        is_bare: bool,
+    ) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
@@ -68,7 +75,8 @@ impl SharedGateway {
         shared
     }
 
-    /// Waits until every motor that the run before has left configured has been sent a stop; not for ever.
+    /// Waits until every motor that the run before has left configured has been sent a stop; not
+    /// for ever.
     pub async fn first_stops_have_left(&self) {
         let end = embassy_time::Instant::now() + FIRST_STOPS;
         while self.with(|core, _| core.stops_under_way()) && embassy_time::Instant::now() < end {
@@ -88,8 +96,9 @@ impl SharedGateway {
 
     /// Tells the core what happened, and every port to poll it again.
     ///
-    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. Who may move and whether the e-stop is latched is stored by
-    /// then; the history follows when the buses have had their frames, after many trips in parts, so that the next event does not wait long.
+    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. Who may move and whether
+    /// the e-stop is latched is stored by then; the history follows when the buses have had
+    /// their frames, after many trips in parts, so that the next event does not wait long.
     pub fn handle(&self, event: Event<'_>) {
         let enabled = self.with(|core, now| {
             self.storing(|store| core.handle(now, event, store));
@@ -126,7 +135,8 @@ impl SharedGateway {
         self.storing(|store| core.save_some(store))
     }
 
-    /// Stores all of it, and lets others go first between its parts. Before [`poll_host`](Self::poll_host), which would not.
+    /// Stores all of it, and lets others go first between its parts. Before
+    /// [`poll_host`](Self::poll_host), which would not.
     pub async fn save(&self) {
         while !self.with(|core, _| self.save_some(core)) {
             yield_now().await;

@@ -1,8 +1,9 @@
 //! Starts that failed early, one after the other.
 //!
-//! A fault that comes back at each start, as one by the configuration that outlives a reset would, must not be an endless loop: after
-//! a few such starts the next run does without that configuration. Each of them has stopped the motors that it knew, as far as it
-//! came; the enable output stays inactive until the next power-on or reset by the pin.
+//! A fault that comes back at each start, as one by the configuration that outlives a reset would,
+//! must not be an endless loop: after a few such starts the next run does without that
+//! configuration. Each of them has stopped the motors that it knew, as far as it came; the enable
+//! output stays inactive until the next power-on or reset by the pin.
 
 use embassy_time::Duration;
 use host_protocol::BootReason;
@@ -19,8 +20,8 @@ const ENOUGH: u32 = 5;
 /// A run that has lasted so long has not failed early.
 pub const LASTED: Duration = Duration::from_secs(10);
 
-/// Counts this start; once, when the retained RAM has been started. Returns whether this run is to do without what the runs before have
-/// left.
+/// Counts this start; once, when the retained RAM has been started. Returns whether this run is to
+/// do without what the runs before have left.
 pub fn count(boot: BootReason) -> bool {
     let failed = match boot {
         BootReason::Watchdog | BootReason::Software => read(),

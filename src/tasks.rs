@@ -1,4 +1,5 @@
-//! The tasks: each waits for its port or for the core, carries bytes or frames between the two, and decides nothing.
+//! The tasks: each waits for its port or for the core, carries bytes or frames between the two, and
+//! decides nothing.
 
 pub mod can;
 pub mod deadline;

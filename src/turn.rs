@@ -1,8 +1,10 @@
-//! Who goes first where several tasks are ready: those between an event and the frames that must follow from it.
+//! Who goes first where several tasks are ready: those between an event and the frames that must
+//! follow from it.
 //!
-//! One executor runs everything in turn, and a task that is polled is not interrupted by another. Urgent tasks, which serve the
-//! buses and what can stop them, are taken before the others. So that a flood on one of them takes the processor from
-//! nobody, one that never comes to wait goes behind everybody else after a few turns.
+//! One executor runs everything in turn, and a task that is polled is not interrupted by another.
+//! Urgent tasks, which serve the buses and what can stop them, are taken before the others. So that
+//! a flood on one of them takes the processor from nobody, one that never comes to wait goes behind
+//! everybody else after a few turns.
 
 use core::cell::Cell;
 use core::pin::pin;
@@ -10,7 +12,8 @@ use core::pin::pin;
 use embassy_executor::Metadata;
 use embassy_futures::yield_now;
 
-/// Who is taken first; the longer waiting one among equals. What is not said to be urgent comes last.
+/// Who is taken first; the longer waiting one among equals. What is not said to be urgent comes
+/// last.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Urgency {
@@ -24,7 +27,8 @@ pub enum Urgency {
     Demand,
 }
 
-/// Turns that an urgent task has in a row, without ever having to wait, before it goes behind everybody.
+/// Turns that an urgent task has in a row, without ever having to wait, before it goes behind
+/// everybody.
 const IN_A_ROW: u8 = 4;
 
 /// The turns of a loop of an urgent task.
@@ -62,14 +66,16 @@ impl Turn {
         yield_now().await;
     }
 
-    /// Ends a turn behind which the next stands ready: buses and deadlines go first too. A packet holds several requests, and each
-    /// may have to wait for one of them only. After [`IN_A_ROW`] turns everybody goes first.
+    /// Ends a turn behind which the next stands ready: buses and deadlines go first too. A packet
+    /// holds several requests, and each may have to wait for one of them only. After
+    /// [`IN_A_ROW`] turns everybody goes first.
     pub async fn end_one_of_many(&self) {
         self.task.set_priority(Urgency::Deadline as u8);
         self.yield_once().await;
     }
 
-    /// Ends a turn: those as urgent that are ready go first, and after [`IN_A_ROW`] turns everybody.
+    /// Ends a turn: those as urgent that are ready go first, and after [`IN_A_ROW`] turns
+    /// everybody.
     pub async fn end(&self) {
         self.yield_once().await;
     }

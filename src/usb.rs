@@ -1,5 +1,5 @@
-//! The board as a USB device: a serial port (CDC-ACM) that is a host link, and an interface by which an update tool sends the
-//! board into its ROM bootloader (DFU).
+//! The board as a USB device: a serial port (CDC-ACM) that is a host link, and an interface by
+//! which an update tool sends the board into its ROM bootloader (DFU).
 
 pub mod bootloader;
 mod description;
@@ -35,7 +35,8 @@ pub fn device(
 ) -> (UsbDevice<'static, Driver>, Receiver, Sender) {
     static CONFIGURATION_BUFFER: ConstStaticCell<[u8; CONFIGURATION]> =
         ConstStaticCell::new([0; CONFIGURATION]);
-    static CAPABILITIES_BUFFER: ConstStaticCell<[u8; CAPABILITIES]> = ConstStaticCell::new([0; CAPABILITIES]);
+    static CAPABILITIES_BUFFER: ConstStaticCell<[u8; CAPABILITIES]> =
+        ConstStaticCell::new([0; CAPABILITIES]);
     static CONTROL_BUFFER: ConstStaticCell<[u8; CONTROL]> = ConstStaticCell::new([0; CONTROL]);
     static PORT: StaticCell<State<'static>> = StaticCell::new();
     static DETACH: StaticCell<Detach> = StaticCell::new();

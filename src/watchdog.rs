@@ -1,10 +1,12 @@
 //! The independent watchdog, and who must show life before it is fed.
 //!
-//! It runs from its own oscillator and resets the board 50 ms after it was last fed. It is fed only when every watched loop
-//! has come round since: so a loop that hangs, one that waits for ever and one that never gets the processor all end the same
-//! way. A debugger does not stop it: where the core is halted for longer, the board starts again and stops its motors.
+//! It runs from its own oscillator and resets the board 50 ms after it was last fed. It is fed only
+//! when every watched loop has come round since: so a loop that hangs, one that waits for ever and
+//! one that never gets the processor all end the same way. A debugger does not stop it: where the
+//! core is halted for longer, the board starts again and stops its motors.
 //!
-//! So that the next run can say who failed, retained RAM keeps which task has the processor, and who was missing.
+//! So that the next run can say who failed, retained RAM keeps which task has the processor, and
+//! who was missing.
 
 mod life;
 mod verdict;
@@ -16,8 +18,8 @@ use embassy_stm32::pac::iwdg::vals::Key;
 
 use crate::board::WATCHDOG;
 
-/// Nominal frequency of its oscillator, the LSI. It is between 29.5 and 34 kHz over all boards and temperatures (data sheets): 50 ms
-/// are 47 to 54 ms.
+/// Nominal frequency of its oscillator, the LSI. It is between 29.5 and 34 kHz over all boards and
+/// temperatures (data sheets): 50 ms are 47 to 54 ms.
 const LSI_HZ: u32 = 32_000;
 /// Clocks of one count: the prescaler's reset value.
 const CLOCKS_PER_COUNT: u32 = 4;
@@ -26,12 +28,12 @@ const TIMEOUT_MS: u32 = 50;
 /// 32 kHz / 4 × 50 ms = 400 counts, and the count after 0 resets.
 #[expect(clippy::cast_possible_truncation, reason = "399 of the 4095 that the register holds")]
 const RELOAD: u16 = (LSI_HZ / CLOCKS_PER_COUNT * TIMEOUT_MS / 1000 - 1) as u16;
-/// How often its status is read at most. The timeout reaches it within five clocks of 32 kHz, 156 µs: some 1000 reads at the 64 MHz
-/// before the clocks are set up.
+/// How often its status is read at most. The timeout reaches it within five clocks of 32 kHz, 156
+/// µs: some 1000 reads at the 64 MHz before the clocks are set up.
 const SETTLING_POLLS: usize = 20_000;
 
-/// Starts it; it needs no clock of the processor's. A feed before the timeout has reached it would give it the longest one,
-/// 512 ms.
+/// Starts it; it needs no clock of the processor's. A feed before the timeout has reached it would
+/// give it the longest one, 512 ms.
 pub fn start() {
     WATCHDOG.kr().write(|w| w.set_key(Key::START));
     WATCHDOG.kr().write(|w| w.set_key(Key::ENABLE));

@@ -1,7 +1,7 @@
 //! Writes the seed corpus from the golden vectors: `cargo run --example seeds` in this folder.
 //!
-//! One input for each command and direction of a codec, all frames in one line for a deframer, one input for each host
-//! message, and for the gateway what a host does with an axis of each protocol.
+//! One input for each command and direction of a codec, all frames in one line for a deframer, one
+//! input for each host message, and for the gateway what a host does with an axis of each protocol.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -36,7 +36,8 @@ fn main() {
 
 /// The lines of a vector file, cut into columns.
 fn vectors(file: &str) -> Vec<Vec<String>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../host-tests/vectors/{file}.txt"));
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../host-tests/vectors/{file}.txt"));
     let text = fs::read_to_string(path).expect("the vectors can be read");
     let lines = text.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
     lines.map(|line| line.split(" | ").map(str::to_owned).collect()).collect()
@@ -73,9 +74,11 @@ fn lines(file: &str, bus: &str, seed: impl Fn(&[u8]) -> Vec<u8>) -> Seeds {
     const WHOLE: u8 = 0x80;
     const CUT_BY_3: u8 = 0x83;
     let vectors = vectors(file);
-    let frames = vectors.iter().filter(|columns| columns[2] == bus).map(|columns| match frame(&columns[3]) {
-        Some((_, data)) => data,
-        None => unhex(&columns[3]),
+    let frames = vectors.iter().filter(|columns| columns[2] == bus).map(|columns| {
+        match frame(&columns[3]) {
+            Some((_, data)) => data,
+            None => unhex(&columns[3]),
+        }
     });
     let frames: Vec<_> = frames.collect();
     let chunks = frames.chunks(8).enumerate().map(|(index, chunk)| {
@@ -140,7 +143,11 @@ fn gateway() -> Seeds {
     ];
     let seeds = axes.map(|(name, bus, bitrate, protocol, stop, node)| {
         let mut script = Script { bytes: Vec::new(), bus };
-        script.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 7 }));
+        script.ask(Request::Hello(requests::Hello {
+            protocol_major: 1,
+            protocol_minor: 0,
+            session: 7,
+        }));
         script.ask(Request::TakeAuthority(requests::TakeAuthority {}));
         let protocols = host_protocol::ProtocolSet::from_bits(1 << (protocol - 1));
         script.ask(Request::ConfigureBus(requests::ConfigureBus {
@@ -152,7 +159,9 @@ fn gateway() -> Seeds {
         }));
         script.bytes.extend([step::BUS_STATE, bus, 0, 0, 0, 0, 0]);
         let bus_value = Value::Unsigned(bus.into());
-        use host_protocol::AxisParameter::{AllowUnknownMotorTimeout, Bus, Node, Protocol, StopAction};
+        use host_protocol::AxisParameter::{
+            AllowUnknownMotorTimeout, Bus, Node, Protocol, StopAction,
+        };
         for (parameter, value) in [
             (Bus, bus_value),
             (Protocol, Value::Unsigned(protocol)),
@@ -161,7 +170,11 @@ fn gateway() -> Seeds {
             (AllowUnknownMotorTimeout, Value::Bool(true)),
         ] {
             let parameter = parameter.number();
-            script.ask(Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter, value }));
+            script.ask(Request::ConfigureAxis(requests::ConfigureAxis {
+                axis: 0,
+                parameter,
+                value,
+            }));
         }
         script.ask(Request::Arm(requests::Arm { axis: 0 }));
         script.motors_answer(12);

@@ -1,8 +1,8 @@
 //! D5 frames: as received, and with header and checksum set right, so that the rest is looked at.
 
 use d5::{
-    Address, Answer, FRAME_LEN, Message, Node, Payload, Register, Reply, Request, Value, answer, can,
-    decode_frame, reply_frame, request_frame,
+    Address, Answer, FRAME_LEN, Message, Node, Payload, Register, Reply, Request, Value, answer,
+    can, decode_frame, reply_frame, request_frame,
 };
 use host_protocol::CanFrame;
 

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use codec::FieldValue;
 
 /// The numbers of a message that hands its fields to what `visit` is given.
-pub(crate) fn shown_fields(visit: impl FnOnce(&mut codec::Visit<'_>)) -> BTreeMap<&'static str, f64> {
+pub(crate) fn shown_fields(
+    visit: impl FnOnce(&mut codec::Visit<'_>),
+) -> BTreeMap<&'static str, f64> {
     let mut numbers = BTreeMap::new();
     visit(&mut |name, value| {
         let number = match value {

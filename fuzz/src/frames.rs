@@ -1,4 +1,5 @@
-//! The input of the codec targets: a received CAN frame, and the data of a request that waits for its answer.
+//! The input of the codec targets: a received CAN frame, and the data of a request that waits for
+//! its answer.
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 use host_protocol::CanFrame;

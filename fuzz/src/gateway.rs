@@ -118,14 +118,17 @@ impl Bench {
                 self.now_us += u64::from(take.byte()) * WAIT_UNIT_US;
                 match reply {
                     Some(Reply::Can(frame)) => self.handle(Event::CanReceived { bus, frame }),
-                    Some(Reply::Serial(bytes)) => self.handle(Event::SerialReceived { bus, bytes: &bytes }),
+                    Some(Reply::Serial(bytes)) => {
+                        self.handle(Event::SerialReceived { bus, bytes: &bytes })
+                    }
                     None => {}
                 }
             }
             step::BUS_STATE => {
                 let (bus, state) = (take.byte() % BUSES, take.byte());
-                let state = [BusState::Active, BusState::Warning, BusState::Passive, BusState::BusOff]
-                    [usize::from(state % 4)];
+                let state =
+                    [BusState::Active, BusState::Warning, BusState::Passive, BusState::BusOff]
+                        [usize::from(state % 4)];
                 // A port drops what it holds when its bus goes off.
                 if state == BusState::BusOff {
                     self.held[usize::from(bus)].clear();

@@ -1,7 +1,8 @@
 //! The bodies of host messages, the checksum being right.
 
 use host_protocol::{
-    Deframer, EncodeError, Error, EventMessage, Frame, Kind, MAX_BODY, MAX_FRAME, Reply, Request, encode,
+    Deframer, EncodeError, Error, EventMessage, Frame, Kind, MAX_BODY, MAX_FRAME, Reply, Request,
+    encode,
 };
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
@@ -35,7 +36,8 @@ fn again(frame: &Frame<'_>) -> Option<Vec<u8>> {
             error.encode_frame(sequence, &mut out)
         }
         Kind::Event => {
-            let EventMessage { dropped, time_us, event } = EventMessage::decode(number, body).ok()?;
+            let EventMessage { dropped, time_us, event } =
+                EventMessage::decode(number, body).ok()?;
             event.encode_frame(sequence, dropped, time_us, &mut out)
         }
     };

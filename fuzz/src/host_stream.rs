@@ -8,7 +8,8 @@ use crate::take::Take;
 
 pub fn check(bytes: &[u8]) {
     let line = line(&mut Take(bytes), |[kind, seq_0, seq_1, num_0, num_1, body @ ..]| {
-        let (sequence, number) = (u16::from_le_bytes([*seq_0, *seq_1]), u16::from_le_bytes([*num_0, *num_1]));
+        let (sequence, number) =
+            (u16::from_le_bytes([*seq_0, *seq_1]), u16::from_le_bytes([*num_0, *num_1]));
         frame(kind % 4 + 1, sequence, number, body)
     });
     let mut deframer = Deframer::new();
@@ -22,7 +23,8 @@ pub fn check(bytes: &[u8]) {
     let pieces = line.bytes.split(|byte| *byte == DELIMITER);
     // What comes after the last delimiter is not complete.
     let complete = line.bytes.iter().filter(|byte| **byte == DELIMITER).count();
-    let expected: Vec<_> = pieces.take(complete).filter(|piece| !piece.is_empty()).map(read).collect();
+    let expected: Vec<_> =
+        pieces.take(complete).filter(|piece| !piece.is_empty()).map(read).collect();
     assert_eq!(found, expected);
 
     // Each whole frame is there, in order, whatever stood before it.

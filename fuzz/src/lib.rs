@@ -1,4 +1,5 @@
-//! What must hold for any bytes: one module for each fuzz target, each with a function `check` that panics where it does not.
+//! What must hold for any bytes: one module for each fuzz target, each with a function `check` that
+//! panics where it does not.
 
 pub mod d5;
 pub mod d5_serial;

@@ -12,8 +12,8 @@ pub enum Reply {
     Serial(Vec<u8>),
 }
 
-/// What the addressed motor answers to a frame, if it is one of ours: RMD nodes on 0x141.., thrusters on 0x301..,
-/// D5 motors below.
+/// What the addressed motor answers to a frame, if it is one of ours: RMD nodes on 0x141..,
+/// thrusters on 0x301.., D5 motors below.
 pub fn reply_to(frame: &Outgoing) -> Option<Reply> {
     let frame = match frame {
         Outgoing::Serial(bytes) => {

@@ -1,4 +1,5 @@
-//! The whole core among hosts, buses and motors, with the model of the promises watching: the bytes choose what happens.
+//! The whole core among hosts, buses and motors, with the model of the promises watching: the bytes
+//! choose what happens.
 
 use model_check::generate::Generator;
 use model_check::{Step, World, text};

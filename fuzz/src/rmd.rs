@@ -21,7 +21,8 @@ pub fn check(bytes: &[u8]) {
     match can::decode_reply(&frame) {
         Ok((node, reply)) => {
             check_answer(&pending, &reply);
-            let encoded = can::reply::<CanFrame>(node, &reply).map(|frame| can::decode_reply(&frame));
+            let encoded =
+                can::reply::<CanFrame>(node, &reply).map(|frame| can::decode_reply(&frame));
             match encoded {
                 Ok(again) => assert_eq!(again, Ok((node, reply))),
                 Err(error) => _ = error.to_string(),
@@ -49,8 +50,11 @@ fn check_request(target: Target, request: &Request) {
         Err(error) => _ = error.to_string(),
     }
     let fields = shown_fields(|visit| request.visit_fields(visit));
-    // The words of motion mode are converted by other divisors one way than the other (RMD V3.6 §5.4).
-    if request.encode().is_ok() && !matches!(request, Request::Unknown { .. } | Request::MotionMode { .. }) {
+    // The words of motion mode are converted by other divisors one way than the other (RMD V3.6
+    // §5.4).
+    if request.encode().is_ok()
+        && !matches!(request, Request::Unknown { .. } | Request::MotionMode { .. })
+    {
         let built = Request::build(request.name(), &|name| fields.get(name).copied());
         assert_eq!(built, Ok(*request));
     }
@@ -122,6 +126,9 @@ pub fn serial_frame(id: u8, data: [u8; 8]) -> [u8; rs485::FRAME_LEN] {
 /// CRC-16/MODBUS, bit by bit.
 pub fn crc16_modbus(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |crc, byte| {
-        (0..8).fold(crc ^ u16::from(*byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xA001 } else { crc >> 1 })
+        (0..8).fold(
+            crc ^ u16::from(*byte),
+            |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xA001 } else { crc >> 1 },
+        )
     })
 }

@@ -61,7 +61,8 @@ fn check_answer(request: &Request, reply: &Reply) {
             assert!(!matches!(reply, Reply::Refused { .. }));
         }
         Answer::Refused => {
-            let is_refusal = |payload: &Payload| payload.as_slice().get(4..) == Some(&[0, 0, 0xEE, 0xEE]);
+            let is_refusal =
+                |payload: &Payload| payload.as_slice().get(4..) == Some(&[0, 0, 0xEE, 0xEE]);
             let refuses = match reply {
                 Reply::Refused { .. } => true,
                 Reply::Unknown { payload } => is_refusal(payload),

@@ -42,8 +42,8 @@ fn read(name: &str) -> Result<String, String> {
 }
 
 fn play(name: &str, seed: u64, with_trace: bool) -> Result<(), String> {
-    let trace =
-        scenario::trace(&read(name)?, seed).map_err(|error| format!("{name}, seed {seed}\n{error}"))?;
+    let trace = scenario::trace(&read(name)?, seed)
+        .map_err(|error| format!("{name}, seed {seed}\n{error}"))?;
     if with_trace {
         println!("{trace}");
     }

@@ -1,4 +1,5 @@
-//! What the runner of scenarios owes whoever writes one: a wrong line fails, a failure is told, a seed gives the same run again.
+//! What the runner of scenarios owes whoever writes one: a wrong line fails, a failure is told, a
+//! seed gives the same run again.
 
 use host_tests::scenario::run;
 
@@ -42,7 +43,8 @@ fn a_scenario_that_is_wrong_fails() {
 
 #[test]
 fn a_failure_is_told_so_that_a_person_can_follow_it() {
-    let failing = "four-axes\narm 0\nmark\nkeep 0 velocity 1.0\nrun 50 ms\nexpect wire 0 141#81 within 30 ms";
+    let failing =
+        "four-axes\narm 0\nmark\nkeep 0 velocity 1.0\nrun 50 ms\nexpect wire 0 141#81 within 30 ms";
     let error = run(failing, 3).unwrap_err();
     for part in [
         "line 6: expect wire 0 141#81 within 30 ms",
@@ -59,7 +61,8 @@ fn a_failure_is_told_so_that_a_person_can_follow_it() {
 
 #[test]
 fn the_same_seed_gives_the_same_run_and_another_one_another() {
-    let text = "four-axes\narm 0 1 2 3\nkeep 0 velocity 1.0\nrun 200 ms\nreconnect\nas 1 ping\nrun 50 ms";
+    let text =
+        "four-axes\narm 0 1 2 3\nkeep 0 velocity 1.0\nrun 200 ms\nreconnect\nas 1 ping\nrun 50 ms";
     let trace = |seed| host_tests::scenario::trace(text, seed).unwrap();
     assert_eq!(trace(1), trace(1));
     assert_ne!(trace(1), trace(2));

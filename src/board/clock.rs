@@ -1,7 +1,7 @@
 //! Whether the board's own clock runs at the start.
 //!
-//! The drivers would wait for it for ever. Without it the chip's oscillator takes its place: the motors on RS485 are stopped, and
-//! CAN, for which it is not exact enough, stays off.
+//! The drivers would wait for it for ever. Without it the chip's oscillator takes its place: the
+//! motors on RS485 are stopped, and CAN, for which it is not exact enough, stays off.
 
 use embassy_stm32::pac::TIM2;
 use embassy_stm32::{peripherals, rcc};
@@ -9,16 +9,17 @@ use host_protocol::BootReason;
 
 use crate::watchdog;
 
-/// How long it is waited for: ten times what it needs. Meanwhile a motor may be turning, and the watchdog runs.
+/// How long it is waited for: ten times what it needs. Meanwhile a motor may be turning, and the
+/// watchdog runs.
 const WAIT_US: u32 = 20_000;
-/// How often so long after the power came, half a second: the clock may come from a chip that starts, too, and no motor
-/// is configured.
+/// How often so long after the power came, half a second: the clock may come from a chip that
+/// starts, too, and no motor is configured.
 const WAITS_AFTER_POWER_ON: usize = 25;
 const POLLS_PER_SECOND: u32 = 20_000;
 const HZ_PER_MHZ: u32 = 1_000_000;
 
-/// Waits until the clock is ready, not for ever. `core_hz`: what the processor runs at; it clocks TIM2, which
-/// counts the time here before the time driver takes it over.
+/// Waits until the clock is ready, not for ever. `core_hz`: what the processor runs at; it clocks
+/// TIM2, which counts the time here before the time driver takes it over.
 pub fn starts(boot: BootReason, core_hz: u32, is_ready: impl Fn() -> bool) -> bool {
     rcc::enable_and_reset_without_stop::<peripherals::TIM2>();
     TIM2.psc().write_value(u16::try_from(core_hz / HZ_PER_MHZ - 1).unwrap_or(u16::MAX));

@@ -1,4 +1,5 @@
-//! NUCLEO-G474RE: three FDCANs, one RS485 port, host links on the ST-LINK's virtual COM port, on the header and on USB.
+//! NUCLEO-G474RE: three FDCANs, one RS485 port, host links on the ST-LINK's virtual COM port, on
+//! the header and on USB.
 //!
 //! | Function | Pins | |
 //! |---|---|---|
@@ -13,15 +14,17 @@
 //! | enable output | PB0 (A3) | active high, needs 10 kΩ to ground |
 //! | light | PA5 | LD2; its patterns are in `src/tasks/light.rs` |
 //!
-//! PB8 is also BOOT0, and FDCAN1 has no other input on this package that leaves USB free. A transceiver holds it high, so that
-//! every reset, the watchdog's too, would start the ROM bootloader instead of this firmware. The option nSWBOOT0 = 0 (with
-//! nBOOT0 = 1) makes the chip ignore the pin; without it bus 0 offers no bitrate. Once, with bus 0 unplugged:
+//! PB8 is also BOOT0, and FDCAN1 has no other input on this package that leaves USB free. A
+//! transceiver holds it high, so that every reset, the watchdog's too, would start the ROM
+//! bootloader instead of this firmware. The option nSWBOOT0 = 0 (with nBOOT0 = 1) makes the chip
+//! ignore the pin; without it bus 0 offers no bitrate. Once, with bus 0 unplugged:
 //! `STM32_Programmer_CLI -c port=SWD -ob nSWBOOT0=0 nBOOT0=1`.
 //!
-//! Not used on purpose: PA13 and PA14 are SWD, PB3 is SWO, PC13 the button; PB4 and PB6 have the pull-downs of USB-C's dead-battery
-//! mode while PA9 and PA10 are high at reset; A4 and A5 hang on solder bridges. The virtual COM port and D0, D1 are as
-//! delivered: with the solder bridges that lead PA2 and PA3 to D1 and D0 changed, host link 0 is there instead.
-//! Header pins and crystal are those of Zephyr's files for the board (boards/st/nucleo_g474re).
+//! Not used on purpose: PA13 and PA14 are SWD, PB3 is SWO, PC13 the button; PB4 and PB6 have the
+//! pull-downs of USB-C's dead-battery mode while PA9 and PA10 are high at reset; A4 and A5 hang on
+//! solder bridges. The virtual COM port and D0, D1 are as delivered: with the solder bridges that
+//! lead PA2 and PA3 to D1 and D0 changed, host link 0 is there instead. Header pins and crystal are
+//! those of Zephyr's files for the board (boards/st/nucleo_g474re).
 
 use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
@@ -30,12 +33,12 @@ use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::{Binding, EXTI4};
 use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
-    DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1, PA8, PA11,
-    PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
+    DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1,
+    PA8, PA11, PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
 };
 use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllMul, PllPreDiv, PllQDiv, PllRDiv,
-    PllSource, Sysclk, frequency, mux,
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllMul, PllPreDiv, PllQDiv,
+    PllRDiv, PllSource, Sysclk, frequency, mux,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
@@ -47,7 +50,9 @@ use static_cell::StaticCell;
 
 use super::clock;
 use super::host_links::HostLinks;
-use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
+use super::serial::{
+    self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING,
+};
 use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
@@ -55,8 +60,8 @@ use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::tasks;
 
-// First of all: after a start by the ROM bootloader (DFU) that ROM may still lie at address 0. Only MEM_MODE is cleared; FB_MODE, the
-// order of the flash banks, stays. It touches no RAM.
+// First of all: after a start by the ROM bootloader (DFU) that ROM may still lie at address 0. Only
+// MEM_MODE is cleared; FB_MODE, the order of the flash banks, stays. It touches no RAM.
 core::arch::global_asm!(
     ".section .text.__pre_init, \"ax\"",
     ".global __pre_init",
@@ -95,16 +100,19 @@ pub const HOST_UARTS: usize = 2;
 
 /// The crystal X3.
 const HSE_HZ: u32 = 24_000_000;
-/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for UARTs, not for CAN.
+/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for
+/// UARTs, not for CAN.
 const HSI_HZ: u32 = 16_000_000;
 const _: () = assert!(HSI_HZ / 4 * 84 == PLL_VCO_HZ);
-/// 24 MHz / 2 × 28 = 336 MHz. The processor gets half of it, 168 MHz: 170 MHz is the most, but makes no 800 kbit/s.
+/// 24 MHz / 2 × 28 = 336 MHz. The processor gets half of it, 168 MHz: 170 MHz is the most, but
+/// makes no 800 kbit/s.
 const PLL_VCO_HZ: u32 = HSE_HZ / 2 * 28;
-/// PLL Q: 336 MHz / 4 = 84 MHz, one clock for all three controllers. Below the 168 MHz of APB1, which clocks their registers.
+/// PLL Q: 336 MHz / 4 = 84 MHz, one clock for all three controllers. Below the 168 MHz of APB1,
+/// which clocks their registers.
 const CAN_KERNEL_HZ: u32 = PLL_VCO_HZ / 4;
 
-/// 84 MHz, and 21 time quanta per bit for every bitrate: sample point (1 + 17) / 21 = 85.7 %, so that
-/// prescaler = 84 MHz / 21 / bitrate = 4 MHz / bitrate.
+/// 84 MHz, and 21 time quanta per bit for every bitrate: sample point (1 + 17) / 21 = 85.7 %, so
+/// that prescaler = 84 MHz / 21 / bitrate = 4 MHz / bitrate.
 pub static CAN_TIMINGS: [Timing; 8] = CAN_TIMING_TABLE;
 const CAN_TIMING_TABLE: [Timing; 8] = [
     can_timing(1_000_000, 4), // 4 MHz / 4
@@ -124,8 +132,10 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 /// From the 168 MHz of APB1: 168 MHz / 1458 = 115226, / 336, / 168, / 112, / 84.
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 
-const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
-/// A CAN bus that cannot run now: bus 0 while its input also decides where the chip starts from, all of them without the crystal.
+const CAN_BUS: BusPort =
+    BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+/// A CAN bus that cannot run now: bus 0 while its input also decides where the chip starts from,
+/// all of them without the crystal.
 const OFF_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
 const RS485_BUS: BusPort =
     BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
@@ -147,8 +157,9 @@ bind_interrupts!(struct Irqs {
     EXTI4 => exti::InterruptHandler<EXTI4>;
 });
 
-// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
-// controller. So the driver's handler for it stays out of the image; were it raised, the board would restart.
+// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second
+// before it starts the controller. So the driver's handler for it stays out of the image; were it
+// raised, the board would restart.
 unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN3_IT0, IT0InterruptHandler<FDCAN3>> for Irqs {}
@@ -188,7 +199,8 @@ pub struct UsbPort {
 }
 
 impl UsbPort {
-    /// The driver, and the serial number, the chip's unique id in hex. Here nothing has to be waited for.
+    /// The driver, and the serial number, the chip's unique id in hex. Here nothing has to be
+    /// waited for.
     pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
         Some((UsbDriver::new(self.controller, Irqs, self.d_plus, self.d_minus), uid::uid_hex()))
     }
@@ -197,12 +209,14 @@ impl UsbPort {
 /// What leaves STAT_RX and STAT_TX as they are.
 const KEPT: pac::usb::vals::Stat = pac::usb::vals::Stat::from_bits(0);
 
-/// Has an endpoint begin with DATA0 when it is enabled next. Until then it is disabled: nothing else turns its toggle meanwhile.
+/// Has an endpoint begin with DATA0 when it is enabled next. Until then it is disabled: nothing
+/// else turns its toggle meanwhile.
 pub fn begin_with_data0(bus: &mut impl Bus, endpoint: EndpointAddress) {
     bus.endpoint_set_enabled(endpoint, false);
     let register = pac::USB.epr(endpoint.index());
     register.modify(|w| {
-        // A 1 turns a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this toggle turns.
+        // A 1 turns a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this
+        // toggle turns.
         let (receives, transmits) = (w.dtog_rx(), w.dtog_tx());
         w.set_dtog_rx(receives && endpoint.is_out());
         w.set_dtog_tx(transmits && endpoint.is_in());
@@ -221,7 +235,8 @@ pub fn end_halt(bus: &mut impl Bus, endpoint: EndpointAddress) {
 
 /// Where the ROM bootloader's vector table lies (AN2606).
 const ROM_BOOTLOADER: usize = 0x1FFF_0000;
-/// SYSCFG_MEMRMP: that ROM also at address 0, as after a start by the BOOT0 pin (RM0440, SYSCFG chapter).
+/// SYSCFG_MEMRMP: that ROM also at address 0, as after a start by the BOOT0 pin (RM0440, SYSCFG
+/// chapter).
 const MEMORY_MODE_ROM: u8 = 1;
 
 /// Leaves this firmware for good. To be called right after a reset.
@@ -249,7 +264,8 @@ pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 /// The number of the enable output's pin in its port.
 const ENABLE_OUTPUT: usize = 0;
 
-/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive, whatever is set.
+/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive,
+/// whatever is set.
 pub fn set_enable_output(active: bool) {
     pac::GPIOB.bsrr().write(|w| {
         if active {
@@ -276,8 +292,10 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
     let uart = serial::config(HOST_BITS_PER_SECOND);
-    let host_0 = defmt::unwrap!(Uart::new(p.LPUART1, p.PA3, p.PA2, p.DMA1_CH2, p.DMA1_CH1, Irqs, uart));
-    let host_1 = defmt::unwrap!(Uart::new(p.USART1, p.PC5, p.PC4, p.DMA1_CH4, p.DMA1_CH3, Irqs, uart));
+    let host_0 =
+        defmt::unwrap!(Uart::new(p.LPUART1, p.PA3, p.PA2, p.DMA1_CH2, p.DMA1_CH1, Irqs, uart));
+    let host_1 =
+        defmt::unwrap!(Uart::new(p.USART1, p.PC5, p.PC4, p.DMA1_CH4, p.DMA1_CH3, Irqs, uart));
     let [first_bitrate, ..] = RS485_BITRATES;
     let uart = serial::config(first_bitrate);
     let rs485 = defmt::unwrap!(Uart::new_with_de(
@@ -315,7 +333,8 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
 }
 
 impl Ports {
-    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what comes after that.
+    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what
+    /// comes after that.
     pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
         spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
         spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
@@ -339,12 +358,14 @@ fn crystal_swings(boot: BootReason) -> bool {
     clock::starts(boot, HSI_HZ, || pac::RCC.cr().read().hserdy())
 }
 
-/// Whether the crystal has stopped since the start: the chip then raises its non-maskable interrupt.
+/// Whether the crystal has stopped since the start: the chip then raises its non-maskable
+/// interrupt.
 pub fn has_lost_clock() -> bool {
     pac::RCC.cifr().read().cssf()
 }
 
-/// The same frequencies from either clock: without the crystal the PLL is fed by the chip's oscillator, 16 MHz / 4 × 84.
+/// The same frequencies from either clock: without the crystal the PLL is fed by the chip's
+/// oscillator, 16 MHz / 4 × 84.
 fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
     let (source, prediv, mul) = if has_clock {
         rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Oscillator });
@@ -370,9 +391,10 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
 }
 
-/// Raises the core's voltage to what more than 150 MHz need, with half the frequency meanwhile (RM0440, PWR chapter). `Config::rcc.boost`
-/// does not: embassy's table of registers has R1MODE at bit 0. Nor can it be done before, as `init` resets PWR: for some
-/// microseconds the core has run at 168 MHz without.
+/// Raises the core's voltage to what more than 150 MHz need, with half the frequency meanwhile
+/// (RM0440, PWR chapter). `Config::rcc.boost` does not: embassy's table of registers has R1MODE at
+/// bit 0. Nor can it be done before, as `init` resets PWR: for some microseconds the core has run
+/// at 168 MHz without.
 fn boost() {
     pac::RCC.cfgr().modify(|w| w.set_hpre(AHBPrescaler::DIV2));
     pac::PWR.cr5().modify(|w| w.0 &= !PWR_CR5_R1MODE);
@@ -383,12 +405,16 @@ fn boost() {
 /// What the core must know of this board.
 fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
     let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
-        defmt::error!("CAN is off: the crystal does not swing, and the chip's own clock is not exact enough");
+        defmt::error!(
+            "CAN is off: the crystal does not swing, and the chip's own clock is not exact enough"
+        );
         (&[OFF_CAN_BUS, OFF_CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::NoClock))
     } else if starts_from_flash_always() {
         (&[CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], None)
     } else {
-        defmt::error!("bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1");
+        defmt::error!(
+            "bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1"
+        );
         (&[OFF_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
     };
     Board {
@@ -405,7 +431,8 @@ fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> B
     }
 }
 
-/// Whether the option bytes let no pin keep the chip from this firmware (RM0440, boot configuration).
+/// Whether the option bytes let no pin keep the chip from this firmware (RM0440, boot
+/// configuration).
 fn starts_from_flash_always() -> bool {
     let options = pac::FLASH.optr().read();
     let locked = pac::FLASH.sec1r().read().boot_lock();

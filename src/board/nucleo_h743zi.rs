@@ -1,5 +1,5 @@
-//! NUCLEO-H743ZI and NUCLEO-H743ZI2: two FDCANs, one RS485 port, host links on the ST-LINK's virtual COM port and on
-//! the header.
+//! NUCLEO-H743ZI and NUCLEO-H743ZI2: two FDCANs, one RS485 port, host links on the ST-LINK's
+//! virtual COM port and on the header.
 //!
 //! | Function | Pins | |
 //! |---|---|---|
@@ -20,12 +20,12 @@ use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::{Binding, EXTI15_10};
 use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
-    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5, PB6, PD0,
-    PD1, USART2, USART3, USART6, USB_OTG_FS,
+    DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5,
+    PB6, PD0, PD1, USART2, USART3, USART6, USB_OTG_FS,
 };
 use embassy_stm32::rcc::{
-    self, AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
-    Sysclk, VoltageScale, frequency, mux,
+    self, AHBPrescaler, APBPrescaler, Hse, HseMode, Hsi48Config, Pll, PllDiv, PllMul, PllPreDiv,
+    PllSource, Sysclk, VoltageScale, frequency, mux,
 };
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
@@ -38,7 +38,9 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use super::clock;
 use super::host_links::HostLinks;
-use super::serial::{self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
+use super::serial::{
+    self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING,
+};
 use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
@@ -46,8 +48,8 @@ use crate::line::{self, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
 use crate::tasks;
 
-// Before the RAM is used: on revisions before X reads of the AXI SRAM can be wrong unless its port reads one word at a time (ES0392
-// 2.2.9; ST's SystemInit does the same). It touches no RAM itself.
+// Before the RAM is used: on revisions before X reads of the AXI SRAM can be wrong unless its port
+// reads one word at a time (ES0392 2.2.9; ST's SystemInit does the same). It touches no RAM itself.
 core::arch::global_asm!(
     ".section .text.__pre_init, \"ax\"",
     ".global __pre_init",
@@ -87,12 +89,15 @@ pub const HOST_UARTS: usize = 2;
 
 /// The ST-LINK clocks the chip with 8 MHz (its MCO output on the HSE input).
 const HSE_HZ: u32 = 8_000_000;
-/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for UARTs, not for CAN.
+/// The chip's own oscillator, from which it starts. About 1 % off, 2 % over temperature: enough for
+/// UARTs, not for CAN.
 const HSI_HZ: u32 = 64_000_000;
 const _: () = assert!(HSI_HZ / 8 == HSE_HZ);
-/// PLL1: 8 MHz × 100 = 800 MHz. The processor gets half of it, 400 MHz, the most at voltage scale 1.
+/// PLL1: 8 MHz × 100 = 800 MHz. The processor gets half of it, 400 MHz, the most at voltage scale
+/// 1.
 const PLL1_VCO_HZ: u32 = HSE_HZ * 100;
-/// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN registers.
+/// PLL1 Q: 800 MHz / 10 = 80 MHz. Must stay below the 100 MHz of APB1, which clocks the FDCAN
+/// registers.
 const CAN_KERNEL_HZ: u32 = PLL1_VCO_HZ / 10;
 
 /// 80 MHz, and 20 time quanta per bit for every bitrate: sample point (1 + 16) / 20 = 85 %, so that
@@ -116,7 +121,8 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 /// From the 100 MHz of APB1: 100 MHz / 868 = 115207, / 200, / 100, / 67 = 1.493 M (−0.5 %), / 50.
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 
-const CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+const CAN_BUS: BusPort =
+    BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
 /// A CAN bus that this chip cannot serve.
 const OFF_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
 const RS485_BUS: BusPort =
@@ -138,8 +144,9 @@ bind_interrupts!(struct Irqs {
     EXTI15_10 => exti::InterruptHandler<EXTI15_10>;
 });
 
-// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second before it starts the
-// controller. So the driver's handler for it stays out of the image, 4 KiB; were it raised, the board would restart.
+// Safety: nothing raises the first line of an FDCAN, as `fdcan` routes every source to the second
+// before it starts the controller. So the driver's handler for it stays out of the image, 4 KiB;
+// were it raised, the board would restart.
 unsafe impl Binding<interrupt::typelevel::FDCAN1_IT0, IT0InterruptHandler<FDCAN1>> for Irqs {}
 unsafe impl Binding<interrupt::typelevel::FDCAN2_IT0, IT0InterruptHandler<FDCAN2>> for Irqs {}
 
@@ -178,22 +185,25 @@ pub struct UsbPort {
     d_minus: Peri<'static, PA11>,
 }
 
-/// How long the USB controller may take to be ready: 25 ms to take the role of a device (RM0433, OTG chapter, GUSBCFG.FDMOD).
+/// How long the USB controller may take to be ready: 25 ms to take the role of a device (RM0433,
+/// OTG chapter, GUSBCFG.FDMOD).
 const USB_DEADLINE: Duration = Duration::from_millis(40);
 /// How often that is looked at.
 const USB_POLL: Duration = Duration::from_millis(1);
-/// Bytes of packets from the host that wait for the firmware: one of 64 for each of the two endpoints.
+/// Bytes of packets from the host that wait for the firmware: one of 64 for each of the two
+/// endpoints.
 const USB_RECEIVE_BUFFER: usize = 128;
 
 impl UsbPort {
-    /// The driver, and the serial number, the chip's unique id in hex; `None` if the controller is not ready in time. The driver
-    /// itself would wait for ever, and no other task would run.
+    /// The driver, and the serial number, the chip's unique id in hex; `None` if the controller is
+    /// not ready in time. The driver itself would wait for ever, and no other task would run.
     pub async fn start(self) -> Option<(UsbDriver, &'static str)> {
         static BUFFER: ConstStaticCell<[u8; USB_RECEIVE_BUFFER]> =
             ConstStaticCell::new([0; USB_RECEIVE_BUFFER]);
         pac::PWR.cr3().modify(|w| w.set_usb33den(true));
         is_soon(|| pac::PWR.cr3().read().usb33rdy()).await?;
-        // The clock of an external transceiver, which is not there, must not be waited for. It is on in sleep after a reset.
+        // The clock of an external transceiver, which is not there, must not be waited for. It is
+        // on in sleep after a reset.
         pac::RCC.ahb1enr().modify(|w| w.set_usb_otg_fs_ulpien(false));
         pac::RCC.ahb1lpenr().modify(|w| w.set_usb_otg_fs_ulpilpen(false));
         rcc::enable_and_reset::<USB_OTG_FS>();
@@ -206,16 +216,24 @@ impl UsbPort {
         registers.gintsts().write_value(pac::otg::regs::Gintsts(u32::MAX));
         is_soon(|| {
             let flags = registers.gintsts().read();
-            // Its transceiver is still off: an event that does not go away would keep the driver busy for ever.
+            // Its transceiver is still off: an event that does not go away would keep the driver
+            // busy for ever.
             let events = flags.usbrst() || flags.enumdne() || flags.usbsusp() || flags.wkupint();
             registers.grstctl().read().ahbidl() && !flags.cmod() && !events
         })
         .await?;
         let mut config = usb::Config::default();
-        // A solder bridge decides whether PA9 sees the voltage of the cable; without it an unplugged cable is a suspended bus.
+        // A solder bridge decides whether PA9 sees the voltage of the cable; without it an
+        // unplugged cable is a suspended bus.
         config.vbus_detection = false;
-        let driver =
-            UsbDriver::new_fs(self.controller, Irqs, self.d_plus, self.d_minus, BUFFER.take(), config);
+        let driver = UsbDriver::new_fs(
+            self.controller,
+            Irqs,
+            self.d_plus,
+            self.d_minus,
+            BUFFER.take(),
+            config,
+        );
         Some((driver, uid::uid_hex()))
     }
 }
@@ -229,7 +247,8 @@ pub fn begin_with_data0(_: &mut impl Bus, endpoint: EndpointAddress) {
     }
 }
 
-/// Ends the halt of an endpoint, which begins with DATA0. What it has under way goes on: so does ST's HAL (`USB_EPClearStall`).
+/// Ends the halt of an endpoint, which begins with DATA0. What it has under way goes on: so does
+/// ST's HAL (`USB_EPClearStall`).
 pub fn end_halt(bus: &mut impl Bus, endpoint: EndpointAddress) {
     bus.endpoint_set_stalled(endpoint, false);
     begin_with_data0(bus, endpoint);
@@ -272,7 +291,8 @@ pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 /// The number of the enable output's pin in its port.
 const ENABLE_OUTPUT: usize = 9;
 
-/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive, whatever is set.
+/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive,
+/// whatever is set.
 pub fn set_enable_output(active: bool) {
     pac::GPIOE.bsrr().write(|w| {
         if active {
@@ -286,7 +306,8 @@ pub fn set_enable_output(active: bool) {
 /// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
 pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
-        // Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
+        // Instructions only: with a data cache every DMA buffer would have to be cleaned and
+        // invalidated.
         core.SCB.enable_icache();
     }
     let mut config = Config::default();
@@ -303,12 +324,15 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
     let uart = serial::config(HOST_BITS_PER_SECOND);
-    let host_0 = defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
-    let host_1 = defmt::unwrap!(Uart::new(p.USART6, p.PG9, p.PG14, p.DMA1_CH3, p.DMA1_CH2, Irqs, uart));
+    let host_0 =
+        defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
+    let host_1 =
+        defmt::unwrap!(Uart::new(p.USART6, p.PG9, p.PG14, p.DMA1_CH3, p.DMA1_CH2, Irqs, uart));
     let [first_bitrate, ..] = RS485_BITRATES;
     let uart = serial::config(first_bitrate);
-    let rs485 =
-        defmt::unwrap!(Uart::new_with_de(p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart));
+    let rs485 = defmt::unwrap!(Uart::new_with_de(
+        p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart
+    ));
     let ports = Ports {
         can_0: FdcanPort { controller: p.FDCAN1, rx: p.PD0, tx: p.PD1, irqs: Irqs },
         can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
@@ -340,13 +364,15 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
 }
 
 impl Ports {
-    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what comes after that.
+    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what
+    /// comes after that.
     pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
         spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
         spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
         static CAN_0: StaticCell<FdcanPort<FDCAN1, PD0, PD1, Irqs>> = StaticCell::new();
         static CAN_1: StaticCell<FdcanPort<FDCAN2, PB5, PB6, Irqs>> = StaticCell::new();
-        let can: [&'static mut dyn CanPort; CAN_BUSES] = [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
+        let can: [&'static mut dyn CanPort; CAN_BUSES] =
+            [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
         for (bus, port) in (0..).zip(can) {
             spawner.spawn(defmt::unwrap!(tasks::can::can(gateway, bus, port)));
         }
@@ -363,12 +389,14 @@ fn st_link_clocks_us(boot: BootReason) -> bool {
     clock::starts(boot, HSI_HZ, || pac::RCC.cr().read().hserdy())
 }
 
-/// Whether the ST-LINK's clock has stopped since the start: the chip then raises its non-maskable interrupt.
+/// Whether the ST-LINK's clock has stopped since the start: the chip then raises its non-maskable
+/// interrupt.
 pub fn has_lost_clock() -> bool {
     pac::RCC.cifr().read().hsecssf()
 }
 
-/// The same frequencies from either clock: without the ST-LINK's PLL1 is fed by the chip's oscillator, 64 MHz / 8.
+/// The same frequencies from either clock: without the ST-LINK's PLL1 is fed by the chip's
+/// oscillator, 64 MHz / 8.
 fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
     let (source, prediv) = if has_clock {
         rcc.hse = Some(Hse { freq: Hertz(HSE_HZ), mode: HseMode::Bypass });
@@ -397,10 +425,12 @@ fn set_clocks(rcc: &mut embassy_stm32::rcc::Config, has_clock: bool) {
     rcc.mux.fdcansel = mux::Fdcansel::PLL1_Q;
 }
 
-/// CRS_CFGR.SYNCSRC: the frames of the host on USB2, which has PA11 and PA12 (stm32h7xx_hal_rcc_ex.h). The driver chooses USB1.
+/// CRS_CFGR.SYNCSRC: the frames of the host on USB2, which has PA11 and PA12
+/// (stm32h7xx_hal_rcc_ex.h). The driver chooses USB1.
 const SYNC_BY_USB_2: u8 = 3;
 
-/// Has the 48 MHz of USB trimmed by the frames of its host. The source can be changed only while the trimming is off.
+/// Has the 48 MHz of USB trimmed by the frames of its host. The source can be changed only while
+/// the trimming is off.
 fn trim_by_usb_2() {
     pac::CRS.cr().modify(|w| w.set_cen(false));
     pac::CRS.cfgr().modify(|w| w.set_syncsrc(pac::crs::vals::Syncsrc::from_bits(SYNC_BY_USB_2)));
@@ -410,7 +440,9 @@ fn trim_by_usb_2() {
 /// What the core must know of this board.
 fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
     let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
-        defmt::error!("CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough");
+        defmt::error!(
+            "CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough"
+        );
         (&[OFF_CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::NoClock))
     } else if reads_frames_right() {
         (&[CAN_BUS, CAN_BUS, RS485_BUS], None)
@@ -436,8 +468,9 @@ fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> B
     }
 }
 
-/// Whether both CAN controllers may run. On revisions other than X and V the processor can read wrong words from the message RAM while
-/// both do, and nothing shows it (ES0392, "Wrong data may be read from Message RAM by the CPU when using two FDCANs"; no workaround).
+/// Whether both CAN controllers may run. On revisions other than X and V the processor can read
+/// wrong words from the message RAM while both do, and nothing shows it (ES0392, "Wrong data may be
+/// read from Message RAM by the CPU when using two FDCANs"; no workaround).
 fn reads_frames_right() -> bool {
     matches!(pac::DBGMCU.idc().read().rev_id(), REVISION_X | REVISION_V)
 }

@@ -16,7 +16,8 @@ pub const RS485_RING: usize = 256;
 /// The longest message to a host, and on an RS485 bus, bytes.
 pub const HOST_MESSAGE: usize = host_protocol::MAX_FRAME;
 pub const RS485_MESSAGE: usize = gateway::port::MAX_SERIAL;
-/// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses one value for both.
+/// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses
+/// one value for both.
 const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
 
 /// 8N1 at a bitrate.
@@ -30,7 +31,8 @@ pub fn config(bits_per_second: u32) -> usart::Config {
     config
 }
 
-/// The two halves of a host link, with a ring of [`HOST_RING`] bytes and room for a message of [`HOST_MESSAGE`].
+/// The two halves of a host link, with a ring of [`HOST_RING`] bytes and room for a message of
+/// [`HOST_MESSAGE`].
 pub fn host_line<T: line::Instance>(
     uart: Uart<'static, Async>,
     ring: Buffer,
@@ -41,8 +43,8 @@ pub fn host_line<T: line::Instance>(
     (Receiver::with_delimiters::<T>(receiver, ring), sender)
 }
 
-/// The two halves of an RS485 bus that was set up with this bitrate, with a ring of [`RS485_RING`] bytes and room for a message
-/// of [`RS485_MESSAGE`].
+/// The two halves of an RS485 bus that was set up with this bitrate, with a ring of [`RS485_RING`]
+/// bytes and room for a message of [`RS485_MESSAGE`].
 pub fn rs485_line<T: line::Instance>(
     uart: Uart<'static, Async>,
     ring: Buffer,

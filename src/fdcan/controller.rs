@@ -16,7 +16,8 @@ use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
 /// How often that is looked at.
 const WITHDRAWAL_POLL: Duration = Duration::from_micros(20);
-/// How often a bit is read that the controller sets within a few of its clocks; a bound, not a measure of time.
+/// How often a bit is read that the controller sets within a few of its clocks; a bound, not a
+/// measure of time.
 const REGISTER_POLLS: usize = 1000;
 
 /// Error state and counters.
@@ -38,7 +39,8 @@ struct Held {
     place: usize,
     /// Asked back, and not yet known to be sent or given back.
     asked_back: bool,
-    /// What has become of it, where another frame has taken its place since: the registers speak of that one now.
+    /// What has become of it, where another frame has taken its place since: the registers speak
+    /// of that one now.
     fate: Option<Fate>,
 }
 
@@ -88,7 +90,8 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Waits for the next happening; the slot of a frame that was sent or given back is free again when it has returned.
+    /// Waits for the next happening; the slot of a frame that was sent or given back is free again
+    /// when it has returned.
     pub async fn next(&mut self) -> Happening {
         loop {
             let happening = self.happenings.next().await;
@@ -107,15 +110,17 @@ impl<'d> Controller<'d> {
     pub fn cancel(&mut self, slot: u8) {
         if self.waiting.take_if(|(waiting, _)| *waiting == slot).is_some() {
             self.happenings.report(Happening::Cancelled(slot));
-        } else if let Some(Some(held @ Held { fate: None, .. })) = self.held.get_mut(usize::from(slot)) {
+        } else if let Some(Some(held @ Held { fate: None, .. })) =
+            self.held.get_mut(usize::from(slot))
+        {
             held.asked_back = true;
             let place = held.place;
             self.registers.txbcr().write(|w| w.set_cr(place, true));
         }
     }
 
-    /// Frees the slot of a frame that was asked back and has left its place without having been sent; one that was sent all the
-    /// same is reported as such.
+    /// Frees the slot of a frame that was asked back and has left its place without having been
+    /// sent; one that was sent all the same is reported as such.
     fn given_back(&mut self) -> Option<u8> {
         let registers = self.registers;
         let is_back = |held: &Held| held.fate(registers) == Some(Fate::GivenBack);
@@ -144,8 +149,9 @@ impl<'d> Controller<'d> {
         self.send_waiting();
     }
 
-    /// Moves the waiting frame into the controller unless its slot is taken or a frame of the same id is there: the
-    /// controller might send the later one first, and so a setpoint after the stop that replaces it.
+    /// Moves the waiting frame into the controller unless its slot is taken or a frame of the same
+    /// id is there: the controller might send the later one first, and so a setpoint after the
+    /// stop that replaces it.
     fn send_waiting(&mut self) {
         let Some((slot, frame)) = self.waiting else { return };
         let status = self.registers.txfqs().read();
@@ -163,8 +169,9 @@ impl<'d> Controller<'d> {
         self.registers.txbar().write(|w| w.set_ar(place, true));
     }
 
-    /// Notes what has become of the frame that was in a place: the request of the next one there clears what TXBCF and TXBTO say of
-    /// it. A stop need not wait until the task has come to it. False if neither says anything yet.
+    /// Notes what has become of the frame that was in a place: the request of the next one there
+    /// clears what TXBCF and TXBTO say of it. A stop need not wait until the task has come to
+    /// it. False if neither says anything yet.
     fn note_fate(&mut self, place: usize) -> bool {
         let registers = self.registers;
         self.held.iter_mut().flatten().filter(|held| held.place == place).all(|held| {
@@ -184,7 +191,9 @@ impl<'d> Controller<'d> {
     pub async fn withdraw_all(&mut self) {
         self.waiting = None;
         self.held = [None; TRANSMIT_SLOTS];
-        self.registers.txbcr().write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cr(place, true)));
+        self.registers
+            .txbcr()
+            .write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cr(place, true)));
         let deadline = Instant::now() + WITHDRAWAL_DEADLINE;
         while self.registers.txbrp().read().0 != 0 && Instant::now() < deadline {
             Timer::after(WITHDRAWAL_POLL).await;
@@ -198,7 +207,8 @@ impl<'d> Controller<'d> {
     /// Takes the controller off the bus.
     fn leave_bus(&mut self) {
         self.registers.cccr().modify(|w| w.set_init(true));
-        // INIT crosses clock domains; nothing that depends on it may be written before it reads back.
+        // INIT crosses clock domains; nothing that depends on it may be written before it reads
+        // back.
         for _ in 0..REGISTER_POLLS {
             if self.registers.cccr().read().init() {
                 break;
@@ -206,8 +216,9 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Resets the transmit queue and the FIFOs: the effect of CCE, which needs INIT (RM0433 and RM0440, FDCAN chapter, software
-    /// initialisation). The controller is off the bus afterwards.
+    /// Resets the transmit queue and the FIFOs: the effect of CCE, which needs INIT (RM0433 and
+    /// RM0440, FDCAN chapter, software initialisation). The controller is off the bus
+    /// afterwards.
     fn wipe(&mut self) {
         self.leave_bus();
         self.registers.cccr().modify(|w| w.set_cce(true));
@@ -219,7 +230,8 @@ impl<'d> Controller<'d> {
         self.registers.cccr().modify(|w| w.set_cce(false));
     }
 
-    /// The error state now. A controller that stopped after a failed access to its message RAM counts as off the bus.
+    /// The error state now. A controller that stopped after a failed access to its message RAM
+    /// counts as off the bus.
     pub fn error_state(&self) -> ErrorState {
         let status = self.registers.psr().read();
         let counters = self.registers.ecr().read();
@@ -232,10 +244,15 @@ impl<'d> Controller<'d> {
         } else {
             BusState::Active
         };
-        ErrorState { state, transmit_errors: counters.tec().into(), receive_errors: counters.rec().into() }
+        ErrorState {
+            state,
+            transmit_errors: counters.tec().into(),
+            receive_errors: counters.rec().into(),
+        }
     }
 
-    /// Whether the controller has stopped: it takes part in the bus again once it has been started again.
+    /// Whether the controller has stopped: it takes part in the bus again once it has been started
+    /// again.
     pub fn is_stopped(&self) -> bool {
         let control = self.registers.cccr().read();
         control.init() || control.asm()

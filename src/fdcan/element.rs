@@ -1,4 +1,5 @@
-//! Frames as they lie in the message RAM of an FDCAN controller (RM0433 and RM0440, FDCAN chapter, message RAM).
+//! Frames as they lie in the message RAM of an FDCAN controller (RM0433 and RM0440, FDCAN chapter,
+//! message RAM).
 
 use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
 use host_protocol::CanFrame;
@@ -16,7 +17,8 @@ const STANDARD_ID_MASK: u32 = 0x7FF;
 /// Second word: data length in bits 19..16.
 const LENGTH_SHIFT: u32 = 16;
 const LENGTH_MASK: u32 = 0xF;
-/// Second word to send: bit 23 asks for an entry in the transmit event FIFO, bits 31..24 are repeated there.
+/// Second word to send: bit 23 asks for an entry in the transmit event FIFO, bits 31..24 are
+/// repeated there.
 const STORE_EVENT: u32 = 1 << 23;
 const MARKER_SHIFT: u32 = 24;
 
@@ -30,7 +32,12 @@ pub fn to_send(frame: &CanFrame, marker: u8) -> [u32; FRAME_WORDS] {
     // At most 8, so the fallback is never taken.
     let length = u32::try_from(frame.dlc()).unwrap_or(0);
     let [low, high] = data_words(frame.data());
-    [id | remote, u32::from(marker) << MARKER_SHIFT | STORE_EVENT | length << LENGTH_SHIFT, low, high]
+    [
+        id | remote,
+        u32::from(marker) << MARKER_SHIFT | STORE_EVENT | length << LENGTH_SHIFT,
+        low,
+        high,
+    ]
 }
 
 fn data_words(data: &[u8]) -> [u32; 2] {
@@ -45,7 +52,9 @@ pub fn received([id_word, length_word, low, high]: [u32; FRAME_WORDS]) -> Option
     let id = if id_word & EXTENDED != 0 {
         Id::Extended(ExtendedId::new(id_word & EXTENDED_ID_MASK)?)
     } else {
-        Id::Standard(StandardId::new(u16::try_from(id_word >> STANDARD_ID_SHIFT & STANDARD_ID_MASK).ok()?)?)
+        Id::Standard(StandardId::new(
+            u16::try_from(id_word >> STANDARD_ID_SHIFT & STANDARD_ID_MASK).ok()?,
+        )?)
     };
     // A classic frame may announce up to 15 and carries 8.
     let length = u8::try_from(length_word >> LENGTH_SHIFT & LENGTH_MASK).ok()?.min(8);

@@ -1,9 +1,9 @@
 //! What a controller reports from its interrupt, in the order in which it happened on the bus.
 //!
-//! The interrupt takes frames out of the controller at once: its receive FIFO holds three frames, a third of a
-//! millisecond at 1 Mbit/s. The driver's own interrupt handler counts neither frames lost in that FIFO nor those
-//! dropped behind it, and does not say which frame was sent; so all of the controller's interrupts are routed to its
-//! second line, which the driver leaves free.
+//! The interrupt takes frames out of the controller at once: its receive FIFO holds three frames, a
+//! third of a millisecond at 1 Mbit/s. The driver's own interrupt handler counts neither frames
+//! lost in that FIFO nor those dropped behind it, and does not say which frame was sent; so all of
+//! the controller's interrupts are routed to its second line, which the driver leaves free.
 
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -79,9 +79,15 @@ impl Happenings {
         self.lost.store(0, Ordering::Relaxed);
     }
 
-    /// Waits for the next happening. A frame that is given back makes room for a stop: that comes first.
+    /// Waits for the next happening. A frame that is given back makes room for a stop: that comes
+    /// first.
     pub async fn next(&self) -> Happening {
-        match select3(self.cancellation_finished.wait(), self.queue.receive(), self.error_state.wait()).await
+        match select3(
+            self.cancellation_finished.wait(),
+            self.queue.receive(),
+            self.error_state.wait(),
+        )
+        .await
         {
             Either3::First(()) => Happening::CancellationFinished,
             Either3::Second(happening) => happening,
@@ -89,7 +95,8 @@ impl Happenings {
         }
     }
 
-    /// How many frames were lost since the last call, at least: the controller says that it lost frames, not how many.
+    /// How many frames were lost since the last call, at least: the controller says that it lost
+    /// frames, not how many.
     pub fn take_lost(&self) -> u32 {
         self.lost.swap(0, Ordering::Relaxed)
     }
@@ -100,7 +107,9 @@ impl Happenings {
 
     fn received(&self, frame: Option<CanFrame>) {
         match frame {
-            Some(frame) if self.queue.free_capacity() > RESERVED => self.report(Happening::Received(frame)),
+            Some(frame) if self.queue.free_capacity() > RESERVED => {
+                self.report(Happening::Received(frame))
+            }
             _ => self.count_lost(),
         }
     }
@@ -110,7 +119,8 @@ impl Happenings {
         match happening {
             Happening::CancellationFinished => self.cancellation_finished.signal(()),
             Happening::ErrorState => self.error_state.signal(()),
-            // Received frames leave room for what becomes of ours: as many as there are slots, and one that waits.
+            // Received frames leave room for what becomes of ours: as many as there are slots, and
+            // one that waits.
             _ => {
                 let _ = self.queue.try_send(happening);
             }
@@ -124,14 +134,16 @@ pub trait Instance: can::Instance {
     fn registers() -> Fdcan;
     /// Its part of the message RAM.
     fn message_ram() -> MessageRam;
-    /// Routes every interrupt that [`route_interrupts`] chooses to the second line: how they are grouped is the chip's.
+    /// Routes every interrupt that [`route_interrupts`] chooses to the second line: how they are
+    /// grouped is the chip's.
     fn route_to_second_line();
     /// Its happenings.
     fn happenings() -> &'static Happenings;
 }
 
-/// Makes a controller of the chip an [`Instance`]: its name, where its part of the message RAM begins (a block of the chip, and
-/// bytes into it), and the function that sets the line of each interrupt.
+/// Makes a controller of the chip an [`Instance`]: its name, where its part of the message RAM
+/// begins (a block of the chip, and bytes into it), and the function that sets the line of each
+/// interrupt.
 macro_rules! instance {
     ($name:ident, $ram:ident + $offset:literal, $second_line:path) => {
         impl $crate::fdcan::Instance for embassy_stm32::peripherals::$name {
@@ -139,9 +151,12 @@ macro_rules! instance {
                 embassy_stm32::pac::$name
             }
             fn message_ram() -> $crate::fdcan::MessageRam {
-                // Safety: the block of this controller, as the manual of the chip and the driver have it.
+                // Safety: the block of this controller, as the manual of the chip and the driver
+                // have it.
                 unsafe {
-                    $crate::fdcan::MessageRam::new(embassy_stm32::pac::$ram.as_ptr().byte_add($offset).cast())
+                    $crate::fdcan::MessageRam::new(
+                        embassy_stm32::pac::$ram.as_ptr().byte_add($offset).cast(),
+                    )
                 }
             }
             fn route_to_second_line() {
@@ -156,8 +171,8 @@ macro_rules! instance {
 }
 pub(crate) use instance;
 
-/// Chooses the interrupts and routes them to the second line, and with them those that the driver's start adds. Before
-/// the controller is started.
+/// Chooses the interrupts and routes them to the second line, and with them those that the driver's
+/// start adds. Before the controller is started.
 pub fn route_interrupts<T: Instance>() {
     T::route_to_second_line();
     let controller = T::registers();
@@ -190,7 +205,8 @@ impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
         let controller = T::registers();
         let happenings = T::happenings();
         let flags = controller.ir().read();
-        // Cleared before the FIFOs are emptied, so that what arrives meanwhile raises the line again.
+        // Cleared before the FIFOs are emptied, so that what arrives meanwhile raises the line
+        // again.
         controller.ir().write_value(flags);
 
         if flags.rfl(FIFO) {

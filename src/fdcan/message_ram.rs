@@ -1,7 +1,8 @@
 //! Where frames lie in the message RAM of a controller, in words from the start of its part.
 //!
-//! On a chip with a RAM of fixed layout this is that layout (RM0440, FDCAN chapter, message RAM); where the layout can be
-//! chosen the driver chooses the same, at an offset of its own for each controller.
+//! On a chip with a RAM of fixed layout this is that layout (RM0440, FDCAN chapter, message RAM);
+//! where the layout can be chosen the driver chooses the same, at an offset of its own for each
+//! controller.
 
 use embassy_stm32::pac::common::{RW, Reg};
 

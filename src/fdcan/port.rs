@@ -2,7 +2,9 @@
 
 use embassy_stm32::Peri;
 use embassy_stm32::can::config::{GlobalFilter, NonMatchingFilter, TxBufferMode};
-use embassy_stm32::can::{self, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler, RxPin, TxPin};
+use embassy_stm32::can::{
+    self, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler, RxPin, TxPin,
+};
 use embassy_stm32::interrupt::typelevel::Binding;
 
 use super::happenings::{self, Instance};

@@ -11,7 +11,8 @@ const MAX_PRESCALER: u16 = 512;
 const MAX_SEG1: u8 = 128;
 const MAX_SEG2: u8 = 127;
 
-/// How one bitrate is made. One bit is 1 + seg1 + seg2 time quanta, a quantum is `prescaler` kernel clocks.
+/// How one bitrate is made. One bit is 1 + seg1 + seg2 time quanta, a quantum is `prescaler` kernel
+/// clocks.
 #[derive(Clone, Copy)]
 pub struct Timing {
     /// Bits per second, rounded.
@@ -20,15 +21,19 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// A timing stated by hand. The build fails if it does not make `bitrate` from the kernel clock, or if the
-    /// sample point lies outside 80–87.5 %. The bit may be resynchronised by all of seg2.
+    /// A timing stated by hand. The build fails if it does not make `bitrate` from the kernel
+    /// clock, or if the sample point lies outside 80–87.5 %. The bit may be resynchronised by
+    /// all of seg2.
     pub const fn checked(kernel_hz: u32, bitrate: u32, prescaler: u16, seg1: u8, seg2: u8) -> Self {
         assert!(prescaler <= MAX_PRESCALER && seg1 <= MAX_SEG1 && seg2 <= MAX_SEG2);
         let quanta = 1 + seg1 as u32 + seg2 as u32;
         let clocks_per_bit = prescaler as u32 * quanta;
         assert!((kernel_hz + clocks_per_bit / 2) / clocks_per_bit == bitrate, "another bitrate");
         let sample_point = (1 + seg1 as u32) * 1000 / quanta;
-        assert!(*SAMPLE_POINT.start() <= sample_point && sample_point <= *SAMPLE_POINT.end(), "sample point");
+        assert!(
+            *SAMPLE_POINT.start() <= sample_point && sample_point <= *SAMPLE_POINT.end(),
+            "sample point"
+        );
         let nominal = NominalBitTiming {
             prescaler: NonZeroU16::new(prescaler).unwrap(),
             seg1: NonZeroU8::new(seg1).unwrap(),

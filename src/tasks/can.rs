@@ -20,7 +20,8 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
     loop {
         current = gateway.other_bus_setup(bus, current, &life).await;
         let Some(setup) = current else { continue };
-        let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == setup.bitrate) else {
+        let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == setup.bitrate)
+        else {
             defmt::warn!("bus {=u8}: no timing for {=u32} bit/s", bus, setup.bitrate);
             continue;
         };
@@ -55,7 +56,8 @@ impl CanBus<'_> {
         while self.gateway.bus_setup_to_poll(self.bus) == Some(setup) {
             self.cancel();
             self.send();
-            // A full queue must not keep the other tasks waiting; what another task's event brings about counts there.
+            // A full queue must not keep the other tasks waiting; what another task's event brings
+            // about counts there.
             if core::mem::take(&mut followed) {
                 turn.end().await;
             } else {
@@ -71,8 +73,9 @@ impl CanBus<'_> {
         }
     }
 
-    /// Waits until the core wants something or the controller does something. The core goes first: what it wants may be a stop, and a
-    /// frame that has come can wait. Meanwhile nothing may say that the error state changes: each pulse looks.
+    /// Waits until the core wants something or the controller does something. The core goes first:
+    /// what it wants may be a stop, and a frame that has come can wait. Meanwhile nothing may
+    /// say that the error state changes: each pulse looks.
     async fn next(&mut self, life: &Watch) -> Either<(), Happening> {
         loop {
             let changed = self.gateway.bus_changed(self.bus);
@@ -123,7 +126,8 @@ impl CanBus<'_> {
         }
     }
 
-    /// Reports a changed error state. Bus-off: takes all frames back first; the core then has the bus started again.
+    /// Reports a changed error state. Bus-off: takes all frames back first; the core then has the
+    /// bus started again.
     async fn follow_error_state(&mut self) {
         let now = self.controller.error_state();
         if self.reported == Some(now) {
@@ -135,7 +139,12 @@ impl CanBus<'_> {
         self.log_state(now);
         self.reported = Some(now);
         let ErrorState { state, transmit_errors, receive_errors } = now;
-        self.gateway.handle(Event::BusState { bus: self.bus, state, transmit_errors, receive_errors });
+        self.gateway.handle(Event::BusState {
+            bus: self.bus,
+            state,
+            transmit_errors,
+            receive_errors,
+        });
     }
 
     fn log_state(&self, now: ErrorState) {

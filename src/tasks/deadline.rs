@@ -8,10 +8,12 @@ use crate::shared_gateway::SharedGateway;
 use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
-/// A deadline that stays in the past does not keep the processor from the other tasks: least time between ticks.
+/// A deadline that stays in the past does not keep the processor from the other tasks: least time
+/// between ticks.
 const LEAST_PAUSE: Duration = Duration::from_micros(20);
 
-/// For ever: work out the next deadline when it may have changed. That takes a while and is not urgent.
+/// For ever: work out the next deadline when it may have changed. That takes a while and is not
+/// urgent.
 #[embassy_executor::task]
 pub async fn deadline(gateway: &'static SharedGateway) -> ! {
     let life = Watch::new(Life::DEADLINES);
@@ -43,7 +45,10 @@ pub async fn tick(gateway: &'static SharedGateway) -> ! {
 }
 
 /// Until the deadline, or until there is another one.
-async fn due_or_changed(gateway: &SharedGateway, due: Option<Instant>) -> Either<(), Option<Instant>> {
+async fn due_or_changed(
+    gateway: &SharedGateway,
+    due: Option<Instant>,
+) -> Either<(), Option<Instant>> {
     match due {
         Some(due) => select(Timer::at(due), gateway.due_changed()).await,
         None => Either::Second(gateway.due_changed().await),

@@ -12,7 +12,8 @@ use crate::watchdog::{Life, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 128;
-/// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less than a ring holds.
+/// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less
+/// than a ring holds.
 const REST: Duration = Duration::from_millis(1);
 
 /// Line errors without a byte after which a ring counts as stuck.
@@ -45,9 +46,11 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             Some(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 gateway.handle(Event::HostBytes { link, bytes });
-                // On a busy line there is always another byte: the others must have the processor in between.
+                // On a busy line there is always another byte: the others must have the processor
+                // in between.
                 turn.end().await;
-                // The rest of a frame is taken with its end, not a byte at a time; behind a full chunk there is more already.
+                // The rest of a frame is taken with its end, not a byte at a time; behind a full
+                // chunk there is more already.
                 if length < CHUNK {
                     let _ = turn.wait(with_timeout(REST, line.events.arrived())).await;
                 }
@@ -77,7 +80,11 @@ pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -
             continue;
         };
         if line.send(frame.get(..length).unwrap_or_default()).await.is_err() {
-            defmt::warn!("host link {=u8}: a frame of {=usize} bytes did not leave in time", link, length);
+            defmt::warn!(
+                "host link {=u8}: a frame of {=usize} bytes did not leave in time",
+                link,
+                length
+            );
         }
     }
 }

@@ -13,7 +13,8 @@ use crate::watchdog::{Life, Watch};
 /// Bytes given to the core at once.
 const CHUNK: usize = 64;
 
-/// For ever: run the bus as configured, start it again when the configuration changes or the transmitter hangs.
+/// For ever: run the bus as configured, start it again when the configuration changes or the
+/// transmitter hangs.
 #[embassy_executor::task(pool_size = board::RS485_BUSES)]
 pub async fn rs485(
     gateway: &'static SharedGateway,
@@ -31,8 +32,10 @@ pub async fn rs485(
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
         report(gateway, bus, BusState::Active);
-        // What has come is looked at first: when the line is free for the next frame, a stop too, follows from it.
-        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life)).await;
+        // What has come is looked at first: when the line is free for the next frame, a stop too,
+        // follows from it.
+        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life))
+            .await;
     }
 }
 
@@ -75,7 +78,13 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
 }
 
 /// Frames from the core to the bus, until the setup changes or a frame does not leave.
-async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusSetup, life: &Watch) {
+async fn send(
+    gateway: &SharedGateway,
+    bus: u8,
+    sender: &mut Sender,
+    setup: BusSetup,
+    life: &Watch,
+) {
     let mut heard = None;
     while gateway.bus_setup(bus) == Some(setup) {
         life.show();
@@ -83,14 +92,20 @@ async fn send(gateway: &SharedGateway, bus: u8, sender: &mut Sender, setup: BusS
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
-                // Not even the echo of the frame before has come: the ring no longer takes what comes.
+                // Not even the echo of the frame before has come: the ring no longer takes what
+                // comes.
                 let before = heard.replace(sender.events.heard());
                 if before == heard {
                     sender.events.ask_for_restart();
                 }
                 if sender.send(&bytes).await.is_err() {
-                    defmt::warn!("bus {=u8}: {=usize} bytes did not leave in time", bus, bytes.len());
-                    // The frame is lost: the core stops what was armed here and starts the bus again.
+                    defmt::warn!(
+                        "bus {=u8}: {=usize} bytes did not leave in time",
+                        bus,
+                        bytes.len()
+                    );
+                    // The frame is lost: the core stops what was armed here and starts the bus
+                    // again.
                     report(gateway, bus, BusState::BusOff);
                     return;
                 }

@@ -1,4 +1,5 @@
-//! The e-stop input: a contact to ground that is closed unless the button is pressed or its cable is cut.
+//! The e-stop input: a contact to ground that is closed unless the button is pressed or its cable
+//! is cut.
 
 use embassy_stm32::exti::ExtiInput;
 use embassy_stm32::mode::Async;
@@ -9,15 +10,17 @@ use crate::shared_gateway::SharedGateway;
 use crate::turn::{Turn, Urgency};
 use crate::watchdog::{Life, Watch};
 
-/// Open for this long counts as pressed. What a motor's cable couples into the cable of the button is shorter: a machine that stops
-/// for nothing would have its button bridged. A contact bounces for a few ms while it opens; each look that finds it closed
-/// starts anew, and the last bounce leaves it open: a press is found late by as much as it bounces, and never lost.
+/// Open for this long counts as pressed. What a motor's cable couples into the cable of the button
+/// is shorter: a machine that stops for nothing would have its button bridged. A contact bounces
+/// for a few ms while it opens; each look that finds it closed starts anew, and the last bounce
+/// leaves it open: a press is found late by as much as it bounces, and never lost.
 const PRESSED: Duration = Duration::from_millis(1);
-/// Closed for this long without a break counts as released. Nothing waits for it: the e-stop stays latched.
+/// Closed for this long without a break counts as released. Nothing waits for it: the e-stop stays
+/// latched.
 const RELEASED: Duration = Duration::from_millis(10);
 
-/// For ever: tell the core when the contact opens and when it closes. The interrupt of an edge only makes it quick: the level is
-/// read at each pulse too.
+/// For ever: tell the core when the contact opens and when it closes. The interrupt of an edge only
+/// makes it quick: the level is read at each pulse too.
 #[embassy_executor::task]
 pub async fn e_stop(gateway: &'static SharedGateway, mut contact: ExtiInput<'static, Async>) -> ! {
     let life = Watch::new(Life::E_STOP);

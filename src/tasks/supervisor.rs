@@ -6,7 +6,8 @@ use crate::{starts, watchdog};
 
 /// How often everybody has to come round, and the watchdog is fed.
 const PERIOD: Duration = Duration::from_millis(10);
-/// Periods without a feed after which those who are missing are noted: no longer a late one, and before the watchdog strikes.
+/// Periods without a feed after which those who are missing are noted: no longer a late one, and
+/// before the watchdog strikes.
 const NOTED_AFTER: u32 = 3;
 
 /// For ever. It needs no low priority: where it runs and others do not, these are missing.

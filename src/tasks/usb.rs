@@ -1,6 +1,7 @@
 //! The host link on USB: the device itself, bytes in, frames out, and the way into the bootloader.
 //!
-//! Frames go out in a task of their own: what comes in may demand a stop, what goes out must not take its time.
+//! Frames go out in a task of their own: what comes in may demand a stop, what goes out must not
+//! take its time.
 
 use core::future::pending;
 
@@ -68,7 +69,8 @@ async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
     }
 }
 
-/// The length of the first frame in these bytes, with the delimiters around it; all of them where none ends.
+/// The length of the first frame in these bytes, with the delimiters around it; all of them where
+/// none ends.
 fn first_frame(bytes: &[u8]) -> usize {
     let is_delimiter = |byte: &u8| *byte == DELIMITER;
     let begin = bytes.iter().position(|byte| !is_delimiter(byte)).unwrap_or(bytes.len());
@@ -89,7 +91,11 @@ async fn send(gateway: &SharedGateway, link: u8, mut sender: Sender) {
         if sender.send(frame.get(..length).unwrap_or_default()).await.is_err()
             && let Some(so_far) = dropped.add(1)
         {
-            defmt::info!("host link {=u8}: {=u32} frames dropped so far, as no host took them", link, so_far);
+            defmt::info!(
+                "host link {=u8}: {=u32} frames dropped so far, as no host took them",
+                link,
+                so_far
+            );
         }
     }
 }

@@ -1,7 +1,9 @@
-//! The way into the chip's ROM bootloader: over a reset, so that it finds the chip as it expects it.
+//! The way into the chip's ROM bootloader: over a reset, so that it finds the chip as it expects
+//! it.
 //!
-//! The request is a mark in the RAM that outlives a reset. It is looked at only after a reset by software: after power-on that RAM
-//! holds nothing, and where it has error correction reading it would be an error.
+//! The request is a mark in the RAM that outlives a reset. It is looked at only after a reset by
+//! software: after power-on that RAM holds nothing, and where it has error correction reading it
+//! would be an error.
 
 use core::mem::MaybeUninit;
 use core::ptr::{read_volatile, write_volatile};
@@ -22,14 +24,15 @@ pub static ASKED_FOR: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 /// "Start the bootloader", and its complement in the word behind it.
 const MARK: u32 = 0xB007_10AD;
 const NO_MARK: u32 = 0;
-/// The mark, its complement, and a word that is only written: where the RAM has error correction a write is completed by the
-/// next one.
+/// The mark, its complement, and a word that is only written: where the RAM has error correction a
+/// write is completed by the next one.
 const WORDS: usize = 3;
 
 #[unsafe(link_section = ".retained")]
 static mut REQUEST: MaybeUninit<[u32; WORDS]> = MaybeUninit::uninit();
 
-/// For ever: when the host has asked, and its request is answered, and still no motor moves, restarts into the bootloader.
+/// For ever: when the host has asked, and its request is answered, and still no motor moves,
+/// restarts into the bootloader.
 pub async fn follow_requests(gateway: &SharedGateway) -> ! {
     loop {
         ASKED_FOR.wait().await;
@@ -43,8 +46,8 @@ pub async fn follow_requests(gateway: &SharedGateway) -> ! {
     }
 }
 
-/// Starts the bootloader if the run before has asked for it. To be called first of all after a reset, before the
-/// watchdog is started: the bootloader does not feed it.
+/// Starts the bootloader if the run before has asked for it. To be called first of all after a
+/// reset, before the watchdog is started: the bootloader does not feed it.
 pub fn start_if_asked_for(boot: BootReason) {
     let asked_for = boot == BootReason::Software && read() == [MARK, !MARK];
     write([NO_MARK; WORDS]);

@@ -1,7 +1,8 @@
-//! The DFU interface of the running firmware (USB Device Firmware Upgrade 1.1, chapter 5): it only knows the request to detach.
+//! The DFU interface of the running firmware (USB Device Firmware Upgrade 1.1, chapter 5): it only
+//! knows the request to detach.
 //!
-//! The device then leaves the bus by itself and comes back as the chip's ROM bootloader, another device, which the update
-//! tool waits for. Whoever loads the new firmware starts it from there.
+//! The device then leaves the bus by itself and comes back as the chip's ROM bootloader, another
+//! device, which the update tool waits for. Whoever loads the new firmware starts it from there.
 
 use embassy_time::Duration;
 use embassy_usb::control::{InResponse, OutResponse, Recipient, Request, RequestType};
@@ -12,12 +13,14 @@ use static_cell::StaticCell;
 use super::{Driver, PACKET};
 use crate::shared_gateway::SharedGateway;
 
-/// Class, subclass and protocol of the interface: application specific, device firmware upgrade, at run time.
+/// Class, subclass and protocol of the interface: application specific, device firmware upgrade, at
+/// run time.
 const CLASS: u8 = 0xFE;
 const SUBCLASS: u8 = 0x01;
 const RUN_TIME: u8 = 0x01;
 
-/// Type of the functional descriptor, and its attributes: can be written (bit 0), detaches by itself (bit 3).
+/// Type of the functional descriptor, and its attributes: can be written (bit 0), detaches by
+/// itself (bit 3).
 const FUNCTIONAL: u8 = 0x21;
 const CAN_DOWNLOAD: u8 = 1 << 0;
 const WILL_DETACH: u8 = 1 << 3;
@@ -34,7 +37,8 @@ const APP_DETACH: u8 = 1;
 /// Bytes of the reply to `GET_STATUS`: status, poll timeout of three bytes, state, string.
 const STATUS_LENGTH: usize = 6;
 
-/// The host may finish its request before the device leaves; the tool is told to wait no longer than this.
+/// The host may finish its request before the device leaves; the tool is told to wait no longer
+/// than this.
 pub const GRACE: Duration = Duration::from_millis(50);
 /// [`GRACE`] in milliseconds, as the descriptor has it.
 const GRACE_MS: u16 = 50;
@@ -100,13 +104,18 @@ impl Handler for Detach {
         Some(OutResponse::Accepted)
     }
 
-    fn control_in<'a>(&'a mut self, request: Request, reply: &'a mut [u8]) -> Option<InResponse<'a>> {
+    fn control_in<'a>(
+        &'a mut self,
+        request: Request,
+        reply: &'a mut [u8],
+    ) -> Option<InResponse<'a>> {
         if !self.is_mine(&request) {
             return None;
         }
         let length = match request.request {
             GET_STATUS => {
-                let [status, timeout @ .., state, string] = reply.first_chunk_mut::<STATUS_LENGTH>()?;
+                let [status, timeout @ .., state, string] =
+                    reply.first_chunk_mut::<STATUS_LENGTH>()?;
                 (*status, *timeout, *state, *string) = (0, [0; 3], self.state, 0);
                 STATUS_LENGTH
             }

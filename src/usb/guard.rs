@@ -1,18 +1,22 @@
 //! Stands between the USB stack and the chip's driver.
 //!
-//! The stack passes the host's endpoint numbers on as they are, and the drivers panic at one that the chip does not have; here
-//! they reach the driver only if the device has that endpoint. And the stack never lets another task run while the driver has
-//! events; here each waits for the next round.
+//! The stack passes the host's endpoint numbers on as they are, and the drivers panic at one that
+//! the chip does not have; here they reach the driver only if the device has that endpoint. And the
+//! stack never lets another task run while the driver has events; here each waits for the next
+//! round.
 //!
-//! A packet that the host has not fetched when it resets the bus, or after an unplugged cable is plugged in again, keeps an endpoint
-//! of the OTG controller busy for ever: the stack switches no endpoint off at a reset. Here all are.
+//! A packet that the host has not fetched when it resets the bus, or after an unplugged cable is
+//! plugged in again, keeps an endpoint of the OTG controller busy for ever: the stack switches no
+//! endpoint off at a reset. Here all are.
 //!
-//! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0 §9.4.5, §9.1.1.5). The drivers
-//! leave its toggle as it is, so that a packet would be lost, and the one of the controller with packet memory never returns from ending a halt that is none.
+//! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0
+//! §9.4.5, §9.1.1.5). The drivers leave its toggle as it is, so that a packet would be lost, and
+//! the one of the controller with packet memory never returns from ending a halt that is none.
 
 use embassy_futures::yield_now;
 use embassy_usb::driver::{
-    Bus, Driver, EndpointAddress, EndpointAllocError, EndpointInfo, EndpointType, Event, Unsupported,
+    Bus, Driver, EndpointAddress, EndpointAllocError, EndpointInfo, EndpointType, Event,
+    Unsupported,
 };
 use embassy_usb::driver::{Direction, Endpoint as _};
 
@@ -38,7 +42,8 @@ impl Endpoints {
 
     /// Their addresses.
     fn addresses(self) -> impl Iterator<Item = EndpointAddress> {
-        let of = |direction| (1..16).map(move |number| EndpointAddress::from_parts(number, direction));
+        let of =
+            |direction| (1..16).map(move |number| EndpointAddress::from_parts(number, direction));
         of(Direction::Out).chain(of(Direction::In)).filter(move |address| self.has(*address))
     }
 
@@ -73,7 +78,8 @@ impl<'d, D: Driver<'d>> Driver<'d> for Guarded<D> {
         max_packet_size: u16,
         interval_ms: u8,
     ) -> Result<Self::EndpointOut, EndpointAllocError> {
-        let endpoint = self.driver.alloc_endpoint_out(kind, address, max_packet_size, interval_ms)?;
+        let endpoint =
+            self.driver.alloc_endpoint_out(kind, address, max_packet_size, interval_ms)?;
         self.endpoints.add(endpoint.info());
         Ok(endpoint)
     }
@@ -85,7 +91,8 @@ impl<'d, D: Driver<'d>> Driver<'d> for Guarded<D> {
         max_packet_size: u16,
         interval_ms: u8,
     ) -> Result<Self::EndpointIn, EndpointAllocError> {
-        let endpoint = self.driver.alloc_endpoint_in(kind, address, max_packet_size, interval_ms)?;
+        let endpoint =
+            self.driver.alloc_endpoint_in(kind, address, max_packet_size, interval_ms)?;
         self.endpoints.add(endpoint.info());
         Ok(endpoint)
     }
@@ -116,7 +123,9 @@ impl<B: Bus> Bus for GuardedBus<B> {
         yield_now().await;
         let event = self.bus.poll().await;
         if matches!(event, Event::Reset) {
-            self.endpoints.addresses().for_each(|address| self.bus.endpoint_set_enabled(address, false));
+            self.endpoints
+                .addresses()
+                .for_each(|address| self.bus.endpoint_set_enabled(address, false));
         }
         event
     }

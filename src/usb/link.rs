@@ -9,7 +9,8 @@ use super::Driver;
 /// Bytes of a packet: the most of a bulk endpoint at full speed.
 pub const PACKET: u16 = 64;
 const PACKET_BYTES: usize = PACKET as usize;
-/// How long the host may take to fetch one frame: about nine packets, which take it a millisecond or two unless nobody reads.
+/// How long the host may take to fetch one frame: about nine packets, which take it a millisecond
+/// or two unless nobody reads.
 const FRAME_DEADLINE: Duration = Duration::from_millis(50);
 
 /// Why a frame was dropped.
@@ -31,7 +32,8 @@ impl Receiver {
         Self { port }
     }
 
-    /// Waits for the next packet, through every absence of the host. Dropping the future loses nothing.
+    /// Waits for the next packet, through every absence of the host. Dropping the future loses
+    /// nothing.
     pub async fn receive<'b>(&mut self, packet: &'b mut [u8; PACKET_BYTES]) -> &'b [u8] {
         let length = loop {
             self.port.wait_connection().await;
@@ -53,7 +55,8 @@ impl Sender {
         Self { port }
     }
 
-    /// Hands a whole frame over, or drops what is left of it: the frame after it begins with a delimiter.
+    /// Hands a whole frame over, or drops what is left of it: the frame after it begins with a
+    /// delimiter.
     pub async fn send(&mut self, frame: &[u8]) -> Result<(), NotSent> {
         match with_timeout(FRAME_DEADLINE, self.send_packets(frame)).await {
             Ok(Ok(())) => Ok(()),

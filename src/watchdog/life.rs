@@ -126,7 +126,8 @@ impl Watch {
         Self(life)
     }
 
-    /// Shows life, then waits; at the latest the next pulse ends the waiting, with nothing. `work` must bear being dropped.
+    /// Shows life, then waits; at the latest the next pulse ends the waiting, with nothing. `work`
+    /// must bear being dropped.
     pub async fn alive<F: Future>(&self, work: F) -> Option<F::Output> {
         self.show();
         match select(work, PULSES[self.0.index()].wait()).await {
@@ -151,7 +152,8 @@ impl Drop for Watch {
     }
 }
 
-/// Who is watched and has not shown life, as a mask. When nobody is missing, everybody has to show life anew.
+/// Who is watched and has not shown life, as a mask. When nobody is missing, everybody has to show
+/// life anew.
 pub fn missing() -> u32 {
     let missing = WATCHED.load(Ordering::Relaxed) & !SHOWN.load(Ordering::Relaxed);
     if missing == 0 {
@@ -160,7 +162,8 @@ pub fn missing() -> u32 {
     missing
 }
 
-/// Has every loop come round, one after the other: what an interrupt wakes meanwhile waits for one of them, not for all.
+/// Has every loop come round, one after the other: what an interrupt wakes meanwhile waits for one
+/// of them, not for all.
 pub async fn pulse() {
     for (life, pulse) in Life::all().zip(&PULSES) {
         if WATCHED.load(Ordering::Relaxed) & life.bit() != 0 {

@@ -1,7 +1,8 @@
 //! What retained RAM knows of the tasks, for the run after one that the watchdog ended.
 //!
-//! The executor says which task it gives the processor to. A task that never gives it back is the one it was given last; where
-//! a task only waits for ever, the supervisor still runs and notes who is missing.
+//! The executor says which task it gives the processor to. A task that never gives it back is the
+//! one it was given last; where a task only waits for ever, the supervisor still runs and notes who
+//! is missing.
 
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -57,7 +58,9 @@ pub fn write_verdict(text: &mut impl Write) -> fmt::Result {
     match (running, Life::all().find(name)) {
         (0, _) => text.write_str("the processor was lost at the start or in an interrupt"),
         (_, Some(life)) => write!(text, "no life from {life}, which kept the processor"),
-        (task, None) => write!(text, "no life from the task at {task:#010x}, which kept the processor"),
+        (task, None) => {
+            write!(text, "no life from the task at {task:#010x}, which kept the processor")
+        }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use d5::serial::Deframer;
 use d5::{
-    AckLevel, Address, Celsius, Degrees, DegreesPerSecond, Faults, Node, Payload, Register, Reply, Request,
-    Value, answer, can,
+    AckLevel, Address, Celsius, Degrees, DegreesPerSecond, Faults, Node, Payload, Register, Reply,
+    Request, Value, answer, can,
 };
 use host_protocol::CanFrame;
 

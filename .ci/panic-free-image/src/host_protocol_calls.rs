@@ -1,6 +1,8 @@
 //! Everything of `host_protocol` through which bytes of a link pass.
 
-use host_protocol::{CanFrame, Deframer, Error, Event, EventMessage, Frame, MAX_FRAME, Reply, Request};
+use host_protocol::{
+    CanFrame, Deframer, Error, Event, EventMessage, Frame, MAX_FRAME, Reply, Request,
+};
 
 use crate::{any, array, used};
 

@@ -1,8 +1,10 @@
-//! An image that calls every public function of a codec through which bytes of a wire pass, with values that the compiler
-//! cannot know, and whose panic handler calls what no one defines: if the optimiser leaves a way to a panic, the image does
-//! not link. Where it links, no bytes can make these functions panic.
+//! An image that calls every public function of a codec through which bytes of a wire pass, with
+//! values that the compiler cannot know, and whose panic handler calls what no one defines: if the
+//! optimiser leaves a way to a panic, the image does not link. Where it links, no bytes can make
+//! these functions panic.
 //!
-//! Not called is the text of errors (`Display`): `core::fmt` keeps panics of its own. The image is never run.
+//! Not called is the text of errors (`Display`): `core::fmt` keeps panics of its own. The image is
+//! never run.
 #![no_std]
 #![no_main]
 
@@ -18,7 +20,8 @@ mod thruster_calls;
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
-/// As many bytes as a test input needs: the longest message of the host protocol, and more than any frame.
+/// As many bytes as a test input needs: the longest message of the host protocol, and more than any
+/// frame.
 const INPUT_LEN: usize = 600;
 
 unsafe extern "C" {

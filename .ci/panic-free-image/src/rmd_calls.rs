@@ -3,8 +3,8 @@
 use host_protocol::CanFrame;
 use rmd::rs485::{self, Deframer, Scan};
 use rmd::{
-    BaudCode, Faults, Function, Model, MotionRanges, Node, Ramp, RawNotice, Reply, Request, RunMode, Target,
-    answer, answer_on_line, can,
+    BaudCode, Faults, Function, Model, MotionRanges, Node, Ramp, RawNotice, Reply, Request,
+    RunMode, Target, answer, answer_on_line, can,
 };
 
 use crate::{any, array, used};

@@ -47,7 +47,9 @@ impl fmt::Display for BuildError {
             BuildError::OutOfRange { field, value, min, max } => {
                 write!(f, "{field} {value} is outside {min}..={max}")
             }
-            BuildError::NotAnInteger { field, value } => write!(f, "{field} {value} is not a whole number"),
+            BuildError::NotAnInteger { field, value } => {
+                write!(f, "{field} {value} is not a whole number")
+            }
             BuildError::Encode(error) => error.fmt(f),
         }
     }
@@ -70,8 +72,8 @@ impl Fields<'_> {
         (self.0)(field.name).ok_or(BuildError::MissingField { field: field.name })
     }
 
-    /// The field's count on the wire; a physical value is rounded to the nearest one. Refused is a value outside the
-    /// field's range or, where the field is not physical, between two counts.
+    /// The field's count on the wire; a physical value is rounded to the nearest one. Refused is a
+    /// value outside the field's range or, where the field is not physical, between two counts.
     pub fn count<T: TryFrom<i64>>(&self, field: &FieldInfo) -> Result<T, BuildError> {
         let value = self.value(field)?;
         let counts = nearest_count(value * field.counts_per_unit);
@@ -116,7 +118,8 @@ mod tests {
 
     #[test]
     fn quantities_are_rounded_to_the_nearest_count() {
-        for (value, count) in [(0.014, 1), (0.016, 2), (-0.016, -2), (327.67, i16::MAX), (-327.68, i16::MIN)]
+        for (value, count) in
+            [(0.014, 1), (0.016, 2), (-0.016, -2), (327.67, i16::MAX), (-327.68, i16::MIN)]
         {
             assert_eq!(Fields(&|_| Some(value)).count(&CURRENT), Ok(count), "{value}");
         }
@@ -145,7 +148,8 @@ mod tests {
     /// The range of the table may be wider than the integer that holds the count.
     #[test]
     fn counts_that_do_not_fit_are_refused() {
-        let refused = BuildError::OutOfRange { field: "current_a", value: 2.0, min: -327.68, max: 327.67 };
+        let refused =
+            BuildError::OutOfRange { field: "current_a", value: 2.0, min: -327.68, max: 327.67 };
         assert_eq!(Fields(&|_| Some(2.0)).count::<i8>(&CURRENT), Err(refused));
     }
 

@@ -14,7 +14,8 @@ pub struct CommandInfo {
     pub code: u16,
     /// Where the manual describes it.
     pub section: &'static str,
-    /// Fields of the request in the order of the wire: those that the codec's `Request::build` asks for.
+    /// Fields of the request in the order of the wire: those that the codec's `Request::build`
+    /// asks for.
     pub request: &'static [FieldInfo],
     /// Fields of the reply in the order of the wire.
     pub reply: &'static [FieldInfo],
@@ -54,7 +55,8 @@ mod tests {
     #[test]
     fn a_row_is_put_together() {
         let bare = CommandInfo::new("set_id", 0x4349, "§2.2");
-        let full = bare.with_request(&[ID]).with_reply(&[ID, ENABLED]).with_note("acts after a restart");
+        let full =
+            bare.with_request(&[ID]).with_reply(&[ID, ENABLED]).with_note("acts after a restart");
         let expected = CommandInfo {
             name: "set_id",
             code: 0x4349,

@@ -26,9 +26,9 @@ pub enum Effect {
 /// sender should know more, a note; then its variant of the requests and, if it is answered, that
 /// of the replies.
 ///
-/// - A value is `variable: Type = first byte as "name of its field"`. Behind may stand
-///   `in (MIN, MAX)`, the counts that may be sent, or `span (MIN, MAX)`, a range that only tools
-///   are told; then `if check`, a function that refuses values.
+/// - A value is `variable: Type = first byte as "name of its field"`. Behind may stand `in (MIN,
+///   MAX)`, the counts that may be sent, or `span (MIN, MAX)`, a range that only tools are told;
+///   then `if check`, a function that refuses values.
 /// - A type without `as` has several fields with names of their own: `Type::FIELDS`, what a reply
 ///   shows as `Type::SHOWN`, `Type::build` and `Type::visit`. Where values of a variant make sense
 ///   only together, `via Type` behind it names the type that has these four for all of them.
@@ -143,8 +143,8 @@ macro_rules! commands {
     };
 }
 
-/// Declares a value of several fields, each with its place in the data bytes, its name and its range as in
-/// [`commands!`](crate::commands).
+/// Declares a value of several fields, each with its place in the data bytes, its name and its
+/// range as in [`commands!`](crate::commands).
 #[macro_export]
 macro_rules! fields {
     (

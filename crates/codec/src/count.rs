@@ -1,8 +1,11 @@
 //! From a value to a count on the wire.
 
-/// The count nearest to a value, halves away from zero. What no count can express becomes the nearest `i64`, NaN 0:
-/// callers check ranges before.
-#[expect(clippy::cast_possible_truncation, reason = "the fraction is what is to be cut off; `as` saturates")]
+/// The count nearest to a value, halves away from zero. What no count can express becomes the
+/// nearest `i64`, NaN 0: callers check ranges before.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the fraction is what is to be cut off; `as` saturates"
+)]
 pub fn nearest_count(value: f64) -> i64 {
     let whole = value as i64;
     let rest = value - whole as f64;

@@ -4,15 +4,16 @@ use core::marker::PhantomData;
 
 /// How the frames of a line look, all of `LEN` bytes.
 pub trait Framing<const LEN: usize> {
-    /// Whether a frame stands at the start of these bytes or may still come to stand there: true of no bytes, and of
-    /// `LEN` bytes or more only if the first `LEN` are a whole, valid frame.
+    /// Whether a frame stands at the start of these bytes or may still come to stand there: true of
+    /// no bytes, and of `LEN` bytes or more only if the first `LEN` are a whole, valid frame.
     fn begins_frame(bytes: &[u8]) -> bool;
 }
 
 /// Finds whole, valid frames of `LEN` bytes in the bytes of a line.
 ///
-/// It keeps one window of `LEN` bytes. When what it holds cannot be a frame, it goes on with the next byte inside the
-/// window where one may begin, so no frame behind garbage is lost or comes late.
+/// It keeps one window of `LEN` bytes. When what it holds cannot be a frame, it goes on with the
+/// next byte inside the window where one may begin, so no frame behind garbage is lost or comes
+/// late.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Deframer<F: Framing<LEN>, const LEN: usize> {
@@ -45,8 +46,8 @@ impl<F: Framing<LEN>, const LEN: usize> Deframer<F, LEN> {
         Some(self.window)
     }
 
-    /// Takes bytes of the line; yields each frame they complete. A byte is taken only when the iterator reaches it:
-    /// run it to its end.
+    /// Takes bytes of the line; yields each frame they complete. A byte is taken only when the
+    /// iterator reaches it: run it to its end.
     pub fn push_slice<'a>(&'a mut self, bytes: &'a [u8]) -> impl Iterator<Item = [u8; LEN]> + 'a {
         bytes.iter().filter_map(|byte| self.push(*byte))
     }
@@ -75,7 +76,8 @@ impl<F: Framing<LEN>, const LEN: usize> Deframer<F, LEN> {
     /// Drops the first byte and all others before the next one with which a frame may begin.
     fn drop_to_next_beginning(&mut self) {
         let dropped = (1..self.len).find(|start| self.begins_frame_at(*start)).unwrap_or(self.len);
-        // Not `rotate_left`: its check of the distance stays in an image built for size, as a panic.
+        // Not `rotate_left`: its check of the distance stays in an image built for size, as a
+        // panic.
         let mut kept = [0; LEN];
         for (place, byte) in kept.iter_mut().zip(self.window.iter().skip(dropped)) {
             *place = *byte;
@@ -122,7 +124,8 @@ mod tests {
         check_deframer(Deframer::<Summed, 4>::new, [HEADER, 1, 2, 3], [HEADER, 0xFF, 1, 0]);
     }
 
-    /// Bytes without a header are dropped at once; a header among the data of what was no frame begins the next.
+    /// Bytes without a header are dropped at once; a header among the data of what was no frame
+    /// begins the next.
     #[test]
     fn the_window_goes_on_where_a_frame_may_begin() {
         let new = Deframer::<Summed, 4>::new;

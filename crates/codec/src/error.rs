@@ -50,7 +50,12 @@ impl core::error::Error for EncodeError {}
 
 /// Refuses a value outside `min..=max`.
 #[inline]
-pub const fn check_range(field: &'static str, value: i64, min: i64, max: i64) -> Result<(), EncodeError> {
+pub const fn check_range(
+    field: &'static str,
+    value: i64,
+    min: i64,
+    max: i64,
+) -> Result<(), EncodeError> {
     if min <= value && value <= max {
         Ok(())
     } else {
@@ -60,7 +65,12 @@ pub const fn check_range(field: &'static str, value: i64, min: i64, max: i64) ->
 
 /// Refuses a count outside `min..=max`.
 #[inline]
-pub fn check_number(field: &'static str, number: impl Number, min: i64, max: i64) -> Result<(), EncodeError> {
+pub fn check_number(
+    field: &'static str,
+    number: impl Number,
+    min: i64,
+    max: i64,
+) -> Result<(), EncodeError> {
     check_range(field, number.raw().into(), min, max)
 }
 

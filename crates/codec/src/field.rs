@@ -85,10 +85,20 @@ impl FieldInfo {
 
     /// The field in a range, which is given in counts.
     pub const fn within(self, min: i64, max: i64) -> FieldInfo {
-        FieldInfo { min: min as f64 / self.counts_per_unit, max: max as f64 / self.counts_per_unit, ..self }
+        FieldInfo {
+            min: min as f64 / self.counts_per_unit,
+            max: max as f64 / self.counts_per_unit,
+            ..self
+        }
     }
 
-    const fn of(kind: FieldKind, name: &'static str, unit: &'static str, min: i64, max: i64) -> FieldInfo {
+    const fn of(
+        kind: FieldKind,
+        name: &'static str,
+        unit: &'static str,
+        min: i64,
+        max: i64,
+    ) -> FieldInfo {
         FieldInfo { name, unit, kind, min: min as f64, max: max as f64, counts_per_unit: 1.0 }
     }
 }
@@ -102,7 +112,10 @@ mod tests {
     fn the_range_of_a_quantity_is_in_its_unit() {
         let current = FieldInfo::physical("current_a", "A", (-32_768, 32_767), 100.0);
         assert_eq!((current.min, current.max, current.lsb()), (-327.68, 327.67, 0.01));
-        assert_eq!((current.name, current.unit, current.kind), ("current_a", "A", FieldKind::Physical));
+        assert_eq!(
+            (current.name, current.unit, current.kind),
+            ("current_a", "A", FieldKind::Physical)
+        );
     }
 
     #[test]

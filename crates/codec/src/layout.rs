@@ -8,7 +8,8 @@ pub trait Layout {
     type Data;
     /// A command code.
     type Code;
-    /// What a command has besides its code and its values: fixed bytes, or how many bytes there are.
+    /// What a command has besides its code and its values: fixed bytes, or how many bytes there
+    /// are.
     type Fixed: Default;
     /// Why bytes cannot be decoded.
     type Error;
@@ -33,7 +34,9 @@ pub trait Encode<L: Layout> {
 }
 
 /// A value that commands told by their code carry in the layout `L`, from byte `AT` on.
-#[diagnostic::on_unimplemented(message = "nothing takes `{Self}` out of the bytes of this protocol")]
+#[diagnostic::on_unimplemented(
+    message = "nothing takes `{Self}` out of the bytes of this protocol"
+)]
 pub trait Decode<L: Layout>: Sized {
     /// Takes the value out of the bytes, whether or not it may be sent.
     fn get<const AT: usize>(data: &L::Data) -> Result<Self, L::Error>;

@@ -1,8 +1,8 @@
-//! What the three codecs share: command tables as data, building and visiting fields, and the window that finds frames
-//! in a stream of bytes.
+//! What the three codecs share: command tables as data, building and visiting fields, and the
+//! window that finds frames in a stream of bytes.
 //!
-//! It knows no protocol: names, units, ranges and bytes are the codecs', each of which re-exports the types that its
-//! own callers meet.
+//! It knows no protocol: names, units, ranges and bytes are the codecs', each of which re-exports
+//! the types that its own callers meet.
 //!
 //! ```
 //! use codec::{BuildError, CommandInfo, FieldInfo, FieldValue, Fields};

@@ -18,7 +18,9 @@ pub trait Shown {
 }
 
 /// A value that is built from one number.
-#[diagnostic::on_unimplemented(message = "no request can carry `{Self}`: nothing builds it from a number")]
+#[diagnostic::on_unimplemented(
+    message = "no request can carry `{Self}`: nothing builds it from a number"
+)]
 pub trait Built: Shown + Sized {
     /// The value that the caller gives for the field.
     fn build(field: &FieldInfo, fields: &Fields<'_>) -> Result<Self, BuildError>;
@@ -98,8 +100,8 @@ integer!(u8 u16 u32);
 
 /// Defines units: newtypes over the integers that travel on the wire.
 ///
-/// `Centiamps(i16): "A" / 100.0;` counts hundredths of an ampere; `Milliseconds(u32): "ms";` is a whole number, shown
-/// as it is.
+/// `Centiamps(i16): "A" / 100.0;` counts hundredths of an ampere; `Milliseconds(u32): "ms";` is a
+/// whole number, shown as it is.
 #[macro_export]
 macro_rules! units {
     ($($(#[$doc:meta])* $Unit:ident($Raw:ident): $unit:literal $(/ $counts:literal)?;)*) => {

@@ -129,7 +129,8 @@ mod tests {
 
     #[test]
     fn a_missing_name_is_not_handed_on() {
-        let lines = shown(|visit| FieldInfo::other(FieldKind::Text, "mode_name").visit_name(visit, None));
+        let lines =
+            shown(|visit| FieldInfo::other(FieldKind::Text, "mode_name").visit_name(visit, None));
         assert!(lines.is_empty());
     }
 }

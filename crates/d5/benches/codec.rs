@@ -22,8 +22,9 @@ fn requests() -> [(&'static str, Request); 3] {
 
 /// The replies that the D5 manual prints: an id, a register of two bytes, a write.
 fn replies() -> [(&'static str, CanFrame); 3] {
-    let received =
-        |data: [u8; 8]| CanFrame::new(can::default_request_id(Node::FACTORY), &data).expect("8 bytes");
+    let received = |data: [u8; 8]| {
+        CanFrame::new(can::default_request_id(Node::FACTORY), &data).expect("8 bytes")
+    };
     [
         ("id", received([0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75])),
         ("read_word", received([0x5D, 0x0B, 0x05, 0x02, 0x15, 0x48, 0x48, 0xB7])),
@@ -36,7 +37,9 @@ fn can_frames(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("d5 can");
     for (name, request) in requests() {
         group.bench_function(format!("encode request {name}"), |bench| {
-            bench.iter(|| can::request::<CanFrame>(black_box(id), black_box(address), black_box(&request)));
+            bench.iter(|| {
+                can::request::<CanFrame>(black_box(id), black_box(address), black_box(&request))
+            });
         });
         let frame: CanFrame = can::request(id, address, &request).expect("encodable");
         group.bench_function(format!("decode request {name}"), |bench| {
@@ -49,7 +52,8 @@ fn can_frames(criterion: &mut Criterion) {
         });
         let (node, reply) = can::decode_reply(&frame).expect("a reply");
         group.bench_function(format!("encode reply {name}"), |bench| {
-            bench.iter(|| can::reply::<CanFrame>(black_box(id), black_box(node), black_box(&reply)));
+            bench
+                .iter(|| can::reply::<CanFrame>(black_box(id), black_box(node), black_box(&reply)));
         });
     }
     let request = Request::Write { register: Register::SPEED, value: Value::Word(600) };

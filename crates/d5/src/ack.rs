@@ -42,8 +42,9 @@ impl AckLevel {
         }
     }
 
-    /// Whether a motor at this level answers the request. What neither reads nor writes a register counts as a read if
-    /// it changes nothing in the motor, which is an assumption, as is that an execute or reset for all is not answered.
+    /// Whether a motor at this level answers the request. What neither reads nor writes a register
+    /// counts as a read if it changes nothing in the motor, which is an assumption, as is that
+    /// an execute or reset for all is not answered.
     pub fn answers(self, address: Address, request: &Request) -> bool {
         if matches!(request, Request::Execute | Request::Reset) && address == Address::Broadcast {
             return false;
@@ -69,15 +70,21 @@ mod tests {
         let motor = Address::Node(Node::FACTORY);
         let read = Request::Read { register: Register::STATUS, width: Width::Byte };
         let write = Request::Write { register: Register::SPEED, value: Value::Word(0) };
-        for (raw, reads, writes) in [(2, true, true), (1, true, false), (0, false, false), (3, false, false)]
+        for (raw, reads, writes) in
+            [(2, true, true), (1, true, false), (0, false, false), (3, false, false)]
         {
             let level = AckLevel::of(raw);
-            assert_eq!((level.answers(motor, &read), level.answers(motor, &write)), (reads, writes), "{raw}");
+            assert_eq!(
+                (level.answers(motor, &read), level.answers(motor, &write)),
+                (reads, writes),
+                "{raw}"
+            );
             assert_eq!(level.raw(), raw);
         }
     }
 
-    /// D5 manual, table row 1 and quick start (1), (4): all answer a query; no reply to the others is printed.
+    /// D5 manual, table row 1 and quick start (1), (4): all answer a query; no reply to the others
+    /// is printed.
     #[test]
     fn of_broadcasts_only_the_query_is_answered() {
         let level = AckLevel::ReadsAndWrites;

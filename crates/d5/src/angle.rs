@@ -35,7 +35,8 @@ mod tests {
     /// D5 manual, register 0x28: −32767..=32767.
     #[test]
     fn the_angle_ends_at_32767() {
-        let refused = EncodeError::OutOfRange { field: "angle", value: -32_768, min: -32_767, max: 32_767 };
+        let refused =
+            EncodeError::OutOfRange { field: "angle", value: -32_768, min: -32_767, max: 32_767 };
         assert_eq!(encode_angle(Degrees(-32_768)), Err(refused));
         assert_eq!(decode_angle(0x8000), Degrees(-32_768));
     }

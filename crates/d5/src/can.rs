@@ -1,6 +1,7 @@
 //! CAN frames: the eight bytes, nothing added (D5 manual, point 4).
 //!
-//! The manual gives neither ids nor frame type, so both are the caller's, and any id is accepted when decoding.
+//! The manual gives neither ids nor frame type, so both are the caller's, and any id is accepted
+//! when decoding.
 
 use embedded_can::{Frame, Id, StandardId};
 
@@ -14,14 +15,19 @@ use crate::request::Request;
 /// The lowest and the highest bitrate at which motors run, bit/s (D5 manual, point 3).
 pub const BITRATES: (u32, u32) = (200_001, 222_222);
 
-/// The id of requests to this motor where nothing else is configured: its own number. An assumption.
+/// The id of requests to this motor where nothing else is configured: its own number. An
+/// assumption.
 pub fn default_request_id(node: Node) -> StandardId {
     // A node has eight bits, so the fallback, the id of lowest priority, is never used.
     StandardId::new(u16::from(node.get())).unwrap_or(StandardId::MAX)
 }
 
 /// The frame, with this id, that carries this request.
-pub fn request<F: Frame>(id: impl Into<Id>, address: Address, request: &Request) -> Result<F, EncodeError> {
+pub fn request<F: Frame>(
+    id: impl Into<Id>,
+    address: Address,
+    request: &Request,
+) -> Result<F, EncodeError> {
     F::new(id, &request_frame(address, request)?).ok_or(EncodeError::Frame)
 }
 
@@ -70,7 +76,10 @@ mod tests {
             let (to_motor, from_motor) =
                 (CanFrame::new(id, &query).unwrap(), CanFrame::new(id, &here).unwrap());
             assert_eq!(request(id, Address::Node(node(0x0B)), &Request::QueryId), Ok(to_motor));
-            assert_eq!(decode_request(&to_motor), Ok((Address::Node(node(0x0B)), Request::QueryId)));
+            assert_eq!(
+                decode_request(&to_motor),
+                Ok((Address::Node(node(0x0B)), Request::QueryId))
+            );
             assert_eq!(reply(id, node(0x0B), &Reply::Id), Ok(from_motor));
             assert_eq!(decode_reply(&from_motor), Ok((node(0x0B), Reply::Id)));
         }

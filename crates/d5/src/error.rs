@@ -14,7 +14,8 @@ pub enum DecodeError {
     Length {
         /// Bytes received, or the length byte.
         got: usize,
-        /// Bytes of a frame, or the length byte of a frame with two data bytes; it may also be one less.
+        /// Bytes of a frame, or the length byte of a frame with two data bytes; it may also be one
+        /// less.
         expected: usize,
     },
     /// The last byte is not the sum of the bytes after the header (D5 manual, frame format).
@@ -51,7 +52,9 @@ impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             DecodeError::RemoteFrame => write!(f, "remote frame"),
-            DecodeError::Length { got, expected } => write!(f, "{got} data bytes instead of {expected}"),
+            DecodeError::Length { got, expected } => {
+                write!(f, "{got} data bytes instead of {expected}")
+            }
             DecodeError::Checksum { got, expected } => {
                 write!(f, "checksum {got:#04x} instead of {expected:#04x}")
             }

@@ -29,7 +29,8 @@ pub struct FaultInfo {
     pub fault: Faults,
     /// Its name in snake_case.
     pub name: &'static str,
-    /// Whether a 1 to register 0x19 clears it (D5 manual, register 0x19). How the others end is not given.
+    /// Whether a 1 to register 0x19 clears it (D5 manual, register 0x19). How the others end is
+    /// not given.
     pub is_clearable: bool,
 }
 
@@ -56,7 +57,8 @@ impl Faults {
         FAULTS.iter().filter(move |info| self.contains(info.fault))
     }
 
-    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has
+    /// it.
     pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
         let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
         listed.for_each(|info| visit(info.name));
@@ -78,7 +80,10 @@ mod tests {
     #[test]
     fn bits_are_those_of_the_table() {
         assert_eq!(Faults::from_bits_retain(0x42), Faults::STALL | Faults::OVER_CURRENT);
-        assert_eq!(Faults::from_bits_retain(0x8D), Faults::all() - Faults::STALL - Faults::OVER_CURRENT);
+        assert_eq!(
+            Faults::from_bits_retain(0x8D),
+            Faults::all() - Faults::STALL - Faults::OVER_CURRENT
+        );
         assert_eq!(Faults::from_bits_retain(0x31).bits(), 0x31);
     }
 

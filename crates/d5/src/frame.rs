@@ -37,13 +37,17 @@ pub fn request_frame(address: Address, request: &Request) -> Result<[u8; FRAME_L
     let payload = request.encode()?;
     if address == Address::Broadcast && !may_be_broadcast(request) {
         let reason = "only a query, an execute or a reset can be broadcast";
-        return Err(EncodeError::Forbidden { field: "node", value: i64::from(address.id()), reason });
+        return Err(EncodeError::Forbidden {
+            field: "node",
+            value: i64::from(address.id()),
+            reason,
+        });
     }
     Ok(assemble(REQUEST_HEADER, address.id(), payload))
 }
 
-/// The addressee and the request of a frame. A broadcast of any command is decoded: motors may obey it (D5 manual, table
-/// row 1, calls 0xFE the broadcast id in general).
+/// The addressee and the request of a frame. A broadcast of any command is decoded: motors may obey
+/// it (D5 manual, table row 1, calls 0xFE the broadcast id in general).
 pub fn decode_request_frame(frame: &[u8; FRAME_LEN]) -> Result<(Address, Request), DecodeError> {
     let (id, payload) = disassemble(REQUEST_HEADER, frame)?;
     let request = Request::decode(&payload)?;
@@ -123,11 +127,15 @@ mod tests {
         }
     }
 
-    /// D5 manual, frame format: the printed reply counts the header into its sum, against its own rule.
+    /// D5 manual, frame format: the printed reply counts the header into its sum, against its own
+    /// rule.
     #[test]
     fn the_printed_sum_with_the_header_is_rejected() {
         let printed = [0x5D, 0x0A, 0x05, 0x02, 0x20, 0x60, 0x80, 0x6E];
-        assert_eq!(decode_reply_frame(&printed), Err(DecodeError::Checksum { got: 0x6E, expected: 0x11 }));
+        assert_eq!(
+            decode_reply_frame(&printed),
+            Err(DecodeError::Checksum { got: 0x6E, expected: 0x11 })
+        );
         let right = [0x5D, 0x0A, 0x05, 0x02, 0x20, 0x60, 0x80, 0x11];
         let reply = Reply::Read { register: Register::SPEED, value: Value::Word(0x8060) };
         assert_eq!(decode_reply_frame(&right), Ok((node(0x0A), reply)));
@@ -137,16 +145,25 @@ mod tests {
     #[test]
     fn a_wrong_checksum_is_named() {
         let printed = [0xD5, 0x0B, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7A];
-        assert_eq!(decode_request_frame(&printed), Err(DecodeError::Checksum { got: 0x7A, expected: 0x7B }));
+        assert_eq!(
+            decode_request_frame(&printed),
+            Err(DecodeError::Checksum { got: 0x7A, expected: 0x7B })
+        );
     }
 
     /// D5 manual, frame format: D5 goes to the motor, 5D comes from it.
     #[test]
     fn the_header_gives_the_direction() {
         let request = [0xD5, 0x0B, 0x05, 0x01, 0x00, 0x00, 0x00, 0x11];
-        assert_eq!(decode_reply_frame(&request), Err(DecodeError::Header { got: 0xD5, expected: 0x5D }));
+        assert_eq!(
+            decode_reply_frame(&request),
+            Err(DecodeError::Header { got: 0xD5, expected: 0x5D })
+        );
         let reply = [0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75];
-        assert_eq!(decode_request_frame(&reply), Err(DecodeError::Header { got: 0x5D, expected: 0xD5 }));
+        assert_eq!(
+            decode_request_frame(&reply),
+            Err(DecodeError::Header { got: 0x5D, expected: 0xD5 })
+        );
         let message = Message::Request(Address::Node(node(0x0B)), Request::QueryId);
         assert_eq!(decode_frame(&request), Ok(message));
         assert_eq!(decode_frame(&reply), Ok(Message::Reply(node(0x0B), Reply::Id)));
@@ -180,7 +197,10 @@ mod tests {
             Request::Unknown { raw },
         ] {
             let result = request_frame(Address::Broadcast, &request);
-            assert!(matches!(result, Err(EncodeError::Forbidden { field: "node", value: 0xFE, .. })));
+            assert!(matches!(
+                result,
+                Err(EncodeError::Forbidden { field: "node", value: 0xFE, .. })
+            ));
         }
         let turn_all = [0xD5, 0xFE, 0x05, 0x03, 0x20, 0x58, 0x02, 0x80];
         let turn = Request::Write { register: Register::SPEED, value: Value::Word(0x0258) };

@@ -1,12 +1,13 @@
 //! Codec of the motor protocol with `D5` requests and `5D` replies ("D5 manual").
 //!
-//! Covered is the whole manual, requests and replies, both ways: commands 01 to 06 (query id, read, write, asynchronous
-//! write, execute, reset), the magnetic angle, the self test, the error replies and the register table. Any other command
-//! comes back as `Unknown` with its bytes.
+//! Covered is the whole manual, requests and replies, both ways: commands 01 to 06 (query id, read,
+//! write, asynchronous write, execute, reset), the magnetic angle, the self test, the error replies
+//! and the register table. Any other command comes back as `Unknown` with its bytes.
 //!
-//! Every frame has eight bytes, `header id length command address low high sum`; [`request_frame`] and its siblings
-//! deal with those, [`can`] puts them into CAN frames, [`serial`] finds them in a byte stream. Decoding never judges a value: access and ranges are enforced
-//! when encoding requests, so that a simulated motor can receive what a real one would.
+//! Every frame has eight bytes, `header id length command address low high sum`; [`request_frame`]
+//! and its siblings deal with those, [`can`] puts them into CAN frames, [`serial`] finds them in a
+//! byte stream. Decoding never judges a value: access and ranges are enforced when encoding
+//! requests, so that a simulated motor can receive what a real one would.
 //!
 //! ```
 //! use d5::{Address, DegreesPerSecond, Node, Register, Request, Value};

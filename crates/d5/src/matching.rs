@@ -9,7 +9,8 @@ use crate::request::Request;
 
 /// What a received reply is to a pending request.
 ///
-/// There is no echo of our own among them: a reply has a header of its own (D5 manual, frame format).
+/// There is no echo of our own among them: a reply has a header of its own (D5 manual, frame
+/// format).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
@@ -17,8 +18,9 @@ pub enum Answer {
     Reply(Reply),
     /// The motor refuses the request: it does not know the command, or the checksum arrived wrong.
     Refused(MotorError),
-    /// It does not answer the request, but tells which id a motor has: it answers a query of all ids, comes from the new
-    /// id after a change, or from the factory id after a reset (D5 manual, table rows 1 and 6, common commands, row 1).
+    /// It does not answer the request, but tells which id a motor has: it answers a query of all
+    /// ids, comes from the new id after a change, or from the factory id after a reset (D5
+    /// manual, table rows 1 and 6, common commands, row 1).
     Unsolicited,
     /// It belongs to something else.
     Unrelated,
@@ -26,9 +28,9 @@ pub enum Answer {
 
 /// What `received`, a reply from motor `from`, is to `request`, sent to the one motor `node`.
 ///
-/// A write is answered only by its own value, so that a late reply to an earlier speed does not confirm a stop.
-/// The reply to an id change comes from the new id, the reply to a reset from [`Node::FACTORY`]. Broadcasts have no
-/// single answer and are not for this function.
+/// A write is answered only by its own value, so that a late reply to an earlier speed does not
+/// confirm a stop. The reply to an id change comes from the new id, the reply to a reset from
+/// [`Node::FACTORY`]. Broadcasts have no single answer and are not for this function.
 pub fn answer(request: &Request, node: Node, from: Node, received: &Reply) -> Answer {
     let answers = match received {
         Reply::Error { error, command } => {
@@ -53,15 +55,18 @@ fn tells_an_id(reply: &Reply, from: Node) -> bool {
     match *reply {
         Reply::Id => true,
         Reply::ResetDone => from == Node::FACTORY,
-        Reply::Written { register: Register::ID, value: Value::Word(id) } => id == u16::from(from.get()),
+        Reply::Written { register: Register::ID, value: Value::Word(id) } => {
+            id == u16::from(from.get())
+        }
         _ => false,
     }
 }
 
 /// What an error says about the request, if it comes from its motor.
 ///
-/// An id error is never for the motor addressed: some other motor objects to a request that was not for it. The
-/// command of a checksum error is that of an earlier request (D5 manual, table row 3), so it says nothing.
+/// An id error is never for the motor addressed: some other motor objects to a request that was not
+/// for it. The command of a checksum error is that of an earlier request (D5 manual, table row 3),
+/// so it says nothing.
 fn refusal(error: MotorError, command: u8, request: &Request) -> Option<MotorError> {
     match error {
         MotorError::Id => None,
@@ -73,7 +78,8 @@ fn refusal(error: MotorError, command: u8, request: &Request) -> Option<MotorErr
 impl Request {
     /// The motor whose reply to wait for after this request to `node`.
     ///
-    /// A new id is confirmed from that id, a reset from the factory id (D5 manual, table row 6, common commands, row 1).
+    /// A new id is confirmed from that id, a reset from the factory id (D5 manual, table row 6,
+    /// common commands, row 1).
     pub fn answering_node(&self, node: Node) -> Node {
         match *self {
             Request::Write { register: Register::ID, value: Value::Word(id) } => {
@@ -104,7 +110,9 @@ fn has_the_answer_of(request: &Request, reply: &Reply) -> bool {
             Request::AsyncWrite { register, value },
             Reply::AsyncWritten { register: written, value: waiting },
         ) => register == written && value == waiting,
-        (Request::Unknown { raw }, Reply::Unknown { raw: received }) => raw.command() == received.command(),
+        (Request::Unknown { raw }, Reply::Unknown { raw: received }) => {
+            raw.command() == received.command()
+        }
         _ => false,
     }
 }
@@ -137,23 +145,42 @@ mod tests {
     #[test]
     fn printed_replies_answer_their_requests() {
         for (request, reply) in [
-            ([0xD5, 0x0B, 0x05, 0x01, 0, 0, 0, 0x11], [0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75]),
-            ([0xD5, 0x0B, 0x05, 0x02, 0x15, 0, 0, 0x27], [0x5D, 0x0B, 0x05, 0x02, 0x15, 0x48, 0x48, 0xB7]),
-            ([0xD5, 0x0B, 0x04, 0x02, 0x15, 0, 0, 0x26], [0x5D, 0x0B, 0x04, 0x02, 0x15, 0x48, 0x00, 0x6E]),
+            (
+                [0xD5, 0x0B, 0x05, 0x01, 0, 0, 0, 0x11],
+                [0x5D, 0x0B, 0x05, 0x01, 0xCC, 0xCC, 0xCC, 0x75],
+            ),
+            (
+                [0xD5, 0x0B, 0x05, 0x02, 0x15, 0, 0, 0x27],
+                [0x5D, 0x0B, 0x05, 0x02, 0x15, 0x48, 0x48, 0xB7],
+            ),
+            (
+                [0xD5, 0x0B, 0x04, 0x02, 0x15, 0, 0, 0x26],
+                [0x5D, 0x0B, 0x04, 0x02, 0x15, 0x48, 0x00, 0x6E],
+            ),
             (WRITE_SPEED, SPEED_WRITTEN),
-            ([0xD5, 0x0B, 0x04, 0x03, 0x05, 0x22, 0, 0x39], [0x5D, 0x0B, 0x04, 0x03, 0x05, 0x22, 0x00, 0x39]),
+            (
+                [0xD5, 0x0B, 0x04, 0x03, 0x05, 0x22, 0, 0x39],
+                [0x5D, 0x0B, 0x04, 0x03, 0x05, 0x22, 0x00, 0x39],
+            ),
             (
                 [0xD5, 0x0B, 0x05, 0x04, 0x20, 0x0B, 0x04, 0x43],
                 [0x5D, 0x0B, 0x05, 0x04, 0x20, 0x0B, 0x04, 0x43],
             ),
-            ([0xD5, 0x0B, 0x05, 0x05, 0, 0, 0, 0x15], [0x5D, 0x0B, 0x04, 0x05, 0x21, 0x84, 0x00, 0xB9]),
-            ([0xD5, 0x0B, 0x05, 0xD4, 0, 0, 0, 0xE4], [0x5D, 0x0B, 0x05, 0xD4, 0x57, 0x61, 0x01, 0x9D]),
+            (
+                [0xD5, 0x0B, 0x05, 0x05, 0, 0, 0, 0x15],
+                [0x5D, 0x0B, 0x04, 0x05, 0x21, 0x84, 0x00, 0xB9],
+            ),
+            (
+                [0xD5, 0x0B, 0x05, 0xD4, 0, 0, 0, 0xE4],
+                [0x5D, 0x0B, 0x05, 0xD4, 0x57, 0x61, 0x01, 0x9D],
+            ),
         ] {
             is_reply(request, reply);
         }
     }
 
-    /// D5 manual, table row 6, and common commands, row 1: the reply has another id than the request.
+    /// D5 manual, table row 6, and common commands, row 1: the reply has another id than the
+    /// request.
     #[test]
     fn reset_and_id_change_answer_from_the_new_id() {
         let reset = [0xD5, 0x0D, 0x05, 0x06, 0x00, 0x00, 0x00, 0x18];
@@ -164,8 +191,8 @@ mod tests {
         assert_eq!(of(change, [0x5D, 0x0B, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x23]), Answer::Unrelated);
     }
 
-    /// D5 manual, table rows 9 and 10: the reply repeats the write, so another value, width, register, command or
-    /// motor is not it.
+    /// D5 manual, table rows 9 and 10: the reply repeats the write, so another value, width,
+    /// register, command or motor is not it.
     #[test]
     fn only_its_own_echo_answers_a_write() {
         for other in [
@@ -188,7 +215,8 @@ mod tests {
         is_reply(read, [0x5D, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]);
     }
 
-    /// D5 manual, table rows 1 and 6, common commands, row 1: replies that tell an id, while something else waits.
+    /// D5 manual, table rows 1 and 6, common commands, row 1: replies that tell an id, while
+    /// something else waits.
     #[test]
     fn ids_are_told_unasked() {
         for told in [
@@ -219,13 +247,19 @@ mod tests {
         is_reply(clear, [0x5D, 0x0B, 0x04, 0x03, 0x19, 0x00, 0x00, 0x2B]);
     }
 
-    /// D5 manual, table row 5: motor 0x0B objects to a request for 0x0C; that is not the answer of 0x0C. Nor is it
-    /// one when it seems to come from the motor addressed.
+    /// D5 manual, table row 5: motor 0x0B objects to a request for 0x0C; that is not the answer of
+    /// 0x0C. Nor is it one when it seems to come from the motor addressed.
     #[test]
     fn an_id_error_answers_nothing() {
         let request = [0xD5, 0x0C, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7C];
-        assert_eq!(of(request, [0x5D, 0x0B, 0x05, 0xCF, 0x01, 0xEE, 0xEE, 0xBC]), Answer::Unrelated);
-        assert_eq!(of(request, [0x5D, 0x0C, 0x05, 0xCF, 0x01, 0xEE, 0xEE, 0xBD]), Answer::Unrelated);
+        assert_eq!(
+            of(request, [0x5D, 0x0B, 0x05, 0xCF, 0x01, 0xEE, 0xEE, 0xBC]),
+            Answer::Unrelated
+        );
+        assert_eq!(
+            of(request, [0x5D, 0x0C, 0x05, 0xCF, 0x01, 0xEE, 0xEE, 0xBD]),
+            Answer::Unrelated
+        );
     }
 
     /// D5 manual, table row 4: the error carries the command of the request.

@@ -37,7 +37,9 @@ impl MotorError {
 
     /// The error of an error reply. It can carry any command.
     pub(crate) fn of(payload: &Payload) -> Option<MotorError> {
-        let Payload([TWO_DATA_BYTES, _, address, ERROR_MARK, ERROR_MARK]) = *payload else { return None };
+        let Payload([TWO_DATA_BYTES, _, address, ERROR_MARK, ERROR_MARK]) = *payload else {
+            return None;
+        };
         [MotorError::Id, MotorError::Command, MotorError::Checksum]
             .into_iter()
             .find(|error| error.address() == address)

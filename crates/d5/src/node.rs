@@ -42,8 +42,8 @@ impl Node {
 pub enum Address {
     /// One motor.
     Node(Node),
-    /// All motors, id 0xFE: printed with query, execute and reset only, and sent only with those (D5 manual, table row 1 and
-    /// quick start).
+    /// All motors, id 0xFE: printed with query, execute and reset only, and sent only with those
+    /// (D5 manual, table row 1 and quick start).
     Broadcast,
 }
 
@@ -85,8 +85,12 @@ mod tests {
         assert_eq!(Address::new(0x0B), Ok(Address::Node(Node::FACTORY)));
         assert!(Address::new(0xFF).is_err());
         for node in [0x00, 0xFE, 0xFF] {
-            let refused =
-                EncodeError::OutOfRange { field: "node", value: i64::from(node), min: 0x01, max: 0xFD };
+            let refused = EncodeError::OutOfRange {
+                field: "node",
+                value: i64::from(node),
+                min: 0x01,
+                max: 0xFD,
+            };
             assert_eq!(Node::new(node), Err(refused));
             assert_eq!(Node::received(node), Err(DecodeError::Node { node }));
         }

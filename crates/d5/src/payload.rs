@@ -73,9 +73,10 @@ impl Payload {
         match *self {
             Payload([ONE_DATA_BYTE, ..]) => Ok(Width::Byte),
             Payload([TWO_DATA_BYTES, ..]) => Ok(Width::Word),
-            Payload([length, ..]) => {
-                Err(DecodeError::Length { got: usize::from(length), expected: usize::from(TWO_DATA_BYTES) })
-            }
+            Payload([length, ..]) => Err(DecodeError::Length {
+                got: usize::from(length),
+                expected: usize::from(TWO_DATA_BYTES),
+            }),
         }
     }
 
@@ -89,7 +90,10 @@ impl Payload {
     }
 
     /// Checks the length byte, and the three bytes behind the command against the printed ones.
-    pub(crate) fn expect_fixed(&self, [at_address, at_low, at_high]: [u8; 3]) -> Result<(), DecodeError> {
+    pub(crate) fn expect_fixed(
+        &self,
+        [at_address, at_low, at_high]: [u8; 3],
+    ) -> Result<(), DecodeError> {
         let Payload([length, _, address, low, high]) = *self;
         expect(LENGTH, length, TWO_DATA_BYTES)?;
         expect(ADDRESS, address, at_address)?;

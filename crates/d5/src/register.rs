@@ -18,7 +18,8 @@ pub struct Register(pub u8);
 impl Register {
     /// Software version.
     pub const VERSION: Register = Register(0x02);
-    /// Id of the motor; written with two data bytes, as printed (D5 manual, common commands, row 1).
+    /// Id of the motor; written with two data bytes, as printed (D5 manual, common commands, row
+    /// 1).
     pub const ID: Register = Register(0x03);
     /// Bitrate; the motor does not support it.
     pub const BITRATE: Register = Register(0x04);
@@ -59,14 +60,16 @@ impl Register {
     /// Magnetic angle, a word, 0..=360 degrees.
     pub const MAGNETIC_ANGLE: Register = Register(0x57);
 
-    /// The row of the table; `None` for the upper byte of a word and for registers without a function.
+    /// The row of the table; `None` for the upper byte of a word and for registers without a
+    /// function.
     pub fn info(self) -> Option<&'static RegisterInfo> {
         REGISTERS.iter().find(|info| info.register == self)
     }
 
     /// Refuses a read that would take half a word.
     pub(crate) fn check_read(self, width: Width) -> Result<(), EncodeError> {
-        let starts_word = |register: Register| register.info().is_some_and(|info| info.width == Width::Word);
+        let starts_word =
+            |register: Register| register.info().is_some_and(|info| info.width == Width::Word);
         let next = self.0.checked_add(1).map(Register);
         let splits_a_word = match width {
             Width::Byte => starts_word(self),
@@ -92,8 +95,9 @@ impl Register {
             (Width::Word, Value::Word(word)) => info.check_raw(word),
             (Width::Byte, Value::Word(word)) => {
                 let Some(next) = self.written_with() else {
-                    return Err(self
-                        .forbidden("written with one data byte; the second would go to the next register"));
+                    return Err(self.forbidden(
+                        "written with one data byte; the second would go to the next register",
+                    ));
                 };
                 let [low, high] = word.to_le_bytes();
                 info.check_raw(low.into())?;
@@ -105,7 +109,8 @@ impl Register {
 
     /// The row of a register that a host may write.
     fn writable(self) -> Result<&'static RegisterInfo, EncodeError> {
-        let info = self.info().ok_or(self.forbidden("a register without a function is not written"))?;
+        let info =
+            self.info().ok_or(self.forbidden("a register without a function is not written"))?;
         match info.access {
             Access::ReadWrite => Ok(info),
             Access::ReadOnly => Err(self.forbidden("read-only")),
@@ -114,8 +119,9 @@ impl Register {
         }
     }
 
-    /// The next register, where one write of two data bytes may fill both: two writable bytes of which none is the timeout
-    /// switch. What was meant for 0x10 alone would switch the motor's own timeout of 0x11 off.
+    /// The next register, where one write of two data bytes may fill both: two writable bytes of
+    /// which none is the timeout switch. What was meant for 0x10 alone would switch the motor's
+    /// own timeout of 0x11 off.
     pub fn written_with(self) -> Option<&'static RegisterInfo> {
         let next = Register(self.0.checked_add(1)?);
         let pair = [self, next].into_iter().all(|register| {
@@ -245,8 +251,12 @@ impl RegisterInfo {
             (Width::Byte, Coding::SignMagnitude, Value::Byte(raw)) => {
                 Some(i64::from(decode_temperature(raw).0))
             }
-            (Width::Word, Coding::SignMagnitude, Value::Word(raw)) => Some(i64::from(decode_speed(raw).0)),
-            (Width::Word, Coding::TwosComplement, Value::Word(raw)) => Some(i64::from(decode_angle(raw).0)),
+            (Width::Word, Coding::SignMagnitude, Value::Word(raw)) => {
+                Some(i64::from(decode_speed(raw).0))
+            }
+            (Width::Word, Coding::TwosComplement, Value::Word(raw)) => {
+                Some(i64::from(decode_angle(raw).0))
+            }
             (Width::Byte, _, Value::Byte(raw)) => Some(i64::from(raw)),
             (Width::Word, _, Value::Word(raw)) => Some(i64::from(raw)),
             (Width::Byte, _, Value::Word(_)) | (Width::Word, _, Value::Byte(_)) => None,
@@ -290,8 +300,8 @@ impl RegisterInfo {
         (-magnitude, magnitude)
     }
 
-    /// The width of a write. The id is one byte, but its change is printed with two (D5 manual, common commands, row
-    /// 1).
+    /// The width of a write. The id is one byte, but its change is printed with two (D5 manual,
+    /// common commands, row 1).
     pub(crate) fn written_width(&self) -> Width {
         if self.register == Register::ID { Width::Word } else { self.width }
     }

@@ -11,8 +11,8 @@ const REGISTER: FieldInfo = FieldInfo::integer("register", "", 0, u8::MAX as i64
 const REGISTER_NAME: FieldInfo = FieldInfo::other(FieldKind::Text, "register_name");
 /// How many bytes are read.
 const BYTES: FieldInfo = FieldInfo::integer("bytes", "", 1, 2);
-/// What is written, in the unit of the register; also goes by the name of the register's own field. In replies: raw data
-/// to which the table of registers gives no other name.
+/// What is written, in the unit of the register; also goes by the name of the register's own field.
+/// In replies: raw data to which the table of registers gives no other name.
 const VALUE: FieldInfo = FieldInfo::integer("value", "", i16::MIN as i64, u16::MAX as i64);
 
 /// What is to be read.
@@ -70,18 +70,24 @@ impl WrittenValue {
         };
         let own = info.field_info();
         let value: i64 = match fields.count(&own) {
-            Err(BuildError::MissingField { .. }) => fields.count(&FieldInfo { name: VALUE.name, ..own })?,
+            Err(BuildError::MissingField { .. }) => {
+                fields.count(&FieldInfo { name: VALUE.name, ..own })?
+            }
             given => given?,
         };
         let value = info.encode(value)?;
-        // What goes to the next register as well is given under that one's own name (D5 manual, table row 7, frame format).
-        let next = register.written_with().map(|next| (next, fields.count::<i64>(&next.field_info())));
+        // What goes to the next register as well is given under that one's own name (D5 manual,
+        // table row 7, frame format).
+        let next =
+            register.written_with().map(|next| (next, fields.count::<i64>(&next.field_info())));
         match (value, next) {
             (Value::Byte(low), Some((next, Ok(high)))) => {
                 let Value::Byte(high) = next.encode(high)? else { return Ok((register, value)) };
                 Ok((register, Value::Word(u16::from_le_bytes([low, high]))))
             }
-            (_, Some((_, Err(error)))) if !matches!(error, BuildError::MissingField { .. }) => Err(error),
+            (_, Some((_, Err(error)))) if !matches!(error, BuildError::MissingField { .. }) => {
+                Err(error)
+            }
             _ => Ok((register, value)),
         }
     }
@@ -124,17 +130,19 @@ impl RegisterInfo {
 }
 
 impl Register {
-    /// Hands on a value as the field of this register; two bytes as those of this register and the next, where both
-    /// have one; anything else raw.
+    /// Hands on a value as the field of this register; two bytes as those of this register and the
+    /// next, where both have one; anything else raw.
     pub(crate) fn visit_value(self, visit: &mut Visit<'_>, value: Value) {
-        let byte_register = |register: Register| register.info().filter(|info| info.width == Width::Byte);
+        let byte_register =
+            |register: Register| register.info().filter(|info| info.width == Width::Byte);
         if let Some(info) = self.info()
             && let Some(number) = info.decode(value)
         {
             return visit_number(visit, info, number);
         }
         if let (Value::Word(word), Some(next)) = (value, self.0.checked_add(1))
-            && let (Some(first), Some(second)) = (byte_register(self), byte_register(Register(next)))
+            && let (Some(first), Some(second)) =
+                (byte_register(self), byte_register(Register(next)))
         {
             for (info, byte) in [first, second].into_iter().zip(word.to_le_bytes()) {
                 if let Some(number) = info.decode(Value::Byte(byte)) {

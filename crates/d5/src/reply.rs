@@ -1,5 +1,5 @@
-//! What a motor answers: the bytes between id and checksum of each reply. The replies themselves are in the
-//! [table](crate::table).
+//! What a motor answers: the bytes between id and checksum of each reply. The replies themselves
+//! are in the [table](crate::table).
 
 use crate::command;
 use crate::error::{DecodeError, EncodeError};
@@ -11,8 +11,8 @@ pub use crate::table::Reply;
 impl Reply {
     /// The bytes between id and checksum.
     ///
-    /// Registers and values are not judged, a motor may answer anything; refused are only bytes that mean an error
-    /// or another reply.
+    /// Registers and values are not judged, a motor may answer anything; refused are only bytes
+    /// that mean an error or another reply.
     pub fn encode(&self) -> Result<Payload, EncodeError> {
         self.check()?;
         let payload = self.to_payload();

@@ -1,5 +1,5 @@
-//! What the gateway sends: the bytes between id and checksum of each command. The commands themselves are in the
-//! [table](crate::table).
+//! What the gateway sends: the bytes between id and checksum of each command. The commands
+//! themselves are in the [table](crate::table).
 
 mod span;
 
@@ -12,8 +12,9 @@ use crate::payload::Payload;
 pub use crate::table::Request;
 
 impl Request {
-    /// The bytes between id and checksum; what the register table does not allow is refused, and so is an
-    /// [`Unknown`](Request::Unknown) that means something else and would go around that table.
+    /// The bytes between id and checksum; what the register table does not allow is refused, and so
+    /// is an [`Unknown`](Request::Unknown) that means something else and would go around that
+    /// table.
     pub fn encode(&self) -> Result<Payload, EncodeError> {
         self.check()?;
         match *self {
@@ -21,7 +22,9 @@ impl Request {
             Request::Write { register, value } | Request::AsyncWrite { register, value } => {
                 register.check_write(value)?;
             }
-            Request::Unknown { raw } if !matches!(Request::decode(&raw), Ok(Request::Unknown { .. })) => {
+            Request::Unknown { raw }
+                if !matches!(Request::decode(&raw), Ok(Request::Unknown { .. })) =>
+            {
                 let reason = "a wrong length, or a command that has a variant of its own";
                 return Err(EncodeError::Forbidden {
                     field: "command",
@@ -48,12 +51,14 @@ impl Request {
         Request::decode_row(payload.command(), payload, no_row)
     }
 
-    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields` gives for the names in
-    /// its [`request`](crate::CommandInfo::request), in the units of those names.
+    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields`
+    /// gives for the names in its [`request`](crate::CommandInfo::request), in the units of
+    /// those names.
     ///
-    /// What is written is given in the unit of the register, as `value` or under the name of the register's own field,
-    /// [`RegisterInfo::field`](crate::RegisterInfo::field); what goes to the next register with it
-    /// ([`Register::written_with`](crate::Register::written_with)) under that one's. A read without `bytes` takes as many as the register has. A
+    /// What is written is given in the unit of the register, as `value` or under the name of the
+    /// register's own field, [`RegisterInfo::field`](crate::RegisterInfo::field); what goes to
+    /// the next register with it ([`Register::written_with`](crate::Register::written_with))
+    /// under that one's. A read without `bytes` takes as many as the register has. A
     /// value outside its range is refused; inside it is rounded to the nearest count of the wire.
     ///
     /// ```
@@ -69,7 +74,8 @@ impl Request {
     /// # Ok::<(), d5::BuildError>(())
     /// ```
     pub fn build(name: &str, fields: &dyn Fn(&str) -> Option<f64>) -> Result<Request, BuildError> {
-        let request = Request::build_row(name, &Fields(fields))?.ok_or(BuildError::UnknownCommand)?;
+        let request =
+            Request::build_row(name, &Fields(fields))?.ok_or(BuildError::UnknownCommand)?;
         request.encode()?;
         Ok(request)
     }

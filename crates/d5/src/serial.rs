@@ -7,9 +7,10 @@ use crate::frame::has_right_checksum;
 
 /// Finds whole, checksummed frames of either direction in the bytes of a serial line.
 ///
-/// It keeps one window of 8 bytes. When what it holds cannot be a frame, it goes on with the next header byte inside the
-/// window, so no frame behind garbage is lost or comes late. Neither id nor command are looked at: a well-formed frame to
-/// id 0 is yielded and then refused by [`decode_frame`](crate::decode_frame).
+/// It keeps one window of 8 bytes. When what it holds cannot be a frame, it goes on with the next
+/// header byte inside the window, so no frame behind garbage is lost or comes late. Neither id nor
+/// command are looked at: a well-formed frame to id 0 is yielded and then refused by
+/// [`decode_frame`](crate::decode_frame).
 ///
 /// ```
 /// use d5::{Message, Node, Reply, decode_frame, serial::Deframer};
@@ -63,7 +64,8 @@ mod tests {
         assert_eq!(deframer.rejected(), 3);
     }
 
-    /// Header bytes as id, data and checksum: motor 0xD5 is told the speed 0x5DD5. Sum of D5 05 03 20 D5 5D.
+    /// Header bytes as id, data and checksum: motor 0xD5 is told the speed 0x5DD5. Sum of D5 05 03
+    /// 20 D5 5D.
     #[test]
     fn header_bytes_in_the_data() {
         let frame = [0xD5, 0xD5, 0x05, 0x03, 0x20, 0xD5, 0x5D, 0x2F];
@@ -71,7 +73,8 @@ mod tests {
         assert_eq!((deframer.rejected(), deframer.pending()), (7, 0));
     }
 
-    /// D5 manual, frame format: the printed reply whose sum counts the header, and table row 3, a checksum spoilt.
+    /// D5 manual, frame format: the printed reply whose sum counts the header, and table row 3, a
+    /// checksum spoilt.
     #[test]
     fn printed_frames_with_wrong_sums_are_rejected() {
         let with_header = [0x5D, 0x0A, 0x05, 0x02, 0x20, 0x60, 0x80, 0x6E];

@@ -1,4 +1,5 @@
-//! The speed word of registers 0x20 and 0x26: bit 15 is the direction, the other 15 bits the magnitude in °/s.
+//! The speed word of registers 0x20 and 0x26: bit 15 is the direction, the other 15 bits the
+//! magnitude in °/s.
 
 use codec::check_range;
 
@@ -57,7 +58,8 @@ mod tests {
         assert_eq!(encode_speed(DegreesPerSecond(32_767)).map(u16::to_le_bytes), Ok([0xFF, 0x7F]));
         assert_eq!(encode_speed(DegreesPerSecond(-32_767)).map(u16::to_le_bytes), Ok([0xFF, 0xFF]));
         assert_eq!(decode_speed(0xFFFF), DegreesPerSecond(-32_767));
-        let refused = EncodeError::OutOfRange { field: "speed", value: -32_768, min: -32_767, max: 32_767 };
+        let refused =
+            EncodeError::OutOfRange { field: "speed", value: -32_768, min: -32_767, max: 32_767 };
         assert_eq!(encode_speed(DegreesPerSecond(-32_768)), Err(refused));
     }
 }

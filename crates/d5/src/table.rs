@@ -1,6 +1,6 @@
-//! The protocol as data: every command with its code, its section of the manual, and its values with
-//! place, name, unit and range. Requests, replies, their bytes, and how tools list, build and print
-//! them follow from it. What registers hold is in their [table](crate::register).
+//! The protocol as data: every command with its code, its section of the manual, and its values
+//! with place, name, unit and range. Requests, replies, their bytes, and how tools list, build and
+//! print them follow from it. What registers hold is in their [table](crate::register).
 //!
 //! Numbers of a line are counts of the wire; their units and ranges are those of their types.
 

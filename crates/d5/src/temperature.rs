@@ -1,4 +1,5 @@
-//! The temperature byte of registers 0x0B, 0x2E and 0x2F: bit 7 is the sign, the other 7 bits the magnitude in °C.
+//! The temperature byte of registers 0x0B, 0x2E and 0x2F: bit 7 is the sign, the other 7 bits the
+//! magnitude in °C.
 
 use codec::check_range;
 
@@ -37,7 +38,8 @@ mod tests {
         assert_eq!(decode_temperature(0x80), Celsius(0));
         assert_eq!(encode_temperature(Celsius(100)), Ok(0x64));
         assert_eq!(encode_temperature(Celsius(-5)), Ok(0x85));
-        let refused = EncodeError::OutOfRange { field: "temperature", value: -128, min: -127, max: 127 };
+        let refused =
+            EncodeError::OutOfRange { field: "temperature", value: -128, min: -127, max: 127 };
         assert_eq!(encode_temperature(Celsius(-128)), Err(refused));
     }
 }

@@ -3,10 +3,10 @@
 use codec::testing::CanFrame;
 use d5::serial::Deframer;
 use d5::{
-    Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, MotorError, Node, Payload,
-    REGISTERS, Register, RegisterInfo, Reply, Request, TurnDegrees, Value, Width, answer, can, decode_angle,
-    decode_frame, decode_reply_frame, decode_request_frame, decode_speed, decode_temperature, encode_angle,
-    encode_speed, encode_temperature, reply_frame, request_frame,
+    Access, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, MotorError, Node,
+    Payload, REGISTERS, Register, RegisterInfo, Reply, Request, TurnDegrees, Value, Width, answer,
+    can, decode_angle, decode_frame, decode_reply_frame, decode_request_frame, decode_speed,
+    decode_temperature, encode_angle, encode_speed, encode_temperature, reply_frame, request_frame,
 };
 use embedded_can::StandardId;
 use proptest::prelude::*;
@@ -14,10 +14,13 @@ use proptest::prelude::*;
 /// Five bytes between id and checksum, those of the manual often enough to be met.
 fn payload() -> impl Strategy<Value = Payload> {
     let byte = |bytes: Vec<u8>| prop_oneof![proptest::sample::select(bytes), any::<u8>()];
-    let address = byte(vec![0x00, 0x01, 0x03, 0x07, 0x10, 0x12, 0x15, 0x20, 0x26, 0x57, 0xCC, 0xFF]);
+    let address =
+        byte(vec![0x00, 0x01, 0x03, 0x07, 0x10, 0x12, 0x15, 0x20, 0x26, 0x57, 0xCC, 0xFF]);
     let data = || byte(vec![0x00, 0x34, 0x56, 0xEE, 0xCC, 0xFF]);
     (byte(vec![4, 5]), byte(vec![0, 1, 2, 3, 4, 5, 6, 0xCE, 0xCF, 0xD4]), address, data(), data())
-        .prop_map(|(length, command, address, low, high)| Payload([length, command, address, low, high]))
+        .prop_map(|(length, command, address, low, high)| {
+            Payload([length, command, address, low, high])
+        })
 }
 
 /// The frame of these bytes with the right checksum.
@@ -40,7 +43,8 @@ fn write() -> impl Strategy<Value = (Register, Value)> {
         REGISTERS.iter().filter(|info| info.access == Access::ReadWrite).collect();
     proptest::sample::select(writable).prop_flat_map(|info| {
         let (min, max) = info.value_range();
-        (min..=max).prop_map(move |value| (info.register, info.encode(value).expect("in its range")))
+        (min..=max)
+            .prop_map(move |value| (info.register, info.encode(value).expect("in its range")))
     })
 }
 
@@ -91,14 +95,19 @@ fn reply() -> impl Strategy<Value = Reply> {
     ]
 }
 
-/// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of one.
+/// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of
+/// one.
 fn line() -> impl Strategy<Value = Vec<u8>> {
     let piece = prop_oneof![
-        (node(), request()).prop_map(|(node, request)| request_frame(Address::Node(node), &request)
-            .expect("valid")
+        (node(), request()).prop_map(|(node, request)| request_frame(
+            Address::Node(node),
+            &request
+        )
+        .expect("valid")
+        .to_vec()),
+        (node(), reply(), 0..FRAME_LEN).prop_map(|(node, reply, len)| reply_frame(node, &reply)
+            .expect("valid")[..len]
             .to_vec()),
-        (node(), reply(), 0..FRAME_LEN)
-            .prop_map(|(node, reply, len)| reply_frame(node, &reply).expect("valid")[..len].to_vec()),
         prop::collection::vec(prop::sample::select(vec![0xD5, 0x5D, 0x05, 0x04, 0x0B]), 0..8),
         prop::collection::vec(any::<u8>(), 0..8),
     ];
@@ -112,7 +121,8 @@ fn frames_of(mut line: &[u8]) -> Vec<[u8; FRAME_LEN]> {
         let has_length = matches!(frame[2], 4 | 5);
         let refused = decode_frame(frame).err();
         let is_frame =
-            !matches!(refused, Some(DecodeError::Header { .. } | DecodeError::Checksum { .. })) && has_length;
+            !matches!(refused, Some(DecodeError::Header { .. } | DecodeError::Checksum { .. }))
+                && has_length;
         if is_frame {
             frames.push(*frame);
         }

@@ -20,7 +20,11 @@ fn every_vector_decodes_to_its_meaning_and_back() {
                 let decoded = can::decode_request(&vector.frame());
                 let address = decoded.map(|(address, _)| address);
                 vector.check(decoded.map(|(_, request)| request), |request| {
-                    can::request::<CanFrame>(Id::Standard(vector.id), address.expect("decoded"), request)
+                    can::request::<CanFrame>(
+                        Id::Standard(vector.id),
+                        address.expect("decoded"),
+                        request,
+                    )
                 });
             }
             "reply" | "event" => {
@@ -36,13 +40,14 @@ fn every_vector_decodes_to_its_meaning_and_back() {
     assert_eq!(vectors.len(), COUNT);
 }
 
-/// The CAN frame and the frame on a serial line are the same bytes: whatever has the right checksum is found.
+/// The CAN frame and the frame on a serial line are the same bytes: whatever has the right checksum
+/// is found.
 #[test]
 fn every_vector_is_found_on_a_serial_line() {
     for vector in vectors(VECTORS) {
         let bytes: [u8; 8] = vector.data.as_slice().try_into().expect("eight bytes");
-        let is_whole =
-            !vector.meaning.starts_with("Err(Checksum") && !vector.meaning.starts_with("Err(Length");
+        let is_whole = !vector.meaning.starts_with("Err(Checksum")
+            && !vector.meaning.starts_with("Err(Length");
         let mut deframer = Deframer::new();
         let line = [&[0x5D, 0xD5, 0x05][..], &bytes].concat();
         let found: Vec<_> = deframer.push_slice(&line).collect();
@@ -58,7 +63,9 @@ fn misprints_decode_to_what_holds() {
     let misprints = vectors(MISPRINTS);
     for vector in &misprints {
         let shown = match vector.direction {
-            "request" => can::decode_request(&vector.frame()).map(|(_, request)| format!("{request:?}")),
+            "request" => {
+                can::decode_request(&vector.frame()).map(|(_, request)| format!("{request:?}"))
+            }
             _ => can::decode_reply(&vector.frame()).map(|(_, reply)| format!("{reply:?}")),
         };
         let shown = shown.unwrap_or_else(|error: DecodeError| format!("Err({error:?})"));
@@ -70,7 +77,8 @@ fn misprints_decode_to_what_holds() {
 #[test]
 fn every_command_has_a_request_and_a_reply() {
     let vectors = vectors(VECTORS);
-    let request = |vector: &Vector| can::decode_request(&vector.frame()).ok().map(|(_, request)| request);
+    let request =
+        |vector: &Vector| can::decode_request(&vector.frame()).ok().map(|(_, request)| request);
     let reply = |vector: &Vector| can::decode_reply(&vector.frame()).ok().map(|(_, reply)| reply);
     let requests: Vec<Request> =
         vectors.iter().filter(|vector| vector.direction == "request").filter_map(request).collect();
@@ -78,12 +86,22 @@ fn every_command_has_a_request_and_a_reply() {
         vectors.iter().filter(|vector| vector.direction != "request").filter_map(reply).collect();
     for info in COMMANDS {
         let fields = |field: &str| Some(if field == "bytes" { 1.0 } else { 16.0 });
-        assert_ne!(Request::build(info.name, &fields), Err(BuildError::UnknownCommand), "{}", info.name);
-        assert!(requests.iter().any(|request| request.name() == info.name), "no request {}", info.name);
+        assert_ne!(
+            Request::build(info.name, &fields),
+            Err(BuildError::UnknownCommand),
+            "{}",
+            info.name
+        );
+        assert!(
+            requests.iter().any(|request| request.name() == info.name),
+            "no request {}",
+            info.name
+        );
         assert!(replies.iter().any(|reply| reply.name() == info.name), "no reply {}", info.name);
     }
     for name in ["id", "command", "checksum"] {
-        let is_it = |reply: &Reply| matches!(reply, Reply::Error { error, .. } if error.name() == name);
+        let is_it =
+            |reply: &Reply| matches!(reply, Reply::Error { error, .. } if error.name() == name);
         assert!(replies.iter().any(is_it), "no {name} error");
     }
     assert!(requests.iter().any(|request| request.name() == "unknown"));

@@ -1,13 +1,21 @@
-//! What a bus may be configured with: every check that needs no more than its port. The gateway makes them, and a program may before it asks.
+//! What a bus may be configured with: every check that needs no more than its port. The gateway
+//! makes them, and a program may before it asks.
 
 use crate::motor;
 use host_protocol::{BusConfig, BusKind, Error, MAX_BITRATES, Protocol, Quantity, REPLY_WINDOW_US};
 
-/// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates, whatever is on it.
+/// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates,
+/// whatever is on it.
 ///
 /// # Errors
-/// [`Error::BitrateNotOffered`], [`Error::OutOfRange`], [`Error::WrongBusKind`] and [`Error::NeedsOwnBus`].
-pub fn check_bus_config(bus: u8, kind: BusKind, bitrates: &[u32], config: &BusConfig) -> Result<(), Error> {
+/// [`Error::BitrateNotOffered`], [`Error::OutOfRange`], [`Error::WrongBusKind`] and
+/// [`Error::NeedsOwnBus`].
+pub fn check_bus_config(
+    bus: u8,
+    kind: BusKind,
+    bitrates: &[u32],
+    config: &BusConfig,
+) -> Result<(), Error> {
     let BusConfig { bitrate, protocols, reply_window_us, .. } = *config;
     if !bitrates.contains(&bitrate) {
         return Err(not_offered(bus, bitrate, bitrates.iter().copied()));

@@ -1,4 +1,5 @@
-//! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still fits together.
+//! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still
+//! fits together.
 
 use crate::axis::{Address, Axis, AxisConfig};
 use crate::bus::check_load;
@@ -8,10 +9,15 @@ use crate::motor;
 use crate::outbox::Outbox;
 use crate::rules;
 use crate::time::Instant;
-use host_protocol::{AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Value, requests};
+use host_protocol::{
+    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Value, requests,
+};
 
 impl Gateway {
-    pub(crate) fn configure_gateway(&mut self, request: &requests::ConfigureGateway) -> Result<(), Error> {
+    pub(crate) fn configure_gateway(
+        &mut self,
+        request: &requests::ConfigureGateway,
+    ) -> Result<(), Error> {
         let unknown = Error::UnknownParameter { parameter: request.parameter };
         match GatewayParameter::from_number(request.parameter).ok_or(unknown)? {
             parameter @ GatewayParameter::LinkSilenceUs => {
@@ -83,7 +89,8 @@ impl Gateway {
             return Err(Error::RestartOwed { axis: request.axis });
         }
         let touched = [axis.config.bus(), config.bus()];
-        // What waits in its motor would not be asked for any more before the frame that starts all of the bus.
+        // What waits in its motor would not be asked for any more before the frame that starts all
+        // of the bus.
         if touched.into_iter().flatten().any(|bus| self.starts_together_on(bus)) {
             return Err(Error::Busy { axis: request.axis });
         }
@@ -99,7 +106,8 @@ impl Gateway {
         }
         let Self { axes, buses, links, .. } = self;
         if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
-            let moved = is_of_address(parameter) && axis.config.get(parameter) != previous.get(parameter);
+            let moved =
+                is_of_address(parameter) && axis.config.get(parameter) != previous.get(parameter);
             if moved {
                 buses.iter_mut().for_each(|bus| bus.disown(request.axis));
             }
@@ -114,8 +122,8 @@ impl Gateway {
         Ok(())
     }
 
-    /// Takes over the configuration that an axis had before a reset, if this firmware would accept it, and the timeout that was
-    /// written to its motor.
+    /// Takes over the configuration that an axis had before a reset, if this firmware would accept
+    /// it, and the timeout that was written to its motor.
     pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig, told: u32) {
         let complete = config.missing().is_none();
         if self.check_axis(index, &config).is_err() {
@@ -175,14 +183,21 @@ impl Gateway {
             self.check_ids(axis, config)?;
         }
         // Before it is complete, what a limit needs may still come.
-        if config.missing().is_some() { Ok(()) } else { rules::check_config(axis, bus.kind(), config) }
+        if config.missing().is_some() {
+            Ok(())
+        } else {
+            rules::check_config(axis, bus.kind(), config)
+        }
     }
 
-    /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way round (GUARANTEES G7).
+    /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way
+    /// round (GUARANTEES G7).
     fn check_ids(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
         // What has no motor yet is sent nothing, and is checked when it gets one.
         let there = |other: &&Axis| {
-            other.index != axis && other.config.bus() == config.bus() && other.config.address().is_some()
+            other.index != axis
+                && other.config.bus() == config.bus()
+                && other.config.address().is_some()
         };
         for other in self.axes.iter().filter(there) {
             if let Some(id) = motor::sent_on_an_id_of(config, &other.config) {
@@ -204,10 +219,9 @@ impl Gateway {
         let Some(bus_index) = config.bus() else { return Ok(()) };
         let bus = self.bus(bus_index)?;
         let Some(bus_config) = bus.config() else { return Ok(()) };
-        let here = self
-            .axes
-            .iter()
-            .filter(|other| other.config.bus() == Some(bus_index) && other.config.missing().is_none());
+        let here = self.axes.iter().filter(|other| {
+            other.config.bus() == Some(bus_index) && other.config.missing().is_none()
+        });
         check_load(bus, bus_config, here)
     }
 }

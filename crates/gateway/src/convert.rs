@@ -1,11 +1,13 @@
 //! SI units against the manuals' units: the only place that knows both.
 //!
-//! Rounding is to the nearest wire unit, ties away from zero, once; where that lies beyond a limit of the axis which the value keeps,
-//! it is the unit before. A value that the wire cannot carry gives `None`, never a clamped value; NaN and infinities give `None`. The
-//! axis's direction is applied by the callers in `motor`.
+//! Rounding is to the nearest wire unit, ties away from zero, once; where that lies beyond a limit
+//! of the axis which the value keeps, it is the unit before. A value that the wire cannot carry
+//! gives `None`, never a clamped value; NaN and infinities give `None`. The axis's direction is
+//! applied by the callers in `motor`.
 //!
-//! Multi-turn counts exceed the 24 bits that f32 keeps, and the boards' processors compute f64 in software or not at
-//! all; so the products are integers of 64 bits, and f64 is left to the compiler.
+//! Multi-turn counts exceed the 24 bits that f32 keeps, and the boards' processors compute f64 in
+//! software or not at all; so the products are integers of 64 bits, and f64 is left to the
+//! compiler.
 
 use core::f64::consts::PI;
 
@@ -53,7 +55,8 @@ impl Scale {
         to_wire(value, self)
     }
 
-    /// The wire units nearest to `value` that keep the limits, lowest and highest, if `value` does (GUARANTEES G2).
+    /// The wire units nearest to `value` that keep the limits, lowest and highest, if `value` does
+    /// (GUARANTEES G2).
     pub fn within(&self, value: f32, (min, max): (f32, f32)) -> Option<i32> {
         let nearest = self.nearest(value)?;
         if value > max || value < min {
@@ -89,7 +92,8 @@ const TENTHS: Scale = Scale::new(10.0);
 /// 0.01 A in one A, and percent in one full signal.
 pub(crate) const HUNDREDTHS: Scale = Scale::new(100.0);
 
-/// The parts of an f32: bits of its fraction, what its exponent is counted from, and the exponent of NaN and infinity.
+/// The parts of an f32: bits of its fraction, what its exponent is counted from, and the exponent
+/// of NaN and infinity.
 const FRACTION_BITS: u32 = 23;
 const EXPONENT_BIAS: i32 = 127;
 const EXPONENT_MASK: u32 = 0xFF;
@@ -117,7 +121,9 @@ fn round_shift(product: u64, exponent: i32) -> Option<u64> {
         return Some(0);
     }
     if exponent >= 0 {
-        return product.checked_shl(exponent.unsigned_abs()).filter(|shifted| shifted >> exponent == product);
+        return product
+            .checked_shl(exponent.unsigned_abs())
+            .filter(|shifted| shifted >> exponent == product);
     }
     let half = exponent.unsigned_abs() - 1;
     // Halves and whole units below the point: one bit more than the result.
@@ -164,9 +170,10 @@ pub(crate) fn from_tenths(count: i32) -> f32 {
     from_wire(count, &TENTHS)
 }
 
-/// The word of `bits` bits, at most 16, for a value between the two ends of a range: the lower end is 0, a whole range has
-/// 2^`bits` steps, and the upper end is the highest word. It is the nearest that keeps the limits, if `value` does. `None` outside the
-/// range, for NaN, and where no word lies within the limits.
+/// The word of `bits` bits, at most 16, for a value between the two ends of a range: the lower end
+/// is 0, a whole range has 2^`bits` steps, and the upper end is the highest word. It is the nearest
+/// that keeps the limits, if `value` does. `None` outside the range, for NaN, and where no word
+/// lies within the limits.
 pub(crate) fn to_span(value: f32, range: (f32, f32), bits: u32, limits: (f32, f32)) -> Option<u16> {
     let (min, max) = range;
     if !(min..=max).contains(&value) {
@@ -192,7 +199,8 @@ pub(crate) fn to_span(value: f32, range: (f32, f32), bits: u32, limits: (f32, f3
     (lowest..=highest).contains(&stands_for(kept)).then_some(kept)
 }
 
-/// The value between the two ends of a range that a word stands for: `divisor` is the word of the upper end.
+/// The value between the two ends of a range that a word stands for: `divisor` is the word of the
+/// upper end.
 pub(crate) fn from_span(word: u16, range: (f32, f32), divisor: f32) -> f32 {
     let (min, max) = range;
     f32::from(word) / divisor * (max - min) + min
@@ -252,10 +260,15 @@ mod tests {
             #[allow(clippy::cast_possible_truncation)]
             let expected = (f64::from(count) / (DEGREES_PER_RAD * 100.0)) as f32;
             let rad = centidegrees_to_rad(count);
-            assert!((rad - expected).abs() <= expected.abs() * f32::EPSILON, "{count}: {rad} {expected}");
+            assert!(
+                (rad - expected).abs() <= expected.abs() * f32::EPSILON,
+                "{count}: {rad} {expected}"
+            );
             let exact = f64::from(rad) * (DEGREES_PER_RAD * 100.0);
             match CENTIDEGREES.nearest(rad) {
-                Some(back) => assert!((f64::from(back) - exact).abs() <= 0.505, "{rad}: {back} {exact}"),
+                Some(back) => {
+                    assert!((f64::from(back) - exact).abs() <= 0.505, "{rad}: {back} {exact}")
+                }
                 None => assert!(exact.abs() >= f64::from(i32::MAX), "{rad}: {exact}"),
             }
         }

@@ -23,8 +23,8 @@ pub struct Gateway {
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
     pub(crate) links: Links,
     pub(crate) authority: Authority,
-    /// The epoch of the latest arming of any axis; before the first the number from which they count. Without one nothing is
-    /// armed.
+    /// The epoch of the latest arming of any axis; before the first the number from which they
+    /// count. Without one nothing is armed.
     pub(crate) epoch: Option<u32>,
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
@@ -43,16 +43,17 @@ pub struct Gateway {
 }
 
 impl Gateway {
-    /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out. `seed`: a random number, another one at each start, from
-    /// which epochs count, so that none comes back; nothing if the chip gave none in time.
+    /// A gateway with nothing configured. Buses beyond [`MAX_BUSES`] are left out. `seed`: a random
+    /// number, another one at each start, from which epochs count, so that none comes back;
+    /// nothing if the chip gave none in time.
     pub fn new(board: &'static Board, seed: Option<u32>) -> Self {
         let mut gateway = Self::unequipped(board, seed);
         gateway.equip();
         gateway
     }
 
-    /// A gateway without axes, buses and links, to be put where it stays before it is [equipped](Self::equip): complete, it
-    /// is too large for the stack of a board.
+    /// A gateway without axes, buses and links, to be put where it stays before it is
+    /// [equipped](Self::equip): complete, it is too large for the stack of a board.
     #[inline(always)]
     pub const fn unequipped(board: &'static Board, seed: Option<u32>) -> Self {
         Self {
@@ -75,8 +76,8 @@ impl Gateway {
         }
     }
 
-    /// Makes the axes, buses and links of an unequipped gateway; each passes over the stack alone. Another time it does
-    /// nothing.
+    /// Makes the axes, buses and links of an unequipped gateway; each passes over the stack alone.
+    /// Another time it does nothing.
     #[inline(never)]
     pub fn equip(&mut self) {
         if self.epoch.is_none() && self.axes.is_empty() {
@@ -97,8 +98,9 @@ impl Gateway {
         }
     }
 
-    /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a reset before a frame can follow
-    /// from it. A time earlier than one given before counts as that one.
+    /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
+    /// reset before a frame can follow from it. A time earlier than one given before counts as
+    /// that one.
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) {
         let now = now.max(self.now);
         self.now = now;
@@ -120,7 +122,9 @@ impl Gateway {
             }
             Event::BusState { bus, state, transmit_errors, receive_errors } => {
                 let errors = (transmit_errors, receive_errors);
-                self.on_bus(now, bus, |bus, axes, out| bus.state_changed(now, state, errors, axes, out));
+                self.on_bus(now, bus, |bus, axes, out| {
+                    bus.state_changed(now, state, errors, axes, out)
+                });
             }
             Event::ReceiveOverflow { bus, lost } => {
                 self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
@@ -166,17 +170,22 @@ impl Gateway {
         buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links))
     }
 
-    /// The slot of a frame that the controller of a CAN bus should give back, if there is one: motion that a stop or a newer
-    /// setpoint has replaced before it could leave.
+    /// The slot of a frame that the controller of a CAN bus should give back, if there is one:
+    /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
         let Self { buses, axes, .. } = self;
         buses.get_mut(usize::from(bus))?.poll_cancel(now, axes)
     }
 
-    /// Writes the next delimited frame for a host link to `out` and returns its length. First stores what is left to store: a host
-    /// is told nothing that a reset can undo.
-    pub fn poll_host(&mut self, link: u8, out: &mut [u8; MAX_FRAME], store: Store<'_>) -> Option<usize> {
+    /// Writes the next delimited frame for a host link to `out` and returns its length. First
+    /// stores what is left to store: a host is told nothing that a reset can undo.
+    pub fn poll_host(
+        &mut self,
+        link: u8,
+        out: &mut [u8; MAX_FRAME],
+        store: Store<'_>,
+    ) -> Option<usize> {
         while !self.save_some(store) {}
         let Self { links, axes, now, .. } = self;
         links.hand_out();
@@ -184,7 +193,8 @@ impl Gateway {
         if let Some(length) = link.poll_transmit(out) {
             return Some(length);
         }
-        // Samples are made when there is room for them, so that they wait nowhere and push nothing out.
+        // Samples are made when there is room for them, so that they wait nowhere and push nothing
+        // out.
         loop {
             let (axis, fields) = link.next_sample()?;
             if let Some(axis) = axes.get(usize::from(axis)) {
@@ -198,11 +208,12 @@ impl Gateway {
         self.buses.get(usize::from(bus))?.setup()
     }
 
-    /// Whether no axis needs the gateway: each is at rest or not configured. A trip is no rest, not even a confirmed one: its stops are
-    /// repeated for faults that heal by themselves. Nor is holding where the motor must
-    /// hear something for it.
+    /// Whether no axis needs the gateway: each is at rest or not configured. A trip is no rest, not
+    /// even a confirmed one: its stops are repeated for faults that heal by themselves. Nor is
+    /// holding where the motor must hear something for it.
     pub fn all_at_rest(&self) -> bool {
-        let rests = |axis: &Axis| axis.state == AxisState::Unconfigured || axis.is_idle_or_holding();
+        let rests =
+            |axis: &Axis| axis.state == AxisState::Unconfigured || axis.is_idle_or_holding();
         self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
@@ -220,14 +231,15 @@ impl Gateway {
         if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
             self.lose_authority(now);
         }
-        let lapsed = self.links.iter_mut().fold(false, |lapsed, link| link.tick(now.as_micros()) | lapsed);
+        let lapsed =
+            self.links.iter_mut().fold(false, |lapsed, link| link.tick(now.as_micros()) | lapsed);
         if lapsed {
             self.watch();
         }
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        // Buses with a stop, and with a setpoint that may be late: the others need no look at their axes. This is done at every event, and
-        // a stop that is asked for waits for it.
+        // Buses with a stop, and with a setpoint that may be late: the others need no look at their
+        // axes. This is done at every event, and a stop that is asked for waits for it.
         let [mut with_stops, mut with_late] = [[false; MAX_BUSES]; 2];
         for axis in axes.iter_mut().filter(|axis| axis.state != AxisState::Unconfigured) {
             axis.expire_motion(now, &mut out);
@@ -294,7 +306,9 @@ impl Gateway {
     }
 
     pub(crate) fn axis_mut(&mut self, axis: u8) -> Result<&mut Axis, Error> {
-        self.axes.get_mut(usize::from(axis)).ok_or(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE })
+        self.axes
+            .get_mut(usize::from(axis))
+            .ok_or(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE })
     }
 
     pub(crate) fn bus(&self, bus: u8) -> Result<&Bus, Error> {
@@ -324,7 +338,11 @@ impl Gateway {
     }
 
     /// Calls `act` with every axis.
-    pub(crate) fn each_axis(&mut self, now: Instant, mut act: impl FnMut(&mut Axis, &mut Outbox<'_>)) {
+    pub(crate) fn each_axis(
+        &mut self,
+        now: Instant,
+        mut act: impl FnMut(&mut Axis, &mut Outbox<'_>),
+    ) {
         let Self { axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
         for axis in axes {

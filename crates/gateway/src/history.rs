@@ -27,15 +27,18 @@ impl History {
         Self { incidents: [None; INCIDENTS], next: 0, unsaved: 0 }
     }
 
-    /// What was saved, from the words of each place. One that a newer one should have replaced, and did not because the reset came
-    /// between, is none of the last.
+    /// What was saved, from the words of each place. One that a newer one should have replaced, and
+    /// did not because the reset came between, is none of the last.
     pub fn restored<'a>(mut saved: impl FnMut(usize) -> Option<&'a [u32]>) -> Self {
         let known: [_; INCIDENTS] = core::array::from_fn(|index| {
             saved(index).and_then(from_words).filter(|(ordinal, _)| place(*ordinal) == index)
         });
-        let next = known.iter().flatten().map(|(ordinal, _)| ordinal.saturating_add(1)).max().unwrap_or(0);
-        let is_of_the_last = |(ordinal, _): &(u32, Incident)| next.abs_diff(*ordinal) as usize <= INCIDENTS;
-        let incidents = known.map(|known| known.filter(is_of_the_last).map(|(_, incident)| incident));
+        let next =
+            known.iter().flatten().map(|(ordinal, _)| ordinal.saturating_add(1)).max().unwrap_or(0);
+        let is_of_the_last =
+            |(ordinal, _): &(u32, Incident)| next.abs_diff(*ordinal) as usize <= INCIDENTS;
+        let incidents =
+            known.map(|known| known.filter(is_of_the_last).map(|(_, incident)| incident));
         Self { incidents, next, unsaved: 0 }
     }
 
@@ -63,7 +66,8 @@ impl History {
         Some((index, to_words(self.ordinal_of(index), incident)))
     }
 
-    /// Has those of these places saved that hold something, and returns which these are. Bit 0 is place 0.
+    /// Has those of these places saved that hold something, and returns which these are. Bit 0 is
+    /// place 0.
     pub fn save_again(&mut self, places: u32) -> u32 {
         let held = |index: &usize| self.incidents.get(*index).is_some_and(Option::is_some);
         let again = (0..INCIDENTS).filter(held).fold(0, |again, index| again | 1 << index) & places;
@@ -122,8 +126,9 @@ fn to_words(ordinal: u32, incident: &Incident) -> [u32; INCIDENT_WORDS] {
     let _ = postcard::to_slice(incident, &mut bytes);
     let mut words = [0; INCIDENT_WORDS];
     let (chunks, _) = bytes.as_chunks::<WORD>();
-    for (word, value) in
-        words.iter_mut().zip(core::iter::once(ordinal).chain(chunks.iter().map(|c| u32::from_le_bytes(*c))))
+    for (word, value) in words
+        .iter_mut()
+        .zip(core::iter::once(ordinal).chain(chunks.iter().map(|c| u32::from_le_bytes(*c))))
     {
         *word = value;
     }
@@ -165,7 +170,8 @@ mod tests {
         }
     }
 
-    /// Its ordinal number, then the bytes of the host protocol: a trip after start 1, axis 2, `MotorSilent`, 5 µs, 1.5 rad/s.
+    /// Its ordinal number, then the bytes of the host protocol: a trip after start 1, axis 2,
+    /// `MotorSilent`, 5 µs, 1.5 rad/s.
     #[test]
     fn the_words_of_an_incident_are_these() {
         let words = to_words(7, &tripped(2, TripReason::MotorSilent));
@@ -191,8 +197,14 @@ mod tests {
                 .collect()
         };
         let (first, second) = (history.page(0), history.page(8));
-        assert_eq!((starts(&first).as_slice(), first.next), (&[19, 18, 17, 16, 15, 14, 13, 12][..], Some(8)));
-        assert_eq!((starts(&second).as_slice(), second.next), (&[11, 10, 9, 8, 7, 6, 5, 4][..], None));
+        assert_eq!(
+            (starts(&first).as_slice(), first.next),
+            (&[19, 18, 17, 16, 15, 14, 13, 12][..], Some(8))
+        );
+        assert_eq!(
+            (starts(&second).as_slice(), second.next),
+            (&[11, 10, 9, 8, 7, 6, 5, 4][..], None)
+        );
         assert!(history.page(16).incidents.is_empty());
         assert!(history.page(255).incidents.is_empty());
     }
@@ -227,8 +239,9 @@ mod tests {
         save(&mut history, &mut saved);
         saved[1] = [1, u32::MAX, u32::MAX, u32::MAX, 0, 0, 0, 0, 0, 0, 0, 0, 0];
         saved[2][0] = 7; // An ordinal number that belongs elsewhere.
-        let restored =
-            History::restored(|index| saved.get(index).filter(|_| index < 4).map(|words| &words[..]));
+        let restored = History::restored(|index| {
+            saved.get(index).filter(|_| index < 4).map(|words| &words[..])
+        });
         assert_eq!(restored.page(0).incidents.as_slice(), [started(3), started(0)]);
     }
 
@@ -252,7 +265,8 @@ mod tests {
             History::restored(|index| Some(&memory[index]))
         };
         assert_eq!(after(older).page(0).incidents[..2], [started(31), started(30)]);
-        // The one before the latest could not be read: what it had replaced long ago is not in its place.
+        // The one before the latest could not be read: what it had replaced long ago is not in its
+        // place.
         assert_eq!(after(newer).page(0).incidents[..2], [started(32), started(30)]);
         assert_eq!(after(newer).len(), 15);
     }

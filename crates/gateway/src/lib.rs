@@ -1,7 +1,8 @@
-//! The core of the motor gateway, without input or output: axes, routing, translation, deadlines, stop sequences.
+//! The core of the motor gateway, without input or output: axes, routing, translation, deadlines,
+//! stop sequences.
 //!
-//! It takes events and the time as arguments and never reads a clock or touches a peripheral, so the same code runs
-//! in the firmware, in the simulator and in tests with virtual time.
+//! It takes events and the time as arguments and never reads a clock or touches a peripheral, so
+//! the same code runs in the firmware, in the simulator and in tests with virtual time.
 #![no_std]
 #![forbid(unsafe_code)]
 

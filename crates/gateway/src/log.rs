@@ -33,7 +33,8 @@ pub enum LogEntry {
     },
     /// The chip's random generator gave no number from which epochs could count: nothing is armed.
     NoRandomNumber,
-    /// A word of the memory that a reset leaves alone had changed at this start: the e-stop is latched, and every axis trips.
+    /// A word of the memory that a reset leaves alone had changed at this start: the e-stop is
+    /// latched, and every axis trips.
     MemoryDamaged,
     /// More happened than could wait.
     Dropped {
@@ -46,7 +47,8 @@ pub enum LogEntry {
 #[derive(Clone)]
 pub(crate) struct Links {
     links: Vec<Link, MAX_LINKS>,
-    /// What happened, µs and what, and is not in the queue of every link yet: the frames that follow from it go first.
+    /// What happened, µs and what, and is not in the queue of every link yet: the frames that
+    /// follow from it go first.
     news: Deque<(u64, Event), NEWS>,
     log: Deque<LogEntry, QUEUE>,
     dropped: u32,
@@ -68,8 +70,9 @@ impl Links {
         let _ = self.news.push_back((now_us, *event));
     }
 
-    /// Puts what has happened into the queues of the links and into the log, in its order. Due before anything else goes there or
-    /// is taken from there, and before a host begins a session: what was before it is not for that host.
+    /// Puts what has happened into the queues of the links and into the log, in its order. Due
+    /// before anything else goes there or is taken from there, and before a host begins a
+    /// session: what was before it is not for that host.
     pub fn hand_out(&mut self) {
         while let Some((time_us, event)) = self.news.pop_front() {
             self.append(LogEntry::Event(event));

@@ -7,7 +7,9 @@ use crate::motor::{self, Effect, Native};
 use crate::outbox::Ticket;
 use crate::requests::{Outcome, Result};
 use crate::time::Instant;
-use host_protocol::{AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests,
+};
 
 impl Gateway {
     /// Does what the decoded bytes ask for, under the rules of what they do (GUARANTEES G2).
@@ -23,9 +25,13 @@ impl Gateway {
         let idle = self.axis(index)?.state == AxisState::Idle;
         match native.effect {
             Effect::Asks => self.ask_natively(now, index, native, ticket),
-            Effect::Rests(demand) if permitted => {
-                self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
-            }
+            Effect::Rests(demand) if permitted => self.move_natively(
+                now,
+                request,
+                native,
+                NativeMotion { demand, once: false },
+                ticket,
+            ),
             Effect::Stops | Effect::Rests(_) if !idle => {
                 self.stop(now, StopTarget::Axis(index))?;
                 Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
@@ -33,12 +39,20 @@ impl Gateway {
             Effect::Stops | Effect::Rests(_) | Effect::Changes { .. } => {
                 self.change_natively(now, index, native, ticket)
             }
-            Effect::Moves(demand) => {
-                self.move_natively(now, request, native, NativeMotion { demand, once: false }, ticket)
-            }
-            Effect::MovesOnce(demand) => {
-                self.move_natively(now, request, native, NativeMotion { demand, once: true }, ticket)
-            }
+            Effect::Moves(demand) => self.move_natively(
+                now,
+                request,
+                native,
+                NativeMotion { demand, once: false },
+                ticket,
+            ),
+            Effect::MovesOnce(demand) => self.move_natively(
+                now,
+                request,
+                native,
+                NativeMotion { demand, once: true },
+                ticket,
+            ),
         }
     }
 
@@ -53,9 +67,12 @@ impl Gateway {
         motor::native(request.axis, &request.data, kind, &axis.config)
     }
 
-    /// Whether a native command does the same as the request to stop: that needs no place for its reply (GUARANTEES G9).
+    /// Whether a native command does the same as the request to stop: that needs no place for its
+    /// reply (GUARANTEES G9).
     pub(crate) fn is_native_stop(&self, request: &requests::Native) -> bool {
-        let (Ok(axis), Ok(native)) = (self.axis(request.axis), self.decode(request)) else { return false };
+        let (Ok(axis), Ok(native)) = (self.axis(request.axis), self.decode(request)) else {
+            return false;
+        };
         let stops = match native.effect {
             Effect::Stops => true,
             Effect::Rests(_) => !axis.is_armed_in(request.epoch),
@@ -79,8 +96,15 @@ impl Gateway {
         Ok(Outcome::Later)
     }
 
-    /// A command that only asks is as free as reading the state, but not told from what is known already.
-    fn ask_natively(&mut self, now: Instant, index: u8, native: Native, ticket: Ticket) -> Result<Outcome> {
+    /// A command that only asks is as free as reading the state, but not told from what is known
+    /// already.
+    fn ask_natively(
+        &mut self,
+        now: Instant,
+        index: u8,
+        native: Native,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
         let axis = self.axis(index)?;
         let free = matches!(
             axis.state,
@@ -125,17 +149,19 @@ impl Gateway {
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
     }
 
-    /// Refuses a change of the motor's node to one that the axis could not be configured for beside the others (GUARANTEES G7).
+    /// Refuses a change of the motor's node to one that the axis could not be configured for beside
+    /// the others (GUARANTEES G7).
     fn check_node_after(&self, index: u8, native: &Native) -> Result<()> {
         let mut config = self.axis(index)?.config.clone();
-        let node = motor::node_after(&native.command, &config).filter(|node| Some(*node) != config.node());
+        let node =
+            motor::node_after(&native.command, &config).filter(|node| Some(*node) != config.node());
         let Some(node) = node else { return Ok(()) };
         config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
         self.check_axis(index, &config)
     }
 
-    /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any more, and only at its rate it could be
-    /// set back.
+    /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any
+    /// more, and only at its rate it could be set back.
     fn check_bitrate_after(&self, index: u8, native: &Native) -> Result<()> {
         let Some(bitrate) = motor::bitrate_after(&native.command) else { return Ok(()) };
         let config = &self.axis(index)?.config;
@@ -144,11 +170,16 @@ impl Gateway {
         if rates.clone().any(|rate| motor::is_within_tolerance(bitrate, rate)) {
             return Ok(());
         }
-        Err(bus_rules::not_offered(bus, bitrate, rates.filter(|rate| motor::can_be_set_to(protocol, *rate))))
+        Err(bus_rules::not_offered(
+            bus,
+            bitrate,
+            rates.filter(|rate| motor::can_be_set_to(protocol, *rate)),
+        ))
     }
 
-    /// Refuses frames that the motor would send by itself and that the bus could not carry beside what its axes need. They count from now on, and
-    /// fewer only once the motor has taken them.
+    /// Refuses frames that the motor would send by itself and that the bus could not carry beside
+    /// what its axes need. They count from now on, and fewer only once the motor has taken
+    /// them.
     fn admit_stream_after(&mut self, index: u8, native: &Native) -> Result<()> {
         let Some(word) = motor::stream_after(&native.command) else { return Ok(()) };
         let axis = self.axis_mut(index)?;

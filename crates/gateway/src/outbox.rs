@@ -27,7 +27,9 @@ impl<'a> Outbox<'a> {
 
     /// Answers a request.
     pub fn answer(&mut self, ticket: Ticket, result: &Result<Reply, Error>) {
-        if let (Some(link), Some(slot)) = (self.links.get_mut(usize::from(ticket.link)), ticket.slot) {
+        if let (Some(link), Some(slot)) =
+            (self.links.get_mut(usize::from(ticket.link)), ticket.slot)
+        {
             link.reply(slot, result);
         }
     }

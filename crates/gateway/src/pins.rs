@@ -1,4 +1,5 @@
-//! What the pins of a board tell the core, and what they show of it: e-stop input, enable output, light (GUARANTEES G6).
+//! What the pins of a board tell the core, and what they show of it: e-stop input, enable output,
+//! light (GUARANTEES G6).
 
 use crate::gateway::Gateway;
 use crate::port::Light;
@@ -7,7 +8,8 @@ use host_protocol::replies::GatewayReport;
 use host_protocol::{AxisState, Event};
 
 impl Gateway {
-    /// The e-stop input was read. Open it does what the e-stop does; closed it only allows the e-stop to be cleared.
+    /// The e-stop input was read. Open it does what the e-stop does; closed it only allows the
+    /// e-stop to be cleared.
     pub(crate) fn e_stop_input(&mut self, now: Instant, open: bool) {
         let changed = core::mem::replace(&mut self.e_stop_input_open, open) != open;
         if open && (changed || !self.e_stopped) {
@@ -18,8 +20,8 @@ impl Gateway {
         }
     }
 
-    /// The level of the enable output since the latest event: inactive while a motor counts as unreachable, so that its power
-    /// can be cut.
+    /// The level of the enable output since the latest event: inactive while a motor counts as
+    /// unreachable, so that its power can be cut.
     #[must_use]
     pub fn enable_output(&self) -> bool {
         self.enabled

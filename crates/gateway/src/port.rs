@@ -1,25 +1,31 @@
-//! What passes between the core and whatever carries its bytes: firmware tasks, the simulator, a test.
+//! What passes between the core and whatever carries its bytes: firmware tasks, the simulator, a
+//! test.
 //!
 //! The contract of a port, for each bus:
-//! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports each one it took, once, by its
-//!   slot: [`Event::Transmitted`] when the bus has acknowledged it (CAN) or its last bit has left (RS485).
-//!   It never holds more than one frame per slot.
-//! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames a CAN controller should give back, and
-//!   reports each, once: [`Event::Cancelled`] if it has not been sent and will not be, else [`Event::Transmitted`]. A
-//!   port that does neither in time is started again.
-//! - When a CAN controller goes bus-off the port drops every frame it holds, then reports [`Event::BusState`]. It does not
-//!   recover by itself: the core has it start the bus again.
-//! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops what it holds and starts
-//!   the bus again with that setup, then reports [`Event::BusState`].
+//! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports
+//!   each one it took, once, by its slot: [`Event::Transmitted`] when the bus has acknowledged it
+//!   (CAN) or its last bit has left (RS485). It never holds more than one frame per slot.
+//! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames a CAN
+//!   controller should give back, and reports each, once: [`Event::Cancelled`] if it has not been
+//!   sent and will not be, else [`Event::Transmitted`]. A port that does neither in time is started
+//!   again.
+//! - When a CAN controller goes bus-off the port drops every frame it holds, then reports
+//!   [`Event::BusState`]. It does not recover by itself: the core has it start the bus again.
+//! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops
+//!   what it holds and starts the bus again with that setup, then reports [`Event::BusState`].
 //! - After every call of `handle` it polls: transmissions, host output, the next deadline.
 //!
 //! And for the board:
-//! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that were stored before the reset, and opens
-//!   the host links when [`Gateway::stops_under_way`](crate::Gateway::stops_under_way) is over, or after 100 ms.
-//! - It gives [`Gateway::handle`](crate::Gateway::handle) and [`Gateway::poll_host`](crate::Gateway::poll_host) a [`Store`], and has a word
-//!   in memory when they return. So what must outlive a reset is stored after an event and before any frame that follows from it,
-//!   the rest before a host is told. A program that has nothing to outlive stores nothing.
-//! - After every call of `handle` it sets its enable output to [`Gateway::enable_output`](crate::Gateway::enable_output).
+//! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that were
+//!   stored before the reset, and opens the host links when
+//!   [`Gateway::stops_under_way`](crate::Gateway::stops_under_way) is over, or after 100 ms.
+//! - It gives [`Gateway::handle`](crate::Gateway::handle) and
+//!   [`Gateway::poll_host`](crate::Gateway::poll_host) a [`Store`], and has a word in memory when
+//!   they return. So what must outlive a reset is stored after an event and before any frame that
+//!   follows from it, the rest before a host is told. A program that has nothing to outlive stores
+//!   nothing.
+//! - After every call of `handle` it sets its enable output to
+//!   [`Gateway::enable_output`](crate::Gateway::enable_output).
 
 use heapless::Vec;
 use host_protocol::{BusState, CanFrame};
@@ -30,8 +36,9 @@ pub const TRANSMIT_SLOTS: usize = 2;
 /// Longest byte sequence sent at once on a serial bus.
 pub const MAX_SERIAL: usize = 64;
 
-/// Puts a word into the memory that outlives a reset: its index below [`RETAINED_WORDS`](crate::RETAINED_WORDS), and the word. A
-/// reset between two words loses nothing but the change.
+/// Puts a word into the memory that outlives a reset: its index below
+/// [`RETAINED_WORDS`](crate::RETAINED_WORDS), and the word. A reset between two words loses nothing
+/// but the change.
 pub type Store<'a> = &'a mut dyn FnMut(usize, u32);
 
 /// Something that happened outside the core.
@@ -58,7 +65,8 @@ pub enum Event<'a> {
         /// The bytes, in order of arrival.
         bytes: &'a [u8],
     },
-    /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on RS485.
+    /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on
+    /// RS485.
     Transmitted {
         /// Index of the bus.
         bus: u8,
@@ -90,7 +98,8 @@ pub enum Event<'a> {
         /// How many were lost, as far as the port knows; at least 1.
         lost: u32,
     },
-    /// The e-stop input was read: once at the start, then at each change. The core takes it as open until then.
+    /// The e-stop input was read: once at the start, then at each change. The core takes it as open
+    /// until then.
     EStopInput {
         /// Open: the button is pressed or its cable cut. Closed is the normal state.
         open: bool,
@@ -160,8 +169,9 @@ pub enum BusPortKind {
     Can,
     /// A half-duplex serial port.
     Rs485 {
-        /// The receiver stays on while we transmit, so every byte sent is heard back first. It must be true then: the answer to
-        /// 0x80 and 0x81 has the same bytes, so on a line that gives no echo no stop is ever confirmed.
+        /// The receiver stays on while we transmit, so every byte sent is heard back first. It
+        /// must be true then: the answer to 0x80 and 0x81 has the same bytes, so on a line
+        /// that gives no echo no stop is ever confirmed.
         local_echo: bool,
     },
 }
@@ -177,8 +187,8 @@ pub struct Board {
     pub build_id: &'static str,
     /// Why the board started.
     pub boot: host_protocol::BootReason,
-    /// What the firmware left behind before this start: the message of a panic, of a fault or of the watchdog. Empty if there
-    /// was none; at most 240 bytes.
+    /// What the firmware left behind before this start: the message of a panic, of a fault or of
+    /// the watchdog. Empty if there was none; at most 240 bytes.
     pub last_words: &'static str,
     /// Whether it has an e-stop input.
     pub e_stop_input: bool,

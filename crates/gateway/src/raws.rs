@@ -1,4 +1,5 @@
-//! The requests of raw access to a bus: when it may be open, and what may be sent there (GUARANTEES G10).
+//! The requests of raw access to a bus: when it may be open, and what may be sent there (GUARANTEES
+//! G10).
 
 use crate::gateway::Gateway;
 use crate::motor;
@@ -28,7 +29,12 @@ impl Gateway {
             (RawFrame::Serial(bytes), BusKind::Rs485) if bytes.is_empty() => {
                 #[allow(clippy::cast_precision_loss)]
                 let max = host_protocol::MAX_SERIAL_FRAME as f32;
-                return Err(Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max });
+                return Err(Error::OutOfRange {
+                    quantity: Quantity::FrameLength,
+                    value: 0.0,
+                    min: 1.0,
+                    max,
+                });
             }
             (RawFrame::Serial(bytes), BusKind::Rs485) => motor::is_harmless_on_serial(bytes),
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
@@ -60,9 +66,12 @@ impl Gateway {
         Ok(())
     }
 
-    /// Closes each bus that may not be open any more: after an e-stop, and where an axis is no longer idle.
+    /// Closes each bus that may not be open any more: after an e-stop, and where an axis is no
+    /// longer idle.
     pub(crate) fn close_barred_raw(&mut self, now: Instant) {
-        self.close_raw(now, |gateway, bus, unsafe_access| gateway.refuse_raw(bus, unsafe_access).is_err());
+        self.close_raw(now, |gateway, bus, unsafe_access| {
+            gateway.refuse_raw(bus, unsafe_access).is_err()
+        });
     }
 
     pub(crate) fn close_all_raw(&mut self, now: Instant) {

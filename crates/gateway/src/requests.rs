@@ -10,9 +10,9 @@ use crate::outbox::{Outbox, Ticket};
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
-    AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request, StopTarget, Text,
-    TripReason, Vec, replies, requests,
+    AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error,
+    Event, MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request,
+    StopTarget, Text, TripReason, Vec, replies, requests,
 };
 
 /// What a request comes to.
@@ -45,7 +45,8 @@ impl Gateway {
         self.outbox(now).answer(ticket, &result);
     }
 
-    /// Whether a request is executed even if no reply slot is left: it stops, and takes no exchange of its own.
+    /// Whether a request is executed even if no reply slot is left: it stops, and takes no exchange
+    /// of its own.
     fn is_stop(&self, request: &Request) -> bool {
         match request {
             Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) => true,
@@ -85,8 +86,8 @@ impl Gateway {
             }
             Request::ReadAxisParameter(request) => {
                 let parameter = request.parameter;
-                let known =
-                    AxisParameter::from_number(parameter).ok_or(Error::UnknownParameter { parameter })?;
+                let known = AxisParameter::from_number(parameter)
+                    .ok_or(Error::UnknownParameter { parameter })?;
                 let value = self.axis(request.axis)?.config.get(known);
                 Reply::ReadAxisParameter(replies::ParameterValue { value })
             }
@@ -124,7 +125,9 @@ impl Gateway {
                 Reply::ClearUnreachable(done)
             }
             Request::OutputOff(request) => return self.output_off(now, request.axis, ticket),
-            Request::ClearByRestart(request) => return self.clear_by_restart(now, request.axis, ticket),
+            Request::ClearByRestart(request) => {
+                return self.clear_by_restart(now, request.axis, ticket);
+            }
             Request::Setpoint(request) => {
                 self.setpoint(now, request)?;
                 Reply::Setpoint(done)
@@ -168,8 +171,14 @@ impl Gateway {
         Ok(Outcome::Now(reply))
     }
 
-    fn hello(&mut self, now: Instant, link: u8, hello: &requests::Hello) -> Result<replies::HelloReply> {
-        // A new session knows nothing of the epochs of the one before: its authority ends like that of a silent host.
+    fn hello(
+        &mut self,
+        now: Instant,
+        link: u8,
+        hello: &requests::Hello,
+    ) -> Result<replies::HelloReply> {
+        // A new session knows nothing of the epochs of the one before: its authority ends like that
+        // of a silent host.
         if self.authority.is_held_by(link) {
             self.lose_authority(now);
         }
@@ -200,7 +209,8 @@ impl Gateway {
 
     fn list_axes(&self, first: u8) -> replies::AxisList {
         let mut axes = Vec::<_, { replies::MAX_AXIS_SUMMARIES }>::new();
-        let mut configured = self.axes.iter().filter(|axis| axis.index >= first && !axis.config.is_empty());
+        let mut configured =
+            self.axes.iter().filter(|axis| axis.index >= first && !axis.config.is_empty());
         while !axes.is_full()
             && let Some(axis) = configured.next()
         {
@@ -236,9 +246,11 @@ impl Gateway {
         {
             return Err(Error::RawOpen { bus });
         }
-        let tripped = |other: &&Axis| other.trip_group() == axis.trip_group() && other.trip.is_some();
+        let tripped =
+            |other: &&Axis| other.trip_group() == axis.trip_group() && other.trip.is_some();
         if axis.trip_group().is_some()
-            && let Some((other, trip)) = self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip?)))
+            && let Some((other, trip)) =
+                self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip?)))
         {
             return Err(Error::Tripped { axis: other, reason: trip.reason });
         }
@@ -271,7 +283,8 @@ impl Gateway {
         self.ready_bus(axis)
     }
 
-    /// Only what has tripped and stands confirmed is restarted: at rest a native 0x76 does, under the rules of native commands.
+    /// Only what has tripped and stands confirmed is restarted: at rest a native 0x76 does, under
+    /// the rules of native commands.
     fn clear_by_restart(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
         let axis = self.axis(index)?;
         if !matches!(axis.state, AxisState::Tripped { .. }) {
@@ -322,14 +335,18 @@ impl Gateway {
             rules::check_bus(request.axis, self.bus(bus)?.kind(), request.setpoint, config)?;
         }
         let (epoch, expires) = (request.epoch, request.expires_at_us);
-        self.with_axis(now, request.axis, |axis, out| axis.set(now, epoch, expires, request.setpoint, out))?
+        self.with_axis(now, request.axis, |axis, out| {
+            axis.set(now, epoch, expires, request.setpoint, out)
+        })?
     }
 
     pub(crate) fn stop(&mut self, now: Instant, target: StopTarget) -> Result<()> {
         match target {
             StopTarget::Axis(index) => {
                 let axis = self.axis(index)?;
-                if let (AxisState::Unconfigured, Some(missing)) = (axis.state, axis.config.missing()) {
+                if let (AxisState::Unconfigured, Some(missing)) =
+                    (axis.state, axis.config.missing())
+                {
                     return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
                 }
                 if axis.is_idle_or_holding() {
@@ -350,7 +367,8 @@ impl Gateway {
         let mut out = Outbox::new(now, links);
         // What has begun to stop just now, as after an e-stop, is not asked again.
         for axis in axes.iter_mut().filter(|axis| axis.stop_since() != Some(now)) {
-            // Where no bus carries it an axis at rest has no motor; on one that is off its stop waits until the bus is back.
+            // Where no bus carries it an axis at rest has no motor; on one that is off its stop
+            // waits until the bus is back.
             let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
             if !axis.is_idle_or_holding() || carried {
                 axis.stop(now, &mut out);
@@ -400,7 +418,13 @@ impl Gateway {
         ready_bus(&self.buses, axis)
     }
 
-    pub(crate) fn start(&mut self, now: Instant, axis: u8, kind: JobKind, ticket: Ticket) -> Result<Outcome> {
+    pub(crate) fn start(
+        &mut self,
+        now: Instant,
+        axis: u8,
+        kind: JobKind,
+        ticket: Ticket,
+    ) -> Result<Outcome> {
         self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
         Ok(Outcome::Later)
     }

@@ -1,12 +1,15 @@
-//! What outlives a reset: the axis table, who was in motion, tripped or unreachable, and the history (GUARANTEES G6, G8).
+//! What outlives a reset: the axis table, who was in motion, tripped or unreachable, and the
+//! history (GUARANTEES G6, G8).
 //!
-//! The core says which words to keep and reads them back; whoever runs it stores them in memory that a start does not
-//! clear. A board that is reset in mid-motion therefore knows its motors, and stops them before any host speaks.
+//! The core says which words to keep and reads them back; whoever runs it stores them in memory
+//! that a start does not clear. A board that is reset in mid-motion therefore knows its motors, and
+//! stops them before any host speaks.
 //!
-//! There is one order, and no port can choose another: [`Gateway::handle`] takes in an event and stores the states and
-//! configurations that it has changed, so that they are stored when a frame that follows from it can be taken;
-//! [`Gateway::poll_host`] stores the history too before it tells a host anything, unless [`Gateway::save_some`] has done so. A reset
-//! between any two of these steps finds whoever a frame can have set in motion, and whatever a host has been told.
+//! There is one order, and no port can choose another: [`Gateway::handle`] takes in an event and
+//! stores the states and configurations that it has changed, so that they are stored when a frame
+//! that follows from it can be taken; [`Gateway::poll_host`] stores the history too before it tells
+//! a host anything, unless [`Gateway::save_some`] has done so. A reset between any two of these
+//! steps finds whoever a frame can have set in motion, and whatever a host has been told.
 
 mod layout;
 mod slot;
@@ -34,7 +37,8 @@ use states::{E_STOPPED, States};
 /// Words of an axis: its configuration, then the timeout last written to its motor, ms.
 const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 
-/// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours, reply window.
+/// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours,
+/// reply window.
 const BUS_WORDS: usize = 4;
 
 /// Incidents of one part: each takes some µs for its checksum.
@@ -104,7 +108,8 @@ impl Retention {
         }
     }
 
-    /// Makes the memory such that what is written to it can be read again: once, before the first word.
+    /// Makes the memory such that what is written to it can be read again: once, before the first
+    /// word.
     fn prepare(&mut self, store: Store<'_>) {
         match self.memory {
             Memory::Foreign => layout::make_ours(store),
@@ -129,7 +134,8 @@ impl Retention {
         }
     }
 
-    /// The payload of a slot, whose generation is taken over. One whose copies are not both as they should be is to be written again.
+    /// The payload of a slot, whose generation is taken over. One whose copies are not both as they
+    /// should be is to be written again.
     fn read<'a>(&mut self, place: Place, words: &'a [u32]) -> Option<&'a [u32]> {
         let torn = self.memory == Memory::Restored { writing: place.writing() };
         let Found { newest, condition } = place.slot().read(words, torn);
@@ -150,8 +156,9 @@ impl Retention {
 }
 
 impl Gateway {
-    /// Stores what the next start must know before any frame leaves that follows from what has just happened: configurations, the
-    /// e-stop, and who may move. A trip is short of its place in the history then, so what has tripped counts as in motion until
+    /// Stores what the next start must know before any frame leaves that follows from what has just
+    /// happened: configurations, the e-stop, and who may move. A trip is short of its place in
+    /// the history then, so what has tripped counts as in motion until
     /// [`save_some`](Self::save_some) has stored that too.
     pub(crate) fn save_states(&mut self, store: Store<'_>) {
         self.retention.prepare(store);
@@ -163,9 +170,10 @@ impl Gateway {
         self.retention.write_states(states, store);
     }
 
-    /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has tripped. Returns whether that was
-    /// all. [`poll_host`](Self::poll_host) stores the rest before it says anything; whoever calls this before, when there is
-    /// time, spares the next event a long wait after many trips.
+    /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has
+    /// tripped. Returns whether that was all. [`poll_host`](Self::poll_host) stores the rest
+    /// before it says anything; whoever calls this before, when there is time, spares the next
+    /// event a long wait after many trips.
     pub fn save_some(&mut self, store: Store<'_>) -> bool {
         if self.retention.is_complete {
             return true;
@@ -196,10 +204,14 @@ impl Gateway {
         if new_axes | new_buses == 0 {
             return;
         }
-        for (index, axis) in axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0) {
+        for (index, axis) in
+            axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0)
+        {
             retention.write(Place::Axis(index), &axis_words(axis), store);
         }
-        for (index, bus) in buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0) {
+        for (index, bus) in
+            buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0)
+        {
             retention.write(Place::Bus(index), &bus_words(bus.config()), store);
         }
     }
@@ -230,10 +242,11 @@ impl Gateway {
         states
     }
 
-    /// Takes over what was saved before a reset; once, before any event. `words` are those of the memory, empty after
-    /// power came on. Every configured axis is stopped: what may have been in motion trips with [`TripReason::Reset`], what was tripped
-    /// stays so, and unreachable if it was; the others are stopped to be sure. What the memory holds is believed only where its
-    /// checksum is right and it would be accepted as a configuration.
+    /// Takes over what was saved before a reset; once, before any event. `words` are those of the
+    /// memory, empty after power came on. Every configured axis is stopped: what may have been
+    /// in motion trips with [`TripReason::Reset`], what was tripped stays so, and unreachable
+    /// if it was; the others are stopped to be sure. What the memory holds is believed only where
+    /// its checksum is right and it would be accepted as a configuration.
     ///
     /// | what is found | e-stop | axes |
     /// |---|---|---|
@@ -243,8 +256,8 @@ impl Gateway {
     /// | a damaged copy of any slot | latched | all that are configured trip |
     /// | a bus that the board cannot run now | as it was | what was in motion or tripped there is unreachable |
     ///
-    /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where both are, the axis or bus is lost, and
-    /// the latched e-stop says that something is.
+    /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where
+    /// both are, the axis or bus is lost, and the latched e-stop says that something is.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
         let words = if layout::is_ours(words) { words } else { &[] };
         if let Some(writing) = words.get(WRITING_AT) {
@@ -252,7 +265,8 @@ impl Gateway {
         }
         let states = self.retention.read(Place::States, words).and_then(States::from_words);
         let mut states = states.unwrap_or(States::NONE);
-        self.history = History::restored(|index| self.retention.read(Place::Incident(index), words));
+        self.history =
+            History::restored(|index| self.retention.read(Place::Incident(index), words));
         self.retention.lost_incidents &= !self.history.save_again(self.retention.lost_incidents);
         self.restore_buses(now, words);
         self.restore_axes(words);
@@ -267,7 +281,11 @@ impl Gateway {
         self.e_stopped = states.flags & E_STOPPED != 0;
         self.starts = states.starts.saturating_add(1);
         let (start, boot) = (self.starts, self.board.boot);
-        self.history.push(Incident::Started { start, boot, last_words: !self.board.last_words.is_empty() });
+        self.history.push(Incident::Started {
+            start,
+            boot,
+            last_words: !self.board.last_words.is_empty(),
+        });
         self.stop_after_reset(now, states);
         self.remember_trips();
     }
@@ -280,7 +298,8 @@ impl Gateway {
     fn restore_buses(&mut self, now: Instant, words: &[u32]) {
         for index in 0..MAX_BUSES {
             let payload = self.retention.read(Place::Bus(index), words);
-            let (Some(config), Ok(bus)) = (payload.and_then(bus_config), u8::try_from(index)) else {
+            let (Some(config), Ok(bus)) = (payload.and_then(bus_config), u8::try_from(index))
+            else {
                 continue;
             };
             if let Some(unserved) = self.buses.get_mut(index).filter(|bus| bus.is_unserved()) {
@@ -319,12 +338,19 @@ impl Gateway {
             let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
             bus.is_some_and(Bus::is_unserved)
         };
-        for (index, axis) in axes.iter_mut().enumerate().filter(|(_, axis)| axis.state == AxisState::Idle) {
+        for (index, axis) in
+            axes.iter_mut().enumerate().filter(|(_, axis)| axis.state == AxisState::Idle)
+        {
             let was_tripped = states.tripped & bit(index) != 0;
             if was_tripped || states.moving & bit(index) != 0 {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
                 let unreachable = was_tripped && states.unreachable & bit(index) != 0;
-                axis.trip_after_reset(now, known.unwrap_or(TripReason::Reset), unreachable, &mut out);
+                axis.trip_after_reset(
+                    now,
+                    known.unwrap_or(TripReason::Reset),
+                    unreachable,
+                    &mut out,
+                );
                 if unserved(axis) {
                     axis.stop_not_sent(now, &mut out);
                 }
@@ -338,7 +364,8 @@ impl Gateway {
         }
     }
 
-    /// Whether an axis has still to see its first stop leave: after a start no host link is opened before, at most 100 ms.
+    /// Whether an axis has still to see its first stop leave: after a start no host link is opened
+    /// before, at most 100 ms.
     pub fn stops_under_way(&self) -> bool {
         self.axes.iter().any(|axis| axis.stop_has_not_left())
     }

@@ -1,10 +1,13 @@
-//! What an axis may be asked for: every check that needs no more than its configuration. The gateway makes them before it takes
-//! anything that moves; a program may make the same ones before it arms, as arming may free a brake.
+//! What an axis may be asked for: every check that needs no more than its configuration. The
+//! gateway makes them before it takes anything that moves; a program may make the same ones before
+//! it arms, as arming may free a brake.
 
 use crate::axis::{Address, AxisConfig};
 use crate::bus_rules;
 use crate::motor::{self, Command, Demand, Effect, Native};
-use host_protocol::{AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value};
+use host_protocol::{
+    AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value,
+};
 
 /// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
 #[derive(Debug, Clone)]
@@ -46,12 +49,12 @@ impl AxisRules {
         self.config.set(parameter, value)
     }
 
-    /// Refuses a configuration that no gateway would take, whatever else is on its bus. Of one that is not complete, what
-    /// is there.
+    /// Refuses a configuration that no gateway would take, whatever else is on its bus. Of one that
+    /// is not complete, what is there.
     ///
     /// # Errors
-    /// [`Error::WrongBusKind`], [`Error::Unsupported`], [`Error::CannotMeasure`], [`Error::ParameterNeedsProtocol`], [`Error::BrakeStaysOpen`] and
-    /// [`Error::OutOfRange`].
+    /// [`Error::WrongBusKind`], [`Error::Unsupported`], [`Error::CannotMeasure`],
+    /// [`Error::ParameterNeedsProtocol`], [`Error::BrakeStaysOpen`] and [`Error::OutOfRange`].
     pub fn check(&self) -> Result<(), Error> {
         check_motor(self.axis, self.bus, &self.config)?;
         check_config(self.axis, self.bus, &self.config)
@@ -74,8 +77,9 @@ impl AxisRules {
         command(self.axis, setpoint, &self.config).map(drop)
     }
 
-    /// Refuses a move that the axis would make from nowhere. Whether its target is within the limits is a question of where it
-    /// begins: [`check_setpoint`](Self::check_setpoint) of the target tells.
+    /// Refuses a move that the axis would make from nowhere. Whether its target is within the
+    /// limits is a question of where it begins: [`check_setpoint`](Self::check_setpoint) of the
+    /// target tells.
     ///
     /// # Errors
     /// Those of the request `MoveRelative` that do not depend on time, state or position.
@@ -100,7 +104,8 @@ impl AxisRules {
         })
     }
 
-    /// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+    /// Refuses a native command that the limits of the axis do not allow, or that could break one
+    /// unnoticed.
     ///
     /// # Errors
     /// Those of the request `Native` that do not depend on time or state.
@@ -118,7 +123,8 @@ impl AxisRules {
     }
 }
 
-/// Refuses a motor that its protocol does not have: on a bus of this kind, with this id, with this stop action.
+/// Refuses a motor that its protocol does not have: on a bus of this kind, with this id, with this
+/// stop action.
 pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
     let Some(Address { bus: number, protocol, node }) = config.address() else { return Ok(()) };
     bus_rules::check_kind(number, bus, protocol)?;
@@ -132,12 +138,15 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
         return Err(Error::OutOfRange { quantity: Quantity::Node, value, min: 1.0, max });
     }
     match config.stop_action() {
-        Some(action) if !motor::can_stop_by(protocol, action) => Err(Error::Unsupported { axis, protocol }),
+        Some(action) if !motor::can_stop_by(protocol, action) => {
+            Err(Error::Unsupported { axis, protocol })
+        }
         _ => Ok(()),
     }
 }
 
-/// As far as a target of RMD 0xA3, or the first one of 0xA5, may lie from where the motor is, rad: it goes there at once, without a ramp.
+/// As far as a target of RMD 0xA3, or the first one of 0xA5, may lie from where the motor is, rad:
+/// it goes there at once, without a ramp.
 const NEAR_RAD: f32 = 0.2;
 
 /// The limits of an axis.
@@ -153,8 +162,9 @@ const LIMITS: [AxisParameter; 7] = [
 
 /// Refuses parameters that do not fit each other, in whatever order they were set.
 pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
-    let idle =
-        |limit: &&AxisParameter| config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config);
+    let idle = |limit: &&AxisParameter| {
+        config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config)
+    };
     if let Some(limit) = LIMITS.iter().find(idle) {
         return Err(Error::CannotMeasure { axis, parameter: limit.number() });
     }
@@ -163,7 +173,11 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
             && Some(protocol) != config.protocol()
             && config.get(parameter) != parameter.info().default
         {
-            return Err(Error::ParameterNeedsProtocol { axis, parameter: parameter.number(), protocol });
+            return Err(Error::ParameterNeedsProtocol {
+                axis,
+                parameter: parameter.number(),
+                protocol,
+            });
         }
     }
     // 0x80 leaves the brake as it is (RMD V3.6 §2.15), and a hanging load falls.
@@ -178,7 +192,8 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
     within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
 }
 
-/// Bits of VM that the manual gives no meaning (Thruster manual §2.4): a device set so may return anything.
+/// Bits of VM that the manual gives no meaning (Thruster manual §2.4): a device set so may return
+/// anything.
 const RETURN_MODE_RESERVED: u32 = !0x0307;
 
 fn check_return_mode(config: &AxisConfig) -> Result<(), Error> {
@@ -197,7 +212,8 @@ fn within_range(parameter: AxisParameter, value: f32, min: f32, max: f32) -> Res
     Err(Error::OutOfRange { quantity: Quantity::Parameter(parameter.number()), value, min, max })
 }
 
-/// Refuses an impedance on a serial bus: motion mode has CAN ids of its own and no serial form (RMD V3.6 §5).
+/// Refuses an impedance on a serial bus: motion mode has CAN ids of its own and no serial form (RMD
+/// V3.6 §5).
 pub(crate) fn check_bus(
     axis: u8,
     bus: BusKind,
@@ -229,10 +245,12 @@ pub(crate) fn check_move(
         return Err(Error::NotANumber { quantity: Quantity::Position });
     }
     check_speed_limit(speed_limit_rad_s, config)?;
-    motor::motion(axis, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, config).map(drop)
+    motor::motion(axis, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, config)
+        .map(drop)
 }
 
-/// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+/// Refuses a native command that the limits of the axis do not allow, or that could break one
+/// unnoticed.
 pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Result<(), Error> {
     let unnoticed = |quantity| Err(Error::CannotCheckLimit { axis, quantity });
     match demand {
@@ -257,13 +275,20 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
     }
 }
 
-/// Refuses a target that the motor would jump to unless it is near where it is (RMD V3.6 §2.19.4, PROTOCOL-NOTES R33). `measured` is where it was, and how far it has gone since.
-pub(crate) fn check_nearness(axis: u8, demand: Demand, measured: Option<(f32, f32)>) -> Result<(), Error> {
-    let (Demand::Unlimited { position_rad: target } | Demand::Tracking { position_rad: target, .. }) = demand
+/// Refuses a target that the motor would jump to unless it is near where it is (RMD V3.6 §2.19.4,
+/// PROTOCOL-NOTES R33). `measured` is where it was, and how far it has gone since.
+pub(crate) fn check_nearness(
+    axis: u8,
+    demand: Demand,
+    measured: Option<(f32, f32)>,
+) -> Result<(), Error> {
+    let (Demand::Unlimited { position_rad: target }
+    | Demand::Tracking { position_rad: target, .. }) = demand
     else {
         return Ok(());
     };
-    let (at, way) = measured.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
+    let (at, way) =
+        measured.ok_or(Error::CannotCheckLimit { axis, quantity: Quantity::Position })?;
     let near = (NEAR_RAD - way).max(0.0);
     within(Quantity::Position, target, at - near, at + near)
 }

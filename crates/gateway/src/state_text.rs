@@ -4,13 +4,14 @@ use crate::Gateway;
 use core::fmt::{Result, Write};
 
 impl Gateway {
-    /// Writes all that can influence what the gateway does from now on: two gateways on one board that write the same text do the
-    /// same at the same events.
+    /// Writes all that can influence what the gateway does from now on: two gateways on one board
+    /// that write the same text do the same at the same events.
     ///
-    /// Left out is what only requests that are sent again, readers of the log and the numbers of events depend on: the results of
-    /// requests that have theirs, the log, and how many requests and events there were. Left out as well are the axes from `axes`
-    /// on, bytes of a host message that is not complete, and what waits for a host: whoever compares states uses no more axes, sends
-    /// whole messages, and reads what there is to read.
+    /// Left out is what only requests that are sent again, readers of the log and the numbers of
+    /// events depend on: the results of requests that have theirs, the log, and how many
+    /// requests and events there were. Left out as well are the axes from `axes` on, bytes of a
+    /// host message that is not complete, and what waits for a host: whoever compares states uses
+    /// no more axes, sends whole messages, and reads what there is to read.
     ///
     /// # Errors
     /// Those of the writer.
@@ -43,6 +44,9 @@ impl Gateway {
             link.write_state(to)?;
         }
         write!(to, "{authority:?}{together:?}{history:?}{retention:?}")?;
-        write!(to, "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}")
+        write!(
+            to,
+            "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"
+        )
     }
 }

@@ -1,8 +1,10 @@
-//! Several D5 motors set in motion by one frame (D5 manual, quick start (3), (4) and (7), table rows 11 to 13).
+//! Several D5 motors set in motion by one frame (D5 manual, quick start (3), (4) and (7), table
+//! rows 11 to 13).
 //!
-//! Each motor is told a speed that waits in it (04) and asked whether it does; every other D5 of the bus is shown to have nothing
-//! that waits. Then one frame, 05 to all, starts what waits, and from there on each speed is a setpoint like any other
-//! (GUARANTEES G2, G10). Where one of them cannot go on, all that were told a speed are stopped: their stop overwrites what waits.
+//! Each motor is told a speed that waits in it (04) and asked whether it does; every other D5 of
+//! the bus is shown to have nothing that waits. Then one frame, 05 to all, starts what waits, and
+//! from there on each speed is a setpoint like any other (GUARANTEES G2, G10). Where one of them
+//! cannot go on, all that were told a speed are stopped: their stop overwrites what waits.
 
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;

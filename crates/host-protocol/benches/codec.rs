@@ -1,4 +1,5 @@
-//! Time of one message, and bytes per second of the deframer. Both compute the checksum bit by bit, as the firmware does.
+//! Time of one message, and bytes per second of the deframer. Both compute the checksum bit by bit,
+//! as the firmware does.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -49,7 +50,10 @@ fn messages(criterion: &mut Criterion) {
     group.bench_function("deframer clean line", |bench| {
         bench.iter(|| {
             let mut deframer = Deframer::new();
-            black_box(&line).iter().filter(|byte| matches!(deframer.push(**byte), Some(Ok(_)))).count()
+            black_box(&line)
+                .iter()
+                .filter(|byte| matches!(deframer.push(**byte), Some(Ok(_))))
+                .count()
         });
     });
     group.finish();

@@ -239,7 +239,9 @@ impl fmt::Display for TripReason {
             Self::SetpointExpired => f.write_str("the setpoint expired"),
             Self::HostSilent => f.write_str("the host was silent"),
             Self::MotorSilent => f.write_str("the motor was silent"),
-            Self::MotorFault { faults } => write!(f, "the motor reported a fault, fault word {faults:#06x}"),
+            Self::MotorFault { faults } => {
+                write!(f, "the motor reported a fault, fault word {faults:#06x}")
+            }
             Self::CommandRefused { faults: Some(faults) } => {
                 write!(f, "the motor refused a command, fault word {faults:#06x}")
             }
@@ -249,7 +251,10 @@ impl fmt::Display for TripReason {
             Self::LimitExceeded { quantity, value, limit } => {
                 let unit = quantity.unit();
                 let space = if unit.is_empty() { "" } else { " " };
-                write!(f, "{quantity} {value}{space}{unit} is beyond its limit of {limit}{space}{unit}")
+                write!(
+                    f,
+                    "{quantity} {value}{space}{unit} is beyond its limit of {limit}{space}{unit}"
+                )
             }
             Self::EStop => f.write_str("emergency stop"),
             Self::Reset => f.write_str("the gateway was reset in motion"),

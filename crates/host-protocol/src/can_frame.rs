@@ -1,5 +1,5 @@
-//! [`CanFrame`], the one CAN frame type of the whole project: the core, the simulator and the wire of the
-//! host link.
+//! [`CanFrame`], the one CAN frame type of the whole project: the core, the simulator and the wire
+//! of the host link.
 
 use core::fmt;
 
@@ -18,14 +18,15 @@ const REMOTE_FLAG: u32 = 1 << 30;
 
 /// A classic CAN frame, valid by construction: an id in its range and at most 8 data bytes.
 ///
-/// On the wire: the id as u32 with bit 31 = extended and bit 30 = remote, then the data with its length; a
-/// remote frame carries as many zero bytes as it asks for.
+/// On the wire: the id as u32 with bit 31 = extended and bit 30 = remote, then the data with its
+/// length; a remote frame carries as many zero bytes as it asks for.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CanFrame {
     id: Id,
     remote: bool,
     length: u8,
-    /// The bytes after `length` are zero, so that equality of the fields is equality of the frames.
+    /// The bytes after `length` are zero, so that equality of the fields is equality of the
+    /// frames.
     data: [u8; MAX_CAN_DATA],
 }
 
@@ -50,7 +51,8 @@ impl CanFrame {
         Some(Self { id, remote: true, length, data: [0; MAX_CAN_DATA] })
     }
 
-    /// A data frame with an 11-bit id; `None` if the id is above `0x7FF` or `data` longer than 8 bytes.
+    /// A data frame with an 11-bit id; `None` if the id is above `0x7FF` or `data` longer than 8
+    /// bytes.
     #[must_use]
     pub const fn standard(id: u16, data: &[u8]) -> Option<Self> {
         match StandardId::new(id) {
@@ -59,7 +61,8 @@ impl CanFrame {
         }
     }
 
-    /// A data frame with a 29-bit id; `None` if the id is above `0x1FFF_FFFF` or `data` longer than 8 bytes.
+    /// A data frame with a 29-bit id; `None` if the id is above `0x1FFF_FFFF` or `data` longer than
+    /// 8 bytes.
     #[must_use]
     pub const fn extended(id: u32, data: &[u8]) -> Option<Self> {
         match ExtendedId::new(id) {
@@ -193,11 +196,14 @@ impl<'de> Deserialize<'de> for CanFrame {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut fields: A) -> Result<CanFrame, A::Error> {
-                let id = fields.next_element::<u32>()?.ok_or_else(|| A::Error::invalid_length(0, &self))?;
+                let id = fields
+                    .next_element::<u32>()?
+                    .ok_or_else(|| A::Error::invalid_length(0, &self))?;
                 let data = fields
                     .next_element::<crate::Bytes<MAX_CAN_DATA>>()?
                     .ok_or_else(|| A::Error::invalid_length(1, &self))?;
-                CanFrame::from_flagged_id(id, &data).ok_or_else(|| A::Error::custom("CAN id out of range"))
+                CanFrame::from_flagged_id(id, &data)
+                    .ok_or_else(|| A::Error::custom("CAN id out of range"))
             }
         }
 
@@ -222,7 +228,10 @@ mod tests {
         const FRAME: CanFrame = CanFrame::standard(0x141, &[0x9A, 0, 0]).unwrap();
         // 0x141 = 0b10_1000001: varint C1 02; then the length and the data.
         assert_eq!(to_bytes(&FRAME), [0xC1, 0x02, 0x03, 0x9A, 0x00, 0x00]);
-        assert_eq!(postcard::from_bytes::<CanFrame>(&[0xC1, 0x02, 0x03, 0x9A, 0x00, 0x00]), Ok(FRAME));
+        assert_eq!(
+            postcard::from_bytes::<CanFrame>(&[0xC1, 0x02, 0x03, 0x9A, 0x00, 0x00]),
+            Ok(FRAME)
+        );
         assert_eq!(format!("{FRAME}"), "141#9A0000");
     }
 

@@ -16,11 +16,12 @@ const EXTENDED_PREFIX: &str = "extended:";
 /// What stands before a hexadecimal number.
 const HEX_PREFIX: &str = "0x";
 
-/// The arbitration id of a CAN frame: standard, of 11 bits, or extended, of 29. Ids of the two frame types differ, whatever their
-/// numbers: `0x010` and `extended:0x00000010`.
+/// The arbitration id of a CAN frame: standard, of 11 bits, or extended, of 29. Ids of the two
+/// frame types differ, whatever their numbers: `0x010` and `extended:0x00000010`.
 ///
-/// On the wire, and as the value of a parameter: a u32 with bit 31 = extended. The lesser of two wins the arbitration: bits 28 to 18 of
-/// an extended id are compared with a standard one, which wins where they are equal.
+/// On the wire, and as the value of a parameter: a u32 with bit 31 = extended. The lesser of two
+/// wins the arbitration: bits 28 to 18 of an extended id are compared with a standard one, which
+/// wins where they are equal.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CanId(pub Id);
 
@@ -28,7 +29,8 @@ impl CanId {
     /// What ids there are, for people.
     pub const ALLOWED: &'static str = "0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF";
 
-    /// The id of a number of the wire; `None` if its bits 0 to 30 are above `0x7FF`, of an extended id above `0x1FFF_FFFF`.
+    /// The id of a number of the wire; `None` if its bits 0 to 30 are above `0x7FF`, of an extended
+    /// id above `0x1FFF_FFFF`.
     #[must_use]
     pub fn from_wire(number: u32) -> Option<Self> {
         if number & EXTENDED_FLAG == 0 {
@@ -88,7 +90,8 @@ impl FromStr for CanId {
 
     fn from_str(text: &str) -> Result<Self, NoCanId> {
         let number = |text: &str| {
-            let (digits, radix) = text.strip_prefix(HEX_PREFIX).map_or((text, 10), |digits| (digits, 16));
+            let (digits, radix) =
+                text.strip_prefix(HEX_PREFIX).map_or((text, 10), |digits| (digits, 16));
             u32::from_str_radix(digits, radix).ok()
         };
         match text.strip_prefix(EXTENDED_PREFIX) {
@@ -175,18 +178,27 @@ mod tests {
         for number in [0x800, 0x1FFF_FFFF, 0x7FFF_FFFF, 0xA000_0000, 0xC000_0010, u32::MAX] {
             assert_eq!(CanId::from_wire(number), None, "{number:#X}");
         }
-        for text in
-            ["", "0x800", "2048", "-1", "extended:", "extended:0x20000000", "extended 16", "0x80000010"]
-        {
+        for text in [
+            "",
+            "0x800",
+            "2048",
+            "-1",
+            "extended:",
+            "extended:0x20000000",
+            "extended 16",
+            "0x80000010",
+        ] {
             assert_eq!(text.parse::<CanId>(), Err(NoCanId), "{text}");
         }
     }
 
-    /// The bits as they go over the bus: 11 of the id, then the bit that only a standard frame has dominant, then 18 more. 0x141 is
-    /// 001_0100_0001; its extended ids are 0x05040000 to 0x0507FFFF.
+    /// The bits as they go over the bus: 11 of the id, then the bit that only a standard frame has
+    /// dominant, then 18 more. 0x141 is 001_0100_0001; its extended ids are 0x05040000 to
+    /// 0x0507FFFF.
     #[test]
     fn the_lesser_id_wins_the_arbitration() {
-        let (standard, extended) = (|id| CanId::standard(id).unwrap(), |id| CanId::extended(id).unwrap());
+        let (standard, extended) =
+            (|id| CanId::standard(id).unwrap(), |id| CanId::extended(id).unwrap());
         let order = [
             extended(0x0000_0000),
             extended(0x0000_0010),

@@ -2,8 +2,8 @@
 
 use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
 
-/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message is all it
-/// holds.
+/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message
+/// is all it holds.
 ///
 /// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
 #[derive(Clone)]
@@ -12,7 +12,8 @@ pub struct Deframer {
     length: usize,
     /// Data bytes that the current COBS block still lacks.
     missing: u8,
-    /// Whether a zero comes before the next block's data: not before the first one, nor after a full one.
+    /// Whether a zero comes before the next block's data: not before the first one, nor after a
+    /// full one.
     zero_next: bool,
     /// Whether a byte has come since the last delimiter.
     started: bool,
@@ -70,7 +71,8 @@ impl Deframer {
     }
 
     fn finish(&mut self) -> Option<Result<Frame<'_>, FrameError>> {
-        let (length, missing, started, overflow) = (self.length, self.missing, self.started, self.overflow);
+        let (length, missing, started, overflow) =
+            (self.length, self.missing, self.started, self.overflow);
         (self.length, self.missing, self.zero_next, self.started, self.overflow) =
             (0, 0, false, false, false);
         if !started {
@@ -95,7 +97,10 @@ mod tests {
     const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
 
     /// The last frame or error that `bytes` bring, and how many they bring.
-    fn last<'a>(deframer: &'a mut Deframer, bytes: &[u8]) -> (usize, Option<Result<Frame<'a>, FrameError>>) {
+    fn last<'a>(
+        deframer: &'a mut Deframer,
+        bytes: &[u8],
+    ) -> (usize, Option<Result<Frame<'a>, FrameError>>) {
         let (end, start) = bytes.split_last().unwrap();
         let earlier = start.iter().filter(|byte| deframer.push(**byte).is_some()).count();
         let last = deframer.push(*end);
@@ -149,8 +154,12 @@ mod tests {
                 &[0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x88, 0x00],
                 FrameError::Checksum { computed: 0x8763_83CF, received: 0x8863_83CF },
             ),
-            // Kind 9, sequence 0x0101, number 0x0101; the CRC-32C is from an independent computation.
-            (&[0x0A, 0x09, 0x01, 0x01, 0x01, 0x01, 0xBA, 0x31, 0xC9, 0x21, 0x00], FrameError::UnknownKind(9)),
+            // Kind 9, sequence 0x0101, number 0x0101; the CRC-32C is from an independent
+            // computation.
+            (
+                &[0x0A, 0x09, 0x01, 0x01, 0x01, 0x01, 0xBA, 0x31, 0xC9, 0x21, 0x00],
+                FrameError::UnknownKind(9),
+            ),
             (&TOO_LONG, FrameError::TooLong),
         ];
         for (bytes, error) in cases {

@@ -12,7 +12,8 @@ use crate::frame::{CHECKSUM, COBS_FULL, DELIMITER, HEADER_SIZE, Kind, MAX_MESSAG
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
-    /// More than [`MAX_MESSAGE`] bytes, which no message of the table has, or more than `out` holds.
+    /// More than [`MAX_MESSAGE`] bytes, which no message of the table has, or more than `out`
+    /// holds.
     TooLong,
     /// The body cannot be serialised by postcard, which no message of the table meets.
     Body,
@@ -29,7 +30,8 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
-/// Writes a whole delimited frame and returns its length. [`MAX_FRAME`](crate::MAX_FRAME) bytes of `out` are always enough.
+/// Writes a whole delimited frame and returns its length. [`MAX_FRAME`](crate::MAX_FRAME) bytes of
+/// `out` are always enough.
 ///
 /// # Errors
 /// The message is too long for the protocol or for `out`, or its body has no fixed form.
@@ -45,8 +47,8 @@ pub fn encode(
     writer.finish(written)
 }
 
-/// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no second
-/// copy.
+/// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no
+/// second copy.
 struct Writer<'a> {
     out: &'a mut [u8],
     length: usize,
@@ -59,19 +61,31 @@ struct Writer<'a> {
     digest: Digest<'static, u32, Table<1>>,
 }
 
-/// [`encode`] exists once for every message of the table, so all that does not depend on the message is kept out of it:
-/// inlined, it would take 3 KiB of a firmware.
+/// [`encode`] exists once for every message of the table, so all that does not depend on the
+/// message is kept out of it: inlined, it would take 3 KiB of a firmware.
 impl<'a> Writer<'a> {
     /// The opening delimiter and the header.
     #[inline(never)]
-    fn start(kind: Kind, sequence: u16, number: u16, out: &'a mut [u8]) -> Result<Self, EncodeError> {
+    fn start(
+        kind: Kind,
+        sequence: u16,
+        number: u16,
+        out: &'a mut [u8],
+    ) -> Result<Self, EncodeError> {
         let [delimiter, _code, ..] = out else { return Err(EncodeError::TooLong) };
         *delimiter = DELIMITER;
-        let mut writer =
-            Self { out, length: 2, code_at: 1, code: 1, message_length: 0, digest: CHECKSUM.digest() };
+        let mut writer = Self {
+            out,
+            length: 2,
+            code_at: 1,
+            code: 1,
+            message_length: 0,
+            digest: CHECKSUM.digest(),
+        };
         let [sequence_low, sequence_high] = sequence.to_le_bytes();
         let [number_low, number_high] = number.to_le_bytes();
-        let header: [u8; HEADER_SIZE] = [kind as u8, sequence_low, sequence_high, number_low, number_high];
+        let header: [u8; HEADER_SIZE] =
+            [kind as u8, sequence_low, sequence_high, number_low, number_high];
         match header.into_iter().try_for_each(|byte| writer.push(byte)) {
             Ok(()) => Ok(writer),
             Err(_) => Err(EncodeError::TooLong),
@@ -160,8 +174,8 @@ mod tests {
 
     #[test]
     fn ping_is_the_bytes_derived_by_hand() {
-        // 01 0100 0200 and its CRC-32C 876383CF, from an independent computation; the two zeros become block
-        // ends.
+        // 01 0100 0200 and its CRC-32C 876383CF, from an independent computation; the two zeros
+        // become block ends.
         let ping = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
         let mut out = [0xEE; MAX_FRAME];
         assert_eq!(encode(Kind::Request, 1, 2, &(), &mut out), Ok(ping.len()));
@@ -172,9 +186,15 @@ mod tests {
     fn a_frame_is_refused_rather_than_cut() {
         let mut out = [0; MAX_FRAME];
         for size in 0..12 {
-            assert_eq!(encode(Kind::Request, 1, 2, &(), &mut out[..size]), Err(EncodeError::TooLong));
+            assert_eq!(
+                encode(Kind::Request, 1, 2, &(), &mut out[..size]),
+                Err(EncodeError::TooLong)
+            );
         }
-        assert_eq!(encode(Kind::Request, 1, 2, &[[1u8; 31]; 17], &mut [0; 1024]), Err(EncodeError::TooLong));
+        assert_eq!(
+            encode(Kind::Request, 1, 2, &[[1u8; 31]; 17], &mut [0; 1024]),
+            Err(EncodeError::TooLong)
+        );
     }
 
     #[test]

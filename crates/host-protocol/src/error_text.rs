@@ -47,7 +47,8 @@ impl fmt::Display for Faults {
 }
 
 /// Requests or parameters of another version look the same from here.
-const OTHER_VERSION: &str = "host and gateway may be of different versions, compare them with hello";
+const OTHER_VERSION: &str =
+    "host and gateway may be of different versions, compare them with hello";
 
 /// Whether nothing between its bounds is allowed: a direction, which is the only signed parameter.
 fn takes_only_its_bounds(quantity: Quantity) -> bool {
@@ -362,13 +363,17 @@ fn together_bar(reason: TogetherBar) -> &'static str {
         TogetherBar::OtherFrameType => {
             "is asked with CAN ids of another length than the first: no frame reaches both"
         }
-        TogetherBar::WriteWaits => "has a speed that waits in its motor and is not to be started; disarm it",
+        TogetherBar::WriteWaits => {
+            "has a speed that waits in its motor and is not to be started; disarm it"
+        }
     }
 }
 
 fn next_step(hint: NoReplyHint) -> &'static str {
     match hint {
-        NoReplyHint::None => "check its power, its cable, its node and the protocol and bitrate of the bus",
+        NoReplyHint::None => {
+            "check its power, its cable, its node and the protocol and bitrate of the bus"
+        }
         NoReplyHint::AckLevelZero => {
             "it may be at acknowledge level 0, where it answers nothing: set it to 1 or 2"
         }
@@ -391,7 +396,8 @@ mod tests {
 
     #[test]
     fn a_text_states_the_value_the_bounds_and_the_unit() {
-        let error = Error::OutOfRange { quantity: Quantity::Velocity, value: 12.5, min: -10.0, max: 10.0 };
+        let error =
+            Error::OutOfRange { quantity: Quantity::Velocity, value: 12.5, min: -10.0, max: 10.0 };
         assert_eq!(
             error.to_string(),
             "velocity 12.5 rad/s is out of range; allowed are -10 rad/s to 10 rad/s"
@@ -402,11 +408,23 @@ mod tests {
             min: 5_000.0,
             max: 60_000_000.0,
         };
-        assert_eq!(error.to_string(), "ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs");
-        let error = Error::OutOfRange { quantity: Quantity::Parameter(4), value: 0.0, min: -1.0, max: 1.0 };
+        assert_eq!(
+            error.to_string(),
+            "ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs"
+        );
+        let error =
+            Error::OutOfRange { quantity: Quantity::Parameter(4), value: 0.0, min: -1.0, max: 1.0 };
         assert_eq!(error.to_string(), "direction 0 is out of range; allowed are -1 or 1");
-        let error = Error::OutOfRange { quantity: Quantity::MotorTimeout, value: 300.0, min: 0.0, max: 1.0 };
-        assert_eq!(error.to_string(), "motor timeout 300 is out of range; allowed are 0 (off) or 1 (on)");
+        let error = Error::OutOfRange {
+            quantity: Quantity::MotorTimeout,
+            value: 300.0,
+            min: 0.0,
+            max: 1.0,
+        };
+        assert_eq!(
+            error.to_string(),
+            "motor timeout 300 is out of range; allowed are 0 (off) or 1 (on)"
+        );
         assert_eq!(
             Error::WrongType { parameter: 4 }.to_string(),
             "direction takes another kind of value; give it as signed"
@@ -415,7 +433,8 @@ mod tests {
 
     #[test]
     fn a_text_states_the_reason_of_the_trip() {
-        let reason = TripReason::LimitExceeded { quantity: Quantity::Current, value: 12.0, limit: 10.0 };
+        let reason =
+            TripReason::LimitExceeded { quantity: Quantity::Current, value: 12.0, limit: 10.0 };
         assert_eq!(
             Error::Tripped { axis: 3, reason }.to_string(),
             "axis 3 is tripped: current 12 A is beyond its limit of 10 A; remove the cause, then clear the axis"
@@ -432,6 +451,8 @@ mod tests {
         assert!(text.starts_with("the body of request Arm cannot be read;"), "{text}");
         let text = Error::BadBody { number: 0x0FFF }.to_string();
         assert!(text.starts_with("the body of request 0x0fff cannot be read;"), "{text}");
-        assert!(Error::NotConfigured { axis: 0, parameter: 999 }.to_string().contains("parameter 999"));
+        assert!(
+            Error::NotConfigured { axis: 0, parameter: 999 }.to_string().contains("parameter 999")
+        );
     }
 }

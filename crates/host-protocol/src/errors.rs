@@ -1,5 +1,5 @@
-//! The errors: one table of number, name and data. A request that was not executed is answered with one of
-//! them.
+//! The errors: one table of number, name and data. A request that was not executed is answered with
+//! one of them.
 
 use crate::axis::{AxisState, TripReason};
 use crate::bus::{BusKind, MAX_BITRATES};

@@ -34,8 +34,8 @@ pub struct EventMessage {
     pub event: Event,
 }
 
-/// One table: the number in the header, the variant and its fields, which follow `dropped` and `time_us` in
-/// the body.
+/// One table: the number in the header, the variant and its fields, which follow `dropped` and
+/// `time_us` in the body.
 macro_rules! events {
     ($(
         $(#[$meta:meta])+
@@ -236,7 +236,8 @@ events! {
 }
 
 impl Event {
-    /// A field of a [`Sample`](Event::Sample) that is a number: all but the fault word. Nothing of another event.
+    /// A field of a [`Sample`](Event::Sample) that is a number: all but the fault word. Nothing of
+    /// another event.
     #[must_use]
     pub fn reading(&self, field: StateField) -> Option<Reading> {
         let Self::Sample {
@@ -262,7 +263,8 @@ impl Event {
         }
     }
 
-    /// How old a field of a [`Sample`](Event::Sample) is, µs, the fault word too. Nothing of another event.
+    /// How old a field of a [`Sample`](Event::Sample) is, µs, the fault word too. Nothing of
+    /// another event.
     #[must_use]
     pub fn age_us(&self, field: StateField) -> Option<u32> {
         match (field, self) {
@@ -275,8 +277,8 @@ impl Event {
 impl EventMessage {
     /// Every version's events begin alike.
     fn decode_unknown(number: u16, body: &[u8]) -> Result<Self, DecodeError> {
-        let ((dropped, time_us), _) =
-            postcard::take_from_bytes::<(u32, u64)>(body).map_err(|_| DecodeError::BadBody { number })?;
+        let ((dropped, time_us), _) = postcard::take_from_bytes::<(u32, u64)>(body)
+            .map_err(|_| DecodeError::BadBody { number })?;
         Ok(Self { dropped, time_us, event: Event::Unknown { number } })
     }
 }

@@ -28,8 +28,8 @@ pub(crate) const COBS_FULL: u8 = 0xFF;
 /// Longest frame on the wire: a code byte for each COBS block and both delimiters.
 pub const MAX_FRAME: usize = 1 + MAX_MESSAGE + MAX_MESSAGE / COBS_BLOCK + 1 + 1;
 
-/// The checksum, known as CRC-32C or CRC-32/ISCSI. Its table takes 1 KiB of the firmware: bit by bit a reply of 100 bytes
-/// kept a stop waiting for 15 µs.
+/// The checksum, known as CRC-32C or CRC-32/ISCSI. Its table takes 1 KiB of the firmware: bit by
+/// bit a reply of 100 bytes kept a stop waiting for 15 µs.
 pub(crate) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// What a frame is.
@@ -69,8 +69,8 @@ impl Kind {
 pub struct Frame<'a> {
     /// What it is.
     pub kind: Kind,
-    /// Request: chosen by the host. Reply and error: that of the request. Event: counts the events of the
-    /// link.
+    /// Request: chosen by the host. Reply and error: that of the request. Event: counts the events
+    /// of the link.
     pub sequence: u16,
     /// Which request, reply, error or event.
     pub number: u16,
@@ -90,7 +90,9 @@ impl<'a> Frame<'a> {
         let Some((checked, checksum)) = message.split_last_chunk::<CHECKSUM_SIZE>() else {
             return Err(too_short);
         };
-        let Some((header, body)) = checked.split_first_chunk::<HEADER_SIZE>() else { return Err(too_short) };
+        let Some((header, body)) = checked.split_first_chunk::<HEADER_SIZE>() else {
+            return Err(too_short);
+        };
         let received = u32::from_le_bytes(*checksum);
         let computed = CHECKSUM.checksum(checked);
         if received != computed {
@@ -158,7 +160,11 @@ impl fmt::Display for FrameError {
             Self::TooLong => write!(f, "frame of more than {MAX_MESSAGE} bytes"),
             Self::Cobs => f.write_str("frame with an incomplete COBS block"),
             Self::TooShort { length } => {
-                write!(f, "frame of {length} bytes, at least {} are needed", HEADER_SIZE + CHECKSUM_SIZE)
+                write!(
+                    f,
+                    "frame of {length} bytes, at least {} are needed",
+                    HEADER_SIZE + CHECKSUM_SIZE
+                )
             }
             Self::Checksum { computed, received } => {
                 write!(f, "frame with checksum {received:08X}, its bytes give {computed:08X}")

@@ -1,6 +1,8 @@
-//! The host protocol of the motor gateway: framing, and one table of requests, replies, errors and events.
+//! The host protocol of the motor gateway: framing, and one table of requests, replies, errors and
+//! events.
 //!
-//! `PROTOCOL.md` describes the same wire for readers of other languages; a test holds the two together.
+//! `PROTOCOL.md` describes the same wire for readers of other languages; a test holds the two
+//! together.
 //!
 //! ```
 //! use host_protocol::{Deframer, Kind, MAX_FRAME, Request, requests::Ping};
@@ -44,12 +46,12 @@ mod text;
 mod value;
 
 pub use axis::{
-    AxisState, AxisSummary, ClearTarget, FaultReading, MotorTimeout, Reading, Setpoint, StopTarget, Trip,
-    TripReason,
+    AxisState, AxisSummary, ClearTarget, FaultReading, MotorTimeout, Reading, Setpoint, StopTarget,
+    Trip, TripReason,
 };
 pub use bus::{
-    BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState, MAX_BITRATES, MAX_SERIAL_FRAME,
-    RawFrame, ReceivedFrame,
+    BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState, MAX_BITRATES,
+    MAX_SERIAL_FRAME, RawFrame, ReceivedFrame,
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
@@ -58,7 +60,8 @@ pub use encode::{EncodeError, encode};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use frame::{
-    CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
+    CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME,
+    MAX_MESSAGE,
 };
 pub use incident::{BootReason, Incident};
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
@@ -71,8 +74,8 @@ pub use size::{MaxSize, layout_of};
 pub use text::{Bytes, Text, Vec};
 pub use value::{Quantity, Value};
 
-/// Grows when a message of an earlier version loses its meaning. Host and gateway refuse another one than
-/// theirs.
+/// Grows when a message of an earlier version loses its meaning. Host and gateway refuse another
+/// one than theirs.
 pub const PROTOCOL_MAJOR: u16 = 1;
 
 /// Grows when messages are added.

@@ -51,8 +51,12 @@ pub enum DecodeError {
 impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::UnknownNumber { number } => write!(f, "message with unknown number {number:#06x}"),
-            Self::BadBody { number } => write!(f, "message {number:#06x} with a body that is not its own"),
+            Self::UnknownNumber { number } => {
+                write!(f, "message with unknown number {number:#06x}")
+            }
+            Self::BadBody { number } => {
+                write!(f, "message {number:#06x} with a body that is not its own")
+            }
         }
     }
 }
@@ -229,9 +233,11 @@ messages! {
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");
 const _: () = assert!(MAX_EVENT_BODY <= MAX_BODY, "event longer than a message");
-const _: () = assert!(ascending(REQUESTS, 1, EVENT_BASE - 1), "a request's number is taken or an event's");
+const _: () =
+    assert!(ascending(REQUESTS, 1, EVENT_BASE - 1), "a request's number is taken or an event's");
 const _: () = assert!(ascending(ERRORS, 1, u16::MAX), "an error's number is taken");
-const _: () = assert!(ascending(EVENTS, EVENT_BASE, u16::MAX), "an event's number is taken or a request's");
+const _: () =
+    assert!(ascending(EVENTS, EVENT_BASE, u16::MAX), "an event's number is taken or a request's");
 
 /// Whether the numbers of `table` rise and stay within bounds; rising, none comes twice.
 const fn ascending(table: &[MessageInfo], min: u16, max: u16) -> bool {

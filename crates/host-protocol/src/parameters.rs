@@ -1,6 +1,8 @@
-//! The parameters of an axis and of the gateway: one table each, with number, name, bounds and default.
+//! The parameters of an axis and of the gateway: one table each, with number, name, bounds and
+//! default.
 //!
-//! The two tables share one space of numbers, so that a number in an error names exactly one parameter.
+//! The two tables share one space of numbers, so that a number in an error names exactly one
+//! parameter.
 
 use core::fmt;
 
@@ -52,7 +54,8 @@ pub struct ParameterInfo {
     pub required: bool,
 }
 
-/// What people call a parameter. Apart from [`ParameterInfo`], so that no firmware carries the texts.
+/// What people call a parameter. Apart from [`ParameterInfo`], so that no firmware carries the
+/// texts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ParameterText {
     /// The name, with its unit.
@@ -67,7 +70,8 @@ impl ParameterInfo {
     /// Whether `value` is one that this parameter can have.
     ///
     /// # Errors
-    /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or [`Error::OutOfRange`] with the bounds.
+    /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or [`Error::OutOfRange`]
+    /// with the bounds.
     pub fn check(&self, value: Value) -> Result<(), Error> {
         let inside = match (value, self.min, self.max) {
             (Value::Bool(_), Value::Bool(_), Value::Bool(_)) => true,
@@ -78,11 +82,15 @@ impl ParameterInfo {
                 (min..=max).contains(&value)
             }
             // The only signed parameter is a direction: one of its two bounds and nothing between.
-            (Value::Signed(value), Value::Signed(min), Value::Signed(max)) => value == min || value == max,
+            (Value::Signed(value), Value::Signed(min), Value::Signed(max)) => {
+                value == min || value == max
+            }
             (Value::Float(value), Value::Float(_), Value::Float(_)) if value.is_nan() => {
                 return Err(Error::NotANumber { quantity: Quantity::Parameter(self.number) });
             }
-            (Value::Float(value), Value::Float(min), Value::Float(max)) => (min..=max).contains(&value),
+            (Value::Float(value), Value::Float(min), Value::Float(max)) => {
+                (min..=max).contains(&value)
+            }
             _ => return Err(Error::WrongType { parameter: self.number }),
         };
         if inside { Ok(()) } else { Err(self.out_of_range(value)) }
@@ -91,7 +99,8 @@ impl ParameterInfo {
     /// Whether its values are ids of CAN frames, as the numbers of [`CanId::to_wire`].
     #[must_use]
     pub const fn is_can_id(&self) -> bool {
-        self.number == AxisParameter::D5RequestId.number() || self.number == AxisParameter::D5ReplyId.number()
+        self.number == AxisParameter::D5RequestId.number()
+            || self.number == AxisParameter::D5ReplyId.number()
     }
 
     fn out_of_range(&self, value: Value) -> Error {
@@ -434,6 +443,9 @@ mod tests {
 
     #[test]
     fn the_text_of_a_parameter_is_its_documentation() {
-        assert_eq!(AxisParameter::PositionDevice.text().doc, "Thruster protocol: the device has an encoder.");
+        assert_eq!(
+            AxisParameter::PositionDevice.text().doc,
+            "Thruster protocol: the device has an encoder."
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! The motor protocols, the stop actions and the fields of a subscription: numbers with names, and sets of them.
+//! The motor protocols, the stop actions and the fields of a subscription: numbers with names, and
+//! sets of them.
 
 use core::fmt;
 
@@ -255,7 +256,8 @@ mod tests {
         assert!(set.contains(Protocol::D5) && !set.contains(Protocol::Thruster));
         assert!(set.iter().eq([Protocol::Rmd, Protocol::D5]));
         assert!(
-            ProtocolSet::from_bits(0xFF).contains_all(set) && !set.contains_all(ProtocolSet::from_bits(0x81))
+            ProtocolSet::from_bits(0xFF).contains_all(set)
+                && !set.contains_all(ProtocolSet::from_bits(0x81))
         );
         assert_eq!(postcard::to_slice(&set, &mut [0; 4]).unwrap(), [0b101]);
     }

@@ -1,5 +1,5 @@
-//! The replies: the results of requests that were executed. [`messages`](crate::messages) says which belongs
-//! to which.
+//! The replies: the results of requests that were executed. [`messages`](crate::messages) says
+//! which belongs to which.
 
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};

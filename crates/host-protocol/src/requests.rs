@@ -1,4 +1,5 @@
-//! The requests: what a host asks for. [`messages`](crate::messages) gives each its number and its reply.
+//! The requests: what a host asks for. [`messages`](crate::messages) gives each its number and its
+//! reply.
 
 use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
 use crate::bus::RawFrame;

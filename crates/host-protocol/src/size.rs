@@ -1,5 +1,5 @@
-//! How long a value can become in a body: the bound behind the assertion that every message fits into
-//! [`MAX_MESSAGE`].
+//! How long a value can become in a body: the bound behind the assertion that every message fits
+//! into [`MAX_MESSAGE`].
 //!
 //! [`MAX_MESSAGE`]: crate::MAX_MESSAGE
 
@@ -9,8 +9,9 @@ use crate::text::{Text, Vec};
 pub trait MaxSize {
     /// Bytes.
     const MAX_SIZE: usize;
-    /// A number that another declaration changes: the names, the order and the types of its fields and variants, and theirs in turn.
-    /// What stores such values knows by it whether a value was stored by the same declaration.
+    /// A number that another declaration changes: the names, the order and the types of its fields
+    /// and variants, and theirs in turn. What stores such values knows by it whether a value
+    /// was stored by the same declaration.
     const LAYOUT: u32;
 }
 
@@ -106,8 +107,8 @@ impl<const N: usize> MaxSize for Text<N> {
     const LAYOUT: u32 = layout_of("text", &[length(N)]);
 }
 
-/// Defines types of the wire: the derives that all of them have, and [`MaxSize`] from the same list of
-/// fields.
+/// Defines types of the wire: the derives that all of them have, and [`MaxSize`] from the same list
+/// of fields.
 macro_rules! wire {
     () => {};
     (

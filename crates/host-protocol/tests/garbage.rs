@@ -55,7 +55,9 @@ fn what_can_be_decoded_can_be_sent() {
             }
         }
         for number in EVENTS.iter().map(|info| info.number) {
-            if let Ok(EventMessage { dropped, time_us, event }) = EventMessage::decode(number, &body) {
+            if let Ok(EventMessage { dropped, time_us, event }) =
+                EventMessage::decode(number, &body)
+            {
                 event.encode_frame(0, dropped, time_us, &mut out).unwrap();
             }
         }

@@ -4,10 +4,11 @@ use host_protocol::messages::Call;
 use host_protocol::replies::*;
 use host_protocol::requests::*;
 use host_protocol::{
-    AxisState, AxisSummary, BootReason, BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState,
-    CanFrame, ClearTarget, Deframer, Error, Event, FaultReading, Incident, MAX_FRAME, MaxSize, MotorTimeout,
-    Protocol, ProtocolSet, Quantity, REQUESTS, RawFrame, Reading, ReceivedFrame, Reply, Request,
-    Setpoint as SetpointValue, StateFields, StopTarget, Text, Trip, TripReason, Value, Vec as List,
+    AxisState, AxisSummary, BootReason, BusCapability, BusConfig, BusCounters, BusKind, BusLimit,
+    BusState, CanFrame, ClearTarget, Deframer, Error, Event, FaultReading, Incident, MAX_FRAME,
+    MaxSize, MotorTimeout, Protocol, ProtocolSet, Quantity, REQUESTS, RawFrame, Reading,
+    ReceivedFrame, Reply, Request, Setpoint as SetpointValue, StateFields, StopTarget, Text, Trip,
+    TripReason, Value, Vec as List,
 };
 
 /// Bytes of the body of a delimited frame.
@@ -34,8 +35,11 @@ const PARAMETER: u16 = u16::MAX;
 const VALUE: Value = Value::Signed(i32::MIN);
 const READING: Option<Reading> = Some(Reading { value: f32::MAX, age_us: u32::MAX });
 const TIMEOUT: MotorTimeout = MotorTimeout::Written { timeout_ms: u32::MAX };
-const REASON: TripReason =
-    TripReason::LimitExceeded { quantity: Quantity::Parameter(u16::MAX), value: f32::MAX, limit: f32::MAX };
+const REASON: TripReason = TripReason::LimitExceeded {
+    quantity: Quantity::Parameter(u16::MAX),
+    value: f32::MAX,
+    limit: f32::MAX,
+};
 const TRIP: Trip = Trip {
     reason: REASON,
     time_us: u64::MAX,
@@ -86,7 +90,12 @@ fn largest_requests() -> Vec<(Request, usize)> {
         row(ClearUnreachable { axis: u8::MAX }),
         row(OutputOff { axis: u8::MAX }),
         row(ClearByRestart { axis: u8::MAX }),
-        row(Setpoint { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, setpoint: impedance }),
+        row(Setpoint {
+            axis: u8::MAX,
+            epoch: u32::MAX,
+            expires_at_us: u32::MAX,
+            setpoint: impedance,
+        }),
         row(ReadState { axis: u8::MAX }),
         row(MoveRelative {
             axis: u8::MAX,
@@ -96,7 +105,11 @@ fn largest_requests() -> Vec<(Request, usize)> {
             speed_limit_rad_s: f32::MAX,
         }),
         row(Native { axis: u8::MAX, epoch: u32::MAX, expires_at_us: u32::MAX, data: full(0xFF) }),
-        row(Subscribe { axes: u32::MAX, fields: StateFields::from_bits(u8::MAX), period_us: u32::MAX }),
+        row(Subscribe {
+            axes: u32::MAX,
+            fields: StateFields::from_bits(u8::MAX),
+            period_us: u32::MAX,
+        }),
         row(StartTogether {
             expires_at_us: u32::MAX,
             members: full(Member { axis: u8::MAX, epoch: u32::MAX, velocity_rad_s: f32::MAX }),
@@ -200,13 +213,25 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         (Reply::BusStatus(bus), BusReport::MAX_SIZE),
         (Reply::GatewayStatus(gateway), GatewayReport::MAX_SIZE),
         (Reply::ReadAxisParameter(ParameterValue { value: Some(VALUE) }), ParameterValue::MAX_SIZE),
-        (Reply::ListAxes(AxisList { axes: full(summary), next: Some(u8::MAX) }), AxisList::MAX_SIZE),
-        (Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: TIMEOUT }), MotorTimeoutReport::MAX_SIZE),
+        (
+            Reply::ListAxes(AxisList { axes: full(summary), next: Some(u8::MAX) }),
+            AxisList::MAX_SIZE,
+        ),
+        (
+            Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: TIMEOUT }),
+            MotorTimeoutReport::MAX_SIZE,
+        ),
         (Reply::Arm(Armed { epoch: u32::MAX, motor_timeout: TIMEOUT }), Armed::MAX_SIZE),
         (Reply::ReadState(axis), AxisReport::MAX_SIZE),
-        (Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }), MoveTarget::MAX_SIZE),
+        (
+            Reply::MoveRelative(MoveTarget { start_rad: f32::MAX, target_rad: f32::MAX }),
+            MoveTarget::MAX_SIZE,
+        ),
         (Reply::Native(NativeReply { data: full(0xFF) }), NativeReply::MAX_SIZE),
-        (Reply::RawReceive(RawFrames { frames: full(frame), dropped: u32::MAX }), RawFrames::MAX_SIZE),
+        (
+            Reply::RawReceive(RawFrames { frames: full(frame), dropped: u32::MAX }),
+            RawFrames::MAX_SIZE,
+        ),
         (
             Reply::ReadIncidents(IncidentPage { incidents: full(incident), next: Some(u8::MAX) }),
             IncidentPage::MAX_SIZE,
@@ -218,7 +243,12 @@ fn largest_replies() -> Vec<(Reply, usize)> {
 #[test]
 fn every_request_reaches_its_bound() {
     let largest = largest_requests();
-    assert!(largest.iter().map(|(request, _)| request.number()).eq(REQUESTS.iter().map(|info| info.number)));
+    assert!(
+        largest
+            .iter()
+            .map(|(request, _)| request.number())
+            .eq(REQUESTS.iter().map(|info| info.number))
+    );
     for (request, bound) in largest {
         let mut out = [0; MAX_FRAME];
         let length = request.encode_frame(u16::MAX, &mut out).unwrap();
@@ -241,11 +271,15 @@ fn the_other_raw_frame_and_the_other_values_are_no_longer() {
     let mut out = [0; MAX_FRAME];
     for request in [
         Request::from(RawSend { bus: u8::MAX, frame: can }),
-        ConfigureAxis { axis: u8::MAX, parameter: PARAMETER, value: Value::Unsigned(u32::MAX) }.into(),
+        ConfigureAxis { axis: u8::MAX, parameter: PARAMETER, value: Value::Unsigned(u32::MAX) }
+            .into(),
         ConfigureAxis { axis: u8::MAX, parameter: PARAMETER, value: Value::Float(f32::MAX) }.into(),
     ] {
-        let bound =
-            if matches!(request, Request::RawSend(_)) { RawSend::MAX_SIZE } else { ConfigureAxis::MAX_SIZE };
+        let bound = if matches!(request, Request::RawSend(_)) {
+            RawSend::MAX_SIZE
+        } else {
+            ConfigureAxis::MAX_SIZE
+        };
         let length = request.encode_frame(u16::MAX, &mut out).unwrap();
         assert!(body_length(&out[..length]) <= bound);
     }
@@ -259,7 +293,8 @@ fn the_largest_error_and_event_fit() {
     // Axis 1, reason 1 + quantity 1 + parameter 3 + two floats.
     assert_eq!(body_length(&out[..length]), 14);
 
-    let error = Error::BitrateNotOffered { bus: u8::MAX, bitrate: u32::MAX, offered: [u32::MAX; 8] };
+    let error =
+        Error::BitrateNotOffered { bus: u8::MAX, bitrate: u32::MAX, offered: [u32::MAX; 8] };
     let length = error.encode_frame(u16::MAX, &mut out).unwrap();
     // Bus 1, bitrate 5, eight of them 40.
     assert_eq!(body_length(&out[..length]), 46);

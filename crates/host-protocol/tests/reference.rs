@@ -7,8 +7,8 @@ use std::fmt::Debug;
 
 use host_protocol::{
     AxisParameter, ERRORS, EVENTS, FrameError, GatewayParameter, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
-    MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, ParameterText, Protocol, REQUESTS, Request,
-    StateField, requests::Ping,
+    MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, ParameterText, Protocol, REQUESTS,
+    Request, StateField, requests::Ping,
 };
 use serde::de::DeserializeOwned;
 
@@ -23,7 +23,8 @@ fn rows(heading: &str) -> Vec<Vec<String>> {
 
 /// The rows of the tables under a heading as they stand, without the two of each table's head.
 fn raw_rows(heading: &str) -> Vec<&'static str> {
-    let mut lines = REFERENCE.lines().skip_while(|line| line.trim_start_matches('#').trim() != heading);
+    let mut lines =
+        REFERENCE.lines().skip_while(|line| line.trim_start_matches('#').trim() != heading);
     lines.next().unwrap_or_else(|| panic!("no heading {heading}"));
     let section = lines.take_while(|line| !line.starts_with('#'));
     let lines: Vec<_> = section.collect();
@@ -39,7 +40,10 @@ fn variants<T: DeserializeOwned + Debug>() -> Vec<String> {
         body[0] = position;
         postcard::take_from_bytes::<T>(&body).ok().map(|(value, _)| value)
     };
-    (0..).map_while(decode).map(|value| printed_fields(&format!("{value:?}")).0.to_string()).collect()
+    (0..)
+        .map_while(decode)
+        .map(|value| printed_fields(&format!("{value:?}")).0.to_string())
+        .collect()
 }
 
 /// Field names of the struct `T`, which is decoded from zeros.
@@ -50,7 +54,10 @@ fn struct_fields<T: DeserializeOwned + Debug>() -> Vec<String> {
 
 /// The first words of a list of fields.
 fn fields(cell: &str) -> Vec<&str> {
-    cell.split(", ").filter_map(|field| field.split(' ').next()).filter(|field| !field.is_empty()).collect()
+    cell.split(", ")
+        .filter_map(|field| field.split(' ').next())
+        .filter(|field| !field.is_empty())
+        .collect()
 }
 
 /// Type and fields of a printed struct: `Name { field: …, field: … }`.
@@ -77,9 +84,9 @@ fn printed_fields(debug: &str) -> (&str, Vec<&str>) {
 
 /// What the vectors print of the messages under a comment that begins with `part`.
 fn printed(part: &str) -> impl Iterator<Item = &'static str> {
-    let lines = VECTORS
-        .lines()
-        .skip_while(move |line| !line.strip_prefix("# ").is_some_and(|text| text.starts_with(part)));
+    let lines = VECTORS.lines().skip_while(move |line| {
+        !line.strip_prefix("# ").is_some_and(|text| text.starts_with(part))
+    });
     lines
         .skip(1)
         .take_while(|line| !line.starts_with('#'))
@@ -105,7 +112,8 @@ fn parse(number: &str) -> u16 {
 
 fn assert_numbers(heading: &str, table: &[MessageInfo]) {
     let rows = rows(heading);
-    let documented: BTreeMap<_, _> = rows.iter().map(|row| (row[1].clone(), parse(&row[0]))).collect();
+    let documented: BTreeMap<_, _> =
+        rows.iter().map(|row| (row[1].clone(), parse(&row[0]))).collect();
     assert_eq!(documented, numbers(table), "{heading}");
     assert_eq!(rows.len(), table.len(), "{heading}: a row comes twice");
 }
@@ -165,7 +173,9 @@ fn types_are_those_of_the_code() {
     let rows = raw_rows("Types");
     let mut documented: BTreeMap<_, _> = rows
         .iter()
-        .map(|row| row.split_once('|').map(|(name, text)| (name.trim().trim_matches('`'), text)).unwrap())
+        .map(|row| {
+            row.split_once('|').map(|(name, text)| (name.trim().trim_matches('`'), text)).unwrap()
+        })
         .collect();
     let mut text_of = |name| documented.remove(name).unwrap_or_else(|| panic!("no row for {name}"));
 
@@ -231,11 +241,15 @@ fn types_are_those_of_the_code() {
 
 #[test]
 fn parameters_are_those_of_the_code() {
-    let axis: Vec<_> =
-        AxisParameter::ALL.iter().map(|parameter| row(parameter.info(), parameter.text())).collect();
+    let axis: Vec<_> = AxisParameter::ALL
+        .iter()
+        .map(|parameter| row(parameter.info(), parameter.text()))
+        .collect();
     assert_eq!(rows("Axis parameters"), axis);
-    let gateway: Vec<_> =
-        GatewayParameter::ALL.iter().map(|parameter| row(parameter.info(), parameter.text())).collect();
+    let gateway: Vec<_> = GatewayParameter::ALL
+        .iter()
+        .map(|parameter| row(parameter.info(), parameter.text()))
+        .collect();
     assert_eq!(rows("Gateway parameters"), gateway);
 }
 
@@ -247,24 +261,34 @@ fn row(info: &ParameterInfo, text: &ParameterText) -> Vec<String> {
     };
     let range = format!("{} to {}", info.min, info.max);
     let number = info.number.to_string();
-    let (name, kind, unit, meaning) =
-        (text.name.to_string(), info.kind.name().to_string(), text.unit.to_string(), text.doc.to_string());
+    let (name, kind, unit, meaning) = (
+        text.name.to_string(),
+        info.kind.name().to_string(),
+        text.unit.to_string(),
+        text.doc.to_string(),
+    );
     vec![number, name, kind, unit, range, default, meaning]
 }
 
 #[test]
 fn reasons_of_rejected_frames_are_those_of_the_code() {
-    let documented: Vec<_> =
-        rows("Reasons of FrameRejected").iter().map(|row| (parse(&row[0]), row[1].clone())).collect();
-    let table: Vec<_> =
-        FrameError::ALL.iter().map(|(number, name)| (u16::from(*number), (*name).to_string())).collect();
+    let documented: Vec<_> = rows("Reasons of FrameRejected")
+        .iter()
+        .map(|row| (parse(&row[0]), row[1].clone()))
+        .collect();
+    let table: Vec<_> = FrameError::ALL
+        .iter()
+        .map(|(number, name)| (u16::from(*number), (*name).to_string()))
+        .collect();
     assert_eq!(documented, table);
 }
 
 #[test]
 fn version_limits_and_example_are_those_of_the_code() {
     assert!(
-        REFERENCE.starts_with(&format!("# The host protocol, version {PROTOCOL_MAJOR}.{PROTOCOL_MINOR}\n"))
+        REFERENCE.starts_with(&format!(
+            "# The host protocol, version {PROTOCOL_MAJOR}.{PROTOCOL_MINOR}\n"
+        ))
     );
     for text in [
         format!("has at most {MAX_MESSAGE} bytes"),

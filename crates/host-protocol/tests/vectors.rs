@@ -60,7 +60,9 @@ fn read_line([label, hex, _]: [&str; 3]) -> Read {
     let frames: Vec<_> = bytes(hex)
         .into_iter()
         .filter_map(|byte| {
-            deframer.push(byte).map(|frame| read(&frame.unwrap_or_else(|error| panic!("{label}: {error}"))))
+            deframer
+                .push(byte)
+                .map(|frame| read(&frame.unwrap_or_else(|error| panic!("{label}: {error}"))))
         })
         .collect();
     let [frame] = frames.try_into().unwrap_or_else(|_| panic!("{label}: one frame"));
@@ -82,8 +84,12 @@ fn every_line_is_read_and_written_as_it_stands() {
 fn every_message_has_a_line() {
     let lines: BTreeSet<_> =
         lines().map(read_line).map(|line| (line.kind as u8, line.number, line.name)).collect();
-    let tables =
-        [(Kind::Request, REQUESTS), (Kind::Reply, REQUESTS), (Kind::Error, ERRORS), (Kind::Event, EVENTS)];
+    let tables = [
+        (Kind::Request, REQUESTS),
+        (Kind::Reply, REQUESTS),
+        (Kind::Error, ERRORS),
+        (Kind::Event, EVENTS),
+    ];
     for (kind, table) in tables {
         for info in table {
             assert!(

@@ -8,7 +8,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use embedded_can::{Frame, StandardId};
 use rmd::rs485::{self, Deframer, Scan};
 use rmd::{
-    Centiamps, Centidegrees, CentidegreesPerSecond, MotionCommand, Node, Request, SpeedLimit, answer, can,
+    Centiamps, Centidegrees, CentidegreesPerSecond, MotionCommand, Node, Request, SpeedLimit,
+    answer, can,
 };
 
 /// A long read of a serial line: 4096 frames.

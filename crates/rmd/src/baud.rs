@@ -8,7 +8,8 @@ use crate::error::EncodeError;
 use crate::field::DATA_LEN;
 use crate::payload::Payload;
 
-/// Code of 0xB4. One code sets the rate of RS485 and of CAN (RMD V3.6 §2.31); unlisted codes are kept as received.
+/// Code of 0xB4. One code sets the rate of RS485 and of CAN (RMD V3.6 §2.31); unlisted codes are
+/// kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BaudCode(pub u8);
@@ -97,10 +98,19 @@ mod tests {
     #[test]
     fn codes_of_the_manual() {
         let rs485 = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
-        assert_eq!(rs485.map(BaudCode::for_rs485), [0, 1, 2, 3, 4].map(|code| Some(BaudCode(code))));
+        assert_eq!(
+            rs485.map(BaudCode::for_rs485),
+            [0, 1, 2, 3, 4].map(|code| Some(BaudCode(code)))
+        );
         assert_eq!([0, 1, 2, 3, 4].map(|code| BaudCode(code).rs485()), rs485.map(Some));
-        assert_eq!([500_000, 1_000_000].map(BaudCode::for_can), [Some(BaudCode(0)), Some(BaudCode(1))]);
-        assert_eq!([0, 1, 2].map(|code| BaudCode(code).can()), [Some(500_000), Some(1_000_000), None]);
+        assert_eq!(
+            [500_000, 1_000_000].map(BaudCode::for_can),
+            [Some(BaudCode(0)), Some(BaudCode(1))]
+        );
+        assert_eq!(
+            [0, 1, 2].map(|code| BaudCode(code).can()),
+            [Some(500_000), Some(1_000_000), None]
+        );
         assert_eq!(BaudCode::for_can(115_200), None);
         assert_eq!(BaudCode::for_rs485(9600), None);
         assert_eq!(BaudCode(5).rs485(), None);

@@ -32,7 +32,8 @@ pub(crate) fn put_word(data: &mut [u8; DATA_LEN], id: Node) {
     WORD.put(data, (REPLY_BASE + u16::from(id.get())).to_le_bytes());
 }
 
-/// Whether these are the data of an id command, and which access; the flag is a bool, so all but 0 reads.
+/// Whether these are the data of an id command, and which access; the flag is a bool, so all but 0
+/// reads.
 pub(crate) fn access(data: &[u8; DATA_LEN]) -> Option<Access> {
     let [command::BUS_ID, ..] = data else { return None };
     Some(if ACCESS.get(data) == [WRITE] { Access::Write } else { Access::Read })
@@ -50,14 +51,16 @@ pub(crate) fn written_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
     Node::new(id).map_err(|_| DecodeError::BusId { word: u16::from(id) })
 }
 
-/// The motor in the reply to a read on CAN: a word above the base of reply ids is such an id, any other the bare id.
+/// The motor in the reply to a read on CAN: a word above the base of reply ids is such an id, any
+/// other the bare id.
 pub(crate) fn can_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
     let word = u16::from_le_bytes(WORD.get(data));
     let id = word.checked_sub(REPLY_BASE).filter(|id| *id > 0).unwrap_or(word);
     node(id, word)
 }
 
-/// The motor in the reply to a read on RS485. The table of §7.3 has the id in byte 6, the example of §7.4 in byte 7.
+/// The motor in the reply to a read on RS485. The table of §7.3 has the id in byte 6, the example
+/// of §7.4 in byte 7.
 pub(crate) fn rs485_node(data: &[u8; DATA_LEN]) -> Result<Node, DecodeError> {
     let [sixth, seventh] = WORD.get(data);
     let id = if seventh == 0 { sixth } else { seventh };
@@ -90,16 +93,29 @@ mod tests {
         assert_eq!(Reply::CanIdSet { id }.encode(), Ok([0x79, 0, 0x00, 0, 0, 0, 0, 0x02]));
     }
 
-    /// RMD V3.6 §4.3 and §4.4 leave open whether the word is the bare id or the id of replies: both are read.
+    /// RMD V3.6 §4.3 and §4.4 leave open whether the word is the bare id or the id of replies: both
+    /// are read.
     #[test]
     fn both_forms_of_the_id_on_can() {
         assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x42, 0x02]), Ok(motor(2)));
         assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x60, 0x02]), Ok(motor(32)));
         assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x02, 0x00]), Ok(motor(2)));
-        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x40, 0x02]), Err(DecodeError::BusId { word: 0x240 }));
-        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x61, 0x02]), Err(DecodeError::BusId { word: 0x261 }));
-        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]), Err(DecodeError::BusId { word: 0 }));
-        assert_eq!(can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x02]), Err(DecodeError::BusId { word: 0x200 }));
+        assert_eq!(
+            can_node(&[0x79, 0, 1, 0, 0, 0, 0x40, 0x02]),
+            Err(DecodeError::BusId { word: 0x240 })
+        );
+        assert_eq!(
+            can_node(&[0x79, 0, 1, 0, 0, 0, 0x61, 0x02]),
+            Err(DecodeError::BusId { word: 0x261 })
+        );
+        assert_eq!(
+            can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]),
+            Err(DecodeError::BusId { word: 0 })
+        );
+        assert_eq!(
+            can_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x02]),
+            Err(DecodeError::BusId { word: 0x200 })
+        );
     }
 
     /// RMD V3.6 §7.3 against §7.4.
@@ -107,7 +123,13 @@ mod tests {
     fn both_places_of_the_id_on_rs485() {
         assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x02]), Ok(motor(2)));
         assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x02, 0x00]), Ok(motor(2)));
-        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]), Err(DecodeError::BusId { word: 0 }));
-        assert_eq!(rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x21]), Err(DecodeError::BusId { word: 0x2100 }));
+        assert_eq!(
+            rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x00]),
+            Err(DecodeError::BusId { word: 0 })
+        );
+        assert_eq!(
+            rs485_node(&[0x79, 0, 1, 0, 0, 0, 0x00, 0x21]),
+            Err(DecodeError::BusId { word: 0x2100 })
+        );
     }
 }

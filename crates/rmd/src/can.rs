@@ -1,7 +1,7 @@
 //! CAN frames: standard ids, data frames, DLC 8 (RMD V3.6 §1.1.2).
 //!
-//! A single motor is addressed as 0x140 + node and answers as 0x240 + node; motion mode has ids of its own. Frames to
-//! every motor at once are 0x280 and, for the CAN id, 0x300.
+//! A single motor is addressed as 0x140 + node and answers as 0x240 + node; motion mode has ids of
+//! its own. Frames to every motor at once are 0x280 and, for the CAN id, 0x300.
 
 use codec::Decode;
 use embedded_can::{Frame, Id, StandardId};
@@ -19,7 +19,8 @@ use crate::target::Target;
 pub const REQUEST_BASE: u16 = 0x140;
 /// Reply id of a motor = this + node: 0x241..=0x260 (RMD V3.6 §1.1.2).
 pub const REPLY_BASE: u16 = 0x240;
-/// Id of requests to every motor (RMD V3.6 §3). Only motors without their CAN-id filter hear it (§2.33.4).
+/// Id of requests to every motor (RMD V3.6 §3). Only motors without their CAN-id filter hear it
+/// (§2.33.4).
 pub const BROADCAST_ID: u16 = 0x280;
 /// Id of the commands that read and set the CAN id, and of their replies (RMD V3.6 §4).
 pub const CAN_ID_ID: u16 = 0x300;
@@ -54,8 +55,8 @@ pub fn node_of_reply_id(id: Id) -> Option<Node> {
     node_above(REPLY_BASE, id).or_else(|| node_above(MOTION_REPLY_BASE, id))
 }
 
-/// The frame that carries a request to a motor. The commands that read and set the CAN id go to every motor on the
-/// bus, whatever the node.
+/// The frame that carries a request to a motor. The commands that read and set the CAN id go to
+/// every motor on the bus, whatever the node.
 pub fn request<F: Frame>(node: Node, request: &Request) -> Result<F, EncodeError> {
     let id = match request {
         Request::MotionMode { .. } => motion_request_id(node),
@@ -94,22 +95,26 @@ pub fn decode_any_request<F: Frame>(frame: &F) -> Result<(Target, Request), Deco
         BROADCAST_ID => Ok((Target::All, Request::decode(data(frame)?))),
         CAN_ID_ID => {
             let data = data(frame)?;
-            let request = match bus_id::access(data).ok_or(DecodeError::WrongId { id: CAN_ID_ID })? {
-                Access::Read => Request::ReadCanId,
-                Access::Write => Request::SetCanId { id: bus_id::written(data) },
-            };
+            let request =
+                match bus_id::access(data).ok_or(DecodeError::WrongId { id: CAN_ID_ID })? {
+                    Access::Read => Request::ReadCanId,
+                    Access::Write => Request::SetCanId { id: bus_id::written(data) },
+                };
             Ok((Target::All, request))
         }
         other => Err(DecodeError::WrongId { id: other }),
     }
 }
 
-/// The frame that carries a reply from a motor. A timeout notice has as many bytes as it was received with.
+/// The frame that carries a reply from a motor. A timeout notice has as many bytes as it was
+/// received with.
 pub fn reply<F: Frame>(node: Node, reply: &Reply) -> Result<F, EncodeError> {
     let id = match reply {
         Reply::MotionMode { .. } => motion_reply_id(node),
         Reply::CanId { .. } | Reply::CanIdSet { .. } => fixed::<CAN_ID_ID>(),
-        Reply::Rs485Id { .. } | Reply::Rs485IdSet { .. } => return Err(rs485_only(reply.command())),
+        Reply::Rs485Id { .. } | Reply::Rs485IdSet { .. } => {
+            return Err(rs485_only(reply.command()));
+        }
         _ => reply_id(node),
     };
     let data = reply.encode()?;
@@ -117,8 +122,8 @@ pub fn reply<F: Frame>(node: Node, reply: &Reply) -> Result<F, EncodeError> {
     F::new(id, data).ok_or(EncodeError::Frame)
 }
 
-/// The motor that sent a frame and the reply in it. A reply about the CAN id names its motor in the data: the new id
-/// once that is set.
+/// The motor that sent a frame and the reply in it. A reply about the CAN id names its motor in the
+/// data: the new id once that is set.
 pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
     let id = standard(frame)?;
     if let Some(node) = node_above(REPLY_BASE, id) {
@@ -143,7 +148,9 @@ pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
 fn frame<F: Frame>(id: StandardId, request: &Request) -> Result<F, EncodeError> {
     let id = match request {
         Request::ReadCanId | Request::SetCanId { .. } => fixed::<CAN_ID_ID>(),
-        Request::ReadRs485Id | Request::SetRs485Id { .. } => return Err(rs485_only(request.command())),
+        Request::ReadRs485Id | Request::SetRs485Id { .. } => {
+            return Err(rs485_only(request.command()));
+        }
         _ => id,
     };
     if let Request::SetBaudRate { code } = request {
@@ -194,7 +201,8 @@ fn standard<F: Frame>(frame: &F) -> Result<StandardId, DecodeError> {
 
 fn data<F: Frame>(frame: &F) -> Result<&[u8; DATA_LEN], DecodeError> {
     let data = frame.data();
-    <&[u8; DATA_LEN]>::try_from(data).map_err(|_| DecodeError::Length { got: data.len(), expected: DATA_LEN })
+    <&[u8; DATA_LEN]>::try_from(data)
+        .map_err(|_| DecodeError::Length { got: data.len(), expected: DATA_LEN })
 }
 
 #[cfg(test)]

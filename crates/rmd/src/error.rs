@@ -61,7 +61,9 @@ impl fmt::Display for DecodeError {
             }
             DecodeError::ExtendedId { id } => write!(f, "extended CAN id {id:#010x}"),
             DecodeError::RemoteFrame => write!(f, "remote frame"),
-            DecodeError::Length { got, expected } => write!(f, "{got} data bytes instead of {expected}"),
+            DecodeError::Length { got, expected } => {
+                write!(f, "{got} data bytes instead of {expected}")
+            }
             DecodeError::Checksum { got, expected } => {
                 write!(f, "checksum {got:#06x} instead of {expected:#06x}")
             }

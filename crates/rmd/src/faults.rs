@@ -70,8 +70,8 @@ const fn info(fault: Faults, name: &'static str) -> FaultInfo {
 }
 
 impl Faults {
-    /// Level 1: these faults stay until the motor restarts. From every other listed one the motor resumes by itself
-    /// (RMD V3.6 §8.1, §8.2).
+    /// Level 1: these faults stay until the motor restarts. From every other listed one the motor
+    /// resumes by itself (RMD V3.6 §8.1, §8.2).
     pub const UNTIL_RESTART: Faults =
         Faults::STALL.union(Faults::PHASE_OVER_CURRENT).union(Faults::CALIBRATION);
 
@@ -85,7 +85,8 @@ impl Faults {
         self.infos().map(|info| info.level).max()
     }
 
-    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has
+    /// it.
     pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
         let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
         listed.for_each(|info| visit(info.name));
@@ -131,7 +132,8 @@ mod tests {
             (0x2000, "encoder_calibration", Recovers),
         ];
         assert!(FAULTS.iter().map(|info| (info.fault.bits(), info.name, info.level)).eq(listed));
-        let named = Faults::all().iter_names().map(|(name, fault)| (fault, name.to_ascii_lowercase()));
+        let named =
+            Faults::all().iter_names().map(|(name, fault)| (fault, name.to_ascii_lowercase()));
         assert!(named.eq(FAULTS.iter().map(|info| (info.fault, info.name.into()))));
     }
 

@@ -2,7 +2,9 @@
 
 use core::convert::Infallible;
 
-use codec::{BuildError, CommandInfo, Decode, Effect, Encode, FieldInfo, Fields, Visit, check_range};
+use codec::{
+    BuildError, CommandInfo, Decode, Effect, Encode, FieldInfo, Fields, Visit, check_range,
+};
 
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
@@ -13,7 +15,8 @@ use crate::table::{self, ENABLED};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Function {
-    /// Index 1: clear the multi-turn value, take the present position as zero and store it; acts after a restart.
+    /// Index 1: clear the multi-turn value, take the present position as zero and store it; acts
+    /// after a restart.
     ClearMultiTurn,
     /// Index 2: hear only frames with the motor's own CAN id; stored in flash. 0x280 needs it off.
     CanIdFilter {
@@ -80,8 +83,12 @@ impl Function {
         let enabled = value == Function::ON;
         match (index, value) {
             (Function::CLEAR_MULTI_TURN, Function::OFF) => Function::ClearMultiTurn,
-            (Function::CAN_ID_FILTER, Function::OFF | Function::ON) => Function::CanIdFilter { enabled },
-            (Function::ERROR_REPORTING, Function::OFF | Function::ON) => Function::ErrorReporting { enabled },
+            (Function::CAN_ID_FILTER, Function::OFF | Function::ON) => {
+                Function::CanIdFilter { enabled }
+            }
+            (Function::ERROR_REPORTING, Function::OFF | Function::ON) => {
+                Function::ErrorReporting { enabled }
+            }
             (Function::MULTI_TURN_SAVING, Function::OFF | Function::ON) => {
                 Function::MultiTurnSaving { enabled }
             }
@@ -90,7 +97,10 @@ impl Function {
     }
 
     /// The function of a row of the table, its switch as the caller gives it.
-    pub(crate) fn build_row(name: &str, fields: &Fields<'_>) -> Result<Option<Function>, BuildError> {
+    pub(crate) fn build_row(
+        name: &str,
+        fields: &Fields<'_>,
+    ) -> Result<Option<Function>, BuildError> {
         let blank = [
             Function::ClearMultiTurn,
             Function::CanIdFilter { enabled: false },
@@ -158,7 +168,8 @@ impl Encode<Payload> for Function {
         let Function::Other { index, value } = *self else { return Ok(()) };
         let (first, last) = (Function::CLEAR_MULTI_TURN, Function::MULTI_TURN_SAVING);
         check_range("function_index", i64::from(index), i64::from(first), i64::from(last))?;
-        let highest = if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
+        let highest =
+            if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
         check_range("value", i64::from(value), i64::from(Function::OFF), i64::from(highest))?;
         Err(EncodeError::Forbidden {
             field: "function_index",
@@ -197,8 +208,17 @@ mod tests {
             refused(5, 0),
             EncodeError::OutOfRange { field: "function_index", value: 5, min: 1, max: 4 }
         );
-        assert_eq!(refused(1, 1), EncodeError::OutOfRange { field: "value", value: 1, min: 0, max: 0 });
-        assert_eq!(refused(2, 2), EncodeError::OutOfRange { field: "value", value: 2, min: 0, max: 1 });
-        assert!(matches!(refused(3, 1), EncodeError::Forbidden { field: "function_index", value: 3, .. }));
+        assert_eq!(
+            refused(1, 1),
+            EncodeError::OutOfRange { field: "value", value: 1, min: 0, max: 0 }
+        );
+        assert_eq!(
+            refused(2, 2),
+            EncodeError::OutOfRange { field: "value", value: 2, min: 0, max: 1 }
+        );
+        assert!(matches!(
+            refused(3, 1),
+            EncodeError::Forbidden { field: "function_index", value: 3, .. }
+        ));
     }
 }

@@ -1,12 +1,13 @@
-//! Codec for MyActuator RMD servo motors: "Servo Motor Control Protocol V3.6", cited here as "RMD V3.6 §…".
+//! Codec for MyActuator RMD servo motors: "Servo Motor Control Protocol V3.6", cited here as "RMD
+//! V3.6 §…".
 //!
-//! Requests and replies, both encoded and decoded, over CAN ([`can`]) and RS485 ([`rs485`]): every single-motor
-//! command of §2, commands to all motors (§3, §6), the commands that read and set a motor's id (§4, §7) and motion mode
-//! (§5), which is CAN only. What the manual does not list comes back as `Unknown` with its bytes, so that nothing read
-//! from a wire is lost.
+//! Requests and replies, both encoded and decoded, over CAN ([`can`]) and RS485 ([`rs485`]): every
+//! single-motor command of §2, commands to all motors (§3, §6), the commands that read and set a
+//! motor's id (§4, §7) and motion mode (§5), which is CAN only. What the manual does not list comes
+//! back as `Unknown` with its bytes, so that nothing read from a wire is lost.
 //!
-//! Tools reach every command by its name in [`COMMANDS`]: [`Request::build`], [`Request::visit_fields`] and
-//! [`Reply::visit_fields`].
+//! Tools reach every command by its name in [`COMMANDS`]: [`Request::build`],
+//! [`Request::visit_fields`] and [`Reply::visit_fields`].
 //!
 //! Units are the manual's own ([`Centiamps`], [`Centidegrees`], …); signs are the motor's.
 //!
@@ -60,7 +61,9 @@ pub use function::Function;
 pub use matching::{Answer, answer, answer_on_line};
 pub use model::Model;
 pub use motion::Motion;
-pub use motion_mode::{MotionCommand, MotionFeedback, MotionRanges, MotionState, MotionTarget, Span};
+pub use motion_mode::{
+    MotionCommand, MotionFeedback, MotionRanges, MotionState, MotionTarget, Span,
+};
 pub use node::Node;
 pub use notice::RawNotice;
 pub use pid::PidGains;
@@ -71,6 +74,7 @@ pub use run_mode::RunMode;
 pub use table::COMMANDS;
 pub use target::Target;
 pub use units::{
-    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
-    DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
+    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
+    DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds,
+    SpeedLimit, VersionDate,
 };

@@ -1,5 +1,6 @@
-//! Whether a received frame answers a request. Which motor it came from is the caller's to compare: the one that the
-//! request went to, or for an id command the one that [`Request::answering_node`] says.
+//! Whether a received frame answers a request. Which motor it came from is the caller's to compare:
+//! the one that the request went to, or for an id command the one that [`Request::answering_node`]
+//! says.
 
 use crate::command;
 use crate::field::DATA_LEN;
@@ -9,17 +10,20 @@ use crate::request::Request;
 
 /// What a received frame says about a pending request.
 ///
-/// The protocol has no refusal: a faulted motor keeps answering and does nothing (RMD V3.6 §2.17.1).
+/// The protocol has no refusal: a faulted motor keeps answering and does nothing (RMD V3.6
+/// §2.17.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Answer {
     /// The motor's answer to the request.
     Reply(Reply),
-    /// The motor threw a closed-loop command back unchanged: received, not executed, and no state in it.
+    /// The motor threw a closed-loop command back unchanged: received, not executed, and no state
+    /// in it.
     NotExecuted,
     /// Our own bytes, heard on a line that carries both directions.
     Echo,
-    /// The motor sent it on its own account: a timeout notice, or a 0x9A that reports a fault nobody asked about.
+    /// The motor sent it on its own account: a timeout notice, or a 0x9A that reports a fault
+    /// nobody asked about.
     Unsolicited,
     /// The frame answers something else, or nothing.
     Unrelated,
@@ -27,9 +31,10 @@ pub enum Answer {
 
 /// Whether `received`, from the motor that `request` went to, answers it.
 ///
-/// After its communication timeout a motor sends closed-loop commands (0xA1 to 0xA8) back unchanged. A cold motor at
-/// rest at its zero point answers a command of all zeros with the same bytes, so there the equality proves nothing:
-/// it counts as a reply, and only 0x9C tells whether the motor follows.
+/// After its communication timeout a motor sends closed-loop commands (0xA1 to 0xA8) back
+/// unchanged. A cold motor at rest at its zero point answers a command of all zeros with the same
+/// bytes, so there the equality proves nothing: it counts as a reply, and only 0x9C tells whether
+/// the motor follows.
 ///
 /// Nothing answers 0x76 and 0xB4 ([`Request::is_answered`]): they are done once sent.
 pub fn answer(request: &Request, received: &Reply) -> Answer {
@@ -45,8 +50,9 @@ pub fn answer(request: &Request, received: &Reply) -> Answer {
     Answer::Reply(*received)
 }
 
-/// [`answer`] on a half-duplex line that lets us hear ourselves. While `echo_due`, from the sending until the echo has
-/// come, a frame equal to the request is our own; taken for a reply it would confirm a stop that nobody received.
+/// [`answer`] on a half-duplex line that lets us hear ourselves. While `echo_due`, from the sending
+/// until the echo has come, a frame equal to the request is our own; taken for a reply it would
+/// confirm a stop that nobody received.
 pub fn answer_on_line(request: &Request, received: &Reply, echo_due: bool) -> Answer {
     if echo_due && request.to_bytes() == received.to_bytes() {
         return Answer::Echo;
@@ -55,7 +61,8 @@ pub fn answer_on_line(request: &Request, received: &Reply, echo_due: bool) -> An
 }
 
 impl Request {
-    /// The motor whose reply to wait for after this request to `node`; `None` where any motor may answer.
+    /// The motor whose reply to wait for after this request to `node`; `None` where any motor may
+    /// answer.
     ///
     /// A new id is confirmed from that id (RMD V3.6 §4.3, §7.3).
     pub fn answering_node(&self, node: Node) -> Option<Node> {
@@ -85,9 +92,10 @@ fn belongs(request: &Request, received: &Reply) -> bool {
             | Request::Function { .. },
             _,
         ) => request.to_bytes() == received.to_bytes(),
-        (Request::SetCommunicationTimeout { timeout: sent }, Reply::CommunicationTimeout { timeout }) => {
-            timeout == sent || timeout.0 == 0
-        }
+        (
+            Request::SetCommunicationTimeout { timeout: sent },
+            Reply::CommunicationTimeout { timeout },
+        ) => timeout == sent || timeout.0 == 0,
         _ => true,
     }
 }
@@ -116,7 +124,8 @@ fn is_under_own_id(reply: &Reply) -> bool {
     )
 }
 
-/// Motors set to report faults send 0x9A unasked (RMD V3.6 §2.33.4); without a fault it can only answer someone.
+/// Motors set to report faults send 0x9A unasked (RMD V3.6 §2.33.4); without a fault it can only
+/// answer someone.
 fn stray(received: &Reply) -> Answer {
     match received {
         Reply::Status1 { faults, .. } if !faults.is_empty() => Answer::Unsolicited,
@@ -127,7 +136,9 @@ fn stray(received: &Reply) -> Answer {
 /// Whether a motor's bytes are a closed-loop request's own, and cannot also be a state by chance.
 fn thrown_back(sent: &[u8; DATA_LEN], received: &[u8; DATA_LEN]) -> bool {
     let [command, payload @ ..] = sent;
-    command::CLOSED_LOOP.contains(command) && sent == received && payload.iter().any(|byte| *byte != 0)
+    command::CLOSED_LOOP.contains(command)
+        && sent == received
+        && payload.iter().any(|byte| *byte != 0)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Motion mode: position, velocity, two gains and a torque in one frame, on CAN only (RMD V3.6 §5).
 //!
-//! The words stay raw here; [`MotionRanges`] turns them into physical values and back. Both ways differ as the manual
-//! prints them, so a decoded physical value must not be encoded again.
+//! The words stay raw here; [`MotionRanges`] turns them into physical values and back. Both ways
+//! differ as the manual prints them, so a decoded physical value must not be encoded again.
 
 mod ranges;
 
@@ -20,7 +20,8 @@ const LOW_NIBBLE: u8 = 0x0F;
 
 /// The words of a motion-mode request, big-endian and packed without gaps (RMD V3.6 §5.2).
 ///
-/// What the table calls bits 0 to 3 is the high half of a byte: the printed example proves it (§5.4).
+/// What the table calls bits 0 to 3 is the high half of a byte: the printed example proves it
+/// (§5.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotionCommand {
@@ -180,7 +181,8 @@ mod tests {
         assert_eq!(COMMAND.check(), Ok(()));
     }
 
-    /// RMD V3.6 §5.4, reply: the bytes say E6 65 where the text says E666, and the row of byte 3 is missing.
+    /// RMD V3.6 §5.4, reply: the bytes say E6 65 where the text says E666, and the row of byte 3 is
+    /// missing.
     #[test]
     fn printed_reply() {
         let data = [0x01, 0xE6, 0x65, 0x82, 0xEB, 0x55, 0x00, 0x00];
@@ -189,7 +191,8 @@ mod tests {
         assert_eq!(feedback.check(), Ok(()));
     }
 
-    /// Each word alone at its end, so that no word reaches into its neighbour (layout RMD V3.6 §5.2, §5.3).
+    /// Each word alone at its end, so that no word reaches into its neighbour (layout RMD V3.6
+    /// §5.2, §5.3).
     #[test]
     fn every_word_has_its_own_bits() {
         let zero = MotionCommand { position: 0, velocity: 0, kp: 0, kd: 0, torque: 0 };
@@ -219,7 +222,8 @@ mod tests {
 
     #[test]
     fn words_wider_than_their_bits_are_refused() {
-        let refused = |field| Err(EncodeError::OutOfRange { field, value: 0x1000, min: 0, max: 0xFFF });
+        let refused =
+            |field| Err(EncodeError::OutOfRange { field, value: 0x1000, min: 0, max: 0xFFF });
         assert_eq!(MotionCommand { velocity: 0x1000, ..COMMAND }.check(), refused("velocity"));
         assert_eq!(MotionCommand { kp: 0x1000, ..COMMAND }.check(), refused("kp"));
         assert_eq!(MotionCommand { kd: 0x1000, ..COMMAND }.check(), refused("kd"));

@@ -64,7 +64,12 @@ mod tests {
         for node in [0, 33, 0xCD, 0xFF] {
             assert_eq!(
                 Node::new(node),
-                Err(EncodeError::OutOfRange { field: "node", value: i64::from(node), min: 1, max: 32 })
+                Err(EncodeError::OutOfRange {
+                    field: "node",
+                    value: i64::from(node),
+                    min: 1,
+                    max: 32
+                })
             );
         }
     }

@@ -11,7 +11,8 @@ use crate::payload::Payload;
 /// Most bytes that can follow the command byte.
 const MAX_PAYLOAD: usize = DATA_LEN - 1;
 
-/// What followed the command byte of a 0xF1 frame: 0 to 7 bytes of unknown meaning, kept as received.
+/// What followed the command byte of a 0xF1 frame: 0 to 7 bytes of unknown meaning, kept as
+/// received.
 ///
 /// Observed on CAN without any data after the command byte; the default is that form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

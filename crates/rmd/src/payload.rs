@@ -8,8 +8,9 @@ use crate::faults::Faults;
 use crate::field::{DATA_LEN, Field};
 use crate::model::Model;
 use crate::units::{
-    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
-    DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
+    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
+    DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds,
+    SpeedLimit, VersionDate,
 };
 
 /// How the data bytes are laid out: the command byte first.

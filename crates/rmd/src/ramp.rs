@@ -8,7 +8,8 @@ use crate::error::EncodeError;
 use crate::field::DATA_LEN;
 use crate::payload::Payload;
 
-/// Index of an acceleration or deceleration (RMD V3.6 §2.5.4); other values than the four are kept as received.
+/// Index of an acceleration or deceleration (RMD V3.6 §2.5.4); other values than the four are kept
+/// as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ramp(pub u8);

@@ -1,5 +1,5 @@
-//! What the motor sends: the data bytes of each reply and of the timeout notice. The replies themselves are in the
-//! [table](crate::table).
+//! What the motor sends: the data bytes of each reply and of the timeout notice. The replies
+//! themselves are in the [table](crate::table).
 
 use core::convert::Infallible;
 
@@ -16,8 +16,9 @@ pub use crate::table::Reply;
 impl Reply {
     /// The eight data bytes; a short timeout notice is filled up with zeros.
     ///
-    /// Refused are values outside the manual's ranges, a [`Function::Other`](crate::Function::Other), and a
-    /// [`Reply::Unknown`] whose command has a variant of its own.
+    /// Refused are values outside the manual's ranges, a
+    /// [`Function::Other`](crate::Function::Other), and a [`Reply::Unknown`] whose command has
+    /// a variant of its own.
     pub fn encode(&self) -> Result<[u8; DATA_LEN], EncodeError> {
         self.check()?;
         if let Reply::Unknown { data } = self
@@ -33,11 +34,11 @@ impl Reply {
         Ok(self.to_bytes())
     }
 
-    /// The reply that the data bytes of a single motor's frame hold: eight of them, except that a timeout notice may be
-    /// shorter.
+    /// The reply that the data bytes of a single motor's frame hold: eight of them, except that a
+    /// timeout notice may be shorter.
     ///
-    /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can) and
-    /// [`rs485`](crate::rs485) look at those.
+    /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can)
+    /// and [`rs485`](crate::rs485) look at those.
     pub fn decode(data: &[u8]) -> Result<Reply, DecodeError> {
         if let Ok(data) = <&[u8; DATA_LEN]>::try_from(data) {
             return Ok(Reply::decode_full(data));
@@ -57,7 +58,8 @@ impl Reply {
         reply
     }
 
-    // Not inlined: it then writes the reply where the caller wants it, which takes a third fewer instructions.
+    // Not inlined: it then writes the reply where the caller wants it, which takes a third fewer
+    // instructions.
     #[inline(never)]
     fn decode_any(code: u8, data: &[u8; DATA_LEN]) -> Result<Reply, Infallible> {
         Reply::decode_row(code, data, || match code {
@@ -92,8 +94,8 @@ impl Reply {
         }
     }
 
-    /// Whether nobody has asked for it. A [`Reply::Status1`] may be an event too (RMD V3.6 §2.33.4); only the pending
-    /// request tells, as [`answer`](crate::answer) does.
+    /// Whether nobody has asked for it. A [`Reply::Status1`] may be an event too (RMD V3.6
+    /// §2.33.4); only the pending request tells, as [`answer`](crate::answer) does.
     pub const fn is_event(&self) -> bool {
         matches!(self, Reply::TimeoutNotice { .. })
     }

@@ -17,8 +17,9 @@ pub use crate::table::Request;
 impl Request {
     /// The eight data bytes.
     ///
-    /// Refused are values outside the manual's ranges, a [`Function::Other`], and a [`Request::Unknown`] whose command
-    /// has a variant of its own: it would pass checks made on that variant unseen.
+    /// Refused are values outside the manual's ranges, a [`Function::Other`], and a
+    /// [`Request::Unknown`] whose command has a variant of its own: it would pass checks made
+    /// on that variant unseen.
     ///
     /// The data of motion mode and of the id commands mean something only under their own ids:
     /// [`can`](crate::can) and [`rs485`](crate::rs485) put them there.
@@ -37,18 +38,19 @@ impl Request {
         Ok(self.to_bytes())
     }
 
-    /// The request that eight data bytes to a single motor hold. Every byte string is one: what is not listed is
-    /// `Unknown`.
+    /// The request that eight data bytes to a single motor hold. Every byte string is one: what is
+    /// not listed is `Unknown`.
     ///
-    /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can) and
-    /// [`rs485`](crate::rs485) look at those.
+    /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can)
+    /// and [`rs485`](crate::rs485) look at those.
     pub fn decode(data: &[u8; DATA_LEN]) -> Request {
         let [code, ..] = *data;
         let Ok(request) = Request::decode_any(code, data);
         request
     }
 
-    // Not inlined: it then writes the request where the caller wants it, which takes a third fewer instructions.
+    // Not inlined: it then writes the request where the caller wants it, which takes a third fewer
+    // instructions.
     #[inline(never)]
     fn decode_any(code: u8, data: &[u8; DATA_LEN]) -> Result<Request, Infallible> {
         Request::decode_row(code, data, || match code {
@@ -64,9 +66,9 @@ impl Request {
         self.to_payload()
     }
 
-    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields` gives for the names in
-    /// its [`request`](crate::CommandInfo::request), in the units of those names; 0 or 1 for a bool. Motion mode in the
-    /// manual's ranges.
+    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields`
+    /// gives for the names in its [`request`](crate::CommandInfo::request), in the units of
+    /// those names; 0 or 1 for a bool. Motion mode in the manual's ranges.
     ///
     /// A value outside its range is refused; inside it is rounded to the nearest count of the wire.
     ///
@@ -107,8 +109,8 @@ impl Request {
         }
     }
 
-    /// Whether the command only asks: it moves nothing, stops nothing and changes nothing in the motor. A command that
-    /// the manual does not list may do any of these.
+    /// Whether the command only asks: it moves nothing, stops nothing and changes nothing in the
+    /// motor. A command that the manual does not list may do any of these.
     pub const fn only_reads(&self) -> bool {
         matches!(self.effect(), Effect::Reads)
     }
@@ -118,8 +120,8 @@ impl Request {
         matches!(self.effect(), Effect::Later)
     }
 
-    /// Whether a motor answers at all. What comes back after 0xB4 is random and answers nothing (RMD V3.6 §2.25.3,
-    /// §2.31.3).
+    /// Whether a motor answers at all. What comes back after 0xB4 is random and answers nothing
+    /// (RMD V3.6 §2.25.3, §2.31.3).
     pub const fn is_answered(&self) -> bool {
         !matches!(self, Request::Reset | Request::SetBaudRate { .. })
     }

@@ -1,8 +1,8 @@
 //! RS485 frames: `3E id 08 D0..D7 crc16`, 13 bytes (RMD V3.6 §1.2.2).
 //!
-//! A frame does not say whether it is a request or a reply: both carry the motor's id (RMD V3.6 §7.4), so the caller
-//! says which one it reads. The caller also discards what it hears of its own sending, which would otherwise pass for
-//! the echo that confirms a stop.
+//! A frame does not say whether it is a request or a reply: both carry the motor's id (RMD V3.6
+//! §7.4), so the caller says which one it reads. The caller also discards what it hears of its own
+//! sending, which would otherwise pass for the echo that confirms a stop.
 
 mod deframer;
 mod scan;
@@ -31,20 +31,22 @@ const HEADER: u8 = 0x3E;
 const LENGTH: u8 = 0x08;
 const _: () = assert!(LENGTH as usize == DATA_LEN);
 
-/// The manual says "CRC16" only. Two proven frames (see the tests) settle it as CRC-16/MODBUS over all bytes before it.
+/// The manual says "CRC16" only. Two proven frames (see the tests) settle it as CRC-16/MODBUS over
+/// all bytes before it.
 static CHECKSUM: Crc<u16, Table<1>> = Crc::<u16, Table<1>>::new(&CRC_16_MODBUS);
 
-/// Id byte of frames to every motor, and of the commands that read and set the RS485 id (RMD V3.6 §6, §7).
+/// Id byte of frames to every motor, and of the commands that read and set the RS485 id (RMD V3.6
+/// §6, §7).
 pub const BROADCAST_ID: u8 = 0xCD;
 
-/// The frame that carries a request to a motor. The commands that read and set the RS485 id go to every motor on the
-/// line, whatever the node.
+/// The frame that carries a request to a motor. The commands that read and set the RS485 id go to
+/// every motor on the line, whatever the node.
 pub fn request(node: Node, request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
     request_frame(node.get(), request)
 }
 
-/// The frame that carries a request to every motor. Their replies collide, so it counts as unanswered
-/// (RMD V3.6 §6.2).
+/// The frame that carries a request to every motor. Their replies collide, so it counts as
+/// unanswered (RMD V3.6 §6.2).
 pub fn broadcast(request: &Request) -> Result<[u8; FRAME_LEN], EncodeError> {
     request_frame(BROADCAST_ID, request)
 }
@@ -83,8 +85,8 @@ pub fn decode_any_request(frame: &[u8; FRAME_LEN]) -> Result<(Target, Request), 
     Ok((Target::All, request))
 }
 
-/// The motor that sent a frame and the reply in it. A reply about the RS485 id names its motor in the data: the new
-/// id once that is set.
+/// The motor that sent a frame and the reply in it. A reply about the RS485 id names its motor in
+/// the data: the new id once that is set.
 pub fn decode_reply(frame: &[u8; FRAME_LEN]) -> Result<(Node, Reply), DecodeError> {
     let (id, data) = open(frame)?;
     if id != BROADCAST_ID {

@@ -1,6 +1,6 @@
-//! The protocol as data: every command with its code, its section of the manual, and its values with
-//! place, name, unit and range. Requests, replies, their bytes, and how tools list, build and print
-//! them follow from it.
+//! The protocol as data: every command with its code, its section of the manual, and its values
+//! with place, name, unit and range. Requests, replies, their bytes, and how tools list, build and
+//! print them follow from it.
 //!
 //! Numbers of a line are counts of the wire; their units and ranges are those of their types.
 
@@ -21,8 +21,8 @@ use crate::pid::PidGains;
 use crate::ramp::Ramp;
 use crate::run_mode::RunMode;
 use crate::units::{
-    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, DegreesPerSecondSquared,
-    EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
+    Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts,
+    DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds, SpeedLimit, VersionDate,
 };
 
 /// Of the functions that are switched.

@@ -8,10 +8,13 @@ use codec::testing::CanFrame;
 use embedded_can::{Frame, StandardId};
 use proptest::prelude::*;
 use rmd::rs485::{self, Deframer, FRAME_LEN, Piece, Scan};
-use rmd::{DecodeError, EncodeError, FieldValue, Reply, Request, Target, answer, answer_on_line, can};
+use rmd::{
+    DecodeError, EncodeError, FieldValue, Reply, Request, Target, answer, answer_on_line, can,
+};
 use values::{node, reply, request, special_reply, special_request};
 
-/// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of one.
+/// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of
+/// one.
 fn line() -> impl Strategy<Value = Vec<u8>> {
     let piece = prop_oneof![
         (node(), request())
@@ -32,7 +35,9 @@ fn frames_of(mut line: &[u8]) -> Vec<[u8; FRAME_LEN]> {
     while let Some(frame) = line.first_chunk::<FRAME_LEN>() {
         let damaged = matches!(
             rs485::decode_reply(frame),
-            Err(DecodeError::Header { .. } | DecodeError::Length { .. } | DecodeError::Checksum { .. })
+            Err(DecodeError::Header { .. }
+                | DecodeError::Length { .. }
+                | DecodeError::Checksum { .. })
         );
         if !damaged {
             frames.push(*frame);
@@ -97,7 +102,8 @@ fn is_range_error(error: EncodeError) -> bool {
 
 /// Eight bytes that begin with a command more often than not.
 fn data() -> impl Strategy<Value = [u8; 8]> {
-    let commands = rmd::COMMANDS.iter().filter_map(|info| u8::try_from(info.code).ok()).collect::<Vec<_>>();
+    let commands =
+        rmd::COMMANDS.iter().filter_map(|info| u8::try_from(info.code).ok()).collect::<Vec<_>>();
     let command = prop_oneof![prop::sample::select(commands), any::<u8>()];
     let small = prop_oneof![any::<u8>(), 0..5_u8];
     (command, small, any::<[u8; 2]>(), prop_oneof![any::<[u8; 4]>(), Just([1, 0, 0, 0])])

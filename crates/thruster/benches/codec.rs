@@ -17,11 +17,15 @@ fn requests() -> [(&'static str, Request); 4] {
         ("signal", Request::Signal { signal: Percent(-5) }),
         ("speed", Request::Speed { speed: Rpm(-1500) }),
         ("read_speed", Request::ReadSpeed),
-        ("absolute_position", Request::AbsolutePosition { speed: RpmLimit(300), position: Decidegrees(900) }),
+        (
+            "absolute_position",
+            Request::AbsolutePosition { speed: RpmLimit(300), position: Decidegrees(900) },
+        ),
     ]
 }
 
-/// An echo, a value, a refusal, and speed, voltage and current for a signal (Thruster manual §1.3, §2.1, §2.4).
+/// An echo, a value, a refusal, and speed, voltage and current for a signal (Thruster manual §1.3,
+/// §2.1, §2.4).
 fn replies() -> [(&'static str, CanFrame); 4] {
     [
         ("signal", received([0x54, 0x43, 0x00, 0x00, 0x00, 0x00, 0xFF, 0xFB])),

@@ -1,4 +1,5 @@
-//! CAN frames: standard ids, `0x300 + node` to a device and `0x280 + node` from it (Thruster manual §1.1).
+//! CAN frames: standard ids, `0x300 + node` to a device and `0x280 + node` from it (Thruster manual
+//! §1.1).
 
 use embedded_can::{Frame, Id, StandardId};
 
@@ -56,7 +57,8 @@ pub fn headerless<F: Frame>(node: Node, values: &Headerless) -> Result<F, Encode
     F::new(reply_id(node), values.encode().as_slice()).ok_or(EncodeError::Frame)
 }
 
-/// The node and the values of a frame without a header; see [`Headerless`] for when this may be asked.
+/// The node and the values of a frame without a header; see [`Headerless`] for when this may be
+/// asked.
 pub fn decode_headerless<F: Frame>(frame: &F) -> Result<(Node, Headerless), DecodeError> {
     let node = node_of_frame(REPLY_ID_BASE, frame)?;
     Ok((node, Headerless::decode(frame.data())?))

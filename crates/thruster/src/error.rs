@@ -51,7 +51,9 @@ impl fmt::Display for DecodeError {
             }
             DecodeError::ExtendedId { id } => write!(f, "extended CAN id {id:#010x}"),
             DecodeError::RemoteFrame => write!(f, "remote frame"),
-            DecodeError::Length { got, expected } => write!(f, "{got} data bytes instead of {expected}"),
+            DecodeError::Length { got, expected } => {
+                write!(f, "{got} data bytes instead of {expected}")
+            }
             DecodeError::UpperHalf { got } => write!(f, "upper half {got:#06x} of a 16-bit value"),
             DecodeError::FixedByte { offset, got, expected } => {
                 write!(f, "byte {offset} is {got:#04x} instead of {expected:#04x}")

@@ -125,10 +125,12 @@ pub const FAULTS: &[FaultInfo] = {
 };
 
 impl Faults {
-    /// What a device only reports, its output unlimited: bits 3, 4, 12 and 13 (Thruster manual §3, protections).
+    /// What a device only reports, its output unlimited: bits 3, 4, 12 and 13 (Thruster manual §3,
+    /// protections).
     pub const REPORTED: Faults =
         Self::OVER_VOLTAGE.union(Self::UNDER_VOLTAGE).union(Self::TEMPERATURE_SENSORS);
-    /// A temperature sensor that is broken, so that its temperature means nothing (Thruster manual §3).
+    /// A temperature sensor that is broken, so that its temperature means nothing (Thruster manual
+    /// §3).
     pub const TEMPERATURE_SENSORS: Faults = Self::DRIVER_SENSOR.union(Self::MOTOR_SENSOR);
 
     /// The table's row of every listed bit that is set, the lowest first.
@@ -136,7 +138,8 @@ impl Faults {
         FAULTS.iter().filter(move |info| self.contains(info.fault))
     }
 
-    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has it.
+    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has
+    /// it.
     pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
         let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
         listed.for_each(|info| visit(info.name));
@@ -193,17 +196,22 @@ mod tests {
         let without_output =
             FAULTS.iter().filter(|row| off.contains(&row.action)).map(|row| row.fault.bits());
         assert_eq!(without_output.fold(0, |bits, bit| bits | bit), 0x0C47);
-        let never =
-            FAULTS.iter().filter(|row| row.recovery == FaultRecovery::Never).map(|row| row.fault.bits());
+        let never = FAULTS
+            .iter()
+            .filter(|row| row.recovery == FaultRecovery::Never)
+            .map(|row| row.fault.bits());
         assert_eq!(never.fold(0, |bits, bit| bits | bit), 0x00C7);
         let serious = FAULTS.iter().filter(|row| row.level == 1).map(|row| row.fault.bits());
         assert_eq!(serious.fold(0, |bits, bit| bits | bit), 0x0047);
-        let reported =
-            FAULTS.iter().filter(|row| row.action == FaultAction::Report).map(|row| row.fault.bits());
+        let reported = FAULTS
+            .iter()
+            .filter(|row| row.action == FaultAction::Report)
+            .map(|row| row.fault.bits());
         assert_eq!(reported.fold(0, |bits, bit| bits | bit), 0x3018);
         assert_eq!(Faults::REPORTED.bits(), 0x3018);
         assert_eq!(Faults::TEMPERATURE_SENSORS.bits(), 0x3000);
-        let hot = FAULTS.iter().filter(|row| row.threshold == Some(120)).map(|row| row.fault.bits());
+        let hot =
+            FAULTS.iter().filter(|row| row.threshold == Some(120)).map(|row| row.fault.bits());
         assert_eq!(hot.fold(0, |bits, bit| bits | bit), 0x0300);
     }
 

@@ -41,8 +41,8 @@ pub(crate) const FULL_LEN: usize = 8;
 /// The data of a reply that refuses a set command (Thruster manual §1.3).
 pub(crate) const REFUSAL: [u8; 4] = [0x00, 0x00, 0xEE, 0xEE];
 
-/// Sub-command of SP and RP: the limits of the absolute position (Thruster manual §4.1, SPLA and RPLA). The only one
-/// the manual explains.
+/// Sub-command of SP and RP: the limits of the absolute position (Thruster manual §4.1, SPLA and
+/// RPLA). The only one the manual explains.
 pub const POSITION_LIMITS: u16 = 0x4C41;
 
 /// Refuses a speed of VC that the manual does not allow.
@@ -66,7 +66,11 @@ pub(crate) fn set_timeout(timeout: Milliseconds) -> Result<(), EncodeError> {
 pub(crate) fn raw_parameter(parameter: u16) -> Result<(), EncodeError> {
     if parameter == POSITION_LIMITS {
         let reason = "this sub-command has a variant of its own";
-        return Err(EncodeError::Forbidden { field: "parameter", value: i64::from(parameter), reason });
+        return Err(EncodeError::Forbidden {
+            field: "parameter",
+            value: i64::from(parameter),
+            reason,
+        });
     }
     Ok(())
 }

@@ -17,8 +17,9 @@ pub enum Answer {
     Reply(Reply),
     /// The device refuses the request; EF says why (Thruster manual §1.3).
     Refused,
-    /// No request is answered by it, but it may tell of the device: a frame that VM or SR asked for (Thruster manual
-    /// §2.4, §2.5), or a speed or current such as ML and MM make a device send (§2.1).
+    /// No request is answered by it, but it may tell of the device: a frame that VM or SR asked for
+    /// (Thruster manual §2.4, §2.5), or a speed or current such as ML and MM make a device send
+    /// (§2.1).
     Unsolicited,
     /// It belongs to something else.
     Unrelated,
@@ -26,31 +27,41 @@ pub enum Answer {
 
 /// What `received` is to `request`, both of one node.
 ///
-/// Only the command word decides, for SP and RP the sub-command too: bytes 2–3 carry the speed of a position command,
-/// and the echoed value may be that of an earlier request of the same kind. A caller who needs the value confirmed
-/// compares it. A speed that ML or MM sends cannot be told from the answer to QV, nor a current from that to QC.
+/// Only the command word decides, for SP and RP the sub-command too: bytes 2–3 carry the speed of a
+/// position command, and the echoed value may be that of an earlier request of the same kind. A
+/// caller who needs the value confirmed compares it. A speed that ML or MM sends cannot be told
+/// from the answer to QV, nor a current from that to QC.
 pub fn answer(request: &Request, received: &Reply) -> Answer {
     match received {
-        Reply::Returned(returned) if answers_instead(returned.source, request) => Answer::Reply(*received),
+        Reply::Returned(returned) if answers_instead(returned.source, request) => {
+            Answer::Reply(*received)
+        }
         Reply::Returned(_) => Answer::Unsolicited,
         reply if reply.command() != request.command() => match reply {
             Reply::MeasuredSpeed { .. } | Reply::Current { .. } => Answer::Unsolicited,
             _ => Answer::Unrelated,
         },
-        reply if sub_command_of_reply(reply) != sub_command_of_request(request) => Answer::Unrelated,
+        reply if sub_command_of_reply(reply) != sub_command_of_request(request) => {
+            Answer::Unrelated
+        }
         Reply::Refused { command, .. } if command::sets(*command) => Answer::Refused,
         Reply::Refused { .. } => Answer::Unrelated,
-        // A command that carries data sets something, and can be refused (Thruster manual §1.2, §1.3).
-        Reply::Unknown { payload } if payload.has_refusal_data() && carries_data(request) => Answer::Refused,
+        // A command that carries data sets something, and can be refused (Thruster manual §1.2,
+        // §1.3).
+        Reply::Unknown { payload } if payload.has_refusal_data() && carries_data(request) => {
+            Answer::Refused
+        }
         reply => Answer::Reply(*reply),
     }
 }
 
-/// Whether VM makes a device return such a frame instead of the echo of this request (Thruster manual §2.4).
+/// Whether VM makes a device return such a frame instead of the echo of this request (Thruster
+/// manual §2.4).
 fn answers_instead(source: ReturnSource, request: &Request) -> bool {
     matches!(
         (source, request),
-        (ReturnSource::Signal, Request::Signal { .. }) | (ReturnSource::Speed, Request::Speed { .. })
+        (ReturnSource::Signal, Request::Signal { .. })
+            | (ReturnSource::Speed, Request::Speed { .. })
     )
 }
 
@@ -60,7 +71,9 @@ fn carries_data(request: &Request) -> bool {
 
 fn sub_command_of_request(request: &Request) -> Option<u16> {
     match *request {
-        Request::SetParameter { parameter, .. } | Request::ReadParameter { parameter } => Some(parameter),
+        Request::SetParameter { parameter, .. } | Request::ReadParameter { parameter } => {
+            Some(parameter)
+        }
         Request::SetPositionLimits { .. } | Request::ReadPositionLimits => Some(POSITION_LIMITS),
         _ => None,
     }
@@ -101,7 +114,8 @@ mod tests {
     /// Thruster manual §4.1: the speed in bytes 2–3 of LA takes no part.
     #[test]
     fn the_speed_of_a_position_command_takes_no_part() {
-        let request = Request::AbsolutePosition { speed: RpmLimit(300), position: Decidegrees(900) };
+        let request =
+            Request::AbsolutePosition { speed: RpmLimit(300), position: Decidegrees(900) };
         let other_speed = received([0x4C, 0x41, 0x00, 0x00, 0x00, 0x00, 0x03, 0x84]);
         assert_eq!(answer(&request, &other_speed), Answer::Reply(other_speed));
         let refusal = received([0x4C, 0x41, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE]);
@@ -134,7 +148,9 @@ mod tests {
         let stream = received([0x41, 0x01, 0x03, 0xE8, 0x00, 0xF0, 0x00, 0x0A]);
         let speed = received([0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0x03, 0xE8]);
         let current = received([0x51, 0x43, 0x00, 0x00, 0x00, 0x00, 0x00, 0x0A]);
-        for request in [Request::Signal { signal: Percent(5) }, Request::ReadFaults, Request::EmergencyStop] {
+        for request in
+            [Request::Signal { signal: Percent(5) }, Request::ReadFaults, Request::EmergencyStop]
+        {
             for unasked in [stream, speed, current] {
                 assert_eq!(answer(&request, &unasked), Answer::Unsolicited);
             }
@@ -159,8 +175,8 @@ mod tests {
         assert_eq!(answer(&set, &other_refusal), Answer::Unrelated);
     }
 
-    /// Thruster manual §2.7: a command that no manual names is matched by its command word, and refused like any
-    /// other if it carries data.
+    /// Thruster manual §2.7: a command that no manual names is matched by its command word, and
+    /// refused like any other if it carries data.
     #[test]
     fn unknown_commands_match_by_command_word() {
         let query = Request::decode(&[0x5A, 0x5A, 0x00, 0x00]).unwrap();

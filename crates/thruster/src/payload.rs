@@ -1,4 +1,5 @@
-//! The data field of a frame: a command word, a parameter word and, in the long form, four data bytes.
+//! The data field of a frame: a command word, a parameter word and, in the long form, four data
+//! bytes.
 
 use codec::{Decode, Encode, FieldInfo, FieldKind, Layout, Number, Shown, Visit};
 
@@ -6,7 +7,8 @@ use crate::error::DecodeError;
 use crate::faults::Faults;
 use crate::field::{DATA, FULL_LEN, LOWER_HALF, PARAMETER, POSITION_LIMITS, REFUSAL, SHORT_LEN};
 use crate::units::{
-    Celsius, Deciamps, Decidegrees, Decivolts, LimitDecidegrees, Milliseconds, Percent, Rpm, RpmLimit,
+    Celsius, Deciamps, Decidegrees, Decivolts, LimitDecidegrees, Milliseconds, Percent, Rpm,
+    RpmLimit,
 };
 
 /// A data field (Thruster manual §1.2).
@@ -45,8 +47,8 @@ impl Payload {
         matches!(*self, Payload::Full([_, _, _, _, d0, d1, d2, d3]) if [d0, d1, d2, d3] == REFUSAL)
     }
 
-    /// Checks that no bit is set beyond the command word. What carries no data is accepted in both lengths (public
-    /// drivers pad with zeros).
+    /// Checks that no bit is set beyond the command word. What carries no data is accepted in both
+    /// lengths (public drivers pad with zeros).
     // Here and below, one copy instead of one for each command.
     #[inline(never)]
     fn expect_bare(&self) -> Result<(), DecodeError> {
@@ -159,8 +161,9 @@ impl Layout for Payload {
     }
 }
 
-/// Words are big-endian. From byte 4 on a word is the lower half of four bytes: the upper half is sent as zero, negative
-/// values included (§1.3, TC −5). Some drives sign-extend negative values, so FFFF passes as upper half of them.
+/// Words are big-endian. From byte 4 on a word is the lower half of four bytes: the upper half is
+/// sent as zero, negative values included (§1.3, TC −5). Some drives sign-extend negative values,
+/// so FFFF passes as upper half of them.
 macro_rules! words {
     ($($Number:ident, $is_upper_half:expr;)*) => {
         $(impl Decode<Payload> for $Number {

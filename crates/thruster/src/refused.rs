@@ -35,7 +35,8 @@ pub(crate) fn info(command: u16, parameter: u16) -> Option<&'static CommandInfo>
     }
 }
 
-/// The command and the parameter of a payload with the data of a refusal, if it refuses a set command; never a query.
+/// The command and the parameter of a payload with the data of a refusal, if it refuses a set
+/// command; never a query.
 pub(crate) fn decode(payload: &Payload) -> Result<Option<(u16, u16)>, DecodeError> {
     let command = payload.command();
     if !command::sets(command) {

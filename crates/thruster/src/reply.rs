@@ -1,4 +1,5 @@
-//! What a device answers: the data field of each reply. The replies themselves are in the [table](crate::table).
+//! What a device answers: the data field of each reply. The replies themselves are in the
+//! [table](crate::table).
 
 use codec::Decode;
 
@@ -11,17 +12,19 @@ use crate::returned::{Headerless, ReturnSource, Returned};
 pub use crate::table::Reply;
 
 impl Reply {
-    /// Whether nobody has asked for it. A speed or current may be an event too (ML and MM, Thruster manual §2.1), as may
-    /// what follows the first returned frame; only the pending request tells, as [`answer`](crate::answer) does.
+    /// Whether nobody has asked for it. A speed or current may be an event too (ML and MM, Thruster
+    /// manual §2.1), as may what follows the first returned frame; only the pending request
+    /// tells, as [`answer`](crate::answer) does.
     pub const fn is_event(&self) -> bool {
         matches!(self, Reply::Returned(Returned { source: ReturnSource::Stream, .. }))
     }
 
-    /// What it tells if it is the form without a header (Thruster manual §2.4); nothing if it begins as any other reply
-    /// does.
+    /// What it tells if it is the form without a header (Thruster manual §2.4); nothing if it
+    /// begins as any other reply does.
     ///
-    /// Only for a device that is set so, while its reply to TC or VC is due: see [`Headerless`]. The command words and
-    /// headers of the manual read as speeds beyond ±16 000 rpm, so that no speed of a device is lost.
+    /// Only for a device that is set so, while its reply to TC or VC is due: see [`Headerless`].
+    /// The command words and headers of the manual read as speeds beyond ±16 000 rpm, so that
+    /// no speed of a device is lost.
     pub fn headerless(&self) -> Option<Headerless> {
         match self {
             Reply::Unknown { payload } => Headerless::decode(payload.as_slice()).ok(),
@@ -29,8 +32,9 @@ impl Reply {
         }
     }
 
-    /// The data field; an echo outside the manual's range is refused, and so are bytes that mean a refusal, and an
-    /// [`Unknown`](Reply::Unknown) whose command has a variant of its own. Reserved bits stay.
+    /// The data field; an echo outside the manual's range is refused, and so are bytes that mean a
+    /// refusal, and an [`Unknown`](Reply::Unknown) whose command has a variant of its own.
+    /// Reserved bits stay.
     pub fn encode(&self) -> Result<Payload, EncodeError> {
         self.check()?;
         let payload = self.to_payload();
@@ -42,7 +46,8 @@ impl Reply {
                 if matches!(Reply::decode(payload.as_slice()), Ok(Reply::Unknown { .. })) {
                     return Ok(payload);
                 }
-                let (value, reason) = (i64::from(self.command()), "this command has a variant of its own");
+                let (value, reason) =
+                    (i64::from(self.command()), "this command has a variant of its own");
                 return Err(EncodeError::Forbidden { field: "command", value, reason });
             }
             Reply::Speed { speed } => ("speed", i64::from(speed.0)),
@@ -57,8 +62,8 @@ impl Reply {
 
     /// The reply in a data field of 4 or 8 bytes.
     ///
-    /// The bytes `00 00 EE EE` are a refusal in the reply to a set command only, never in a query's. What a device
-    /// returns without a header is not found here; see [`Headerless`].
+    /// The bytes `00 00 EE EE` are a refusal in the reply to a set command only, never in a
+    /// query's. What a device returns without a header is not found here; see [`Headerless`].
     pub fn decode(bytes: &[u8]) -> Result<Reply, DecodeError> {
         let payload = Payload::try_from(bytes)?;
         if payload.has_refusal_data()

@@ -11,8 +11,8 @@ use crate::refused;
 pub use crate::table::Request;
 
 impl Request {
-    /// The data field; a value outside the manual's range is refused, and so are bytes that mean a refusal, and an
-    /// [`Unknown`](Request::Unknown) whose command has a variant of its own.
+    /// The data field; a value outside the manual's range is refused, and so are bytes that mean a
+    /// refusal, and an [`Unknown`](Request::Unknown) whose command has a variant of its own.
     pub fn encode(&self) -> Result<Payload, EncodeError> {
         self.check()?;
         if let Request::Unknown { payload } = self
@@ -41,8 +41,8 @@ impl Request {
 
     /// The request in a data field of 4 or 8 bytes.
     ///
-    /// What carries no data is accepted in both lengths (public drivers pad with zeros). Values are not judged: an
-    /// out-of-range one is decoded, and refused only by [`Request::encode`].
+    /// What carries no data is accepted in both lengths (public drivers pad with zeros). Values are
+    /// not judged: an out-of-range one is decoded, and refused only by [`Request::encode`].
     pub fn decode(bytes: &[u8]) -> Result<Request, DecodeError> {
         let payload = Payload::try_from(bytes)?;
         match (payload.command(), payload.parameter()) {
@@ -58,8 +58,9 @@ impl Request {
         }
     }
 
-    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields` gives for the names in
-    /// its [`request`](crate::CommandInfo::request), in the units of those names; a bit mask as a number.
+    /// The command of this name in [`COMMANDS`](crate::COMMANDS) with the values that `fields`
+    /// gives for the names in its [`request`](crate::CommandInfo::request), in the units of
+    /// those names; a bit mask as a number.
     ///
     /// A value outside its range is refused; inside it is rounded to the nearest count of the wire.
     ///
@@ -71,19 +72,20 @@ impl Request {
     /// # Ok::<(), thruster::BuildError>(())
     /// ```
     pub fn build(name: &str, fields: &dyn Fn(&str) -> Option<f64>) -> Result<Request, BuildError> {
-        let request = Request::build_row(name, &Fields(fields))?.ok_or(BuildError::UnknownCommand)?;
+        let request =
+            Request::build_row(name, &Fields(fields))?.ok_or(BuildError::UnknownCommand)?;
         request.encode()?;
         Ok(request)
     }
 
-    /// Whether the command only asks: it moves nothing, stops nothing and changes nothing in the device. A command that
-    /// the manual does not list may do any of these.
+    /// Whether the command only asks: it moves nothing, stops nothing and changes nothing in the
+    /// device. A command that the manual does not list may do any of these.
     pub const fn only_reads(&self) -> bool {
         matches!(self.effect(), Effect::Reads)
     }
 
-    /// Whether it acts only after the device was switched off and on: there is no command to restart it (Thruster
-    /// manual §2.2).
+    /// Whether it acts only after the device was switched off and on: there is no command to
+    /// restart it (Thruster manual §2.2).
     pub const fn acts_after_power_cycle(&self) -> bool {
         matches!(self.effect(), Effect::Later)
     }

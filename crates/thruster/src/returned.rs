@@ -1,6 +1,8 @@
 //! What a device returns by itself or instead of an echo: the frames of VM and SR.
 
-use codec::{BuildError, Built, CommandInfo, Decode, Encode, FieldInfo, FieldKind, Fields, Shown, Visit};
+use codec::{
+    BuildError, Built, CommandInfo, Decode, Encode, FieldInfo, FieldKind, Fields, Shown, Visit,
+};
 
 use crate::command;
 use crate::error::DecodeError;
@@ -38,7 +40,8 @@ bitflags::bitflags! {
     }
 }
 
-/// How such a mask of bits is named, built and put on the wire; `$get` is what it finds in the bytes before it.
+/// How such a mask of bits is named, built and put on the wire; `$get` is what it finds in the
+/// bytes before it.
 macro_rules! mask {
     ($Mask:ident, [$($BIT:ident: $name:literal),*], $get:expr) => {
         impl $Mask {
@@ -206,7 +209,8 @@ impl ReturnedFrame {
         }
     }
 
-    /// The first word of frame 3 as an absolute position. An assumption: the manual does not give the layout.
+    /// The first word of frame 3 as an absolute position. An assumption: the manual does not give
+    /// the layout.
     pub fn absolute_position(&self) -> Option<Decidegrees> {
         let ReturnedFrame::Position { raw: [high, low, ..] } = *self else { return None };
         Some(Decidegrees(i32::from(i16::from_be_bytes([high, low]))))
@@ -252,18 +256,22 @@ const FAULTS: FieldInfo = <Faults as Shown>::INFO.named("faults");
 const MOTOR_TEMPERATURE: FieldInfo = <Celsius as Shown>::INFO.named("motor_temperature_c");
 const DRIVER_TEMPERATURE: FieldInfo = <Celsius as Shown>::INFO.named("driver_temperature_c");
 /// The first word of frame 3.
-const ABSOLUTE_ANGLE: FieldInfo =
-    <Decidegrees as Shown>::INFO.named("absolute_angle_deg").within(i16::MIN as i64, i16::MAX as i64);
+const ABSOLUTE_ANGLE: FieldInfo = <Decidegrees as Shown>::INFO
+    .named("absolute_angle_deg")
+    .within(i16::MIN as i64, i16::MAX as i64);
 /// The two positions of frame 3.
 const DATA_FIELD: FieldInfo = FieldInfo::other(FieldKind::Bytes, "data");
 
 /// Frame 1, 2 or 3 of a source as a row of the table; never sent by a host.
 pub(crate) const fn row(name: &'static str, source: ReturnSource, number: u8) -> CommandInfo {
     let (section, note) = match source {
-        ReturnSource::Signal | ReturnSource::Speed => {
-            ("Thruster manual §2.4", "never sent; returned instead of an echo, see configure_return")
+        ReturnSource::Signal | ReturnSource::Speed => (
+            "Thruster manual §2.4",
+            "never sent; returned instead of an echo, see configure_return",
+        ),
+        ReturnSource::Stream => {
+            ("Thruster manual §2.5", "never sent; an event, see configure_stream")
         }
-        ReturnSource::Stream => ("Thruster manual §2.5", "never sent; an event, see configure_stream"),
     };
     let fields: &[FieldInfo] = match number {
         ReturnedFrame::MOTION => &[SPEED, VOLTAGE, CURRENT],
@@ -354,9 +362,10 @@ impl Encode<Payload> for Returned {
 
 /// What TC and VC return in the form without a header (Thruster manual §2.4, VM byte 6 bit 1).
 ///
-/// Nothing in these eight bytes tells them from any other reply, so [`Reply::decode`](crate::Reply::decode) never
-/// yields them: decode them only from a device that is set so, while its reply to TC or VC is due. Its refusal of
-/// TC or VC has the header all the same, or so it is assumed.
+/// Nothing in these eight bytes tells them from any other reply, so
+/// [`Reply::decode`](crate::Reply::decode) never yields them: decode them only from a device that
+/// is set so, while its reply to TC or VC is due. Its refusal of TC or VC has the header all the
+/// same, or so it is assumed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Headerless {
@@ -371,7 +380,8 @@ pub struct Headerless {
 }
 
 impl Headerless {
-    /// Name of the frame in listings; no row of [`COMMANDS`](crate::COMMANDS), as it has no command word.
+    /// Name of the frame in listings; no row of [`COMMANDS`](crate::COMMANDS), as it has no command
+    /// word.
     pub const NAME: &'static str = "headerless_return";
 
     /// Hands on every field in the order of the wire.
@@ -392,8 +402,8 @@ impl Headerless {
     /// The values in eight bytes.
     pub fn decode(bytes: &[u8]) -> Result<Headerless, DecodeError> {
         let got = bytes.len();
-        let bytes =
-            <[u8; FULL_LEN]>::try_from(bytes).map_err(|_| DecodeError::Length { got, expected: FULL_LEN })?;
+        let bytes = <[u8; FULL_LEN]>::try_from(bytes)
+            .map_err(|_| DecodeError::Length { got, expected: FULL_LEN })?;
         let [s0, s1, v0, v1, c0, c1, f0, f1] = bytes;
         Ok(Headerless {
             speed: Rpm(i16::from_be_bytes([s0, s1])),
@@ -419,8 +429,11 @@ mod tests {
     /// Thruster manual §2.4 and §2.5: header, then three words, big-endian.
     #[test]
     fn three_sources_and_three_frames() {
-        let motion =
-            ReturnedFrame::Motion { speed: Rpm(-1500), voltage: Decivolts(240), current: Deciamps(-10) };
+        let motion = ReturnedFrame::Motion {
+            speed: Rpm(-1500),
+            voltage: Decivolts(240),
+            current: Deciamps(-10),
+        };
         both_ways([0x54, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Signal, motion);
         both_ways([0x56, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Speed, motion);
         both_ways([0x41, 0x01, 0xFA, 0x24, 0x00, 0xF0, 0xFF, 0xF6], ReturnSource::Stream, motion);
@@ -429,7 +442,11 @@ mod tests {
             motor_temperature: Celsius(-5),
             driver_temperature: Celsius(40),
         };
-        both_ways([0x54, 0x02, 0x04, 0x10, 0xFF, 0xFB, 0x00, 0x28], ReturnSource::Signal, condition);
+        both_ways(
+            [0x54, 0x02, 0x04, 0x10, 0xFF, 0xFB, 0x00, 0x28],
+            ReturnSource::Signal,
+            condition,
+        );
         let position = ReturnedFrame::Position { raw: [0xFC, 0x7C, 0x00, 0x01, 0x51, 0x80] };
         both_ways([0x41, 0x03, 0xFC, 0x7C, 0x00, 0x01, 0x51, 0x80], ReturnSource::Stream, position);
         assert_eq!(position.absolute_position(), Some(Decidegrees(-900)));
@@ -439,16 +456,18 @@ mod tests {
     /// Thruster manual §2.4: frames are numbered 1 to 3, and have eight bytes.
     #[test]
     fn other_headers_are_no_returned_frames() {
-        for bytes in
-            [[0x54, 0x00, 0, 0, 0, 0, 0, 0], [0x56, 0x04, 0, 0, 0, 0, 0, 0], [0x42, 0x01, 0, 0, 0, 0, 0, 0]]
-        {
+        for bytes in [
+            [0x54, 0x00, 0, 0, 0, 0, 0, 0],
+            [0x56, 0x04, 0, 0, 0, 0, 0, 0],
+            [0x42, 0x01, 0, 0, 0, 0, 0, 0],
+        ] {
             assert!(matches!(Reply::decode(&bytes), Ok(Reply::Unknown { .. })));
         }
         assert!(matches!(Reply::decode(&[0x54, 0x01, 0, 0]), Ok(Reply::Unknown { .. })));
     }
 
-    /// Thruster manual §2.4: speed, voltage, current, status. Read so only when asked: the first two bytes here are
-    /// those of QV.
+    /// Thruster manual §2.4: speed, voltage, current, status. Read so only when asked: the first
+    /// two bytes here are those of QV.
     #[test]
     fn a_frame_without_header_is_read_only_when_asked() {
         let bytes = [0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0x00, 0x10];
@@ -461,6 +480,9 @@ mod tests {
         assert_eq!(Headerless::decode(&bytes), Ok(values));
         assert_eq!(values.encode(), Payload::Full(bytes));
         assert_eq!(Reply::decode(&bytes), Ok(Reply::MeasuredSpeed { speed: Rpm(16) }));
-        assert_eq!(Headerless::decode(&bytes[..4]), Err(DecodeError::Length { got: 4, expected: 8 }));
+        assert_eq!(
+            Headerless::decode(&bytes[..4]),
+            Err(DecodeError::Length { got: 4, expected: 8 })
+        );
     }
 }

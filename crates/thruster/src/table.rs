@@ -1,6 +1,6 @@
-//! The protocol as data: every command with its word, its section of the manual, and its values with
-//! place, name, unit and range. Requests, replies, their bytes, and how tools list, build and print
-//! them follow from it.
+//! The protocol as data: every command with its word, its section of the manual, and its values
+//! with place, name, unit and range. Requests, replies, their bytes, and how tools list, build and
+//! print them follow from it.
 //!
 //! Numbers of a line are counts of the wire; their units and ranges are those of their types.
 
@@ -8,8 +8,8 @@ use codec::Effect;
 
 use crate::faults::Faults;
 use crate::field::{
-    POSITION_MAX, POSITION_MIN, SIGNAL_MAX, SIGNAL_MIN, TIMEOUT_MAX, TIMEOUT_OFF, named_flags, named_frames,
-    raw_parameter, set_speed, set_timeout,
+    POSITION_MAX, POSITION_MIN, SIGNAL_MAX, SIGNAL_MIN, TIMEOUT_MAX, TIMEOUT_OFF, named_flags,
+    named_frames, raw_parameter, set_speed, set_timeout,
 };
 use crate::node::Node;
 use crate::parameter::RawParameter;
@@ -17,8 +17,8 @@ use crate::payload::{LIMITS, Payload, REFUSED, SHORT, SHORT_LIMITS};
 use crate::refused::{self, Refusal};
 use crate::returned::{ReturnFlags, ReturnFrames, ReturnSource, Returned, ReturnedFrame, row};
 use crate::units::{
-    Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent, Rpm,
-    RpmLimit,
+    Celsius, Deciamps, Decidegrees, Decivolts, Kilobits, LimitDecidegrees, Milliseconds, Percent,
+    Rpm, RpmLimit,
 };
 
 /// The word of two letters.

@@ -4,16 +4,20 @@ use codec::testing::CanFrame;
 use proptest::prelude::*;
 use thruster::{
     BITRATES, COMMANDS, Celsius, Deciamps, Decidegrees, Decivolts, Faults, Headerless, Kilobits,
-    LimitDecidegrees, Milliseconds, Node, Payload, Percent, Reply, Request, ReturnFlags, ReturnFrames,
-    ReturnSource, Returned, ReturnedFrame, Rpm, RpmLimit, answer, can,
+    LimitDecidegrees, Milliseconds, Node, Payload, Percent, Reply, Request, ReturnFlags,
+    ReturnFrames, ReturnSource, Returned, ReturnedFrame, Rpm, RpmLimit, answer, can,
 };
 
 /// Any command word, the named ones often; `EE EE` and sign extensions often enough to be met.
 fn data_field() -> impl Strategy<Value = Vec<u8>> {
     let word = |words: Vec<u16>| prop_oneof![proptest::sample::select(words), any::<u16>()];
     let commands = COMMANDS.iter().map(|info| info.code).collect();
-    let words =
-        (word(commands), word(vec![0, 0x4C41]), word(vec![0, 0xFFFF]), word(vec![0, 1, 0x0103, 0xEEEE]));
+    let words = (
+        word(commands),
+        word(vec![0, 0x4C41]),
+        word(vec![0, 0xFFFF]),
+        word(vec![0, 1, 0x0103, 0xEEEE]),
+    );
     (words, 0..=9_usize).prop_map(|((command, parameter, upper, lower), len)| {
         let mut bytes = [command, parameter, upper, lower, 0].map(u16::to_be_bytes).concat();
         bytes.truncate(if len < 4 { 8 } else { len });
@@ -48,7 +52,8 @@ fn relative() -> impl Strategy<Value = (RpmLimit, Decidegrees)> {
 }
 
 fn absolute() -> impl Strategy<Value = (RpmLimit, Decidegrees)> {
-    (any::<u16>(), -1799..=1799).prop_map(|(speed, position)| (RpmLimit(speed), Decidegrees(position)))
+    (any::<u16>(), -1799..=1799)
+        .prop_map(|(speed, position)| (RpmLimit(speed), Decidegrees(position)))
 }
 
 fn limits() -> impl Strategy<Value = (LimitDecidegrees, LimitDecidegrees)> {
@@ -61,8 +66,9 @@ fn frames() -> impl Strategy<Value = ReturnFrames> {
 }
 
 fn unknown() -> impl Strategy<Value = Payload> {
-    let full = (any::<[u8; 2]>(), data())
-        .prop_map(|([p0, p1], [d0, d1, d2, d3])| Payload::Full([0x5A, 0x5A, p0, p1, d0, d1, d2, d3]));
+    let full = (any::<[u8; 2]>(), data()).prop_map(|([p0, p1], [d0, d1, d2, d3])| {
+        Payload::Full([0x5A, 0x5A, p0, p1, d0, d1, d2, d3])
+    });
     prop_oneof![any::<[u8; 2]>().prop_map(|[p0, p1]| Payload::Short([0x5A, 0x5A, p0, p1])), full]
 }
 
@@ -112,8 +118,11 @@ fn request() -> impl Strategy<Value = Request> {
 }
 
 fn returned() -> impl Strategy<Value = Returned> {
-    let source =
-        proptest::sample::select(vec![ReturnSource::Signal, ReturnSource::Speed, ReturnSource::Stream]);
+    let source = proptest::sample::select(vec![
+        ReturnSource::Signal,
+        ReturnSource::Speed,
+        ReturnSource::Stream,
+    ]);
     let frame = prop_oneof![
         any::<(i16, u16, i16)>().prop_map(|(speed, voltage, current)| ReturnedFrame::Motion {
             speed: Rpm(speed),
@@ -167,13 +176,20 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<i16>().prop_map(|speed| Reply::MeasuredSpeed { speed: Rpm(speed) }),
         any::<i16>().prop_map(|current| Reply::Current { current: Deciamps(current) }),
         any::<u16>().prop_map(|voltage| Reply::Voltage { voltage: Decivolts(voltage) }),
-        any::<i16>().prop_map(|temperature| Reply::MotorTemperature { temperature: Celsius(temperature) }),
-        any::<i16>().prop_map(|temperature| Reply::DriverTemperature { temperature: Celsius(temperature) }),
+        any::<i16>()
+            .prop_map(|temperature| Reply::MotorTemperature { temperature: Celsius(temperature) }),
+        any::<i16>()
+            .prop_map(|temperature| Reply::DriverTemperature { temperature: Celsius(temperature) }),
         any::<u16>().prop_map(|faults| Reply::Faults { faults: Faults::from_bits_retain(faults) }),
-        any::<u16>().prop_map(|faults| Reply::FaultRecord { faults: Faults::from_bits_retain(faults) }),
-        (parameter(), any::<[u8; 4]>()).prop_map(|(parameter, data)| Reply::Parameter { parameter, data }),
-        any::<i32>().prop_map(|position| Reply::MeasuredPosition { position: Decidegrees(position) }),
-        any::<i32>().prop_map(|position| Reply::MeasuredRelativePosition { position: Decidegrees(position) }),
+        any::<u16>()
+            .prop_map(|faults| Reply::FaultRecord { faults: Faults::from_bits_retain(faults) }),
+        (parameter(), any::<[u8; 4]>())
+            .prop_map(|(parameter, data)| Reply::Parameter { parameter, data }),
+        any::<i32>()
+            .prop_map(|position| Reply::MeasuredPosition { position: Decidegrees(position) }),
+        any::<i32>().prop_map(|position| Reply::MeasuredRelativePosition {
+            position: Decidegrees(position)
+        }),
         any::<(i16, i16)>().prop_map(|(reverse, forward)| Reply::PositionLimits {
             reverse: LimitDecidegrees(reverse),
             forward: LimitDecidegrees(forward),
@@ -184,11 +200,14 @@ fn reply() -> impl Strategy<Value = Reply> {
     prop_oneof![proptest::sample::select(bare), echoes, values]
 }
 
-/// What of a received data field has a meaning: the zero padding of queries and sign extensions have none.
+/// What of a received data field has a meaning: the zero padding of queries and sign extensions
+/// have none.
 fn meaning(bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     if let [_, _, _, _, 0xFF, 0xFF, ..] = bytes[..]
-        && [*b"TC", *b"VC", *b"QV", *b"QC", *b"QT", *b"EQ"].iter().any(|word| bytes.starts_with(word))
+        && [*b"TC", *b"VC", *b"QV", *b"QC", *b"QT", *b"EQ"]
+            .iter()
+            .any(|word| bytes.starts_with(word))
     {
         bytes[4..6].fill(0);
     }

@@ -65,9 +65,10 @@ fn misprints_decode_to_what_holds() {
 #[test]
 fn every_command_has_a_request_and_a_reply() {
     let vectors = vectors(VECTORS);
-    let names = |direction: fn(&str) -> bool, name: fn(&Vector) -> &'static str| -> Vec<&'static str> {
-        vectors.iter().filter(|vector| direction(vector.direction)).map(name).collect()
-    };
+    let names =
+        |direction: fn(&str) -> bool, name: fn(&Vector) -> &'static str| -> Vec<&'static str> {
+            vectors.iter().filter(|vector| direction(vector.direction)).map(name).collect()
+        };
     let requests = names(
         |direction| direction == "request",
         |vector| Request::decode(&vector.data).map_or("", |request| request.name()),
@@ -88,10 +89,10 @@ fn every_command_has_a_request_and_a_reply() {
 #[test]
 fn refusals_have_the_name_of_what_they_refuse() {
     for info in COMMANDS {
-        let Ok(request) =
-            Request::build(info.name, &|field| Some(if field == "bitrate_kbps" { 10.0 } else { 0.0 }))
-                .or_else(|_| Request::build(info.name, &|_| Some(1.0)))
-        else {
+        let Ok(request) = Request::build(info.name, &|field| {
+            Some(if field == "bitrate_kbps" { 10.0 } else { 0.0 })
+        })
+        .or_else(|_| Request::build(info.name, &|_| Some(1.0))) else {
             continue;
         };
         let mut bytes = [0; 8];

@@ -28,7 +28,8 @@ pub enum Action {
     Cut { bus: u8, for_us: u64 },
     /// A CAN bus is shorted for a while: its controller goes off, again after each start.
     Short { bus: u8, for_us: u64 },
-    /// Another node loads a CAN bus for a while with frames of this id and length: so long after one has left it has the next.
+    /// Another node loads a CAN bus for a while with frames of this id and length: so long after
+    /// one has left it has the next.
     Foreign { bus: u8, id: u32, length: u8, pause_us: u64, for_us: u64 },
     /// A frame that nobody asked for comes in at the end of what is on the bus.
     Stray { bus: u8, id: u32, data: Vec<u8> },
@@ -40,13 +41,14 @@ pub enum Action {
     Overflow { bus: u8 },
     /// The watchdog resets the gateway.
     Reset,
-    /// It does, and so many of the words that the last e-stop wrote to what outlives a reset are damaged.
+    /// It does, and so many of the words that the last e-stop wrote to what outlives a reset are
+    /// damaged.
     DamagingReset { words: u8 },
-    /// It does so when the gateway has stored so many more words of what outlives a reset: the last of them is whole, or garbage.
-    /// What was going to be said or sent behind that is not.
+    /// It does so when the gateway has stored so many more words of what outlives a reset: the last
+    /// of them is whole, or garbage. What was going to be said or sent behind that is not.
     ResetWhileSaving { words: u32, garbles: bool },
-    /// It does so after so many more of the steps that follow from events, each a word stored, a frame handed to a bus or asked back,
-    /// or a frame told to a host.
+    /// It does so after so many more of the steps that follow from events, each a word stored, a
+    /// frame handed to a bus or asked back, or a frame told to a host.
     ResetAfter { steps: u32 },
     /// The gateway loses its power for a moment.
     PowerLoss,
@@ -85,8 +87,8 @@ pub enum Does {
     Turns { speed: f32, for_us: u64 },
 }
 
-/// A request. Epoch and expiry are relative to what the host knows, so that a list of steps that has become shorter means the
-/// same.
+/// A request. Epoch and expiry are relative to what the host knows, so that a list of steps that
+/// has become shorter means the same.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ask {
     Hello,

@@ -1,5 +1,5 @@
-//! A bad host cannot make the gateway forget a stop: whatever it sends between a trip and its confirmation, the stop goes on,
-//! is repeated, and is confirmed.
+//! A bad host cannot make the gateway forget a stop: whatever it sends between a trip and its
+//! confirmation, the stop goes on, is repeated, and is confirmed.
 
 use crate::action::{Action, Ask, Does, Goal, Number, Permit, Step};
 use crate::dice::Dice;
@@ -9,7 +9,8 @@ use crate::world::World;
 use host_protocol::{AxisParameter, REQUESTS, StopAction};
 use promise_model::{Told, frame};
 
-/// From one frame to the next, µs: all of them are sent before a stop that does not lead to rest has failed.
+/// From one frame to the next, µs: all of them are sent before a stop that does not lead to rest
+/// has failed.
 const PAUSE_US: u64 = 1;
 /// Within this the motors are at rest once they obey again, µs.
 const CONFIRMED_WITHIN_US: u64 = 3_000_000;
@@ -81,7 +82,9 @@ pub fn run(seed: u64, frames: u64) -> Result<Outcome, String> {
         return Err("a motor was moved".into());
     }
     let fewest_stops = stops.into_iter().min().unwrap_or(0);
-    world.broken().map_or(Ok(Outcome { frames, axes: axes.len(), fewest_stops }), |v| Err(v.to_string()))
+    world
+        .broken()
+        .map_or(Ok(Outcome { frames, axes: axes.len(), fewest_stops }), |v| Err(v.to_string()))
 }
 
 /// Arms and moves the axes whose stop needs more than an acknowledgement.
@@ -119,7 +122,10 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
     world.run_to(world.since_start_us() + 50_000);
     for axis in &axes {
         let permit = Permit { axis: *axis, epoch: 0, lead_us: 90_000 };
-        world.act(&Action::Ask { link: 0, ask: Ask::Setpoint { permit, goal: Goal::Velocity(2.0) } });
+        world.act(&Action::Ask {
+            link: 0,
+            ask: Ask::Setpoint { permit, goal: Goal::Velocity(2.0) },
+        });
     }
     world.run_to(world.since_start_us() + 60_000);
     match axes.iter().find(|axis| world.oracle().told(**axis) != Told::Active) {
@@ -138,7 +144,8 @@ fn any_frame(dice: &mut Dice, sent: &mut Vec<Vec<u8>>) -> Action {
         0 => dice.bytes(60),
         1..3 if !sent.is_empty() => dice.pick(sent),
         3..7 => {
-            // A request of the table with a body that may be one of its own; an axis or a bus comes first in most.
+            // A request of the table with a body that may be one of its own; an axis or a bus comes
+            // first in most.
             let number = dice.pick(REQUESTS).number;
             let mut body = dice.bytes(20);
             if let Some(first) = body.first_mut() {

@@ -97,7 +97,9 @@ impl Bus {
     /// How long a frame is on the wire: on CAN with all the stuff bits that there can be.
     fn length_us(&self, what: &OnWire) -> u64 {
         let (id, bytes) = match what {
-            OnWire::Ours { frame: Outgoing::Can(frame), .. } => (arbitration(frame), frame.data().len()),
+            OnWire::Ours { frame: Outgoing::Can(frame), .. } => {
+                (arbitration(frame), frame.data().len())
+            }
             OnWire::Ours { frame: Outgoing::Serial(bytes), .. } => (0, bytes.len()),
             OnWire::Can { id, data } => (*id, data.len()),
             OnWire::Serial(bytes) => (0, bytes.len()),
@@ -118,7 +120,8 @@ impl Bus {
 
     /// Whether the controller gives a frame back: not one that is on the wire.
     pub fn give_back(&mut self, now: u64, slot: u8) -> bool {
-        let is_sent = matches!(&self.sending, Some((_, OnWire::Ours { slot: sent, .. })) if *sent == slot);
+        let is_sent =
+            matches!(&self.sending, Some((_, OnWire::Ours { slot: sent, .. })) if *sent == slot);
         if is_sent || now < self.stubborn_until {
             return false;
         }
@@ -193,10 +196,11 @@ impl Bus {
             Outgoing::Can(frame) => Some((arbitration(frame), index)),
             Outgoing::Serial(_) => None,
         });
-        let others = self.coming.iter().enumerate().filter_map(|(index, coming)| match &coming.what {
-            OnWire::Can { id, .. } if coming.at_us <= now => Some((*id, index)),
-            _ => None,
-        });
+        let others =
+            self.coming.iter().enumerate().filter_map(|(index, coming)| match &coming.what {
+                OnWire::Can { id, .. } if coming.at_us <= now => Some((*id, index)),
+                _ => None,
+            });
         let ready = self.foreign.iter().enumerate().filter(|(_, foreign)| foreign.next_us <= now);
         let loads = ready.map(|(index, foreign)| (foreign.id, Sender::Load(index)));
         let ours = ours.map(|(id, index)| (id, Sender::Ours(index)));
@@ -215,7 +219,8 @@ impl Bus {
             Sender::Load(index) => {
                 let Foreign { id, length, .. } = self.foreign[index];
                 let what = OnWire::Can { id, data: vec![0x55; length] };
-                self.foreign[index].next_us = now + self.length_us(&what) + self.foreign[index].pause_us;
+                self.foreign[index].next_us =
+                    now + self.length_us(&what) + self.foreign[index].pause_us;
                 what
             }
         };
@@ -262,7 +267,8 @@ impl Bus {
     pub fn next_us(&self, now: u64) -> Option<u64> {
         let ends = self.sending.as_ref().map(|(ends_us, _)| *ends_us);
         let begins = self.coming.iter().map(|coming| coming.at_us).filter(|at| *at > now).min();
-        let foreign = self.foreign.iter().map(|foreign| foreign.next_us).filter(|at| *at > now).min();
+        let foreign =
+            self.foreign.iter().map(|foreign| foreign.next_us).filter(|at| *at > now).min();
         let mended = [self.cut_until, self.short_until].into_iter().filter(|at| *at > now).min();
         [ends, begins, foreign, mended].into_iter().flatten().min()
     }
@@ -271,7 +277,8 @@ impl Bus {
 /// CRC-16/MODBUS.
 pub fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |sum, byte| {
-        (0..8)
-            .fold(sum ^ u16::from(*byte), |sum, _| if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 })
+        (0..8).fold(sum ^ u16::from(*byte), |sum, _| {
+            if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 }
+        })
     })
 }

@@ -7,7 +7,8 @@ use std::collections::VecDeque;
 pub enum Dice {
     /// SplitMix64: every seed is a good one.
     Seeded(u64),
-    /// A fuzzer chooses them: as many bytes for each as it has use for, and zeros when there are none left.
+    /// A fuzzer chooses them: as many bytes for each as it has use for, and zeros when there are
+    /// none left.
     Given(VecDeque<u8>),
 }
 

@@ -11,15 +11,17 @@ pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
 use crate::dice::Dice;
-use crate::plant::{AXES, BUS_SETUP, BUSES, CAN_BUSES, D5_AXES, LISTENER, MOTORS, RMD_AND_THRUSTER};
+use crate::plant::{
+    AXES, BUS_SETUP, BUSES, CAN_BUSES, D5_AXES, LISTENER, MOTORS, RMD_AND_THRUSTER,
+};
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
 use setup::configuration;
 use std::collections::VecDeque;
 
-/// Requests among which one is repeated: those that the gateway knows in any case. Whether it still knows an older one, and
-/// so does not carry it out again, is its own affair.
+/// Requests among which one is repeated: those that the gateway knows in any case. Whether it still
+/// knows an older one, and so does not carry it out again, is its own affair.
 const AGAIN: u8 = 8;
 
 /// Makes the steps of one run.
@@ -41,7 +43,8 @@ pub struct Generator {
     moves: u64,
     /// D5 motors are mostly set in motion several at once: their buses are wholly ours.
     starts: bool,
-    /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that axes are moved between them.
+    /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that
+    /// axes are moved between them.
     protocols: [u8; BUSES as usize],
 }
 
@@ -58,10 +61,12 @@ impl Generator {
         };
         let first = configuration(&mut dice, protocols, starts).into();
         let trouble = if starts { dice.pick(&[2, 5, 20]) } else { dice.pick(&[5, 20, 60]) };
-        let left_armed = if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
+        let left_armed =
+            if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
         let raw_bus = dice.percent(30).then(|| dice.byte() % BUSES);
         let moves = dice.pick(&[0, 0, 4, 15]);
-        let left_idle = if moves > 0 && !starts { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
+        let left_idle =
+            if moves > 0 && !starts { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
         Self {
             dice,
             first,
@@ -117,7 +122,11 @@ impl Generator {
             3 => {
                 let id = [self.dice.byte() & 7, self.dice.byte()];
                 let data = self.dice.bytes(9);
-                Action::Stray { bus: self.dice.pick(&CAN_BUSES), id: u16::from_be_bytes(id).into(), data }
+                Action::Stray {
+                    bus: self.dice.pick(&CAN_BUSES),
+                    id: u16::from_be_bytes(id).into(),
+                    data,
+                }
             }
             4 => self.noise(),
             _ => self.trouble(world.since_start_us()),
@@ -136,12 +145,16 @@ impl Generator {
         if self.dice.below(1_000) < self.trouble {
             return Step { at_us, action: self.trouble(now) };
         }
-        if self.dice.below(1_000) < self.moves && world.reads(self.commander) && now >= self.silent_until_us {
+        if self.dice.below(1_000) < self.moves
+            && world.reads(self.commander)
+            && now >= self.silent_until_us
+        {
             return Step { at_us, action: self.moves(world) };
         }
         if now < self.silent_until_us {
             // The others go on.
-            let action = if self.dice.percent(20) { self.noise() } else { self.of_bystander(world) };
+            let action =
+                if self.dice.percent(20) { self.noise() } else { self.of_bystander(world) };
             return Step { at_us: at_us + 2_000, action };
         }
         let action = match self.dice.below(100) {
@@ -169,9 +182,10 @@ impl Generator {
                 return self.together(world, axis);
             }
             Told::Armed | Told::Active => match self.dice.below(100) {
-                0..88 => {
-                    Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) }
-                }
+                0..88 => Ask::Setpoint {
+                    permit: permit(&mut self.dice, axis),
+                    goal: goal(&mut self.dice, axis),
+                },
                 88..93 => native(&mut self.dice, axis),
                 93..96 => Ask::Move {
                     permit: permit(&mut self.dice, axis),
@@ -198,7 +212,9 @@ impl Generator {
                 }
             }
             Told::Tripped { .. } if self.dice.percent(20) => Ask::ClearGateway,
-            Told::Tripped { confirmed: true } if self.dice.percent(10) => Ask::ClearByRestart { axis },
+            Told::Tripped { confirmed: true } if self.dice.percent(10) => {
+                Ask::ClearByRestart { axis }
+            }
             Told::Tripped { confirmed: true } => Ask::Clear { axis },
             Told::Tripped { .. } if self.dice.percent(5) => Ask::ClearUnreachable { axis },
             Told::Arming if self.dice.percent(2) => Ask::Stop { axis },
@@ -224,7 +240,10 @@ impl Generator {
         let ask = match self.dice.below(24) {
             0 => Ask::Take,
             1 => Ask::Arm { axis },
-            2..4 => Ask::Setpoint { permit: permit(&mut self.dice, axis), goal: goal(&mut self.dice, axis) },
+            2..4 => Ask::Setpoint {
+                permit: permit(&mut self.dice, axis),
+                goal: goal(&mut self.dice, axis),
+            },
             4 => native(&mut self.dice, axis),
             5 if self.dice.one_in(3) => Ask::Stop { axis },
             6 if self.dice.one_in(4) => Ask::EStop,

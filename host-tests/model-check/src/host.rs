@@ -4,8 +4,8 @@ use crate::action::{Ask, Goal, Number, Permit};
 use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint, StateFields,
-    StopTarget, Value, requests,
+    Bytes, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint,
+    StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -49,7 +49,9 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
     let known = |axis: u8| epochs.get(usize::from(axis)).copied().unwrap_or(0);
     let epoch = |permit: &Permit| known(permit.axis).wrapping_add_signed(permit.epoch);
     match *ask {
-        Ask::Hello => Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 1 }),
+        Ask::Hello => {
+            Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 1 })
+        }
         Ask::Ping => Request::Ping(requests::Ping {}),
         Ask::Take => Request::TakeAuthority(requests::TakeAuthority {}),
         Ask::Release => Request::ReleaseAuthority(requests::ReleaseAuthority {}),
@@ -60,8 +62,10 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::Bus { bus, window_us, protocols, wholly_ours } => {
             let (bitrate, _) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
             let all = [Protocol::Rmd, Protocol::Thruster, Protocol::D5].into_iter().enumerate();
-            let spoken: Vec<Protocol> =
-                all.filter(|(bit, _)| protocols >> bit & 1 == 1).map(|(_, protocol)| protocol).collect();
+            let spoken: Vec<Protocol> = all
+                .filter(|(bit, _)| protocols >> bit & 1 == 1)
+                .map(|(_, protocol)| protocol)
+                .collect();
             Request::ConfigureBus(requests::ConfigureBus {
                 bus,
                 bitrate,
@@ -91,7 +95,9 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::ClearGateway => Request::Clear(requests::Clear { target: ClearTarget::Gateway }),
         Ask::Clear { axis } => Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }),
         Ask::ClearByRestart { axis } => Request::ClearByRestart(requests::ClearByRestart { axis }),
-        Ask::ClearUnreachable { axis } => Request::ClearUnreachable(requests::ClearUnreachable { axis }),
+        Ask::ClearUnreachable { axis } => {
+            Request::ClearUnreachable(requests::ClearUnreachable { axis })
+        }
         Ask::OutputOff { axis } => Request::OutputOff(requests::OutputOff { axis }),
         Ask::Setpoint { ref permit, goal } => Request::Setpoint(requests::Setpoint {
             axis: permit.axis,
@@ -99,13 +105,15 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             expires_at_us: expiry(permit),
             setpoint: setpoint(goal),
         }),
-        Ask::Move { ref permit, distance, speed } => Request::MoveRelative(requests::MoveRelative {
-            axis: permit.axis,
-            epoch: epoch(permit),
-            expires_at_us: expiry(permit),
-            distance_rad: distance,
-            speed_limit_rad_s: speed,
-        }),
+        Ask::Move { ref permit, distance, speed } => {
+            Request::MoveRelative(requests::MoveRelative {
+                axis: permit.axis,
+                epoch: epoch(permit),
+                expires_at_us: expiry(permit),
+                distance_rad: distance,
+                speed_limit_rad_s: speed,
+            })
+        }
         Ask::Native { ref permit, ref data } => Request::Native(requests::Native {
             axis: permit.axis,
             epoch: epoch(permit),
@@ -130,7 +138,9 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::BusStatus { bus } => Request::BusStatus(requests::BusStatus { bus }),
         Ask::List => Request::ListAxes(requests::ListAxes { first: 0 }),
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
-        Ask::RawOpen { bus, unsafe_access } => Request::RawOpen(requests::RawOpen { bus, unsafe_access }),
+        Ask::RawOpen { bus, unsafe_access } => {
+            Request::RawOpen(requests::RawOpen { bus, unsafe_access })
+        }
         Ask::RawSend { bus, id, ref data } => {
             let can = can_frame(id, data).map(RawFrame::Can);
             let serial = || RawFrame::Serial(data.iter().copied().take(64).collect::<Bytes<_>>());

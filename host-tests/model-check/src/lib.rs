@@ -1,7 +1,9 @@
-//! The core among random hosts, buses and motors, in virtual time, judged by the model of the promises.
+//! The core among random hosts, buses and motors, in virtual time, judged by the model of the
+//! promises.
 //!
-//! A run is a list of [`Step`]s: what hosts send, what breaks, and when. Nothing else is random, so the same list gives the
-//! same run, and a list that breaks a promise can be made shorter ([`shrink()`]) and printed ([`text`]).
+//! A run is a list of [`Step`]s: what hosts send, what breaks, and when. Nothing else is random, so
+//! the same list gives the same run, and a list that breaks a promise can be made shorter
+//! ([`shrink()`]) and printed ([`text`]).
 #![forbid(unsafe_code)]
 
 mod action;

@@ -1,7 +1,8 @@
-//! `model-check run [EVENTS [FIRST_SEED]]` runs random events until there were so many, on two threads;
-//! `model-check bad-host` sends a million random frames between a trip and its confirmation;
-//! `model-check survey EVENTS FIRST_SEED [CHECK...]` goes on, and prints the first counterexample of each promise but these;
-//! `model-check replay FILE [CHECK...]` runs a counterexample again, up to a broken promise other than these, and prints what was on the wires.
+//! `model-check run [EVENTS [FIRST_SEED]]` runs random events until there were so many, on two
+//! threads; `model-check bad-host` sends a million random frames between a trip and its
+//! confirmation; `model-check survey EVENTS FIRST_SEED [CHECK...]` goes on, and prints the first
+//! counterexample of each promise but these; `model-check replay FILE [CHECK...]` runs a
+//! counterexample again, up to a broken promise other than these, and prints what was on the wires.
 
 use model_check::exhaust::{self, Limits};
 use model_check::{Counts, Step, World, bad_host, broken_with, generate::Generator, shrink, text};
@@ -120,7 +121,8 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Runs seeds until there were so many events, and prints the first counterexample of each promise that is not known to be broken.
+/// Runs seeds until there were so many events, and prints the first counterexample of each promise
+/// that is not known to be broken.
 fn survey(events: u64, first_seed: u64, known: &[&str]) -> ExitCode {
     let mut known: Vec<String> = known.iter().map(|check| (*check).to_owned()).collect();
     let mut total = Counts::default();
@@ -241,7 +243,8 @@ fn replay(file: &str, known: &[&str]) -> ExitCode {
     };
     let mut world = World::new(start_us);
     world.keep_trace();
-    let is_new = |violation: &&Violation| !known.iter().any(|known| violation.to_string().contains(known));
+    let is_new =
+        |violation: &&Violation| !known.iter().any(|known| violation.to_string().contains(known));
     let broken = |world: &World| world.oracle().violations().iter().find(is_new).cloned();
     for step in &steps {
         world.step(step);

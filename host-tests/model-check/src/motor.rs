@@ -82,7 +82,9 @@ impl Motor {
             Does::Lies { data } => self.lie = Some(data.clone()),
             Does::Refuses => self.refuses = true,
             Does::Faults { word } => self.faults = *word,
-            Does::Restarts => *self = Self { seen_us: now, started_us: now, ..self.without_power() },
+            Does::Restarts => {
+                *self = Self { seen_us: now, started_us: now, ..self.without_power() }
+            }
             Does::Off { for_us } => {
                 let back_us = now + for_us;
                 let restarted = Self { seen_us: now, started_us: back_us, ..self.without_power() };
@@ -100,7 +102,8 @@ impl Motor {
         }
     }
 
-    /// What it is when it is switched on again. Whether VM is kept the manual does not say: here it is.
+    /// What it is when it is switched on again. Whether VM is kept the manual does not say: here it
+    /// is.
     fn without_power(&self) -> Self {
         let Self { angle, answers_others, returns, .. } = *self;
         Self { angle, answers_others, returns, ..Self::new(self.wired) }
@@ -133,9 +136,10 @@ impl Motor {
                 vec![vec![self.wired.node, 0x80, 0, 0x80, 0x08, 0, 0, 0]]
             }
             Protocol::Rmd => self.rmd(now, data, refuses).into_iter().collect(),
-            Protocol::Thruster => {
-                self.thruster(now, data, refuses).map(|echo| self.returned(echo)).unwrap_or_default()
-            }
+            Protocol::Thruster => self
+                .thruster(now, data, refuses)
+                .map(|echo| self.returned(echo))
+                .unwrap_or_default(),
             Protocol::D5 => self.d5(now, data, refuses).into_iter().collect(),
         };
         if now < self.mute_until || told.is_empty() {
@@ -150,7 +154,8 @@ impl Motor {
         told.into_iter().map(answer(after_us)).chain(again.map(answer(after_us + 900))).collect()
     }
 
-    /// Hears a request to another D5 motor; what it answers: that it was not for it (D5 manual, table row 5).
+    /// Hears a request to another D5 motor; what it answers: that it was not for it (D5 manual,
+    /// table row 5).
     pub fn objects(&self, now: u64, data: &[u8]) -> Option<Answer> {
         let [0xD5, _, _, command, _, _, _, _] = *data else { return None };
         let hears = self.answers_others && now >= self.deaf_until && now >= self.mute_until;
@@ -164,8 +169,9 @@ impl Motor {
         120 + 17 * u64::from(self.wired.node)
     }
 
-    /// What a thruster answers in the place of an echo, as its VM is set (Thruster manual §2.4): frames of three words with a header, one of
-    /// four words without, or nothing. It refuses as ever.
+    /// What a thruster answers in the place of an echo, as its VM is set (Thruster manual §2.4):
+    /// frames of three words with a header, one of four words without, or nothing. It refuses
+    /// as ever.
     fn returned(&self, echo: Vec<u8>) -> Vec<Vec<u8>> {
         let [flags, frames] = self.returns.to_be_bytes();
         let is_signal = matches!(echo.get(..2), Some(b"TC" | b"VC"));
@@ -197,7 +203,10 @@ impl Motor {
             0xA1..=0xA8 if refuses => return Some(reply.to_vec()),
             0xA1 => self.want(now, f64::from(i16::from_le_bytes([data[4], data[5]]))),
             0xA2 => {
-                self.want(now, f64::from(i32::from_le_bytes([data[4], data[5], data[6], data[7]])) / 100.0);
+                self.want(
+                    now,
+                    f64::from(i32::from_le_bytes([data[4], data[5], data[6], data[7]])) / 100.0,
+                );
             }
             0xA3..=0xA8 => self.want(now, f64::from(data[2]).max(10.0)),
             0x80 | 0x81 if refuses => return None,
@@ -217,11 +226,17 @@ impl Motor {
             // §2.25: no answer, silence, and output off and brake locked as when it is switched on.
             0x76 => {
                 let back_us = now + RESTART_US;
-                *self =
-                    Self { seen_us: now, deaf_until: back_us, started_us: back_us, ..self.without_power() };
+                *self = Self {
+                    seen_us: now,
+                    deaf_until: back_us,
+                    started_us: back_us,
+                    ..self.without_power()
+                };
                 return None;
             }
-            0xB1 => reply[4..].copy_from_slice(&int32(now.saturating_sub(self.started_us) as f64 / 1e3)),
+            0xB1 => {
+                reply[4..].copy_from_slice(&int32(now.saturating_sub(self.started_us) as f64 / 1e3))
+            }
             _ => {}
         }
         if matches!(data[0], 0x9C | 0xA1..=0xA8) {

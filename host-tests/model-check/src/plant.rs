@@ -69,8 +69,8 @@ const fn wired(bus: u8, protocol: Protocol, node: u8, stop: StopAction) -> Wired
     Wired { bus, protocol, node, stop }
 }
 
-/// The id of 29 bits on which a D5 listens beside that of 11, its node, and answers what it is asked there. Those of 11 bits win against it
-/// up to its node, and no further.
+/// The id of 29 bits on which a D5 listens beside that of 11, its node, and answers what it is
+/// asked there. Those of 11 bits win against it up to its node, and no further.
 pub const fn extended_id(node: u8) -> u32 {
     const BEHIND: u32 = 18;
     EXTENDED | (node as u32) << BEHIND | 1

@@ -31,9 +31,16 @@ pub fn broken_with(
     broken.map(|violation| (violation.clone(), steps.len()))
 }
 
-/// Leaves out what is not needed to break the same promise (delta debugging), in at most so many runs.
+/// Leaves out what is not needed to break the same promise (delta debugging), in at most so many
+/// runs.
 #[must_use]
-pub fn shrink(start_us: u64, steps: Vec<Step>, check: Check, settle_us: u64, mut runs: u32) -> Vec<Step> {
+pub fn shrink(
+    start_us: u64,
+    steps: Vec<Step>,
+    check: Check,
+    settle_us: u64,
+    mut runs: u32,
+) -> Vec<Step> {
     let mut steps = steps;
     let mut breaks = |steps: &[Step]| {
         runs = runs.saturating_sub(1);

@@ -50,7 +50,8 @@ pub struct World {
     life: Life,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
-    /// Frames that do not reach their bus although the core believes so: a fault that must be found.
+    /// Frames that do not reach their bus although the core believes so: a fault that must be
+    /// found.
     #[cfg(test)]
     pub(crate) swallows: Option<fn(&Outgoing) -> bool>,
     /// Every frame comes back at once, which nobody has asked for: one more.
@@ -257,7 +258,8 @@ impl World {
             let answers = match wired.protocol {
                 _ if motion_mode || is_for_it => motor.hear(self.now_us, data, motion_mode),
                 Protocol::D5
-                    if (id & !EXTENDED) == D5_ALL.into() && data.get(..2) == Some(&[0xD5, D5_ALL]) =>
+                    if (id & !EXTENDED) == D5_ALL.into()
+                        && data.get(..2) == Some(&[0xD5, D5_ALL]) =>
                 {
                     // What goes to all is answered by nobody (PROTOCOL-NOTES D10).
                     motor.hear(self.now_us, data, false);

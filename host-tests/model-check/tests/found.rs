@@ -1,4 +1,5 @@
-//! Counterexamples that the random runs found, shrunk (`found/`, a file each, which says what was broken): the core keeps every promise there now.
+//! Counterexamples that the random runs found, shrunk (`found/`, a file each, which says what was
+//! broken): the core keeps every promise there now.
 
 use model_check::{broken_by, text};
 use std::path::Path;
@@ -9,7 +10,8 @@ const SETTLE_US: u64 = 300_000;
 #[test]
 fn what_was_found_is_mended() {
     let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("found");
-    let mut files: Vec<_> = std::fs::read_dir(found).unwrap().map(|file| file.unwrap().path()).collect();
+    let mut files: Vec<_> =
+        std::fs::read_dir(found).unwrap().map(|file| file.unwrap().path()).collect();
     files.sort();
     assert!(files.len() >= 8, "{files:?}");
     for file in files {

@@ -1,4 +1,5 @@
-//! One axis: what the hosts have configured and the gateway has told, and what follows for what may be sent.
+//! One axis: what the hosts have configured and the gateway has told, and what follows for what may
+//! be sent.
 
 mod parameters;
 
@@ -17,7 +18,8 @@ pub(crate) struct Permit {
     pub sequence: u16,
     /// `None` only where the axis is configured so.
     pub expires_us: Option<u64>,
-    /// Accepted and carried out: its expiry stops the axis. What is not in force yet may only let motion through.
+    /// Accepted and carried out: its expiry stops the axis. What is not in force yet may only let
+    /// motion through.
     pub in_force: bool,
     /// A relative move: its target is known when its result is.
     pub is_relative: bool,
@@ -54,7 +56,8 @@ pub(crate) struct Start {
     pub has_started: bool,
 }
 
-/// What waits in a D5 motor to be started (D5 manual, quick start 3, 4), as far as its answers tell.
+/// What waits in a D5 motor to be started (D5 manual, quick start 3, 4), as far as its answers
+/// tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Waiting {
     /// Nobody knows.
@@ -175,7 +178,8 @@ pub(crate) struct Axis {
     pub asked: Vec<Asked>,
     /// When its motor was last heard, and the time of others then.
     pub heard: (u64, u64),
-    /// Time on the bus of frames of others that go before its requests, and before those of motion mode.
+    /// Time on the bus of frames of others that go before its requests, and before those of motion
+    /// mode.
     pub outranked_us: u64,
     /// Since when a setpoint that was accepted has not been sent, and the time of others then.
     pub undelivered: Option<(u64, u64)>,
@@ -186,7 +190,8 @@ pub(crate) struct Axis {
     /// Requests to clear it that are under way, and when one had its result.
     pub clearing: u32,
     pub cleared_us: Option<u64>,
-    /// Native stops that were asked for while it was idle; one that was refused stands here too, and so does the one under way.
+    /// Native stops that were asked for while it was idle; one that was refused stands here too,
+    /// and so does the one under way.
     pub native_stops: Vec<Vec<u8>>,
     /// A host has asked, while it held, that its motor's output be switched off.
     pub output_off_asked: bool,
@@ -201,7 +206,8 @@ impl Axis {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)
     }
 
-    /// What a reset leaves of it: the parameters, whether it is unreachable, and what an RMD motor keeps of its own timeout.
+    /// What a reset leaves of it: the parameters, whether it is unreachable, and what an RMD motor
+    /// keeps of its own timeout.
     pub fn restarted(&mut self) -> Self {
         let parameters = std::mem::take(&mut self.parameters);
         let motor_timeouts_asked = std::mem::take(&mut self.motor_timeouts_asked);

@@ -76,7 +76,8 @@ pub(crate) struct Bus {
     pub off_since: Option<u64>,
     /// Until when its cable is cut: nothing is acknowledged, and nothing comes in.
     cut_until: u64,
-    /// Time so far that the controller was off, the cable cut, or a frame not given back that was asked for.
+    /// Time so far that the controller was off, the cable cut, or a frame not given back that was
+    /// asked for.
     dead_us: u64,
     /// Up to when the cut is in it.
     cut_counted_us: u64,
@@ -175,7 +176,8 @@ impl Bus {
         self.longest_us(self.has_extended)
     }
 
-    /// F or C of G5. Allowance: once a frame of 29 bits has been seen that is no axis's, each may be one.
+    /// F or C of G5. Allowance: once a frame of 29 bits has been seen that is no axis's, each may
+    /// be one.
     pub fn frame_us(&self) -> u64 {
         self.longest_us(self.has_extended || self.saw_extended)
     }
@@ -185,19 +187,21 @@ impl Bus {
         self.bits_us(if self.is_can() { FRAME_BITS + extension } else { SERIAL_BITS })
     }
 
-    /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which says when it starts, and the
-    /// frame itself. Foreign frames (I of G5) are time of others. m, the replies that go before a thruster's stop, is in it;
-    /// allowance: the replies themselves are time of others too, what goes in their place is another axis's second stop.
+    /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which
+    /// says when it starts, and the frame itself. Foreign frames (I of G5) are time of others.
+    /// m, the replies that go before a thruster's stop, is in it; allowance: the replies
+    /// themselves are time of others too, what goes in their place is another axis's second stop.
     pub fn stop_bound_us(&self, k: u64, protocol: Option<Protocol>, axes: u64) -> u64 {
         let frame = self.frame_us();
         if self.is_can() {
             let further = match protocol {
                 // Its id is one that replies and other stops go before.
                 Some(Protocol::Thruster) => MAX_OUTSTANDING * frame,
-                // Requests and replies have one id: two that are sent together destroy each other. Allowance: its stop waits
-                // for a reply that is due, as on RS485, and that for what each of the `axes` on the bus has on its way: a stop, the
-                // reply to it, and one that was due before. A stop that has met a reply is taken back after three frames and
-                // waits once more.
+                // Requests and replies have one id: two that are sent together destroy each other.
+                // Allowance: its stop waits for a reply that is due, as on RS485,
+                // and that for what each of the `axes` on the bus has on its way: a stop, the
+                // reply to it, and one that was due before. A stop that has met a reply is taken
+                // back after three frames and waits once more.
                 Some(Protocol::D5) => {
                     let wait = self.window_us.min(WINDOW_DELAY_US) + 3 * frame * axes;
                     frame + 2 * wait + 3 * frame
@@ -214,7 +218,8 @@ impl Bus {
             + frame
     }
 
-    /// Time up to `at` that the gateway's bounds do not count for whoever has been outranked on CAN for so long.
+    /// Time up to `at` that the gateway's bounds do not count for whoever has been outranked on CAN
+    /// for so long.
     pub fn not_ours_us(&self, at: u64, outranked_us: u64) -> u64 {
         if !self.is_can() {
             return self.outside_us(at);
@@ -226,7 +231,8 @@ impl Bus {
         self.dead_us + off + cut + stuck + outranked_us
     }
 
-    /// How long the controller has kept a frame that it was to give back: that takes it no longer than what is on the wire.
+    /// How long the controller has kept a frame that it was to give back: that takes it no longer
+    /// than what is on the wire.
     fn stuck_us(&self, asked_us: u64, at: u64) -> u64 {
         at.saturating_sub(asked_us + self.frame_us())
     }
@@ -253,7 +259,8 @@ impl Bus {
         self.bits_us(SHORTEST_FRAME_BITS + extension + 10 * u64::try_from(data).unwrap_or(0))
     }
 
-    /// Time of others up to `at`: what the gateway's bounds do not count on a serial line, and silence of a motor on any.
+    /// Time of others up to `at`: what the gateway's bounds do not count on a serial line, and
+    /// silence of a motor on any.
     pub fn outside_us(&self, at: u64) -> u64 {
         let waits = match (self.off_since, self.held.is_empty()) {
             (Some(since), _) => at.saturating_sub(since),

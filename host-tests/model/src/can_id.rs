@@ -10,8 +10,8 @@ pub fn is_extended(id: u32) -> bool {
     id & EXTENDED != 0
 }
 
-/// What decides the arbitration, the least wins: 11 bits as they go over the bus, then the bit that is dominant in frames of 11 bits only, then
-/// 18 more.
+/// What decides the arbitration, the least wins: 11 bits as they go over the bus, then the bit that
+/// is dominant in frames of 11 bits only, then 18 more.
 pub fn rank(id: u32) -> (u32, bool, u32) {
     if !is_extended(id) {
         return (id, false, 0);

@@ -70,8 +70,13 @@ impl Link {
         }
         let open = |record: &&Record| record.result.is_none();
         let owed = self.records.iter().filter(open).filter(|record| !record.may_be_dropped).count();
-        // A result that was asked for again is owed again, if its bytes are still kept: nobody can tell.
-        let again = self.records.iter().filter(|r| r.again || r.may_be_dropped && r.result.is_none()).count();
+        // A result that was asked for again is owed again, if its bytes are still kept: nobody can
+        // tell.
+        let again = self
+            .records
+            .iter()
+            .filter(|r| r.again || r.may_be_dropped && r.result.is_none())
+            .count();
         if owed >= WINDOW {
             return Arrival::NoPlace(request);
         }

@@ -61,8 +61,8 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    /// The model of a gateway with these buses, and so many links and axes, of which nothing is configured. One host is
-    /// listening.
+    /// The model of a gateway with these buses, and so many links and axes, of which nothing is
+    /// configured. One host is listening.
     #[must_use]
     pub fn new(buses: &[BusKind], links: usize, listener: u8, axes: usize) -> Self {
         Self {
@@ -143,7 +143,10 @@ impl Oracle {
     /// Stop frames of an axis that have left since its stop became due.
     #[must_use]
     pub fn stops_left(&self, axis: u8) -> u32 {
-        self.axes.get(usize::from(axis)).and_then(|axis| axis.duty.as_ref()).map_or(0, |duty| duty.left)
+        self.axes
+            .get(usize::from(axis))
+            .and_then(|axis| axis.duty.as_ref())
+            .map_or(0, |duty| duty.left)
     }
 
     /// Results that a link owes its host.
@@ -169,10 +172,15 @@ impl Oracle {
         self.advance(now);
         let Some(state) = self.buses.get(usize::from(bus)) else { return };
         if state.held.iter().any(|held| held.slot == slot) {
-            self.broken(Check::StopNotFirst, now, format!("slot {slot} of bus {bus} is handed over twice"));
+            self.broken(
+                Check::StopNotFirst,
+                now,
+                format!("slot {slot} of bus {bus} is handed over twice"),
+            );
         }
         let mut held = self.judge(now, bus, slot, frame);
-        let moved = held.axis.filter(|_| held.is_motion).and_then(|axis| self.axes.get(usize::from(axis)));
+        let moved =
+            held.axis.filter(|_| held.is_motion).and_then(|axis| self.axes.get(usize::from(axis)));
         let motion_within = moved.map(Axis::ttl_us);
         let state = &mut self.buses[usize::from(bus)];
         held.acknowledged_by = state.acknowledged_by(now, motion_within);
@@ -186,8 +194,10 @@ impl Oracle {
     /// The gateway wants the frame in a slot back.
     pub fn asked_back(&mut self, now: u64, bus: u8, slot: u8) {
         self.advance(now);
-        let held =
-            self.buses.get_mut(usize::from(bus)).and_then(|b| b.held.iter_mut().find(|h| h.slot == slot));
+        let held = self
+            .buses
+            .get_mut(usize::from(bus))
+            .and_then(|b| b.held.iter_mut().find(|h| h.slot == slot));
         if let Some(held) = held {
             held.asked_back = true;
             held.asked_back_us.get_or_insert(now);
@@ -206,7 +216,8 @@ impl Oracle {
         self.count_left(now, usize::from(bus), held);
     }
 
-    /// The controller has given the frame in a slot back, as it was asked: it has not left and will not.
+    /// The controller has given the frame in a slot back, as it was asked: it has not left and will
+    /// not.
     pub fn withdrawn(&mut self, now: u64, bus: u8, slot: u8) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
@@ -253,7 +264,8 @@ impl Oracle {
         }
     }
 
-    /// A controller has gone off, or sends again. What it held is reported by [`dropped`](Self::dropped) before.
+    /// A controller has gone off, or sends again. What it held is reported by
+    /// [`dropped`](Self::dropped) before.
     pub fn bus_state(&mut self, now: u64, bus: u8, off: bool) {
         self.advance(now);
         let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
@@ -300,7 +312,9 @@ impl Oracle {
 
     /// A stop of this axis is due since `at`; permission to move has ended.
     pub(crate) fn owe_stop(&mut self, index: usize, cause: Cause, at: u64) {
-        let Some(bus) = self.axes[index].bus().filter(|bus| *bus < self.buses.len()) else { return };
+        let Some(bus) = self.axes[index].bus().filter(|bus| *bus < self.buses.len()) else {
+            return;
+        };
         self.buses[bus].close_raw(at);
         let axis = &mut self.axes[index];
         axis.armed = false;
@@ -316,8 +330,8 @@ impl Oracle {
         let from_rest = axis.told.is_at_rest() || has_ended && axis.came_from_rest;
         let mut before = 0;
         for other in self.axes.iter_mut().filter(|other| other.bus() == Some(bus)) {
-            // They take turns, and in the controller the lower id goes first, be it that of a second stop: each of them may
-            // have to wait for the other.
+            // They take turns, and in the controller the lower id goes first, be it that of a
+            // second stop: each of them may have to wait for the other.
             if let Some(duty) = other.duty.as_mut() {
                 duty.k += 1;
                 before += 1;

@@ -22,14 +22,17 @@ impl Bench {
             }
             "failure" => {
                 let failure = self.outcome()?.0.failure.as_ref();
-                hold(failure.is_some_and(|(name, _)| Some(name.as_str()) == words.get(1).copied()), || {
-                    format!("{failure:?}")
-                })
+                hold(
+                    failure.is_some_and(|(name, _)| Some(name.as_str()) == words.get(1).copied()),
+                    || format!("{failure:?}"),
+                )
             }
             "says" => {
                 let text = words.get(1..).unwrap_or_default().join(" ");
                 let failure = self.outcome()?.0.failure.as_ref();
-                hold(failure.is_some_and(|(_, said)| said.contains(&text)), || format!("{failure:?}"))
+                hold(failure.is_some_and(|(_, said)| said.contains(&text)), || {
+                    format!("{failure:?}")
+                })
             }
             "took" => {
                 let (took, most) = (self.outcome()?.1, duration(words, 1)?);
@@ -54,9 +57,14 @@ impl Bench {
                 let name: String = parse(words, 1, "frame")?;
                 let most = duration(words, 2)?;
                 let line = self.line.borrow();
-                let times: Vec<Duration> =
-                    line.written.iter().filter(|written| written.name == name).map(|w| w.at).collect();
-                let gap = times.windows(2).filter_map(|pair| Some(*pair.get(1)? - *pair.first()?)).max();
+                let times: Vec<Duration> = line
+                    .written
+                    .iter()
+                    .filter(|written| written.name == name)
+                    .map(|w| w.at)
+                    .collect();
+                let gap =
+                    times.windows(2).filter_map(|pair| Some(*pair.get(1)? - *pair.first()?)).max();
                 hold(gap.is_some_and(|gap| gap <= most), || format!("the greatest gap is {gap:?}"))
             }
             "rest" => self.expect_rest(words),
@@ -65,13 +73,15 @@ impl Bench {
             "tripped" | "untripped" => self.expect_trip(words, what == "tripped"),
             "wire-order" => self.expect_order(words),
             "no-wire" => {
-                let (bus, unwanted): (u8, String) = (parse(words, 1, "bus")?, parse(words, 2, "frame")?);
+                let (bus, unwanted): (u8, String) =
+                    (parse(words, 1, "bus")?, parse(words, 2, "frame")?);
                 let seen = self.seen(bus).into_iter().find(|text| text.starts_with(&unwanted));
                 hold(seen.is_none(), || format!("{seen:?}"))
             }
             "state" => {
                 let axis = parse(words, 1, "axis")?;
-                let state = self.observer()?.read_state_when_free(axis).map_err(|e| e.to_string())?.state;
+                let state =
+                    self.observer()?.read_state_when_free(axis).map_err(|e| e.to_string())?.state;
                 let name = format!("{state:?}");
                 hold(words.get(2).is_some_and(|wanted| name.starts_with(wanted)), || name)
             }
@@ -95,9 +105,10 @@ impl Bench {
         let (name, most) = (words.get(1).copied(), duration(words, 3)?);
         let mark = self.mark(words.get(6))?;
         let next = self.line.borrow().written.get(mark.written).cloned();
-        hold(next.as_ref().is_some_and(|next| Some(next.name) == name && next.at - mark.at <= most), || {
-            format!("next after {:?} is {next:?}", mark.at)
-        })
+        hold(
+            next.as_ref().is_some_and(|next| Some(next.name) == name && next.at - mark.at <= most),
+            || format!("next after {:?} is {next:?}", mark.at),
+        )
     }
 
     /// `no FRAME [after ACTION]`
@@ -116,7 +127,9 @@ impl Bench {
     fn expect_rest(&self, words: &[&str]) -> Result<(), String> {
         let motor: usize = parse(words, 1, "motor")?;
         let latest = match words.get(2) {
-            Some(_) => Some(self.line.borrow().began() + self.mark(words.get(6))?.at + duration(words, 3)?),
+            Some(_) => {
+                Some(self.line.borrow().began() + self.mark(words.get(6))?.at + duration(words, 3)?)
+            }
             None => None,
         };
         if let Some(latest) = latest {
@@ -128,21 +141,30 @@ impl Bench {
         let speed = motor.speed_rad_s();
         hold(speed.abs() < AT_REST_RAD_S, || format!("{speed} rad/s"))?;
         let Some(latest) = latest else { return Ok(()) };
-        let stopped = motor.log().entries().rfind(|entry| matches!(entry.what, MotorEvent::Stopped { .. }));
+        let stopped =
+            motor.log().entries().rfind(|entry| matches!(entry.what, MotorEvent::Stopped { .. }));
         let at = stopped.map(|entry| Duration::from_micros(entry.time_us));
-        hold(at.is_some_and(|at| at <= latest), || format!("it came to rest at {at:?}, not by {latest:?}"))
+        hold(at.is_some_and(|at| at <= latest), || {
+            format!("it came to rest at {at:?}, not by {latest:?}")
+        })
     }
 
     /// The frames of a bus while the last command ran.
     fn seen(&self, bus: u8) -> Vec<String> {
-        self.trace.iter().filter(|entry| entry.bus == bus).map(|entry| entry.wire.to_string()).collect()
+        self.trace
+            .iter()
+            .filter(|entry| entry.bus == bus)
+            .map(|entry| entry.wire.to_string())
+            .collect()
     }
 
     /// `wire-order BUS FRAME FRAME …`: each of them at some time after the one before.
     fn expect_order(&self, words: &[&str]) -> Result<(), String> {
         let mut rest = self.seen(parse(words, 1, "bus")?).into_iter();
         for frame in words.get(2..).unwrap_or_default() {
-            hold(rest.any(|text| text.starts_with(frame)), || format!("{frame} was not seen in its place"))?;
+            hold(rest.any(|text| text.starts_with(frame)), || {
+                format!("{frame} was not seen in its place")
+            })?;
         }
         Ok(())
     }
@@ -153,7 +175,8 @@ impl Bench {
         let began = self.line.borrow().began();
         let world = self.world.borrow();
         let moved = world.motor(motor).log().entries().any(|entry| {
-            matches!(entry.what, MotorEvent::Moving { .. }) && Duration::from_micros(entry.time_us) >= began
+            matches!(entry.what, MotorEvent::Moving { .. })
+                && Duration::from_micros(entry.time_us) >= began
         });
         hold(moved == wanted, || format!("moved: {moved}"))
     }
@@ -165,11 +188,14 @@ impl Bench {
         let reasons: Vec<String> = incidents
             .iter()
             .filter_map(|incident| match incident {
-                Incident::Tripped { axis, trip, .. } if *axis == of => Some(format!("{:?}", trip.reason)),
+                Incident::Tripped { axis, trip, .. } if *axis == of => {
+                    Some(format!("{:?}", trip.reason))
+                }
                 _ => None,
             })
             .collect();
-        let named = words.get(2).is_none_or(|reason| reasons.iter().any(|seen| seen.starts_with(reason)));
+        let named =
+            words.get(2).is_none_or(|reason| reasons.iter().any(|seen| seen.starts_with(reason)));
         hold(reasons.is_empty() != wanted && (named || !wanted), || format!("{reasons:?}"))
     }
 }

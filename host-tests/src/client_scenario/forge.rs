@@ -13,7 +13,11 @@ const EVENTS_AT_ONCE: u16 = 20;
 const NOISE_AT_ONCE: usize = 600;
 
 /// The frame that is sent in place of one of the gateway's; `None`: that itself.
-pub fn forge(hostile: Option<Hostile>, frame: &[u8], random: &mut fastrand::Rng) -> Option<Vec<u8>> {
+pub fn forge(
+    hostile: Option<Hostile>,
+    frame: &[u8],
+    random: &mut fastrand::Rng,
+) -> Option<Vec<u8>> {
     let mut deframer = Deframer::new();
     for byte in frame {
         let Some(Ok(frame)) = deframer.push(*byte) else { continue };

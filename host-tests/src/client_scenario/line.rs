@@ -1,4 +1,5 @@
-//! The line under test: a host link of the simulated gateway with faults, in virtual time, and a record of what was written.
+//! The line under test: a host link of the simulated gateway with faults, in virtual time, and a
+//! record of what was written.
 
 use std::cell::RefCell;
 use std::io;
@@ -165,7 +166,9 @@ impl Line {
             Action::Stall(time, ways) => self.each(ways, |way| way.hold(now + time)),
             Action::Freeze(time) => self.frozen_until = now + time,
             Action::Hostile(hostile) => (self.hostile, self.next_flood) = (Some(hostile), now),
-            Action::OtherPolls(axis, period) => self.poller = Some(Poller { axis, period, next: now }),
+            Action::OtherPolls(axis, period) => {
+                self.poller = Some(Poller { axis, period, next: now })
+            }
             Action::OtherStops(axis) => self.other_says(&Stop { target: StopTarget::Axis(axis) }),
             Action::OtherEStops => self.other_says(&EStop {}),
         }
@@ -188,7 +191,8 @@ impl Line {
         self.world.borrow_mut().host_send(OTHER_LINK, bytes);
     }
 
-    /// Lets time pass, at most to `until`, and no further than to the arrival of bytes if the program waits for them.
+    /// Lets time pass, at most to `until`, and no further than to the arrival of bytes if the
+    /// program waits for them.
     pub fn advance(&mut self, until: Duration, awaits_bytes: bool) {
         loop {
             self.do_what_is_due();
@@ -223,7 +227,9 @@ impl Line {
 
     fn do_what_is_due(&mut self) {
         let now = self.now();
-        while let Some(at) = self.to_come.iter().position(|(at, _, _)| at.is_some_and(|at| at <= now)) {
+        while let Some(at) =
+            self.to_come.iter().position(|(at, _, _)| at.is_some_and(|at| at <= now))
+        {
             let (_, _, action) = self.to_come.remove(at);
             self.happen(&action);
         }

@@ -1,8 +1,9 @@
-//! Scenarios of the host's side: a command of `mgw` on a line with faults, in virtual time. `client-scenarios/README.md` lists
-//! the steps.
+//! Scenarios of the host's side: a command of `mgw` on a line with faults, in virtual time.
+//! `client-scenarios/README.md` lists the steps.
 //!
-//! The command is the program's own code, the gateway and its motors are the simulator's. The seed draws what is lost when, when
-//! exactly something happens, and how long each motor takes to answer; the outcome must hold for every seed.
+//! The command is the program's own code, the gateway and its motors are the simulator's. The seed
+//! draws what is lost when, when exactly something happens, and how long each motor takes to
+//! answer; the outcome must hold for every seed.
 
 mod action;
 mod channel;
@@ -27,7 +28,8 @@ const CLEAN_LINK: u8 = 1;
 /// How much later than at its best a motor may answer, µs.
 const REPLY_JITTER_US: u64 = 1_500;
 /// What the four motors are configured with.
-const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../host/cli/examples/four-motors.toml");
+const CONFIGURATION: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../host/cli/examples/four-motors.toml");
 
 /// A gateway, its motors, and the line under test.
 struct Bench {
@@ -50,8 +52,11 @@ pub fn run(text: &str, seed: u64) -> Result<(), String> {
     let mut steps = lines.filter(|(_, _, words)| !words.is_empty()).peekable();
     // What hangs on the buses must be known before the world begins.
     let mut wiring = Wiring { seed, ..Wiring::four_motors() };
-    while let Some((number, line, words)) = steps.next_if(|(_, _, words)| words.first() == Some(&"motor")) {
-        wiring = motor(wiring, &words).map_err(|error| format!("line {number}: {line}\n  {error}"))?;
+    while let Some((number, line, words)) =
+        steps.next_if(|(_, _, words)| words.first() == Some(&"motor"))
+    {
+        wiring =
+            motor(wiring, &words).map_err(|error| format!("line {number}: {line}\n  {error}"))?;
     }
     let mut bench = Bench::new(wiring, seed)?;
     for (number, line, words) in steps {
@@ -95,7 +100,9 @@ impl Bench {
                 Ok(())
             }
             Some(&"ignore-stop") => {
-                self.world.borrow_mut().inject(parse(words, 1, "motor")?, Injection::IgnoreStop(true));
+                self.world
+                    .borrow_mut()
+                    .inject(parse(words, 1, "motor")?, Injection::IgnoreStop(true));
                 Ok(())
             }
             Some(&"at" | &"when") => {
@@ -138,7 +145,8 @@ impl Bench {
 
     /// A client on a clean line.
     fn observer(&self) -> Result<Client<SimTransport>, String> {
-        Client::connect(SimTransport::new(self.world.clone(), CLEAN_LINK)).map_err(|e| e.to_string())
+        Client::connect(SimTransport::new(self.world.clone(), CLEAN_LINK))
+            .map_err(|e| e.to_string())
     }
 
     /// What the program wrote, and what happened meanwhile.
@@ -150,8 +158,11 @@ impl Bench {
         let mut last: Option<(&str, Duration, Duration, usize)> = None;
         let flush = |last: &mut Option<(&str, Duration, Duration, usize)>, text: &mut String| {
             if let Some((name, from, to, count)) = last.take() {
-                let many =
-                    if count > 1 { format!(" … {:.1} ms, {count} in all", ms(to)) } else { String::new() };
+                let many = if count > 1 {
+                    format!(" … {:.1} ms, {count} in all", ms(to))
+                } else {
+                    String::new()
+                };
                 text.push_str(&format!("  {:10.1} ms  {name}{many}\n", ms(from)));
             }
         };
@@ -179,10 +190,15 @@ impl Bench {
                 .log()
                 .entries()
                 .filter(|entry| Duration::from_micros(entry.time_us) >= line.began())
-                .map(|entry| format!("{:.1} {}", entry.time_us as f64 / 1e3 - ms(line.began()), entry.what))
+                .map(|entry| {
+                    format!("{:.1} {}", entry.time_us as f64 / 1e3 - ms(line.began()), entry.what)
+                })
                 .collect();
             let shown = entries.len().saturating_sub(12);
-            text.push_str(&format!("  {motor}: {}\n", entries.get(shown..).unwrap_or_default().join("; ")));
+            text.push_str(&format!(
+                "  {motor}: {}\n",
+                entries.get(shown..).unwrap_or_default().join("; ")
+            ));
         }
         text
     }

@@ -1,4 +1,5 @@
-//! What a scenario runs on: hosts, the gateway, motors, and a record of all that went over the buses.
+//! What a scenario runs on: hosts, the gateway, motors, and a record of all that went over the
+//! buses.
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{Bytes, Call, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint};
@@ -16,7 +17,8 @@ const HESITATION_US: Range<u64> = 0..1_000;
 /// How much later than at its best a motor may answer, µs. Well within the reply window of 5 ms.
 const REPLY_JITTER_US: Range<u64> = 0..1_500;
 
-/// How long a setpoint lives: a little less than the default TTL of an axis, which it must not exceed.
+/// How long a setpoint lives: a little less than the default TTL of an axis, which it must not
+/// exceed.
 pub const SETPOINT_TTL: Duration = Duration::from_millis(90);
 
 /// Something that a gateway said without being asked.
@@ -112,7 +114,8 @@ impl Bench {
         self.world.borrow().now().as_micros()
     }
 
-    /// The host hesitates a little before a step, but not between a mark and what is measured from it.
+    /// The host hesitates a little before a step, but not between a mark and what is measured from
+    /// it.
     pub fn think(&mut self, words: &[&str]) {
         let does_something = !matches!(words.first(), Some(&"expect" | &"mark" | &"await"));
         if does_something && !std::mem::take(&mut self.just_marked) {
@@ -124,7 +127,8 @@ impl Bench {
     pub fn mark(&mut self) {
         self.just_marked = true;
         self.mark_us = self.now_us();
-        self.mark_rad = self.world.borrow().motors().iter().map(mgw_sim::Motor::position_rad).collect();
+        self.mark_rad =
+            self.world.borrow().motors().iter().map(mgw_sim::Motor::position_rad).collect();
     }
 
     /// Asks the gateway for something.
@@ -132,7 +136,8 @@ impl Bench {
         self.client.request_within(request, self.patience.unwrap_or(MOTOR_DEADLINE))
     }
 
-    /// Time passes while the host is alive: it pings, and keeps its setpoints fresh until they are refused.
+    /// Time passes while the host is alive: it pings, and keeps its setpoints fresh until they are
+    /// refused.
     pub fn run(&mut self, time: Duration) -> Result<(), String> {
         let end = self.client.now() + time;
         loop {
@@ -184,7 +189,9 @@ impl Bench {
     pub fn collect(&mut self) {
         self.trace.extend(self.world.borrow_mut().trace());
         let (link, started_us) = (self.link, self.world.borrow().gateway_started().as_micros());
-        while let Ok(Some(EventMessage { event, time_us, .. })) = self.client.poll_event(Duration::ZERO) {
+        while let Ok(Some(EventMessage { event, time_us, .. })) =
+            self.client.poll_event(Duration::ZERO)
+        {
             let told = Told { link, time_us: started_us + time_us, event };
             match event {
                 Event::Sample { .. } => self.samples.push(told),

@@ -38,7 +38,8 @@ impl Bench {
         }
     }
 
-    /// `state AXIS unconfigured|idle|holding|arming|armed|active|stopping|tripped|tripped-confirmed`
+    /// `state AXIS
+    /// unconfigured|idle|holding|arming|armed|active|stopping|tripped|tripped-confirmed`
     fn expect_state(&mut self, words: &[&str]) -> Result<(), String> {
         let axis: u8 = parse(words, 0, "axis")?;
         let wanted = match words.get(1) {
@@ -104,7 +105,8 @@ impl Bench {
     /// `position MOTOR RAD within RAD`: by the shaft itself.
     fn expect_position(&mut self, words: &[&str]) -> Result<(), String> {
         let index: usize = parse(words, 0, "motor")?;
-        let (wanted, within): (f64, f64) = (parse(words, 1, "position")?, parse(words, 3, "tolerance")?);
+        let (wanted, within): (f64, f64) =
+            (parse(words, 1, "position")?, parse(words, 3, "tolerance")?);
         let position = self.world.borrow().motor(index).position_rad();
         if (position - wanted).abs() <= within {
             return Ok(());
@@ -136,27 +138,29 @@ impl Bench {
         let wanted: u8 = parse(words, 0, "axis")?;
         let (min, max): (usize, usize) = (parse(words, 1, "count")?, parse(words, 2, "count")?);
         let of_axis = |told: &&Told| {
-            told.time_us >= self.mark_us && matches!(told.event, Event::Sample { axis, .. } if axis == wanted)
+            told.time_us >= self.mark_us
+                && matches!(told.event, Event::Sample { axis, .. } if axis == wanted)
         };
         let count = self.samples.iter().filter(of_axis).count();
         if (min..=max).contains(&count) { Ok(()) } else { Err(format!("{count} samples")) }
     }
 
-    /// `sample AXIS FIELDS`: the last sample of the axis has exactly these fields, none older than 1 s.
+    /// `sample AXIS FIELDS`: the last sample of the axis has exactly these fields, none older than
+    /// 1 s.
     fn expect_sample(&mut self, words: &[&str]) -> Result<(), String> {
         const OLDEST_US: u32 = 1_000_000;
         let wanted: u8 = parse(words, 0, "axis")?;
         let wanted_fields = fields(words.get(1).copied().unwrap_or_default())?;
-        let is_wanted = |event: &&Event| matches!(event, Event::Sample { axis, .. } if *axis == wanted);
+        let is_wanted =
+            |event: &&Event| matches!(event, Event::Sample { axis, .. } if *axis == wanted);
         let found = self.samples.iter().rev().map(|told| &told.event).find(is_wanted);
         let sample = found.ok_or_else(|| format!("no sample of axis {wanted}"))?;
-        let ages: Vec<_> = StateField::ALL.iter().map(|field| (*field, sample.age_us(*field))).collect();
+        let ages: Vec<_> =
+            StateField::ALL.iter().map(|field| (*field, sample.age_us(*field))).collect();
         let fresh = |age: Option<u32>| age.is_some_and(|age| age <= OLDEST_US);
-        let fits = ages.iter().all(
-            |(field, age)| {
-                if wanted_fields.contains(*field) { fresh(*age) } else { age.is_none() }
-            },
-        );
+        let fits = ages.iter().all(|(field, age)| {
+            if wanted_fields.contains(*field) { fresh(*age) } else { age.is_none() }
+        });
         if fits { Ok(()) } else { Err(format!("the last sample has {ages:?}")) }
     }
 
@@ -188,10 +192,12 @@ impl Bench {
         if seen.contains(&wanted) { Ok(()) } else { Err(format!("the last refusal was {seen}")) }
     }
 
-    /// `turned MOTOR MIN MAX`: how far the shaft has turned since the mark, rad, in either direction.
+    /// `turned MOTOR MIN MAX`: how far the shaft has turned since the mark, rad, in either
+    /// direction.
     fn expect_turned(&mut self, words: &[&str]) -> Result<(), String> {
         let index: usize = parse(words, 0, "motor")?;
-        let (min, max): (f64, f64) = (parse(words, 1, "least angle")?, parse(words, 2, "greatest angle")?);
+        let (min, max): (f64, f64) =
+            (parse(words, 1, "least angle")?, parse(words, 2, "greatest angle")?);
         let before = self.mark_rad.get(index).copied().unwrap_or_default();
         let turned = (self.world.borrow().motor(index).position_rad() - before).abs();
         if (min..=max).contains(&turned) {

@@ -4,7 +4,8 @@ use super::bench::Bench;
 use super::words::parse;
 
 impl Bench {
-    /// `enable-output on|off`, `boot REASON`, `last-words TEXT`, `incidents N`, `incident PLACE TEXT`
+    /// `enable-output on|off`, `boot REASON`, `last-words TEXT`, `incidents N`, `incident PLACE
+    /// TEXT`
     pub fn expect_of_gateway(&mut self, what: &str, words: &[&str]) -> Result<(), String> {
         match what {
             "enable-output" => self.expect_enable_output(words),
@@ -32,16 +33,23 @@ impl Bench {
         Err(format!("the pin is {pin}, the gateway says {told:?}"))
     }
 
-    /// `incidents N`: so many are remembered. `incident PLACE TEXT`: the one at this place, from the latest at 0, contains this.
+    /// `incidents N`: so many are remembered. `incident PLACE TEXT`: the one at this place, from
+    /// the latest at 0, contains this.
     fn expect_incidents(&mut self, what: &str, words: &[&str]) -> Result<(), String> {
         let incidents = self.client.incidents().map_err(|e| e.to_string())?;
         let number: usize = parse(words, 0, "number")?;
         let wanted = words.get(1..).unwrap_or_default().join(" ");
         let fits = match what {
             "incidents" => incidents.len() == number,
-            _ => incidents.get(number).is_some_and(|incident| format!("{incident:?}").contains(&wanted)),
+            _ => incidents
+                .get(number)
+                .is_some_and(|incident| format!("{incident:?}").contains(&wanted)),
         };
-        if fits { Ok(()) } else { Err(format!("{} are remembered: {incidents:?}", incidents.len())) }
+        if fits {
+            Ok(())
+        } else {
+            Err(format!("{} are remembered: {incidents:?}", incidents.len()))
+        }
     }
 
     fn expect_text(&self, seen: &str, words: &[&str]) -> Result<(), String> {

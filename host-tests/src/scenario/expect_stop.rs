@@ -17,8 +17,8 @@ impl Bench {
         }
     }
 
-    /// `reaction AXIS TIME`: from the latest reason to stop that was confirmed since the mark, so long at most until the first
-    /// stop frame had left.
+    /// `reaction AXIS TIME`: from the latest reason to stop that was confirmed since the mark, so
+    /// long at most until the first stop frame had left.
     fn expect_reaction(&mut self, words: &[&str]) -> Result<(), String> {
         let wanted: u8 = parse(words, 0, "axis")?;
         let limit = duration(words, 1)?;
@@ -37,7 +37,8 @@ impl Bench {
         }
     }
 
-    /// `standstill AXIS yes|no|unknown`: what the latest confirmation of a stop since the mark says of the shaft.
+    /// `standstill AXIS yes|no|unknown`: what the latest confirmation of a stop since the mark says
+    /// of the shaft.
     fn expect_standstill(&mut self, words: &[&str]) -> Result<(), String> {
         let wanted_axis: u8 = parse(words, 0, "axis")?;
         let wanted = match words.get(1) {
@@ -94,7 +95,8 @@ impl Bench {
             Some(&"current") => trip.current_a,
             other => return Err(format!("{other:?} is no value of a trip")),
         };
-        let (min, max): (f32, f32) = (parse(words, 2, "least value")?, parse(words, 3, "greatest value")?);
+        let (min, max): (f32, f32) =
+            (parse(words, 2, "least value")?, parse(words, 3, "greatest value")?);
         match value {
             Some(value) if (min..=max).contains(&value) => Ok(()),
             other => Err(format!("it was {other:?}")),

@@ -13,7 +13,8 @@ const STEP: Duration = Duration::from_micros(50);
 type Seen = (u64, String);
 
 impl Bench {
-    /// `wire|no-wire|first-wire|wire-count|wire-order|spacing BUS FRAME …`. A frame is named by the beginning of its text.
+    /// `wire|no-wire|first-wire|wire-count|wire-order|spacing BUS FRAME …`. A frame is named by the
+    /// beginning of its text.
     pub fn expect_on_wire(&mut self, what: &str, words: &[&str]) -> Result<(), String> {
         let bus = parse(words, 0, "bus")?;
         let wanted: String = parse(words, 1, "frame")?;
@@ -32,7 +33,8 @@ impl Bench {
         }
     }
 
-    /// `await BUS FRAME`: time passes, the host silent, until the frame has been on the bus since the mark.
+    /// `await BUS FRAME`: time passes, the host silent, until the frame has been on the bus since
+    /// the mark.
     pub fn wait_for(&mut self, words: &[&str]) -> Result<(), String> {
         let bus = parse(words, 0, "bus")?;
         let wanted: String = parse(words, 1, "frame")?;
@@ -52,12 +54,15 @@ impl Bench {
 
     fn seen_from(&self, bus: u8, from: Option<Station>) -> Vec<Seen> {
         let here = self.trace.iter().filter(|entry| {
-            entry.bus == bus && entry.time_us >= self.mark_us && from.is_none_or(|from| from == entry.from)
+            entry.bus == bus
+                && entry.time_us >= self.mark_us
+                && from.is_none_or(|from| from == entry.from)
         });
         here.map(|entry| (entry.time_us - self.mark_us, entry.wire.to_string())).collect()
     }
 
-    /// `[not-before TIME] [within TIME] [times N]`: the first N of them have begun in that time, and none earlier.
+    /// `[not-before TIME] [within TIME] [times N]`: the first N of them have begun in that time,
+    /// and none earlier.
     fn expect_wire(&mut self, all: &[Seen], wanted: &str, words: &[&str]) -> Result<(), String> {
         let within = match words.iter().position(|word| *word == "within") {
             Some(at) => duration(words, at + 1)?,
@@ -108,11 +113,13 @@ impl Bench {
         Ok(())
     }
 
-    /// `MIN MAX`: the pauses from one to the next of the gateway's own frames, at least two of them, each a time such as `400 ms`.
+    /// `MIN MAX`: the pauses from one to the next of the gateway's own frames, at least two of
+    /// them, each a time such as `400 ms`.
     fn expect_spacing(&mut self, bus: u8, wanted: &str, words: &[&str]) -> Result<(), String> {
         let (min, max) = (duration(words, 0)?, duration(words, 2)?);
         let seen = times_of(&self.seen_from(bus, Some(Station::Gateway)), wanted);
-        let pauses: Vec<u64> = seen.iter().zip(seen.iter().skip(1)).map(|(one, next)| next - one).collect();
+        let pauses: Vec<u64> =
+            seen.iter().zip(seen.iter().skip(1)).map(|(one, next)| next - one).collect();
         if pauses.len() < 2 {
             return Err(format!("{wanted} was seen {} times only", seen.len()));
         }

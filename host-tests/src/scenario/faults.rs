@@ -41,7 +41,9 @@ impl Bench {
             (Some(&"answers-others"), Some(on)) => Injection::AnswersOthers(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
-            (Some(&"lose-answers-like"), Some(false)) => Injection::LoseAnswersLike(Beginning::default()),
+            (Some(&"lose-answers-like"), Some(false)) => {
+                Injection::LoseAnswersLike(Beginning::default())
+            }
             (Some(&"lose-answers-like"), None) => {
                 let bytes = hex(words.get(2).ok_or("how do the answers begin?")?)?;
                 Injection::LoseAnswersLike(Beginning::new(&bytes).ok_or("at most 8 bytes")?)
@@ -57,7 +59,8 @@ impl Bench {
         Ok(())
     }
 
-    /// `power MOTOR off|on`: without power it forgets what it was told, hears nothing and turns on as it coasts.
+    /// `power MOTOR off|on`: without power it forgets what it was told, hears nothing and turns on
+    /// as it coasts.
     pub fn power(&mut self, words: &[&str]) -> Result<(), String> {
         let motor = self.motor(words)?;
         let off = match words.get(1) {
@@ -71,7 +74,8 @@ impl Bench {
         Ok(())
     }
 
-    /// `foreign BUS FRAME [every TIME]`: somebody else sends this once, or now and then from now on.
+    /// `foreign BUS FRAME [every TIME]`: somebody else sends this once, or now and then from now
+    /// on.
     pub fn foreign(&mut self, words: &[&str]) -> Result<(), String> {
         let (bus, text): (u8, String) = (parse(words, 0, "bus")?, parse(words, 1, "frame")?);
         let wire = match can_frame(&text)? {
@@ -79,7 +83,9 @@ impl Bench {
             None => Wire::Serial(hex(&text)?),
         };
         match words.get(2) {
-            Some(&"every") => self.world.borrow_mut().repeat_foreign(bus, wire, duration(words, 3)?),
+            Some(&"every") => {
+                self.world.borrow_mut().repeat_foreign(bus, wire, duration(words, 3)?)
+            }
             _ => self.world.borrow_mut().send_foreign(bus, wire),
         }
         Ok(())

@@ -28,13 +28,14 @@ impl Bench {
 
     /// `bytes XX …`: bytes on the host link as they are.
     pub fn bytes(&mut self, words: &[&str]) -> Result<(), String> {
-        let bytes: Result<Vec<u8>, _> = words.iter().map(|byte| u8::from_str_radix(byte, 16)).collect();
+        let bytes: Result<Vec<u8>, _> =
+            words.iter().map(|byte| u8::from_str_radix(byte, 16)).collect();
         self.world.borrow_mut().host_send(self.link, &bytes.map_err(|e| e.to_string())?);
         Ok(())
     }
 
-    /// `flood noise N`: N random bytes. `flood pings N`, `flood setpoints N AXIS KIND VALUE`: N requests. All at once, as fast
-    /// as the link carries them.
+    /// `flood noise N`: N random bytes. `flood pings N`, `flood setpoints N AXIS KIND VALUE`: N
+    /// requests. All at once, as fast as the link carries them.
     pub fn flood(&mut self, words: &[&str]) -> Result<(), String> {
         let count: usize = parse(words, 1, "count")?;
         let mut bytes = Vec::new();
@@ -54,7 +55,8 @@ impl Bench {
         Ok(())
     }
 
-    /// `backlog TIME AXIS KIND VALUE`: so long the host makes setpoints and gets none of them onto its link.
+    /// `backlog TIME AXIS KIND VALUE`: so long the host makes setpoints and gets none of them onto
+    /// its link.
     pub fn grow_backlog(&mut self, words: &[&str]) -> Result<(), String> {
         let time = duration(words, 0)?;
         let (axis, value): (u8, Setpoint) = (parse(words, 2, "axis")?, setpoint(words, 3)?);
@@ -90,14 +92,20 @@ impl Bench {
     }
 
     /// A setpoint that expires `ttl` from now, as the gateway counts time.
-    pub fn setpoint_until(&self, axis: u8, setpoint: Setpoint, ttl: Duration) -> requests::Setpoint {
+    pub fn setpoint_until(
+        &self,
+        axis: u8,
+        setpoint: Setpoint,
+        ttl: Duration,
+    ) -> requests::Setpoint {
         let expires_at_us = self.gateway_time(ttl);
         requests::Setpoint { axis, epoch: self.epoch(axis), expires_at_us, setpoint }
     }
 
     /// The low 32 bits of the gateway's time in a while.
     pub fn gateway_time(&self, ahead: Duration) -> u32 {
-        let ahead = gateway::Duration::from_micros(u64::try_from(ahead.as_micros()).unwrap_or(u64::MAX));
+        let ahead =
+            gateway::Duration::from_micros(u64::try_from(ahead.as_micros()).unwrap_or(u64::MAX));
         (self.world.borrow().gateway_now() + ahead).low_bits()
     }
 

@@ -1,7 +1,8 @@
 //! Scenarios: a text file, a line a step. `scenarios/README.md` lists the steps.
 //!
-//! What a scenario leaves open is drawn from a seed: how long each motor takes to answer, when exactly the host speaks, with
-//! which numbers it counts. The same text and seed give the same run; the outcome must hold for every seed.
+//! What a scenario leaves open is drawn from a seed: how long each motor takes to answer, when
+//! exactly the host speaks, with which numbers it counts. The same text and seed give the same run;
+//! the outcome must hold for every seed.
 
 mod bench;
 mod expect;
@@ -39,7 +40,8 @@ pub fn seeds() -> Result<Vec<u64>, String> {
 /// Runs a scenario with one seed.
 ///
 /// # Errors
-/// The line that was wrong, what was expected, what was seen, and what went over the wires about that time.
+/// The line that was wrong, what was expected, what was seen, and what went over the wires about
+/// that time.
 pub fn run(text: &str, seed: u64) -> Result<(), String> {
     play(text, seed).map(drop)
 }
@@ -60,8 +62,11 @@ fn play(text: &str, seed: u64) -> Result<Bench, String> {
     let mut steps = lines.filter(|(_, _, words)| !words.is_empty()).peekable();
     // What hangs on the buses must be known before the world begins.
     let mut wiring = Wiring { seed, ..Wiring::four_motors() };
-    while let Some((number, line, words)) = steps.next_if(|(_, _, words)| words.first() == Some(&"motor")) {
-        wiring = words::motor(wiring, &words).map_err(|error| format!("line {number}: {line}\n  {error}"))?;
+    while let Some((number, line, words)) =
+        steps.next_if(|(_, _, words)| words.first() == Some(&"motor"))
+    {
+        wiring = words::motor(wiring, &words)
+            .map_err(|error| format!("line {number}: {line}\n  {error}"))?;
     }
     let mut bench = Bench::new(wiring, seed)?;
     for (number, line, words) in steps {

@@ -27,7 +27,8 @@ impl Bench {
         let _ = writeln!(report, "  latest events:");
         for told in self.events.iter().skip(self.events.len().saturating_sub(LATEST)) {
             let Told { link, time_us, event } = told;
-            let _ = writeln!(report, "    {:>10} µs  link {link}  {event:?}", since(*time_us, mark));
+            let _ =
+                writeln!(report, "    {:>10} µs  link {link}  {event:?}", since(*time_us, mark));
         }
         self.tell_motors(&mut report);
         report
@@ -58,7 +59,12 @@ impl Bench {
             );
             let entries: Vec<_> = motor.log().entries().rev().take(LATEST).collect();
             for entry in entries.iter().rev() {
-                let _ = writeln!(report, "    {:>10} µs  {}", since(entry.time_us, self.mark_us), entry.what);
+                let _ = writeln!(
+                    report,
+                    "    {:>10} µs  {}",
+                    since(entry.time_us, self.mark_us),
+                    entry.what
+                );
             }
         }
     }
@@ -75,5 +81,9 @@ fn line(entry: &TraceEntry, mark: u64) -> String {
 
 /// µs since a mark, negative before it.
 fn since(time_us: u64, mark_us: u64) -> String {
-    if time_us < mark_us { format!("-{}", mark_us - time_us) } else { (time_us - mark_us).to_string() }
+    if time_us < mark_us {
+        format!("-{}", mark_us - time_us)
+    } else {
+        (time_us - mark_us).to_string()
+    }
 }

@@ -5,7 +5,8 @@ use super::faults::can_frame;
 use super::steps::StepError;
 use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
 use host_protocol::{
-    Bytes, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame, StopTarget, Value, replies::Armed, requests,
+    Bytes, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame, StopTarget, Value,
+    replies::Armed, requests,
 };
 use std::time::Duration;
 
@@ -17,7 +18,9 @@ impl Bench {
             "four-axes" => self.four_axes()?,
             "bus" | "axis" | "timeout" | "link-silence" | "remove" => self.configure(verb, rest)?,
             "together" => self.start_together(rest)?,
-            "set" | "set-for" | "set-epoch" | "set-expired" | "move" => self.set_motion(verb, rest)?,
+            "set" | "set-for" | "set-epoch" | "set-expired" | "move" => {
+                self.set_motion(verb, rest)?
+            }
             "native" | "native-epoch" | "native-expired" => self.natively(verb, rest)?,
             "raw-open" | "raw-close" | "raw-send" => self.raw(verb, rest)?,
             "arm" => {
@@ -93,7 +96,11 @@ impl Bench {
                     bitrate: parse(words, 1, "bitrate")?,
                     protocols: protocols(words.get(2).copied().unwrap_or_default())?,
                     wholly_ours,
-                    reply_window_us: if numbers > 3 { parse(words, 3, "reply window")? } else { 5_000 },
+                    reply_window_us: if numbers > 3 {
+                        parse(words, 3, "reply window")?
+                    } else {
+                        5_000
+                    },
                 };
                 self.ask(&request)?;
             }
@@ -101,7 +108,11 @@ impl Bench {
                 let axis = parse(words, 0, "axis")?;
                 for text in words.iter().skip(1) {
                     let (parameter, value) = parameter(text)?;
-                    self.ask(&requests::ConfigureAxis { axis, parameter: parameter.number(), value })?;
+                    self.ask(&requests::ConfigureAxis {
+                        axis,
+                        parameter: parameter.number(),
+                        value,
+                    })?;
                 }
             }
             "remove" => {

@@ -1,8 +1,8 @@
 //! The words of a step.
 
 use host_protocol::{
-    AxisParameter, CanId, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction, Value,
-    ValueKind,
+    AxisParameter, CanId, Protocol, ProtocolSet, Setpoint, StateField, StateFields, StopAction,
+    Value, ValueKind,
 };
 use mgw_sim::Wiring;
 use std::str::FromStr;
@@ -45,7 +45,8 @@ pub fn hex(text: &str) -> Result<Vec<u8>, String> {
 /// `position,velocity`
 pub fn fields(text: &str) -> Result<StateFields, String> {
     text.split(',').try_fold(StateFields::NONE, |set, name| {
-        let field = StateField::from_name(name).ok_or_else(|| format!("{name} is no field of a state"))?;
+        let field =
+            StateField::from_name(name).ok_or_else(|| format!("{name} is no field of a state"))?;
         Ok(set.with(field))
     })
 }
@@ -58,8 +59,8 @@ fn named(words: &[&str], name: &str) -> Result<f32, String> {
     }
 }
 
-/// `signal|current|velocity V`, `position P speed V` or `impedance P [stiffness K] [damping D] [velocity V] [torque T]` at a
-/// place.
+/// `signal|current|velocity V`, `position P speed V` or `impedance P [stiffness K] [damping D]
+/// [velocity V] [torque T]` at a place.
 pub fn setpoint(words: &[&str], at: usize) -> Result<Setpoint, String> {
     let value: f32 = parse(words, at + 1, "value")?;
     match words.get(at) {
@@ -103,7 +104,8 @@ pub fn motor(wiring: Wiring, words: &[&str]) -> Result<Wiring, String> {
 /// `name=value`
 pub fn parameter(text: &str) -> Result<(AxisParameter, Value), String> {
     let (name, value) = text.split_once('=').ok_or_else(|| format!("{text} is not name=value"))?;
-    let parameter = AxisParameter::from_name(name).ok_or_else(|| format!("{name} is no parameter"))?;
+    let parameter =
+        AxisParameter::from_name(name).ok_or_else(|| format!("{name} is no parameter"))?;
     let named = match parameter {
         AxisParameter::Protocol => Protocol::from_name(value).map(u32::from),
         AxisParameter::StopAction => StopAction::from_name(value).map(u32::from),

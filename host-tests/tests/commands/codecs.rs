@@ -27,13 +27,17 @@ impl Meaning {
 }
 
 pub fn protocol_named(name: &str) -> Protocol {
-    *Protocol::ALL.iter().find(|protocol| protocol.to_string() == name).unwrap_or_else(|| panic!("{name}?"))
+    *Protocol::ALL
+        .iter()
+        .find(|protocol| protocol.to_string() == name)
+        .unwrap_or_else(|| panic!("{name}?"))
 }
 
 /// Every row that a protocol must have, with its section without the manual's title.
 pub fn commands(protocol: Protocol) -> Vec<(String, String)> {
     let listed = |table: &[rmd::CommandInfo], title: &str| -> Vec<(String, String)> {
-        let section = |section: &str| section.replace(title, "").trim_start_matches([' ', ',']).to_owned();
+        let section =
+            |section: &str| section.replace(title, "").trim_start_matches([' ', ',']).to_owned();
         table.iter().map(|info| (info.name.to_owned(), section(info.section))).collect()
     };
     match protocol {
@@ -68,7 +72,8 @@ pub fn request(protocol: Protocol, frame: &Wire) -> Option<Meaning> {
             (named(request.info()), encoded.ok().map(Wire::Can))
         }
         (Protocol::Rmd, Wire::Serial(bytes)) => {
-            let (target, request) = rmd::rs485::decode_any_request(bytes.as_slice().try_into().ok()?).ok()?;
+            let (target, request) =
+                rmd::rs485::decode_any_request(bytes.as_slice().try_into().ok()?).ok()?;
             let encoded = match target {
                 rmd::Target::Node(node) => rmd::rs485::request(node, &request),
                 rmd::Target::All => rmd::rs485::broadcast(&request),

@@ -46,12 +46,17 @@ impl Lab {
             (false, Protocol::D5) => (1, 210_526),
             (false, _) => (0, 1_000_000),
         };
-        let wiring =
-            Wiring::on(&BOARD).with(bus, protocol, node(protocol)).with(bus, protocol, node(protocol) + 1);
+        let wiring = Wiring::on(&BOARD).with(bus, protocol, node(protocol)).with(
+            bus,
+            protocol,
+            node(protocol) + 1,
+        );
         let world = Rc::new(RefCell::new(World::new(wiring)));
         let client = Client::connect_as(SimTransport::new(world.clone(), 0), 1, 1).unwrap();
         let mut lab = Self { world, client, bus, protocol, stop };
-        lab.client.configure_bus(bus, bitrate, ProtocolSet::of(&[protocol]), true, REPLY_WINDOW).unwrap();
+        lab.client
+            .configure_bus(bus, bitrate, ProtocolSet::of(&[protocol]), true, REPLY_WINDOW)
+            .unwrap();
         lab.configure_motor(AXIS, node(protocol));
         if stop == StopAction::Brake {
             lab.world.borrow_mut().inject(0, Injection::Brake(true));
@@ -63,7 +68,8 @@ impl Lab {
         lab
     }
 
-    /// As [`new`](Self::new), but the motor is polled so rarely that no poll falls into what is watched.
+    /// As [`new`](Self::new), but the motor is polled so rarely that no poll falls into what is
+    /// watched.
     pub fn quiet(protocol: Protocol, serial: bool, stop: StopAction) -> Self {
         let mut lab = Self::new(protocol, serial, stop);
         for parameter in [AxisParameter::StatePollUs, AxisParameter::FaultPollUs] {
@@ -94,7 +100,9 @@ impl Lab {
     }
 
     pub fn configure(&mut self, parameter: AxisParameter, value: Value) {
-        self.client.configure_axis(AXIS, parameter, value).unwrap_or_else(|e| panic!("{parameter:?}: {e}"));
+        self.client
+            .configure_axis(AXIS, parameter, value)
+            .unwrap_or_else(|e| panic!("{parameter:?}: {e}"));
     }
 
     /// Puts something into the motor, or takes it out.
@@ -131,6 +139,10 @@ impl Lab {
     /// What the gateway has sent since the last call.
     pub fn frames(&mut self) -> Vec<Wire> {
         let trace = self.world.borrow_mut().trace();
-        trace.into_iter().filter(|entry| entry.from == Station::Gateway).map(|entry| entry.wire).collect()
+        trace
+            .into_iter()
+            .filter(|entry| entry.from == Station::Gateway)
+            .map(|entry| entry.wire)
+            .collect()
     }
 }

@@ -1,6 +1,8 @@
-//! `docs/commands.md` says of each command of the three manuals what the project does with it. Here the code is asked, cell by cell.
+//! `docs/commands.md` says of each command of the three manuals what the project does with it. Here
+//! the code is asked, cell by cell.
 //!
-//! A difference is told with the line of the page and what to write there. What stands behind the first `:` of a cell is for people.
+//! A difference is told with the line of the page and what to write there. What stands behind the
+//! first `:` of a cell is for people.
 
 mod codecs;
 mod lab;
@@ -15,8 +17,11 @@ use page::{Cell, Page, Row};
 use std::collections::BTreeSet;
 
 /// The headings of the tables of commands, and what is listed there.
-const TABLES: [(&str, Protocol); 3] =
-    [("RMD V3.6", Protocol::Rmd), ("Thruster manual", Protocol::Thruster), ("D5 manual", Protocol::D5)];
+const TABLES: [(&str, Protocol); 3] = [
+    ("RMD V3.6", Protocol::Rmd),
+    ("Thruster manual", Protocol::Thruster),
+    ("D5 manual", Protocol::D5),
+];
 
 /// What a cell may say only with a reason behind it.
 fn needs_a_reason(fact: &str) -> bool {
@@ -24,7 +29,11 @@ fn needs_a_reason(fact: &str) -> bool {
 }
 
 /// The differences between a column of all tables and the code.
-fn differences(column: &str, cell: impl Fn(&Row) -> &Cell, mut ask: impl FnMut(Protocol, &Row) -> String) {
+fn differences(
+    column: &str,
+    cell: impl Fn(&Row) -> &Cell,
+    mut ask: impl FnMut(Protocol, &Row) -> String,
+) {
     let page = Page::read();
     let mut wrong = Vec::new();
     for (heading, protocol) in TABLES {
@@ -68,7 +77,8 @@ fn decoded() {
         |protocol, row| {
             let request = codecs::request(protocol, &row.frame).is_some_and(|m| m.is(&row.command));
             let own_reply = codecs::reply(protocol, &row.frame).is_some_and(|m| m.is(&row.command));
-            let reply = own_reply || of(protocol, &replies).iter().any(|meaning| meaning.is(&row.command));
+            let reply =
+                own_reply || of(protocol, &replies).iter().any(|meaning| meaning.is(&row.command));
             which(request, reply)
         },
     );
@@ -86,8 +96,9 @@ fn encoded() {
             };
             let request = codecs::request(protocol, &row.frame).is_some_and(to_itself);
             let own_reply = codecs::reply(protocol, &row.frame).is_some_and(to_itself);
-            let reply =
-                |meaning: &codecs::Meaning| meaning.is(&row.command) && meaning.is_encoded_to_itself();
+            let reply = |meaning: &codecs::Meaning| {
+                meaning.is(&row.command) && meaning.is_encoded_to_itself()
+            };
             which(request, own_reply || of(protocol, &replies).iter().any(reply))
         },
     );
@@ -95,7 +106,11 @@ fn encoded() {
 
 #[test]
 fn native() {
-    differences("Native", |row| &row.native, |protocol, row| native::treatment(protocol, &row.frame));
+    differences(
+        "Native",
+        |row| &row.native,
+        |protocol, row| native::treatment(protocol, &row.frame),
+    );
 }
 
 #[test]
@@ -124,7 +139,11 @@ fn every_request_is_tried_on_a_motor_or_sends_none_anything() {
         .collect();
     let known = |name: &str| tried.contains(name) || typed::NOT_TRIED.contains(&name);
     let names = (0..=u16::MAX).filter_map(request_name);
-    assert_eq!(names.filter(|name| !known(name)).collect::<Vec<_>>(), [""; 0], "typed.rs does not try them");
+    assert_eq!(
+        names.filter(|name| !known(name)).collect::<Vec<_>>(),
+        [""; 0],
+        "typed.rs does not try them"
+    );
 }
 
 #[test]
@@ -134,7 +153,8 @@ fn simulated() {
         "Simulated",
         |row| &row.simulated,
         |protocol, row| {
-            let is_request = codecs::request(protocol, &row.frame).is_some_and(|m| m.is(&row.command));
+            let is_request =
+                codecs::request(protocol, &row.frame).is_some_and(|m| m.is(&row.command));
             let played = match is_request {
                 true => simulated::has_effect(protocol, &row.frame),
                 false => of(protocol, &sent).contains(&row.command),
@@ -152,7 +172,8 @@ fn what_is_refused_is_refused_so() {
     let mut wrong = Vec::new();
     for row in refused {
         let protocol = codecs::protocol_named(&row.protocol);
-        let (said, is) = (format!("refused {}", row.error), native::treatment(protocol, &row.frame));
+        let (said, is) =
+            (format!("refused {}", row.error), native::treatment(protocol, &row.frame));
         let place = format!("docs/commands.md:{}: {}", row.line, row.frame);
         if said != is {
             wrong.push(format!("{place}: the page says `{said}`, the code `{is}`"));

@@ -20,7 +20,8 @@ struct Outcome {
     state: AxisState,
 }
 
-/// How the gateway treats the data of a frame, given as a native command to an idle and to an armed axis.
+/// How the gateway treats the data of a frame, given as a native command to an idle and to an armed
+/// axis.
 pub fn treatment(protocol: Protocol, frame: &Wire) -> String {
     let (idle, armed) = (outcome(protocol, frame, false), outcome(protocol, frame, true));
     let known = match (idle.sent, armed.sent) {

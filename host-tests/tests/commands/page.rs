@@ -4,7 +4,8 @@ use host_protocol::CanFrame;
 use mgw_sim::Wire;
 
 const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/commands.md");
-const COMMANDS_HEAD: &str = "| Command | Frame | Section | Decoded | Encoded | Native | Typed | Simulated |";
+const COMMANDS_HEAD: &str =
+    "| Command | Frame | Section | Decoded | Encoded | Native | Typed | Simulated |";
 const REFUSED_HEAD: &str = "| Protocol | Frame | Error | Reason |";
 
 /// The page, its lines numbered from 1.
@@ -90,8 +91,9 @@ impl Page {
                 let cells: Vec<String> =
                     line.trim_matches('|').split('|').map(|c| c.trim().to_owned()).collect();
                 let count = cells.len();
-                let cells =
-                    cells.try_into().unwrap_or_else(|_| panic!("{PATH}:{number}: {count} cells, not {N}"));
+                let cells = cells
+                    .try_into()
+                    .unwrap_or_else(|_| panic!("{PATH}:{number}: {count} cells, not {N}"));
                 rows.push((*number, cells));
             }
         }
@@ -113,7 +115,10 @@ pub fn wire(text: &str) -> Wire {
     match text.split_once('#') {
         Some((id, data)) => {
             let id = u16::from_str_radix(id, 16).unwrap_or_else(|_| panic!("{text}: no CAN id"));
-            Wire::Can(CanFrame::standard(id, &bytes(data)).unwrap_or_else(|| panic!("{text}: no CAN frame")))
+            Wire::Can(
+                CanFrame::standard(id, &bytes(data))
+                    .unwrap_or_else(|| panic!("{text}: no CAN frame")),
+            )
         }
         None => Wire::Serial(bytes(text)),
     }
@@ -121,5 +126,8 @@ pub fn wire(text: &str) -> Wire {
 
 fn bytes(hex: &str) -> Vec<u8> {
     let byte = |at| u8::from_str_radix(hex.get(at..at + 2).unwrap_or("?"), 16);
-    (0..hex.len()).step_by(2).map(|at| byte(at).unwrap_or_else(|_| panic!("{hex}: no hexadecimal"))).collect()
+    (0..hex.len())
+        .step_by(2)
+        .map(|at| byte(at).unwrap_or_else(|_| panic!("{hex}: no hexadecimal")))
+        .collect()
 }

@@ -1,5 +1,5 @@
-//! Whether the simulated motors play a command: it is answered by more than its own bytes, or afterwards the motor is not what it
-//! would be without it.
+//! Whether the simulated motors play a command: it is answered by more than its own bytes, or
+//! afterwards the motor is not what it would be without it.
 
 use host_protocol::Protocol;
 use mgw_sim::{Injection, Motor, MotorWiring, Wire};
@@ -22,7 +22,8 @@ enum Step {
 
 use Step::{Hear, Inject, PowerOffAndOn, Wait};
 
-/// States in which a command may show what it does; each begins with a motor that has just been switched on.
+/// States in which a command may show what it does; each begins with a motor that has just been
+/// switched on.
 fn preparations(protocol: Protocol) -> &'static [&'static [Step]] {
     const FAULT: [Step; 3] =
         [Inject(Injection::FaultBits(0x0040)), Wait(20), Inject(Injection::FaultBits(0))];
@@ -151,7 +152,8 @@ impl Lone {
             (false, Protocol::D5) => 210_526,
             (false, _) => 1_000_000,
         };
-        let wiring = MotorWiring { bus: 0, protocol, node: lab::node(protocol), bitrate, can_id: None };
+        let wiring =
+            MotorWiring { bus: 0, protocol, node: lab::node(protocol), bitrate, can_id: None };
         let motor = if serial { Motor::on_rs485(wiring, 1) } else { Motor::on_can(wiring, 1) };
         Self { motor: motor.unwrap(), protocol, serial, now: Duration::ZERO }
     }
@@ -219,7 +221,8 @@ impl Lone {
     }
 }
 
-/// One life of a motor in which it hears `frame` after a preparation: its answer, and what was seen afterwards.
+/// One life of a motor in which it hears `frame` after a preparation: its answer, and what was seen
+/// afterwards.
 fn life(
     protocol: Protocol,
     serial: bool,
@@ -239,7 +242,11 @@ fn life(
             continue;
         }
         let said = motor.take(step);
-        seen.push(said.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ") + "; " + &motor.shaft());
+        seen.push(
+            said.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
+                + "; "
+                + &motor.shaft(),
+        );
         sent.extend(said);
     }
     (answer, seen, sent)
@@ -255,7 +262,8 @@ pub fn has_effect(protocol: Protocol, frame: &Wire) -> bool {
     })
 }
 
-/// Whether an answer holds more than the bytes of its question: neither an echo, nor zeros, nor a refusal.
+/// Whether an answer holds more than the bytes of its question: neither an echo, nor zeros, nor a
+/// refusal.
 fn tells(protocol: Protocol, question: &Wire, answer: &Wire) -> bool {
     const D5_VALUE: usize = 5;
     let (asked, said) = (data(question), data(answer));
@@ -282,14 +290,20 @@ fn data(frame: &Wire) -> Vec<u8> {
 /// The replies and events, by command, that motors send in the lives of all their commands.
 pub fn sent_unasked(protocol: Protocol) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    for (_, frame) in crate::TABLES.iter().filter(|(_, of)| *of == protocol).flat_map(|(heading, _)| {
-        crate::page::Page::read().commands(heading).into_iter().map(|row| (row.command, row.frame))
-    }) {
+    for (_, frame) in
+        crate::TABLES.iter().filter(|(_, of)| *of == protocol).flat_map(|(heading, _)| {
+            crate::page::Page::read()
+                .commands(heading)
+                .into_iter()
+                .map(|row| (row.command, row.frame))
+        })
+    {
         if codecs::request(protocol, &frame).is_none() {
             continue;
         }
         for preparation in preparations(protocol) {
-            let (_, _, sent) = life(protocol, matches!(frame, Wire::Serial(_)), preparation, &frame);
+            let (_, _, sent) =
+                life(protocol, matches!(frame, Wire::Serial(_)), preparation, &frame);
             for meaning in sent.iter().filter_map(|sent| codecs::reply(protocol, sent)) {
                 names.extend(meaning.names().iter().cloned());
             }

@@ -22,8 +22,9 @@ const POLLED: Duration = Duration::from_secs(2);
 
 const POLLS: &str = "polls";
 
-/// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and `ReleaseAuthority` run the stop action,
-/// `Subscribe` reads as `ReadState` does. What `Native` and raw frames send is not typed.
+/// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and
+/// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does. What `Native` and
+/// raw frames send is not typed.
 pub const NOT_TRIED: [&str; 23] = [
     "Hello",
     "Ping",
@@ -50,8 +51,8 @@ pub const NOT_TRIED: [&str; 23] = [
     "ReadLastWords",
 ];
 
-/// The commands that the gateway sends, each with the request that made it. `polls` is what it sends to an armed motor unasked; a
-/// setpoint or a move does not count as the one who made those.
+/// The commands that the gateway sends, each with the request that made it. `polls` is what it
+/// sends to an armed motor unasked; a setpoint or a move does not count as the one who made those.
 pub type Uses = BTreeSet<(String, &'static str)>;
 
 /// Every typed request that reaches a motor, tried on a motor of a protocol.
@@ -62,8 +63,11 @@ pub fn uses(protocol: Protocol) -> Uses {
         (StopAction::Hold, "Stop hold"),
         (StopAction::Brake, "Stop brake"),
     ];
-    let action =
-        *actions.iter().map(|(action, _)| action).find(|action| possible(protocol, **action)).unwrap();
+    let action = *actions
+        .iter()
+        .map(|(action, _)| action)
+        .find(|action| possible(protocol, **action))
+        .unwrap();
     let mut lab = Lab::new(protocol, false, action);
     lab.arm();
     lab.frames();
@@ -97,7 +101,8 @@ fn quiet_lab(protocol: Protocol, action: StopAction) -> Lab {
 
 fn note(uses: &mut Uses, protocol: Protocol, user: &'static str, frames: &[Wire]) {
     for frame in frames {
-        let meaning = codecs::request(protocol, frame).unwrap_or_else(|| panic!("{frame} is no request"));
+        let meaning =
+            codecs::request(protocol, frame).unwrap_or_else(|| panic!("{frame} is no request"));
         uses.extend(meaning.names().iter().map(|name| (name.clone(), user)));
     }
 }
@@ -109,7 +114,8 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Asks for something, waits, and notes what was sent meanwhile. What the protocol cannot do is passed over.
+    /// Asks for something, waits, and notes what was sent meanwhile. What the protocol cannot do is
+    /// passed over.
     fn ask<R>(
         &mut self,
         user: &'static str,
@@ -129,7 +135,11 @@ impl Session<'_> {
     }
 
     /// Sets the armed axis in motion, and notes what was sent besides the polls.
-    fn move_by<R>(&mut self, user: &'static str, act: impl FnOnce(&mut Lab, u32) -> Result<R, ClientError>) {
+    fn move_by<R>(
+        &mut self,
+        user: &'static str,
+        act: impl FnOnce(&mut Lab, u32) -> Result<R, ClientError>,
+    ) {
         let epoch = self.armed();
         self.ask(user, SOON, |lab| act(lab, epoch));
         let polls: Vec<String> =
@@ -140,7 +150,9 @@ impl Session<'_> {
     fn run(&mut self, stop: &'static str) {
         let timeout_ms = if self.protocol == Protocol::D5 { 1 } else { 1_000 };
         self.ask("ReadState", SOON, |lab| lab.client.read_state(AXIS));
-        self.ask("ProvisionMotorTimeout", SOON, |lab| lab.client.provision_motor_timeout(AXIS, timeout_ms));
+        self.ask("ProvisionMotorTimeout", SOON, |lab| {
+            lab.client.provision_motor_timeout(AXIS, timeout_ms)
+        });
         let setpoints = [
             ("Setpoint Signal", Setpoint::Signal { fraction: 0.1 }),
             ("Setpoint Current", Setpoint::Current { current_a: 0.1 }),
@@ -161,7 +173,9 @@ impl Session<'_> {
             self.move_by(user, |lab, epoch| lab.client.set(AXIS, epoch, setpoint, TTL));
             self.stopped(stop);
         }
-        self.move_by("MoveRelative", |lab, epoch| lab.client.move_relative(AXIS, epoch, 0.1, 5.0, TTL));
+        self.move_by("MoveRelative", |lab, epoch| {
+            lab.client.move_relative(AXIS, epoch, 0.1, 5.0, TTL)
+        });
         self.stopped(stop);
         self.ask("OutputOff", SOON, |lab| match lab.client.output_off(AXIS) {
             Err(ClientError::Gateway(error)) if error.name() == "NotHolding" => Ok(()),

@@ -1,7 +1,8 @@
-//! Measures the image, prints the table and compares it with the committed one; `--renew` writes that anew.
+//! Measures the image, prints the table and compares it with the committed one; `--renew` writes
+//! that anew.
 //!
-//! `.ci/virtual-board measure [--board BOARD] [--renew]` builds the image and runs it. Everything is counted in virtual time, so the
-//! figures are the same on every machine.
+//! `.ci/virtual-board measure [--board BOARD] [--renew]` builds the image and runs it. Everything
+//! is counted in virtual time, so the figures are the same on every machine.
 
 use std::error::Error;
 use std::fs;
@@ -19,7 +20,8 @@ const RENEW: &str = "--renew";
 
 fn main() -> ExitCode {
     // `cargo bench` adds one of its own.
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    let arguments: Vec<String> =
+        std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let renew = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => false,
         [RENEW] => true,

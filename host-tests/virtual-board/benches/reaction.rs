@@ -1,7 +1,9 @@
-//! Measures reaction times, prints the table and compares it with the committed one; `--renew` writes that anew.
+//! Measures reaction times, prints the table and compares it with the committed one; `--renew`
+//! writes that anew.
 //!
-//! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --renew]` builds the image and runs it, in virtual
-//! time. `--trace` prints instead what the bus carried about the slowest stop of each line.
+//! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --renew]`
+//! builds the image and runs it, in virtual time. `--trace` prints instead what the bus carried
+//! about the slowest stop of each line.
 
 use std::error::Error;
 use std::fs;

@@ -1,5 +1,5 @@
-//! Switches a virtual board with the simulator's four motors on and serves its host UARTs over TCP, in real time, until
-//! Ctrl-C.
+//! Switches a virtual board with the simulator's four motors on and serves its host UARTs over TCP,
+//! in real time, until Ctrl-C.
 //!
 //! `.ci/virtual-board serve [HOST:PORT [HOST:PORT]]` builds the image and starts it.
 
@@ -20,7 +20,9 @@ const STARTED: Duration = Duration::from_millis(20);
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if arguments.len() > ADDRESSES.len() || arguments.iter().any(|argument| argument.starts_with('-')) {
+    if arguments.len() > ADDRESSES.len()
+        || arguments.iter().any(|argument| argument.starts_with('-'))
+    {
         eprintln!(
             "usage: serve [HOST:PORT of host link 0 [HOST:PORT of host link 1]]; port 0 takes a free one"
         );
@@ -40,7 +42,9 @@ fn main() -> ExitCode {
 }
 
 fn run([first, second]: &[String; 2]) -> Result<(), Box<dyn std::error::Error>> {
-    let listen = |address: &String| TcpListener::bind(address).map_err(|error| format!("{address}: {error}"));
+    let listen = |address: &String| {
+        TcpListener::bind(address).map_err(|error| format!("{address}: {error}"))
+    };
     let listeners = [listen(first)?, listen(second)?];
     let image = image_path()?;
     let mut board = Builder::new(&image)?;

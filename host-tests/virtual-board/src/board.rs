@@ -42,7 +42,8 @@ impl Board {
     /// Every board.
     pub const ALL: [Self; 2] = [Self::NucleoH743zi, Self::NucleoG474re];
 
-    /// The one that the variable `MOTOR_GATEWAY_BOARD` names; the NUCLEO-H743ZI where it is not set.
+    /// The one that the variable `MOTOR_GATEWAY_BOARD` names; the NUCLEO-H743ZI where it is not
+    /// set.
     ///
     /// # Panics
     ///
@@ -109,8 +110,8 @@ impl Board {
         Pace { clock_hz, instructions_per_second }
     }
 
-    /// How many instructions a second its core executes unless told otherwise: what rigless assumes of the STM32H743, and one for each
-    /// cycle of the STM32G474, the most that it can.
+    /// How many instructions a second its core executes unless told otherwise: what rigless assumes
+    /// of the STM32H743, and one for each cycle of the STM32G474, the most that it can.
     pub(crate) fn usual_rate(self) -> NonZeroU64 {
         match self {
             Self::NucleoH743zi => INSTRUCTIONS_PER_SECOND,
@@ -118,8 +119,9 @@ impl Board {
         }
     }
 
-    /// The speeds that measurements and reaction times are taken at, in instructions per second: what the core reaches at best with its
-    /// caches, or with one instruction in each cycle, and a bad case without.
+    /// The speeds that measurements and reaction times are taken at, in instructions per second:
+    /// what the core reaches at best with its caches, or with one instruction in each cycle,
+    /// and a bad case without.
     #[must_use]
     pub const fn speeds(self) -> [u64; 2] {
         match self {
@@ -128,7 +130,8 @@ impl Board {
         }
     }
 
-    /// What a bit lasts on host link 1 at 921600 baud, in picoseconds: 109 cycles of 100 MHz, 182 of 168 MHz.
+    /// What a bit lasts on host link 1 at 921600 baud, in picoseconds: 109 cycles of 100 MHz, 182
+    /// of 168 MHz.
     #[must_use]
     pub const fn host_1_bit_ps(self) -> u64 {
         match self {
@@ -213,12 +216,17 @@ impl Board {
         }
     }
 
-    /// Where the firmware keeps what must outlive a reset. SRAM2 of the STM32G474 checks no words, so no write waits.
+    /// Where the firmware keeps what must outlive a reset. SRAM2 of the STM32G474 checks no words,
+    /// so no write waits.
     #[must_use]
     pub const fn retained_ram(self) -> RetainedRam {
         match self {
-            Self::NucleoH743zi => RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true },
-            Self::NucleoG474re => RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false },
+            Self::NucleoH743zi => {
+                RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true }
+            }
+            Self::NucleoG474re => {
+                RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false }
+            }
         }
     }
 }

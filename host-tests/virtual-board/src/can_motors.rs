@@ -25,8 +25,8 @@ struct Waiting {
 
 /// A motor and its CAN controller.
 ///
-/// Whether the bus understands it, and its error counters, are the bus's business: hang it there at its own
-/// [`bitrate`](CanMotor::bitrate). A snapshot keeps the whole motor.
+/// Whether the bus understands it, and its error counters, are the bus's business: hang it there at
+/// its own [`bitrate`](CanMotor::bitrate). A snapshot keeps the whole motor.
 #[derive(Serialize, Deserialize)]
 #[serde(bound(deserialize = "'de: 'static"))]
 pub struct CanMotor {
@@ -44,7 +44,11 @@ impl CanMotor {
     ///
     /// If its protocol has no such node.
     pub fn new(wiring: MotorWiring, seed: u64) -> Result<Self, WiringError> {
-        Ok(Self { motor: Motor::on_can(wiring, seed)?, queue: VecDeque::new(), alarm: Alarm::default() })
+        Ok(Self {
+            motor: Motor::on_can(wiring, seed)?,
+            queue: VecDeque::new(),
+            alarm: Alarm::default(),
+        })
     }
 
     /// Its bitrate, bit/s.
@@ -61,8 +65,8 @@ impl CanMotor {
 
     /// Puts a fault into the motor, or takes it out again.
     ///
-    /// With [`Injection::Unplugged`] it hears and sends nothing; that it acknowledges nothing either takes the bus's
-    /// own silencing of a node.
+    /// With [`Injection::Unplugged`] it hears and sends nothing; that it acknowledges nothing
+    /// either takes the bus's own silencing of a node.
     pub fn inject(&mut self, injection: Injection, timeline: &mut Timeline<'_, '_>) {
         self.live(timeline, |motor, now| motor.inject(now, injection));
     }
@@ -74,7 +78,11 @@ impl CanMotor {
     }
 
     /// Brings the motor to the present, does something with it, and waits for what it does next.
-    fn live(&mut self, timeline: &mut Timeline<'_, '_>, act: impl FnOnce(&mut Motor, std::time::Duration)) {
+    fn live(
+        &mut self,
+        timeline: &mut Timeline<'_, '_>,
+        act: impl FnOnce(&mut Motor, std::time::Duration),
+    ) {
         let now = since_start(timeline.now());
         let Self { motor, queue, alarm } = self;
         catch_up(motor, now, |message| enqueue(queue, message));

@@ -28,8 +28,9 @@ struct Unsent {
     damaged: bool,
 }
 
-/// A USB-to-serial adapter with room for everything: it sends what it is given at the pace of the port, without a pause
-/// between bytes, and keeps what the board sends until somebody takes it. It runs at the port's own rate.
+/// A USB-to-serial adapter with room for everything: it sends what it is given at the pace of the
+/// port, without a pause between bytes, and keeps what the board sends until somebody takes it. It
+/// runs at the port's own rate.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct HostUart {
     unsent: VecDeque<Unsent>,

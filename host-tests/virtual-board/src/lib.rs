@@ -1,5 +1,5 @@
-//! The virtual board: the very image that would be flashed onto a NUCLEO-H743ZI or a NUCLEO-G474RE, on an emulated STM32H743 or
-//! STM32G474 of the crate [`virtual_stm32`].
+//! The virtual board: the very image that would be flashed onto a NUCLEO-H743ZI or a NUCLEO-G474RE,
+//! on an emulated STM32H743 or STM32G474 of the crate [`virtual_stm32`].
 
 pub mod board;
 pub mod can_motors;

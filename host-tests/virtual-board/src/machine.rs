@@ -1,8 +1,8 @@
 //! The board as a test sees it: boots an image and runs it in virtual time.
 //!
-//! The emulation runs on a thread of its own and stands still whenever the test thinks: [`Machine`] then has the part
-//! in its hands, every model and every peer included. So a test reads like a lab note: hang nodes on, switch on, run
-//! for a while, look, change something, run on.
+//! The emulation runs on a thread of its own and stands still whenever the test thinks: [`Machine`]
+//! then has the part in its hands, every model and every peer included. So a test reads like a lab
+//! note: hang nodes on, switch on, run for a while, look, change something, run on.
 //!
 //! Same image, same peers, same orders at the same instants: same run, to the last access.
 
@@ -59,7 +59,8 @@ pub struct Machine {
     names: Names,
     /// Where a fault was planted in a function, and the instructions that were there.
     planted: Option<(u64, [u16; 2])>,
-    /// The instant to which the emulation was ordered to run: stops lie on it or at most one instruction behind.
+    /// The instant to which the emulation was ordered to run: stops lie on it or at most one
+    /// instruction behind.
     reached: VirtualNanos,
 }
 
@@ -92,7 +93,8 @@ impl Machine {
         self.run_to(VirtualNanos(self.reached.0.saturating_add(nanos(duration))));
     }
 
-    /// Runs until the condition holds, at most for `limit`. Looks every 10 µs; says whether it held.
+    /// Runs until the condition holds, at most for `limit`. Looks every 10 µs; says whether it
+    /// held.
     pub fn run_until(&mut self, limit: Duration, mut holds: impl FnMut(&mut Self) -> bool) -> bool {
         let end = VirtualNanos(self.reached.0.saturating_add(nanos(limit)));
         loop {
@@ -115,9 +117,12 @@ impl Machine {
         }
     }
 
-    /// Pulls the reset pin for an instant. The part starts again when it runs on; its peers never noticed.
+    /// Pulls the reset pin for an instant. The part starts again when it runs on; its peers never
+    /// noticed.
     pub fn reset_by_pin(&mut self) {
-        self.core.order(|session, host, stop, _| session.reset_by_pin(stop.at, stop.instruction_count, host));
+        self.core.order(|session, host, stop, _| {
+            session.reset_by_pin(stop.at, stop.instruction_count, host)
+        });
     }
 
     /// Which board it is.
@@ -193,8 +198,9 @@ impl Machine {
         self.core.order(|session, _, _, _| Reports::of(session))
     }
 
-    /// Takes the bytes that the firmware has written to its RTT channel 0 since the last call, up to the last whole
-    /// virtual millisecond and the last reset: then they are drained, whatever the test does.
+    /// Takes the bytes that the firmware has written to its RTT channel 0 since the last call, up
+    /// to the last whole virtual millisecond and the last reset: then they are drained,
+    /// whatever the test does.
     pub fn take_rtt(&mut self) -> Vec<u8> {
         self.core.order(|_, _, _, recorder| recorder.take_rtt())
     }
@@ -204,7 +210,8 @@ impl Machine {
         self.core.order(|_, _, _, recorder| recorder.digest())
     }
 
-    /// Counts arrivals at an instruction or writes to memory from now on; see [`Machine::take_hits`].
+    /// Counts arrivals at an instruction or writes to memory from now on; see
+    /// [`Machine::take_hits`].
     pub fn watch(&mut self, watch: Watch) {
         self.core.order(move |session, _, _, _| session.watch(watch));
     }
@@ -214,7 +221,8 @@ impl Machine {
         self.core.order(move |session, _, _, _| session.unwatch(watch));
     }
 
-    /// Watches every instruction in this range, or no longer: the hits are a trace of the program counter.
+    /// Watches every instruction in this range, or no longer: the hits are a trace of the program
+    /// counter.
     pub fn trace(&mut self, code: std::ops::Range<u64>, on: bool) {
         self.core.order(move |session, _, _, _| {
             // Wherever one may begin.
@@ -274,8 +282,8 @@ impl Machine {
         });
     }
 
-    /// Everything as it stands: the core, memory, the part, the peers. Any number of machines start from it, with
-    /// [`Builder::resume`].
+    /// Everything as it stands: the core, memory, the part, the peers. Any number of machines start
+    /// from it, with [`Builder::resume`].
     ///
     /// # Panics
     ///
@@ -285,7 +293,10 @@ impl Machine {
         let taken = self.core.order(move |session, host, stop, recorder| {
             rigless::snapshot::take(session, host, stop, &firmware, recorder)
         });
-        Snapshot::keep(&taken.unwrap_or_else(|error| panic!("no snapshot: {error}")).file, self.reached)
+        Snapshot::keep(
+            &taken.unwrap_or_else(|error| panic!("no snapshot: {error}")).file,
+            self.reached,
+        )
     }
 }
 

@@ -1,8 +1,9 @@
 //! What the firmware costs: exact instruction counts, virtual latency, stack and static memory.
 //!
-//! An operation is run twice. The first run finds the instants at which it begins and ends; the second, the same to the
-//! last access, reads the instruction count there. So a count is of all that the core executes between the two instants,
-//! interrupts and other tasks included; a core that sleeps executes nothing.
+//! An operation is run twice. The first run finds the instants at which it begins and ends; the
+//! second, the same to the last access, reads the instruction count there. So a count is of all
+//! that the core executes between the two instants, interrupts and other tasks included; a core
+//! that sleeps executes nothing.
 
 mod bench;
 mod fetches;
@@ -24,10 +25,12 @@ use bench::{Bench, Count, Span};
 use image::ImageFacts;
 use operations::Session;
 
-/// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with its caches, and a bad case without.
+/// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with
+/// its caches, and a bad case without.
 pub const SPEEDS: [u64; 2] = [250_000_000, 100_000_000];
 
-/// Repetitions of each operation, its last ones, of which there is a trace; the first of them fills the cache.
+/// Repetitions of each operation, its last ones, of which there is a trace; the first of them fills
+/// the cache.
 const TRACED: usize = 2;
 
 /// Decides the motors' reply times.
@@ -75,7 +78,8 @@ impl fmt::Display for NotMeasurable {
 
 impl std::error::Error for NotMeasurable {}
 
-/// Measures an image. `is_traced`: with the rows that a trace of every instruction gives, which takes minutes.
+/// Measures an image. `is_traced`: with the rows that a trace of every instruction gives, which
+/// takes minutes.
 ///
 /// # Errors
 ///
@@ -85,7 +89,8 @@ impl std::error::Error for NotMeasurable {}
 ///
 /// If the firmware does not do what it is asked for, or the emulation is not deterministic.
 pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
-    let unreadable = |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
+    let unreadable =
+        |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
     let file = fs::read(image).map_err(|error| unreadable(&error))?;
     let facts = ImageFacts::read(&file).map_err(|error| unreadable(&error))?;
     // Once as a trial: from then on it is the same file.
@@ -101,7 +106,8 @@ pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
     });
     let row = |(what, unit, fast): &Measured| {
         let slow = slow.iter().find(|(other, other_unit, _)| (other, other_unit) == (what, unit));
-        let values: Vec<u64> = std::iter::once(*fast).chain(slow.map(|(_, _, slow)| *slow)).collect();
+        let values: Vec<u64> =
+            std::iter::once(*fast).chain(slow.map(|(_, _, slow)| *slow)).collect();
         Row::new(what, unit, &values)
     };
     let mut rows: Vec<Row> = fast.iter().map(row).collect();
@@ -130,11 +136,17 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
 type Measured = (&'static str, &'static str, u64);
 
 /// Runs everything twice, to find the instants and to count at them.
-fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64, is_traced: bool) -> Vec<Measured> {
+fn measure_at(
+    board: &dyn Fn() -> Builder,
+    instructions_per_second: u64,
+    is_traced: bool,
+) -> Vec<Measured> {
     let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
     let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
-    let traced = spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
-    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect()).traced(traced);
+    let traced =
+        spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
+    let mut bench =
+        Bench::power_on(board(), instructions_per_second, marks.collect()).traced(traced);
     assert_eq!(run(&mut bench), spans, "the same orders make the same run");
     let read_cycles = bench.read_cycles();
 
@@ -146,12 +158,16 @@ fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64, is_trac
             [Cost { instructions, .. }] => rows.push((*what, "instructions", instructions)),
             _ => {
                 let (median, worst) = median_and_worst(costs.iter().map(|cost| cost.instructions));
-                rows.extend([(*what, "instructions, median", median), (*what, "instructions, worst", worst)]);
+                rows.extend([
+                    (*what, "instructions, median", median),
+                    (*what, "instructions, worst", worst),
+                ]);
                 if is_traced {
                     // The first of them had an empty cache.
                     let costs = &costs[costs.len() - TRACED + 1..];
                     let (reads, _) = median_and_worst(costs.iter().map(|cost| cost.reads));
-                    let cycles = costs.iter().map(|cost| cost.instructions + cost.reads * read_cycles);
+                    let cycles =
+                        costs.iter().map(|cost| cost.instructions + cost.reads * read_cycles);
                     let (cycles, _) = median_and_worst(cycles);
                     rows.extend([
                         (*what, "reads of the flash, last", reads),
@@ -159,7 +175,10 @@ fn measure_at(board: &dyn Fn() -> Builder, instructions_per_second: u64, is_trac
                     ]);
                 }
                 let (median, worst) = median_and_worst(spans.iter().map(Span::nanos));
-                rows.extend([(*what, "latency ns, median", median), (*what, "latency ns, worst", worst)]);
+                rows.extend([
+                    (*what, "latency ns, median", median),
+                    (*what, "latency ns, worst", worst),
+                ]);
             }
         }
     }

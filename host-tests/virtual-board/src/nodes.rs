@@ -1,4 +1,5 @@
-//! What the peers on the virtual buses have in common, and a node that only listens and sends what a test tells it.
+//! What the peers on the virtual buses have in common, and a node that only listens and sends what
+//! a test tells it.
 
 mod alarm;
 mod drive;
@@ -17,7 +18,8 @@ use mgw_sim::{Motor, Outgoing};
 use rigless::chip::can;
 use rigless::time::VirtualNanos;
 
-/// The instant as a span since the start of the run, which is how the simulator's motors count time.
+/// The instant as a span since the start of the run, which is how the simulator's motors count
+/// time.
 #[must_use]
 pub fn since_start(at: VirtualNanos) -> Duration {
     Duration::from_nanos(at.0)
@@ -42,8 +44,8 @@ pub fn to_bus(frame: &CanFrame) -> can::Frame {
     can::Frame::data_frame(id, frame.data())
 }
 
-/// A frame of the emulator's buses as the project knows it. A length code above 8, which carries 8 bytes, becomes 8;
-/// `None` for an identifier that does not fit its format.
+/// A frame of the emulator's buses as the project knows it. A length code above 8, which carries 8
+/// bytes, becomes 8; `None` for an identifier that does not fit its format.
 #[must_use]
 pub fn from_bus(frame: &can::Frame) -> Option<CanFrame> {
     let id = match frame.id {
@@ -56,7 +58,8 @@ pub fn from_bus(frame: &can::Frame) -> Option<CanFrame> {
     CanFrame::data_frame(id, frame.payload())
 }
 
-/// Lets a motor do everything that it does by itself up to `now`, in order; what it sends goes to `sends`.
+/// Lets a motor do everything that it does by itself up to `now`, in order; what it sends goes to
+/// `sends`.
 pub(crate) fn catch_up(motor: &mut Motor, now: Duration, mut sends: impl FnMut(Outgoing)) {
     while let Some(at) = motor.next_event().filter(|at| *at <= now) {
         motor.advance(at);

@@ -1,4 +1,5 @@
-//! Everything outside the board as one wiring of the simulator describes it: two computers, and motors on its buses.
+//! Everything outside the board as one wiring of the simulator describes it: two computers, and
+//! motors on its buses.
 
 use mgw_sim::{Injection, Motor, MotorWiring, Wiring, WiringError};
 
@@ -27,13 +28,17 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// Hangs two computers, an RS485 line and these motors on a board. The last bus is the RS485 line, the others are CAN.
-    /// `seed` decides the motors' reply times.
+    /// Hangs two computers, an RS485 line and these motors on a board. The last bus is the RS485
+    /// line, the others are CAN. `seed` decides the motors' reply times.
     ///
     /// # Errors
     ///
     /// If a motor cannot be connected as the wiring says.
-    pub fn connect(board: &mut Builder, motors: &[MotorWiring], seed: u64) -> Result<Self, WiringError> {
+    pub fn connect(
+        board: &mut Builder,
+        motors: &[MotorWiring],
+        seed: u64,
+    ) -> Result<Self, WiringError> {
         let (ports, rs485_bus) = (board.board().can_ports(), board.board().rs485_bus());
         let mut line = Rs485Line::new();
         let mut places = Vec::with_capacity(motors.len());
@@ -45,17 +50,22 @@ impl Outside {
                 }
                 None if wiring.bus == rs485_bus => Place::Rs485(line.connect(*wiring, seed)?),
                 None => {
-                    return Err(WiringError::Bus { bus: wiring.bus, buses: usize::from(rs485_bus) + 1 });
+                    return Err(WiringError::Bus {
+                        bus: wiring.bus,
+                        buses: usize::from(rs485_bus) + 1,
+                    });
                 }
             };
             places.push((wiring.bus, place));
         }
-        let hosts = [UartPort::Host0, UartPort::Host1].map(|port| board.line(port, HostUart::new()));
+        let hosts =
+            [UartPort::Host0, UartPort::Host1].map(|port| board.line(port, HostUart::new()));
         Ok(Self { hosts, rs485: board.line(UartPort::Rs485, line), motors: places })
     }
 
     /// [`Outside::connect`] with the motors of [`Wiring::four_motors`]: an RMD (node 1) and a thruster (0x0B) on bus 0, a
-    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line of the board. Their indexes are 0 to 3.
+    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line of the board. Their indexes are 0 to
+    /// 3.
     ///
     /// # Panics
     ///
@@ -93,7 +103,8 @@ impl Outside {
         }
     }
 
-    /// Puts a fault into a motor, or takes it out again. Unplugged, a motor on CAN acknowledges nothing either.
+    /// Puts a fault into a motor, or takes it out again. Unplugged, a motor on CAN acknowledges
+    /// nothing either.
     ///
     /// # Panics
     ///
@@ -107,7 +118,9 @@ impl Outside {
                 }
             }
             Place::Rs485(index) => {
-                machine.drive_line(self.rs485, |line, timeline| line.inject(index, injection, timeline));
+                machine.drive_line(self.rs485, |line, timeline| {
+                    line.inject(index, injection, timeline)
+                });
             }
         }
     }

@@ -1,4 +1,5 @@
-//! What the firmware drives on the pins that it uses by themselves, not as a peripheral's, over time.
+//! What the firmware drives on the pins that it uses by themselves, not as a peripheral's, over
+//! time.
 
 use std::time::Duration;
 
@@ -47,8 +48,9 @@ impl OutputLog {
 
     /// The changes of one pin.
     pub(crate) fn of(&self, pin: Pin) -> Vec<Change> {
-        let of_pin =
-            |(port, number, _): &&(usize, u8, Change)| (*port, *number) == (pin.port(), pin.number());
+        let of_pin = |(port, number, _): &&(usize, u8, Change)| {
+            (*port, *number) == (pin.port(), pin.number())
+        };
         self.changes.iter().filter(of_pin).map(|(_, _, change)| *change).collect()
     }
 }

@@ -1,8 +1,8 @@
-//! Reaction times: from the last bit of a host's command to the first bit of the stops, at many phases of what the buses
-//! carry, beside the bounds of GUARANTEES G5.
+//! Reaction times: from the last bit of a host's command to the first bit of the stops, at many
+//! phases of what the buses carry, beside the bounds of GUARANTEES G5.
 //!
-//! A [`Situation`] is set up once at each speed: a bus with as many armed axes as it takes, sixteen at most, and a load. Every phase is a
-//! branch of that run.
+//! A [`Situation`] is set up once at each speed: a bus with as many armed axes as it takes, sixteen
+//! at most, and a load. Every phase is a branch of that run.
 
 mod rig;
 mod situation;
@@ -97,13 +97,19 @@ struct Measured {
 /// # Panics
 ///
 /// If the gateway does not do what it is asked for, or an axis is not stopped at all.
-pub fn measure(image: &Path, phases: [u32; SPEEDS.len()], filter: &str) -> Result<Table, NotRunnable> {
+pub fn measure(
+    image: &Path,
+    phases: [u32; SPEEDS.len()],
+    filter: &str,
+) -> Result<Table, NotRunnable> {
     // Once as a trial: from then on it is the same file.
     Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
     let wanted = &wanted(filter);
     // The bus with most situations first.
-    let tasks = Bus::ALL.into_iter().flat_map(|bus| (0..SPEEDS.len()).map(move |speed| Task { speed, bus }));
+    let tasks = Bus::ALL
+        .into_iter()
+        .flat_map(|bus| (0..SPEEDS.len()).map(move |speed| Task { speed, bus }));
     let left = &Mutex::new(tasks);
     let workers = thread::available_parallelism().map_or(1, usize::from);
     let found: Vec<Measured> = thread::scope(|scope| {
@@ -113,21 +119,24 @@ pub fn measure(image: &Path, phases: [u32; SPEEDS.len()], filter: &str) -> Resul
             std::iter::from_fn(next).flat_map(measured).collect::<Vec<_>>()
         };
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        let joined =
-            workers.into_iter().map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        let joined = workers
+            .into_iter()
+            .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
         joined.flatten().collect()
     });
     let image = found.first().map(|measured| measured.build_id.clone()).unwrap_or_default();
     let row = |(situation, line): (Situation, Line)| {
         let times = |speed| {
-            let measured = found.iter().find(|other| (other.situation, other.speed) == (situation, speed));
+            let measured =
+                found.iter().find(|other| (other.situation, other.speed) == (situation, speed));
             let mut times = measured.into_iter().flat_map(|measured| &measured.times);
             times.find(|(other, _)| *other == line).expect("every line is measured").1
         };
         Row::new(&line.name(situation), std::array::from_fn(times), line.bound(situation))
     };
-    let lines =
-        wanted.iter().flat_map(|(situation, lines)| lines.iter().map(move |line| (*situation, *line)));
+    let lines = wanted
+        .iter()
+        .flat_map(|(situation, lines)| lines.iter().map(move |line| (*situation, *line)));
     Ok(Table { image, phases, rows: lines.map(row).collect() })
 }
 
@@ -142,11 +151,13 @@ fn measured(
     if wanted.peek().is_none() {
         return Vec::new();
     }
-    let mut stand = Stand::new(&|| board().instructions_per_second(Board::chosen().speeds()[speed]), bus);
+    let mut stand =
+        Stand::new(&|| board().instructions_per_second(Board::chosen().speeds()[speed]), bus);
     let measured = |(situation, lines): &(Situation, Vec<Line>)| {
         let rig = stand.set_up(*situation);
         let phases = situation.phases(phases);
-        let took: Vec<_> = (0..phases).map(|phase| times(&rig, *situation, lines, phase, phases)).collect();
+        let took: Vec<_> =
+            (0..phases).map(|phase| times(&rig, *situation, lines, phase, phases)).collect();
         let of_line = |(index, line): (usize, &Line)| {
             (*line, Times::of(&took.iter().map(|took| took[index]).collect::<Vec<_>>()))
         };
@@ -156,7 +167,8 @@ fn measured(
     wanted.map(measured).collect()
 }
 
-/// What the bus carried about the stop that took longest: of each line of the table whose name contains `filter`, at each speed.
+/// What the bus carried about the stop that took longest: of each line of the table whose name
+/// contains `filter`, at each speed.
 ///
 /// # Errors
 ///
@@ -165,12 +177,19 @@ fn measured(
 /// # Panics
 ///
 /// If the gateway does not do what it is asked for.
-pub fn traces(image: &Path, phases: [u32; SPEEDS.len()], filter: &str) -> Result<String, NotRunnable> {
+pub fn traces(
+    image: &Path,
+    phases: [u32; SPEEDS.len()],
+    filter: &str,
+) -> Result<String, NotRunnable> {
     Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
     let mut text = String::new();
     for (speed, phases) in Board::chosen().speeds().into_iter().zip(phases) {
-        let board =
-            || Builder::new(image).expect("the image that was just read").instructions_per_second(speed);
+        let board = || {
+            Builder::new(image)
+                .expect("the image that was just read")
+                .instructions_per_second(speed)
+        };
         for (situation, lines) in wanted(filter) {
             let rig = Stand::new(&board, situation.bus).set_up(situation);
             for line in lines {
@@ -241,7 +260,13 @@ fn stop_of(axis: u8) -> Stop {
 }
 
 /// What these lines take in one phase; `None`: an axis is not stopped at all.
-fn times(rig: &Rig, situation: Situation, lines: &[Line], phase: u32, phases: u32) -> Vec<Option<Duration>> {
+fn times(
+    rig: &Rig,
+    situation: Situation,
+    lines: &[Line],
+    phase: u32,
+    phases: u32,
+) -> Vec<Option<Duration>> {
     let after = situation.offset(phase, phases);
     let one = || {
         let axis = situation.stopped(phase);
@@ -252,7 +277,9 @@ fn times(rig: &Rig, situation: Situation, lines: &[Line], phase: u32, phases: u3
     let took = |line: &Line| match line {
         Line::One => one().into_iter().flatten().min(),
         Line::First => all.iter().copied().flatten().min(),
-        Line::Last => all.iter().copied().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max()),
+        Line::Last => {
+            all.iter().copied().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max())
+        }
     };
     lines.iter().map(took).collect()
 }

@@ -19,7 +19,8 @@ use virtual_stm32::serial_port::{FarEnd, Settings};
 
 const PICOS_PER_NANO: u64 = 1_000;
 const PICOS_PER_SECOND: u64 = 1_000_000_000_000;
-/// A sender's last byte is complete for a receiver at another rate after so many bits of the receiver.
+/// A sender's last byte is complete for a receiver at another rate after so many bits of the
+/// receiver.
 const SETTLE_BITS: u64 = 2 * BITS_PER_BYTE;
 
 /// A byte that the port has sent.
@@ -31,8 +32,8 @@ pub struct SentByte {
     pub end: Duration,
     /// The byte.
     pub byte: u8,
-    /// The transceiver drove the line: the port had its driver-enable output on. Otherwise nobody heard the byte, and
-    /// there was no echo.
+    /// The transceiver drove the line: the port had its driver-enable output on. Otherwise nobody
+    /// heard the byte, and there was no echo.
     pub driven: bool,
 }
 
@@ -73,11 +74,13 @@ struct LineMotor {
     sends_until_ps: u64,
 }
 
-/// A half-duplex line: the transceiver at the port, whose receiver is always on, and motors, each at its own rate.
+/// A half-duplex line: the transceiver at the port, whose receiver is always on, and motors, each
+/// at its own rate.
 ///
-/// The port hears each byte that it sends, as the emulator hands words over, one byte time later than on a real line. A
-/// motor at another rate than the port's hears garbage, and is heard as garbage. What overlaps is garbled, as far as the
-/// port's receiver has not taken it yet. A snapshot keeps everything.
+/// The port hears each byte that it sends, as the emulator hands words over, one byte time later
+/// than on a real line. A motor at another rate than the port's hears garbage, and is heard as
+/// garbage. What overlaps is garbled, as far as the port's receiver has not taken it yet. A
+/// snapshot keeps everything.
 #[derive(Serialize, Deserialize)]
 #[serde(bound(deserialize = "'de: 'static"))]
 pub struct Rs485Line {
@@ -117,7 +120,8 @@ impl Rs485Line {
         }
     }
 
-    /// Connects a motor at its own rate; its index here. `seed` decides its reply times and its garbage.
+    /// Connects a motor at its own rate; its index here. `seed` decides its reply times and its
+    /// garbage.
     ///
     /// # Errors
     ///
@@ -169,14 +173,14 @@ impl Rs485Line {
         self.live(timeline);
     }
 
-    /// Breaks the line beside the transceiver, or mends it. Cut, the port hears itself only. Short, all that it sends
-    /// comes back as zeros without stop bits.
+    /// Breaks the line beside the transceiver, or mends it. Cut, the port hears itself only. Short,
+    /// all that it sends comes back as zeros without stop bits.
     pub fn set_fault(&mut self, fault: BusFault) {
         self.fault = fault;
     }
 
-    /// Puts noise on the line from now on, one byte after the other; with `damaged`, without stop bits. Only the port
-    /// hears it.
+    /// Puts noise on the line from now on, one byte after the other; with `damaged`, without stop
+    /// bits. Only the port hears it.
     pub fn disturb(&mut self, bytes: &[u8], damaged: bool, timeline: &mut Timeline<'_, '_>) {
         let (now_ps, length_ps) = (picos(timeline.now()), self.settings.bit_ps * BITS_PER_BYTE);
         for (start_ps, byte) in (0..).map(|nth| now_ps + nth * length_ps).zip(bytes) {
@@ -210,7 +214,8 @@ impl Rs485Line {
         self.settings
     }
 
-    /// Lets the motors live up to the present, puts what they send on the line, and waits for what comes next.
+    /// Lets the motors live up to the present, puts what they send on the line, and waits for what
+    /// comes next.
     fn live(&mut self, timeline: &mut Timeline<'_, '_>) {
         let now = since_start(timeline.now());
         for at in 0..self.motors.len() {
@@ -221,8 +226,11 @@ impl Rs485Line {
                 messages.into_iter().for_each(|message| self.speak(at, &message));
             }
         }
-        let awaited =
-            self.arriving.iter().map(|byte| starts_at(byte.start_ps)).find(|at| *at > timeline.now());
+        let awaited = self
+            .arriving
+            .iter()
+            .map(|byte| starts_at(byte.start_ps))
+            .find(|at| *at > timeline.now());
         let motors = self.motors.iter().filter_map(|motor| motor.motor.next_event());
         let next = motors.chain(awaited.map(since_start)).min();
         self.alarm.set(next, timeline);
@@ -233,8 +241,8 @@ impl Rs485Line {
         // A motor made for the line sends nothing else.
         let Wire::Serial(bytes) = &message.wire else { return };
         let bit_ps = motor_bit_ps(&self.motors[from].motor);
-        let start_ps =
-            u64::try_from(message.at.as_nanos()).unwrap_or(u64::MAX / PICOS_PER_NANO) * PICOS_PER_NANO;
+        let start_ps = u64::try_from(message.at.as_nanos()).unwrap_or(u64::MAX / PICOS_PER_NANO)
+            * PICOS_PER_NANO;
         let starts = (0..).map(|nth| start_ps + nth * BITS_PER_BYTE * bit_ps);
         let bytes: Vec<(u64, u8)> = starts.zip(bytes.iter().copied()).collect();
         let end_ps = start_ps + bytes.len() as u64 * BITS_PER_BYTE * bit_ps;
@@ -253,8 +261,10 @@ impl Rs485Line {
             port.hear(*start_ps, bit_ps, *byte, &mut heard);
         }
         port.rest(end_ps + SETTLE_BITS * self.settings.bit_ps, &mut heard);
-        // A receiver is ready for the next byte in the middle of the stop bit: a sender that is a little faster reaches into it.
-        let nexts = heard.iter().skip(1).map(|next| next.start_ps).chain([u64::MAX]).collect::<Vec<_>>();
+        // A receiver is ready for the next byte in the middle of the stop bit: a sender that is a
+        // little faster reaches into it.
+        let nexts =
+            heard.iter().skip(1).map(|next| next.start_ps).chain([u64::MAX]).collect::<Vec<_>>();
         for (Sampled { start_ps, byte, damaged }, next_ps) in heard.into_iter().zip(nexts) {
             let end_ps = next_ps.min(start_ps + BITS_PER_BYTE * self.settings.bit_ps);
             self.arrive(Arriving { source: Source::Motor, start_ps, end_ps, byte, damaged });
@@ -273,8 +283,8 @@ impl Rs485Line {
         }
     }
 
-    /// Puts a byte on its way to the port. Beside another one that has not been taken it is lost, and garbles it: a zero
-    /// wins, bit by bit.
+    /// Puts a byte on its way to the port. Beside another one that has not been taken it is lost,
+    /// and garbles it: a zero wins, bit by bit.
     fn arrive(&mut self, byte: Arriving) {
         if let Some(other) = self.arriving.iter_mut().find(|other| other.is_beside(&byte)) {
             other.byte &= byte.byte;
@@ -289,8 +299,8 @@ impl Rs485Line {
         self.arriving.insert(at, byte);
     }
 
-    /// What became of a byte that the port has sent while others were on the line; what of theirs the port has not taken
-    /// yet, nobody hears separately any more. `None` if it was alone.
+    /// What became of a byte that the port has sent while others were on the line; what of theirs
+    /// the port has not taken yet, nobody hears separately any more. `None` if it was alone.
     fn garbled_by_others(&mut self, sent: &Arriving) -> Option<u8> {
         let taken = self.taken.filter(|taken| taken.is_beside(sent));
         let mut garbled = taken.map(|taken| sent.byte & taken.byte);
@@ -349,9 +359,15 @@ impl Peer for Rs485Line {
         }
         match &mut self.taken {
             // The receiver is in the middle of what the port has spoken into.
-            Some(taken) if taken.source != Source::Echo && taken.end_ps > end_ps => taken.damaged = true,
+            Some(taken) if taken.source != Source::Echo && taken.end_ps > end_ps => {
+                taken.damaged = true
+            }
             // The emulator times the whole word again.
-            _ => self.queue(Arriving { start_ps: end_ps, end_ps: end_ps + (end_ps - start_ps), ..echo }),
+            _ => self.queue(Arriving {
+                start_ps: end_ps,
+                end_ps: end_ps + (end_ps - start_ps),
+                ..echo
+            }),
         }
         self.live(timeline);
     }

@@ -1,4 +1,5 @@
-//! A committed table of several boards: what its lines mean, then a section for each board, which begins with its name.
+//! A committed table of several boards: what its lines mean, then a section for each board, which
+//! begins with its name.
 
 use crate::board::Board;
 
@@ -9,7 +10,8 @@ pub fn section(text: &str, board: Board) -> Option<&str> {
     Some(rest.split("\nboard | ").next().expect("at least one part"))
 }
 
-/// The text with another section of a board and another legend. Sections keep the order of the boards.
+/// The text with another section of a board and another legend. Sections keep the order of the
+/// boards.
 #[must_use]
 pub fn renewed(text: &str, legend: &str, board: Board, table: &str) -> String {
     let section = |of: Board| {
@@ -41,7 +43,10 @@ mod tests {
         assert_eq!(section(&both, H743), Some("a | 1\na | 2\n"));
         assert_eq!(section(&both, G474), Some("b | 1\n"));
         let changed = renewed(&both, "# Other\n", H743, "a | 3\n");
-        assert_eq!(changed, "# Other\n\nboard | nucleo-h743zi\na | 3\n\nboard | nucleo-g474re\nb | 1\n");
+        assert_eq!(
+            changed,
+            "# Other\n\nboard | nucleo-h743zi\na | 3\n\nboard | nucleo-g474re\nb | 1\n"
+        );
     }
 
     #[test]

@@ -16,8 +16,8 @@ use crate::outside::Outside;
 const TURN: Duration = Duration::from_micros(500);
 /// Virtual time run at once.
 const STEP: Duration = Duration::from_millis(2);
-/// A board that has fallen behind by more gives up on the rest: its time is then late for good. A leap of its time would
-/// let setpoints expire that their host has just renewed.
+/// A board that has fallen behind by more gives up on the rest: its time is then late for good. A
+/// leap of its time would let setpoints expire that their host has just renewed.
 const LAG: Duration = Duration::from_millis(10);
 /// How often, in virtual time, the board's records that nobody reads here are thrown away.
 const RECORDS_KEPT: Duration = Duration::from_secs(1);
@@ -26,11 +26,11 @@ const WORTH_A_LINE: Duration = Duration::from_millis(100);
 /// Bytes on their way to the board above which a client has to wait, as it would for a serial port.
 const BACKLOG: usize = 4_096;
 
-/// Serves a board until a listener fails: the wall clock drives its time, and whoever connects to a listener holds the
-/// computer's end of that host UART.
+/// Serves a board until a listener fails: the wall clock drives its time, and whoever connects to a
+/// listener holds the computer's end of that host UART.
 ///
-/// `listeners`: of host links 0 and 1. Each line of the motors' logs, and each coming and going of a client, goes to
-/// `log`.
+/// `listeners`: of host links 0 and 1. Each line of the motors' logs, and each coming and going of
+/// a client, goes to `log`.
 ///
 /// # Errors
 ///
@@ -80,7 +80,11 @@ impl Server {
     /// # Errors
     ///
     /// When a listener cannot be switched to non-blocking.
-    pub fn new(listeners: [TcpListener; 2], machine: Machine, outside: Outside) -> io::Result<Self> {
+    pub fn new(
+        listeners: [TcpListener; 2],
+        machine: Machine,
+        outside: Outside,
+    ) -> io::Result<Self> {
         let mut sockets = Vec::new();
         for (number, (listener, line)) in listeners.into_iter().zip(outside.hosts).enumerate() {
             listener.set_nonblocking(true)?;
@@ -99,7 +103,8 @@ impl Server {
         })
     }
 
-    /// Brings the board to `elapsed` after the start and passes bytes on, without waiting for anything.
+    /// Brings the board to `elapsed` after the start and passes bytes on, without waiting for
+    /// anything.
     ///
     /// # Errors
     ///
@@ -165,7 +170,9 @@ impl Server {
             let motor = self.outside.motor(&mut self.machine, index);
             let (new, total) = motor.log().since(*printed);
             *printed = total;
-            lines.extend(new.map(|entry| (entry.time_us, format!("bus {bus}  {motor}  {}", entry.what))));
+            lines.extend(
+                new.map(|entry| (entry.time_us, format!("bus {bus}  {motor}  {}", entry.what))),
+            );
         }
         lines.sort_by_key(|(time_us, _)| *time_us);
         for (time_us, line) in lines {
@@ -203,7 +210,9 @@ impl Socket {
                 Err(error)
                     if matches!(
                         error.kind(),
-                        ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset | ErrorKind::Interrupted
+                        ErrorKind::ConnectionAborted
+                            | ErrorKind::ConnectionReset
+                            | ErrorKind::Interrupted
                     ) =>
                 {
                     continue;

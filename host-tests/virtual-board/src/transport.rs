@@ -83,7 +83,9 @@ impl Transport for BoardTransport {
                 return Ok(count);
             }
             let waited = machine.now().saturating_sub(start);
-            let Some(left) = timeout.checked_sub(waited).filter(|left| !left.is_zero()) else { return Ok(0) };
+            let Some(left) = timeout.checked_sub(waited).filter(|left| !left.is_zero()) else {
+                return Ok(0);
+            };
             let look = if waited < PATIENCE { LOOK } else { LAZY_LOOK };
             machine.run_for(look.min(left));
         }

@@ -1,4 +1,5 @@
-//! What an operating system does with the board on its USB: enumerates it, opens its serial port, asks it to detach.
+//! What an operating system does with the board on its USB: enumerates it, opens its serial port,
+//! asks it to detach.
 
 use std::time::Duration;
 
@@ -29,7 +30,8 @@ const ADDRESS: u8 = 5;
 /// An endpoint that the host reads, and one that carries bulk.
 const IN: u8 = 0x80;
 const BULK: u8 = 2;
-/// How long a device may take for a reset, and for a request (USB 2.0 §9.2.6.4: 5 s; Linux gives up after as long).
+/// How long a device may take for a reset, and for a request (USB 2.0 §9.2.6.4: 5 s; Linux gives up
+/// after as long).
 const RESET: Duration = Duration::from_millis(50);
 const REQUEST: Duration = Duration::from_secs(5);
 /// After SET_ADDRESS (USB 2.0 §9.2.6.3).
@@ -51,7 +53,11 @@ pub struct Described {
 }
 
 /// Runs until something has happened; says whether it has in time.
-fn wait(machine: &mut Machine, limit: Duration, mut happened: impl FnMut(&mut Machine) -> bool) -> bool {
+fn wait(
+    machine: &mut Machine,
+    limit: Duration,
+    mut happened: impl FnMut(&mut Machine) -> bool,
+) -> bool {
     let end = machine.now() + limit;
     while !happened(machine) {
         if machine.now() >= end {
@@ -110,8 +116,8 @@ pub fn reset(machine: &mut Machine) {
     assert!(ready, "no device after the reset");
 }
 
-/// Resets the bus, and reads and configures the device as Linux does: eight bytes of the device descriptor, a reset, an address,
-/// all descriptors and strings, the configuration.
+/// Resets the bus, and reads and configures the device as Linux does: eight bytes of the device
+/// descriptor, a reset, an address, all descriptors and strings, the configuration.
 ///
 /// # Panics
 ///
@@ -137,8 +143,10 @@ pub fn enumerate(machine: &mut Machine) -> Described {
 fn string(machine: &mut Machine, index: u8) -> String {
     let read = Control::read(0, GET_DESCRIPTOR, STRING | u16::from(index), LANGUAGE, 255);
     let descriptor = request(machine, read);
-    let text: Vec<u16> =
-        descriptor[2..].chunks_exact(2).map(|unit| u16::from_le_bytes([unit[0], unit[1]])).collect();
+    let text: Vec<u16> = descriptor[2..]
+        .chunks_exact(2)
+        .map(|unit| u16::from_le_bytes([unit[0], unit[1]]))
+        .collect();
     String::from_utf16(&text).expect("UTF-16")
 }
 

@@ -26,7 +26,8 @@ pub struct Cli {
     #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
     pub port: Option<String>,
 
-    /// Print JSON: one object per command, one per line for streams; errors likewise on standard error
+    /// Print JSON: one object per command, one per line for streams; errors likewise on standard
+    /// error
     #[arg(long, global = true)]
     pub json: bool,
 
@@ -64,15 +65,18 @@ pub enum Command {
         /// Leave buses and axes unconfigured, as a board is after power-on
         #[arg(long)]
         unconfigured: bool,
-        /// CAN id of the D5 motor, 0x123 or, of 29 bits, extended:0x12345678; its node unless given
+        /// CAN id of the D5 motor, 0x123 or, of 29 bits, extended:0x12345678; its node unless
+        /// given
         #[arg(long, value_name = "CAN_ID")]
         d5_id: Option<CanId>,
     },
 
-    /// Show what the gateway is: versions, board, buses, boot reason, who commands, e-stop, enable output
+    /// Show what the gateway is: versions, board, buses, boot reason, who commands, e-stop, enable
+    /// output
     Info,
 
-    /// Show what the gateway remembers over a reset: its last trips and starts, and the message of a panic
+    /// Show what the gateway remembers over a reset: its last trips and starts, and the message of
+    /// a panic
     Trips,
 
     /// List the axes with bus, protocol, node and state
@@ -107,21 +111,27 @@ pub enum Command {
     },
 
     /// Arm an axis, hold a setpoint, then stop it and wait for the confirmed stop
-    #[command(after_help = "Examples:\n  mgw set 0 velocity 2 --for 3          2 rad/s for 3 s\n  \
+    #[command(
+        after_help = "Examples:\n  mgw set 0 velocity 2 --for 3          2 rad/s for 3 s\n  \
             mgw set 1 signal -0.05                -5 % until Ctrl-C\n  \
             mgw set 0 position 1.57 --speed-limit 0.5 --for 4\n  \
-            mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --for 4")]
+            mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --for 4"
+    )]
     Set(SetArgs),
 
     /// Arm an axis, move it by a distance, then stop it and wait for the confirmed stop
-    #[command(after_help = "Examples:\n  mgw move 0 1.57 --speed-limit 0.5      a quarter turn\n  \
-            mgw move 0 -0.1 --speed-limit 0.5 --for 4 --tolerance 0.01")]
+    #[command(
+        after_help = "Examples:\n  mgw move 0 1.57 --speed-limit 0.5      a quarter turn\n  \
+            mgw move 0 -0.1 --speed-limit 0.5 --for 4 --tolerance 0.01"
+    )]
     Move(MoveArgs),
 
-    /// Arm several D5 motors of one bus, set them in motion by one frame, then stop them and wait for the confirmed stops
+    /// Arm several D5 motors of one bus, set them in motion by one frame, then stop them and wait
+    /// for the confirmed stops
     ///
-    /// The speed of each waits in it until all are told to start, so that they start in the same instant. The bus must be `wholly_ours`, as
-    /// every D5 motor on it hears that frame, and nothing may wait in any other.
+    /// The speed of each waits in it until all are told to start, so that they start in the same
+    /// instant. The bus must be `wholly_ours`, as every D5 motor on it hears that frame, and
+    /// nothing may wait in any other.
     #[command(after_help = "Examples:\n  \
             mgw together 3 velocity 10.47 4 velocity -10.47 --for 2\n  \
             mgw together 3 velocity 2 4 velocity 2 5 velocity 2            until Ctrl-C")]
@@ -129,11 +139,12 @@ pub enum Command {
 
     /// Have the motor of an axis carry out a command of its own manual, and decode its reply
     ///
-    /// What only asks needs no authority, what changes the motor needs an idle axis, and what stops it is carried out as a
-    /// stop. What moves it needs --for: the axis is armed, the command is sent and kept up for so long, then the axis is
-    /// stopped and disarmed. Commands that move by a distance go out once and for the TTL of the axis at most: raise its `ttl_us`
-    /// for longer ones. What waits in a D5 motor for `execute` does not outlast a call of mgw, so `execute`, and `async_write`
-    /// of the speed, are refused.
+    /// What only asks needs no authority, what changes the motor needs an idle axis, and what stops
+    /// it is carried out as a stop. What moves it needs --for: the axis is armed, the command
+    /// is sent and kept up for so long, then the axis is stopped and disarmed. Commands that
+    /// move by a distance go out once and for the TTL of the axis at most: raise its `ttl_us`
+    /// for longer ones. What waits in a D5 motor for `execute` does not outlast a call of mgw, so
+    /// `execute`, and `async_write` of the speed, are refused.
     #[command(after_help = "Examples:\n  \
             mgw native 0 9C00000000000000                                  RMD: read status 2\n  \
             mgw native 0 --command read_status_2                           the same by name\n  \
@@ -154,7 +165,9 @@ pub enum Command {
     Estop,
 
     /// Clear the trip of an axis, or the latched e-stop of the gateway; never arms
-    #[command(after_help = "Examples:\n  mgw clear 0\n  mgw clear 0 --restart\n  mgw clear gateway")]
+    #[command(
+        after_help = "Examples:\n  mgw clear 0\n  mgw clear 0 --restart\n  mgw clear gateway"
+    )]
     Clear {
         /// An axis, or `gateway`
         #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
@@ -162,7 +175,8 @@ pub enum Command {
         /// Unsafe: leave a trip whose stop the motor does not confirm; it may still be turning
         #[arg(long)]
         unreachable: bool,
-        /// Restart the motor (RMD) and clear once it is back: some faults last until then; what it holds may drop
+        /// Restart the motor (RMD) and clear once it is back: some faults last until then; what it
+        /// holds may drop
         #[arg(long, conflicts_with = "unreachable")]
         restart: bool,
     },
@@ -185,10 +199,13 @@ pub enum Command {
 
     /// Follow samples and events; takes no authority
     ///
-    /// It commands nothing: Ctrl-C ends it and stops no motor, `mgw stop` does. The gateway sends the samples by itself; those that its link cannot carry are counted as lost. A value marked with * is
-    /// older than 1 s; --json has the age of each.
-    #[command(after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json\n  \
-            mgw watch 0 --fields position,velocity --period 10")]
+    /// It commands nothing: Ctrl-C ends it and stops no motor, `mgw stop` does. The gateway sends
+    /// the samples by itself; those that its link cannot carry are counted as lost. A value marked
+    /// with * is older than 1 s; --json has the age of each.
+    #[command(
+        after_help = "Examples:\n  mgw watch\n  mgw watch 0 2 --period 100 --count 50 --json\n  \
+            mgw watch 0 --fields position,velocity --period 10"
+    )]
     Watch(WatchArgs),
 
     /// Show configuration, state and counters of one bus, or of all
@@ -199,14 +216,16 @@ pub enum Command {
 
     /// Send and receive raw frames on a bus whose axes are all idle
     ///
-    /// What may do more than read a motor is refused. An e-stop, a stop or a change of the configuration there ends it.
+    /// What may do more than read a motor is refused. An e-stop, a stop or a change of the
+    /// configuration there ends it.
     #[command(after_help = "Examples:\n  mgw raw 0 send 141#9A00000000000000\n  \
             mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen --for 2\n  \
             mgw raw --unsafe 1 send 141#A200000010270000")]
     Raw {
         /// The bus
         bus: u8,
-        /// Send any frame, also one that moves a motor, which nothing stops; only on a bus without axes
+        /// Send any frame, also one that moves a motor, which nothing stops; only on a bus without
+        /// axes
         #[arg(long = "unsafe")]
         unsafe_access: bool,
         #[command(subcommand)]
@@ -215,9 +234,10 @@ pub enum Command {
 
     /// Decode captured frames from standard input; needs no gateway
     ///
-    /// Reads lines as candump writes them, `(1700000000.0) can0 141#9A00000000000000` or only `141#9A…`, and bytes of a
-    /// serial line in hexadecimal, several frames and garbage in a line or one frame over several lines. Prints one line
-    /// for each frame; what cannot be decoded has an `error` with a stable name.
+    /// Reads lines as candump writes them, `(1700000000.0) can0 141#9A00000000000000` or only
+    /// `141#9A…`, and bytes of a serial line in hexadecimal, several frames and garbage in a
+    /// line or one frame over several lines. Prints one line for each frame; what cannot be
+    /// decoded has an `error` with a stable name.
     #[command(after_help = "Examples:\n  \
             echo 241#9A320001E5010400 | mgw decode\n  \
             candump -L can0 | mgw decode --json\n  \
@@ -242,10 +262,12 @@ pub struct DecodeArgs {
     /// Take lines of this kind only; without it each line is taken for what it looks like
     #[arg(long, value_enum)]
     pub bus: Option<BusKind>,
-    /// Which way frames go that do not say so (RMD on RS485 and CAN id 300); without it guessed from their order and form
+    /// Which way frames go that do not say so (RMD on RS485 and CAN id 300); without it guessed
+    /// from their order and form
     #[arg(long, value_enum)]
     pub direction: Option<DirectionChoice>,
-    /// Thrusters return frames without a header, although the capture does not show them being set so
+    /// Thrusters return frames without a header, although the capture does not show them being set
+    /// so
     #[arg(long)]
     pub headerless: bool,
 }
@@ -268,7 +290,11 @@ pub struct EncodeArgs {
     #[arg(long)]
     pub list: bool,
     /// The command and its fields
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "COMMAND [--FIELD VALUE]")]
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        value_name = "COMMAND [--FIELD VALUE]"
+    )]
     pub words: Vec<String>,
 }
 
@@ -364,7 +390,8 @@ pub struct WatchArgs {
     /// The axes; all configured ones without any
     #[arg(value_name = "AXIS")]
     pub axes: Vec<u8>,
-    /// What to tell of them: position, velocity, current, voltage, motor_temperature, driver_temperature, faults; all without it
+    /// What to tell of them: position, velocity, current, voltage, motor_temperature,
+    /// driver_temperature, faults; all without it
     #[arg(long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field)]
     pub fields: Vec<host_protocol::StateField>,
     /// Milliseconds between two samples of an axis
@@ -386,7 +413,12 @@ pub struct NativeArgs {
     #[arg(long, value_name = "NAME", conflicts_with = "data")]
     pub command: Option<String>,
     /// A field of that command
-    #[arg(long = "field", value_name = "NAME=VALUE", requires = "command", allow_hyphen_values = true)]
+    #[arg(
+        long = "field",
+        value_name = "NAME=VALUE",
+        requires = "command",
+        allow_hyphen_values = true
+    )]
     pub fields: Vec<String>,
     /// Move: seconds to keep the command up
     #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
@@ -436,10 +468,12 @@ impl Target {
         let wanted = "write AXIS velocity RAD_S for each, for example `3 velocity 2 4 velocity -2`";
         let targets = words.chunks(3).map(|words| match words {
             [axis, mode, velocity] if mode == "velocity" => {
-                let axis =
-                    axis.parse().map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
-                let velocity =
-                    velocity.parse().map_err(|_| format!("`{velocity}` is not a velocity: {wanted}"))?;
+                let axis = axis
+                    .parse()
+                    .map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
+                let velocity = velocity
+                    .parse()
+                    .map_err(|_| format!("`{velocity}` is not a velocity: {wanted}"))?;
                 Ok(Self { axis, velocity })
             }
             [_, mode, ..] if mode != "velocity" => {
@@ -500,7 +534,8 @@ pub enum Mode {
 
 #[derive(Debug, Subcommand)]
 pub enum RawAction {
-    /// Send a CAN frame, ID#DATA in hexadecimal (3 digits: standard id, 8: extended), and print what arrives
+    /// Send a CAN frame, ID#DATA in hexadecimal (3 digits: standard id, 8: extended), and print
+    /// what arrives
     Send {
         /// For example 141#9A00000000000000
         frame: String,
@@ -525,7 +560,8 @@ pub enum RawAction {
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {
-    let duration = text.parse().ok().and_then(|value| std::time::Duration::try_from_secs_f64(value).ok());
+    let duration =
+        text.parse().ok().and_then(|value| std::time::Duration::try_from_secs_f64(value).ok());
     duration.ok_or_else(|| "takes seconds from 0 on, for example 2.5".to_owned())
 }
 
@@ -536,7 +572,8 @@ fn some_seconds(text: &str) -> Result<std::time::Duration, String> {
 
 fn state_field(text: &str) -> Result<host_protocol::StateField, String> {
     host_protocol::StateField::from_name(text).ok_or_else(|| {
-        let names: Vec<&str> = host_protocol::StateField::ALL.iter().map(|field| field.name()).collect();
+        let names: Vec<&str> =
+            host_protocol::StateField::ALL.iter().map(|field| field.name()).collect();
         format!("must be one of {}", names.join(", "))
     })
 }
@@ -549,7 +586,8 @@ fn axis_or(text: &str, word: &str) -> Result<Option<u8>, String> {
 }
 
 fn stop_target(text: &str) -> Result<host_protocol::StopTarget, String> {
-    Ok(axis_or(text, "all")?.map_or(host_protocol::StopTarget::All, host_protocol::StopTarget::Axis))
+    Ok(axis_or(text, "all")?
+        .map_or(host_protocol::StopTarget::All, host_protocol::StopTarget::Axis))
 }
 
 fn clear_target(text: &str) -> Result<host_protocol::ClearTarget, String> {

@@ -58,7 +58,9 @@ impl Failure {
     /// A name that programs can rely on: the gateway's own for its errors.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => error.name(),
+            Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => {
+                error.name()
+            }
             Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
             Self::Client(ClientError::StopUnanswered { .. }) => "StopUnanswered",
             Self::Client(ClientError::Interrupted { .. }) => "Interrupted",
@@ -98,7 +100,9 @@ impl Failure {
             fields.insert("number".to_owned(), json!(cause.number()));
             fields.extend(data(cause));
         }
-        if let (Self::Refused { field, value, range, .. }, Some(fields)) = (self, error.as_object_mut()) {
+        if let (Self::Refused { field, value, range, .. }, Some(fields)) =
+            (self, error.as_object_mut())
+        {
             fields.insert("field".to_owned(), json!(field));
             fields.insert("value".to_owned(), json!(value));
             if let Some((min, max)) = range {
@@ -139,7 +143,10 @@ impl Failure {
 
 /// Whether the text is no name of a port at all.
 fn is_no_port(error: &ConnectError) -> bool {
-    matches!(error, ConnectError::NoPort | ConnectError::BadAddress { .. } | ConnectError::BadBaud { .. })
+    matches!(
+        error,
+        ConnectError::NoPort | ConnectError::BadAddress { .. } | ConnectError::BadBaud { .. }
+    )
 }
 
 /// The data of those errors whose data a program may act on.
@@ -169,7 +176,9 @@ impl fmt::Display for Failure {
             | Self::Demonstration(text)
             | Self::Explained { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),
-            Self::File { path, source } => write!(f, "cannot read {path} ({source}). Check the path"),
+            Self::File { path, source } => {
+                write!(f, "cannot read {path} ({source}). Check the path")
+            }
             Self::Tripped { axis, reason } => write!(
                 f,
                 "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw state {axis}` shows the last values"
@@ -192,7 +201,10 @@ impl fmt::Display for Failure {
                 "the gateway took the stop; whether the motors are at rest is not known ({cause}). Look at `mgw state`, and cut their power if they turn"
             ),
             Self::Server { address, source } => {
-                write!(f, "cannot serve on {address} ({source}). Choose another port, or 0 for a free one")
+                write!(
+                    f,
+                    "cannot serve on {address} ({source}). Choose another port, or 0 for a free one"
+                )
             }
             Self::Output(error) => write!(f, "cannot print ({error})"),
         }

@@ -1,11 +1,13 @@
-//! The bits of a motor's fault word in words: what its manual calls them, what the motor's light shows, how they end.
+//! The bits of a motor's fault word in words: what its manual calls them, what the motor's light
+//! shows, how they end.
 
 use host_protocol::Protocol;
 use rmd::FaultLevel;
 
 /// A line for each bit of the word that the manual lists, and one for those that it does not.
 pub fn explain(axis: u8, protocol: Protocol, word: u16) -> Vec<String> {
-    let line = |bits: u16, name: &str, more: &str| format!("axis {axis}: {name} ({bits:#06x}){more}");
+    let line =
+        |bits: u16, name: &str, more: &str| format!("axis {axis}: {name} ({bits:#06x}){more}");
     let mut lines: Vec<String> = match protocol {
         Protocol::Rmd => rmd::Faults::from_bits_retain(word)
             .infos()
@@ -43,7 +45,9 @@ fn rmd_end(axis: u8, level: FaultLevel) -> String {
 fn listed(protocol: Protocol) -> u16 {
     match protocol {
         Protocol::Rmd => rmd::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits()),
-        Protocol::Thruster => thruster::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits()),
+        Protocol::Thruster => {
+            thruster::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits())
+        }
         Protocol::D5 => d5::FAULTS.iter().fold(0, |bits, info| bits | u16::from(info.fault.bits())),
     }
 }

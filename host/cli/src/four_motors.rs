@@ -16,14 +16,20 @@ const CONFIGURATION: &str = include_str!("../examples/four-motors.toml");
 pub const D5_AXIS: u8 = 2;
 /// The host link that it is set up through.
 const LINK: u8 = 0;
-/// A session number and a first sequence number like any other: simulated runs are the same each time.
+/// A session number and a first sequence number like any other: simulated runs are the same each
+/// time.
 const SESSION: u32 = 0x0D0E_0001;
 const FIRST_SEQUENCE: u16 = 1;
 
-/// A world with an unconfigured gateway and four motors. `d5_id`: of the D5, where that is not its node.
+/// A world with an unconfigured gateway and four motors. `d5_id`: of the D5, where that is not its
+/// node.
 pub fn world(d5_id: Option<CanId>) -> Rc<RefCell<World>> {
     let mut wiring = Wiring::four_motors();
-    wiring.motors.iter_mut().filter(|motor| motor.protocol == Protocol::D5).for_each(|d5| d5.can_id = d5_id);
+    wiring
+        .motors
+        .iter_mut()
+        .filter(|motor| motor.protocol == Protocol::D5)
+        .for_each(|d5| d5.can_id = d5_id);
     Rc::new(RefCell::new(World::new(wiring)))
 }
 

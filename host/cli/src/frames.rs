@@ -29,7 +29,9 @@ pub fn read(wire: &Wire, from_gateway: bool, protocols: ProtocolSet) -> Option<M
 fn rmd_request(wire: &Wire) -> Option<Meaning> {
     let (node, request) = match wire {
         Wire::Can(frame) => rmd::can::decode_request(frame).ok()?,
-        Wire::Serial(bytes) => rmd::rs485::decode_request(bytes.as_slice().try_into().ok()?).ok()?,
+        Wire::Serial(bytes) => {
+            rmd::rs485::decode_request(bytes.as_slice().try_into().ok()?).ok()?
+        }
     };
     let is_stop = matches!(request, rmd::Request::Stop | rmd::Request::Shutdown);
     Some(Meaning { motor: format!("rmd {}", node.get()), text: format!("{request:?}"), is_stop })
@@ -40,14 +42,22 @@ fn rmd_reply(wire: &Wire) -> Option<Meaning> {
         Wire::Can(frame) => rmd::can::decode_reply(frame).ok()?,
         Wire::Serial(bytes) => rmd::rs485::decode_reply(bytes.as_slice().try_into().ok()?).ok()?,
     };
-    Some(Meaning { motor: format!("rmd {}", node.get()), text: format!("{reply:?}"), is_stop: false })
+    Some(Meaning {
+        motor: format!("rmd {}", node.get()),
+        text: format!("{reply:?}"),
+        is_stop: false,
+    })
 }
 
 fn thruster_request(wire: &Wire) -> Option<Meaning> {
     let Wire::Can(frame) = wire else { return None };
     let (node, request) = thruster::can::decode_request(frame).ok()?;
     let is_stop = matches!(request, thruster::Request::Signal { signal: thruster::Percent(0) });
-    Some(Meaning { motor: format!("thruster 0x{:02X}", node.get()), text: format!("{request:?}"), is_stop })
+    Some(Meaning {
+        motor: format!("thruster 0x{:02X}", node.get()),
+        text: format!("{request:?}"),
+        is_stop,
+    })
 }
 
 fn thruster_reply(wire: &Wire) -> Option<Meaning> {
@@ -129,13 +139,15 @@ mod tests {
 
     #[test]
     fn a_shared_bus_is_told_apart_by_its_ids() {
-        let rmd = read(&can(0x141, &[0xA1, 0, 0, 0, 0x64, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap();
+        let rmd =
+            read(&can(0x141, &[0xA1, 0, 0, 0, 0x64, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap();
         assert_eq!(
             (rmd.motor.as_str(), rmd.text.as_str()),
             ("rmd 1", "TorqueCurrent { current: Centiamps(100) }")
         );
         let thruster =
-            read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]), true, RMD_AND_THRUSTER).unwrap();
+            read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]), true, RMD_AND_THRUSTER)
+                .unwrap();
         assert_eq!(
             (thruster.motor.as_str(), thruster.text.as_str()),
             ("thruster 0x0B", "Signal { signal: Percent(-5) }")
@@ -144,24 +156,40 @@ mod tests {
 
     #[test]
     fn each_protocols_stop_is_known() {
-        assert!(read(&can(0x141, &[0x81, 0, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap().is_stop);
-        assert!(read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap().is_stop);
+        assert!(
+            read(&can(0x141, &[0x81, 0, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER)
+                .unwrap()
+                .is_stop
+        );
+        assert!(
+            read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0, 0]), true, RMD_AND_THRUSTER)
+                .unwrap()
+                .is_stop
+        );
         let d5 = ProtocolSet::of(&[Protocol::D5]);
         // Sum of 0B 05 03 20 00 00.
         assert!(
-            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x00, 0x00, 0x33]), true, d5).unwrap().is_stop
+            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x00, 0x00, 0x33]), true, d5)
+                .unwrap()
+                .is_stop
         );
-        let turning = read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8D]), true, d5).unwrap();
-        assert_eq!((turning.is_stop, turning.text.as_str()), (false, "Write speed = DegreesPerSecond(600)"));
+        let turning =
+            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8D]), true, d5).unwrap();
+        assert_eq!(
+            (turning.is_stop, turning.text.as_str()),
+            (false, "Write speed = DegreesPerSecond(600)")
+        );
     }
 
     #[test]
     fn a_register_is_called_by_its_name() {
         let d5 = ProtocolSet::of(&[Protocol::D5]);
         // Sum of 0B 05 02 26 00 00, and of 0B 05 02 26 9E 01.
-        let request = read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
+        let request =
+            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
         assert_eq!(request.text, "Read current_speed");
-        let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5).unwrap();
+        let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5)
+            .unwrap();
         assert_eq!(reply.text, "Read current_speed = DegreesPerSecond(414)");
     }
 

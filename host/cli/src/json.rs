@@ -34,7 +34,9 @@ pub fn event(message: &EventMessage) -> Value {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
             json!({ "axis": axis, "data": words::hex(data), "untold": untold })
         }
-        Event::AxisUnreachable { axis, stop_sent } => json!({ "axis": axis, "stop_sent": stop_sent }),
+        Event::AxisUnreachable { axis, stop_sent } => {
+            json!({ "axis": axis, "stop_sent": stop_sent })
+        }
         Event::RequestDropped { count } => json!({ "count": count }),
         Event::Sample {
             axis,
@@ -102,6 +104,9 @@ mod tests {
     #[test]
     fn a_can_frame_has_its_id_as_a_number_and_its_data_in_hexadecimal() {
         let can = RawFrame::Can(CanFrame::standard(0x141, &[0x9A, 0]).unwrap());
-        assert_eq!(frame(&can).to_string(), r#"{"data":"9A00","extended":false,"id":321,"remote":false}"#);
+        assert_eq!(
+            frame(&can).to_string(),
+            r#"{"data":"9A00","extended":false,"id":321,"remote":false}"#
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! The commands of `mgw`, the command line of the motor gateway.
 //!
-//! The program calls [`main`]. Tests run a command in virtual time, on a line of their own, with [`run_on`].
+//! The program calls [`main`]. Tests run a command in virtual time, on a line of their own, with
+//! [`run_on`].
 #![forbid(unsafe_code)]
 
 mod args;
@@ -45,7 +46,8 @@ pub fn main() -> ExitCode {
         Err(error) => return wrong_usage(&error),
     };
     // Words after an encoded command are its own, and `--json` may be one of them.
-    cli.json |= matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
+    cli.json |=
+        matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
     match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -66,7 +68,8 @@ pub struct Outcome {
     pub failure: Option<(String, String)>,
 }
 
-/// Runs one command on `transport`, in the transport's time, and prints nothing. `interrupt` is its Ctrl-C.
+/// Runs one command on `transport`, in the transport's time, and prints nothing. `interrupt` is its
+/// Ctrl-C.
 pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[&str]) -> Outcome {
     let result = match Cli::try_parse_from(["mgw"].iter().chain(arguments)) {
         Ok(Cli { command: Some(command), .. }) => {
@@ -102,13 +105,18 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let out = Output::new(cli.json);
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
-        Some(Command::Sim { listen, unconfigured, d5_id }) => serve::run(*listen, *unconfigured, *d5_id, out),
+        Some(Command::Sim { listen, unconfigured, d5_id }) => {
+            serve::run(*listen, *unconfigured, *d5_id, out)
+        }
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(command) => {
-            let port = cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
-            // Before anything connects. What is itself a stop has nothing to stop when a signal ends it.
-            let interrupt = if commands::is_stop(command) { Interrupt::default() } else { interrupt::note() };
+            let port =
+                cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
+            // Before anything connects. What is itself a stop has nothing to stop when a signal
+            // ends it.
+            let interrupt =
+                if commands::is_stop(command) { Interrupt::default() } else { interrupt::note() };
             commands::run(Box::new(open(port)?), interrupt, out, command)
         }
     }

@@ -1,4 +1,5 @@
-//! Why the data field of a native command is no command to its motor, in more words than the gateway's refusal has.
+//! Why the data field of a native command is no command to its motor, in more words than the
+//! gateway's refusal has.
 
 use host_protocol::{BusKind, Error, Protocol};
 use mgw_client::ClientError;
@@ -8,7 +9,8 @@ use crate::failure::Failure;
 /// RMD V3.6 §2.9, §2.10, §2.33.4; the axis is not armed before (`RestartOwed`).
 const RESTART: &str = "a restart of the motor: restart it (0x76)";
 /// Thruster manual §2.2.
-const POWER_CYCLE: &str = "a power cycle: power-cycle the device, and configure the gateway for it then";
+const POWER_CYCLE: &str =
+    "a power cycle: power-cycle the device, and configure the gateway for it then";
 
 /// Whose command it shall be.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +41,8 @@ pub fn explain(motor: Motor, data: &[u8], error: Error) -> Failure {
 
 /// What has to happen before a command acts that was carried out, where something has to.
 pub fn acts_after(motor: Motor, data: &[u8]) -> Option<&'static str> {
-    let restart = || rmd::Request::decode(data.try_into().ok()?).acts_after_restart().then_some(RESTART);
+    let restart =
+        || rmd::Request::decode(data.try_into().ok()?).acts_after_restart().then_some(RESTART);
     let power_cycle =
         || thruster::Request::decode(data).ok()?.acts_after_power_cycle().then_some(POWER_CYCLE);
     match motor.protocol {
@@ -61,7 +64,8 @@ fn cause(motor: Motor, data: &[u8]) -> Result<(), String> {
             rmd_encodes(motor, &request)
         }
         Protocol::Thruster => {
-            let request = thruster::Request::decode(data).map_err(|error| thruster_cause(&error))?;
+            let request =
+                thruster::Request::decode(data).map_err(|error| thruster_cause(&error))?;
             if let thruster::Request::Unknown { .. } = request {
                 return Err(unlisted(motor, &format!("{:#06X}", request.command())));
             }
@@ -70,7 +74,8 @@ fn cause(motor: Motor, data: &[u8]) -> Result<(), String> {
         Protocol::D5 => {
             let frame: &[u8; d5::FRAME_LEN] =
                 data.try_into().map_err(|_| length(data.len(), "8, from D5 to the checksum"))?;
-            let (address, request) = d5::decode_request_frame(frame).map_err(|error| error.to_string())?;
+            let (address, request) =
+                d5::decode_request_frame(frame).map_err(|error| error.to_string())?;
             if let d5::Request::Unknown { .. } = request {
                 let [_, _, _, command, ..] = frame;
                 return Err(unlisted(motor, &format!("{command:#04X}")));
@@ -139,12 +144,19 @@ mod tests {
 
     #[test]
     fn each_cause_is_named() {
-        assert!(why(Protocol::Rmd, &[0x9C, 0]).starts_with("2 data bytes instead of 8; axis 0 speaks"));
-        assert!(why(Protocol::Rmd, &[0xFF, 0, 0, 0, 0, 0, 0, 0]).starts_with("0xFF is a command that"));
+        assert!(
+            why(Protocol::Rmd, &[0x9C, 0]).starts_with("2 data bytes instead of 8; axis 0 speaks")
+        );
+        assert!(
+            why(Protocol::Rmd, &[0xFF, 0, 0, 0, 0, 0, 0, 0]).starts_with("0xFF is a command that")
+        );
         assert!(why(Protocol::Thruster, b"QV\0").starts_with("3 data bytes instead of 4 or 8"));
         assert!(why(Protocol::Thruster, b"TC\0\0").starts_with("4 data bytes instead of 8"));
         assert!(why(Protocol::Thruster, b"XX\0\0").starts_with("0x5858 is a command that"));
-        assert!(why(Protocol::Thruster, b"TC\0\0\0\0\0\x65").starts_with("signal 101 is outside -100..=100"));
+        assert!(
+            why(Protocol::Thruster, b"TC\0\0\0\0\0\x65")
+                .starts_with("signal 101 is outside -100..=100")
+        );
         let d5 = |bytes| why(Protocol::D5, bytes);
         assert!(
             d5(&[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8E])
@@ -152,6 +164,8 @@ mod tests {
         );
         assert!(d5(&[0xD5, 0x0C, 0x05, 0x02, 0x26, 0x00, 0x00, 0x39]).contains("for node 12"));
         assert!(d5(&[0xD5, 0xFE, 0x05, 0x05, 0x00, 0x00, 0x00, 0x08]).contains("for all motors"));
-        assert!(d5(&[0xD5, 0x0B]).starts_with("2 data bytes instead of 8, from D5 to the checksum"));
+        assert!(
+            d5(&[0xD5, 0x0B]).starts_with("2 data bytes instead of 8, from D5 to the checksum")
+        );
     }
 }

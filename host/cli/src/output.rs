@@ -79,7 +79,8 @@ pub fn to_json(value: &impl Serialize) -> Value {
     value
 }
 
-/// A single-precision number as JSON: 0.1 and not 0.10000000149011612; null where JSON has no such number.
+/// A single-precision number as JSON: 0.1 and not 0.10000000149011612; null where JSON has no such
+/// number.
 pub fn number(value: f32) -> Value {
     value
         .to_string()

@@ -12,7 +12,9 @@ const HEX_PREFIX: &str = "0x";
 /// Splits `NAME=VALUE`.
 pub fn split(assignment: &str) -> Result<(&str, &str), Failure> {
     match assignment.split_once('=') {
-        Some((name, value)) if !name.is_empty() && !value.is_empty() => Ok((name.trim(), value.trim())),
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
+            Ok((name.trim(), value.trim()))
+        }
         _ => Err(Failure::Usage(format!("`{assignment}` sets nothing. Write NAME=VALUE"))),
     }
 }
@@ -82,7 +84,9 @@ pub fn allowed(info: &ParameterInfo) -> String {
 /// A value for people: a name where the number has one.
 pub fn shown(info: &ParameterInfo, value: Value) -> String {
     let name = match value {
-        Value::Unsigned(number) if info.is_can_id() => CanId::from_wire(number).map(|id| id.to_string()),
+        Value::Unsigned(number) if info.is_can_id() => {
+            CanId::from_wire(number).map(|id| id.to_string())
+        }
         Value::Unsigned(number) => names(info)
             .and_then(|mut names| names.find(|(_, of)| *of == number))
             .map(|(name, _)| name.to_owned()),

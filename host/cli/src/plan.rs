@@ -1,12 +1,12 @@
-//! A configuration as a file holds it: buses, axes, motor timeouts, in TOML. Everything that can be known to be wrong with it is told
-//! before a gateway hears of it.
+//! A configuration as a file holds it: buses, axes, motor timeouts, in TOML. Everything that can be
+//! known to be wrong with it is told before a gateway hears of it.
 
 mod check;
 mod file;
 
 use host_protocol::{
-    AxisParameter, BusConfig, Error, GatewayParameter, MotorTimeout, Protocol, ProtocolSet, Quantity,
-    REPLY_WINDOW_US, Value,
+    AxisParameter, BusConfig, Error, GatewayParameter, MotorTimeout, Protocol, ProtocolSet,
+    Quantity, REPLY_WINDOW_US, Value,
 };
 use mgw_client::{Client, ClientError, Transport};
 use std::time::Duration;
@@ -70,7 +70,8 @@ impl Plan {
         file::parse(text)
     }
 
-    /// Sends it to a gateway: gateway, buses, axes, then motor timeouts. Nothing is sent of one that this gateway cannot take.
+    /// Sends it to a gateway: gateway, buses, axes, then motor timeouts. Nothing is sent of one
+    /// that this gateway cannot take.
     pub fn apply<T: Transport>(&self, client: &mut Client<T>) -> Result<(), Failure> {
         self.check(client.hello())?;
         for (parameter, value) in &self.gateway {
@@ -101,8 +102,13 @@ impl Plan {
     }
 }
 
-/// Writes a motor's own timeout, unless the gateway knows that the motor has it: an RMD keeps it in ROM, which wears (RMD V3.6 §2.30).
-fn provision<T: Transport>(client: &mut Client<T>, axis: u8, timeout_ms: u32) -> Result<(), Failure> {
+/// Writes a motor's own timeout, unless the gateway knows that the motor has it: an RMD keeps it in
+/// ROM, which wears (RMD V3.6 §2.30).
+fn provision<T: Transport>(
+    client: &mut Client<T>,
+    axis: u8,
+    timeout_ms: u32,
+) -> Result<(), Failure> {
     let is_known = match client.read_state_when_free(axis).map(|report| report.motor_timeout) {
         Ok(MotorTimeout::Written { timeout_ms: written }) => written == timeout_ms,
         // The switch of a D5.
@@ -119,14 +125,17 @@ impl BusPlan {
     /// Reads `NAME=VALUE` pairs.
     pub fn parse(bus: u8, assignments: &[String]) -> Result<Self, Failure> {
         const NAMES: [&str; 4] = ["bitrate", "protocols", "wholly_ours", "reply_window_us"];
-        let wrong =
-            |name: &str, text: &str| Failure::Usage(format!("`{text}` is no value for {name} of a bus"));
+        let wrong = |name: &str, text: &str| {
+            Failure::Usage(format!("`{text}` is no value for {name} of a bus"))
+        };
         let (mut bitrate, mut set) = (None, None);
         let (mut wholly_ours, mut reply_window_us) = (false, DEFAULT_REPLY_WINDOW_US);
         for assignment in assignments {
             let (name, text) = parameters::split(assignment)?;
             match name {
-                "bitrate" => bitrate = Some(parameters::unsigned(text).ok_or_else(|| wrong(name, text))?),
+                "bitrate" => {
+                    bitrate = Some(parameters::unsigned(text).ok_or_else(|| wrong(name, text))?)
+                }
                 "protocols" => set = Some(protocols(text.split(','))?),
                 "wholly_ours" => wholly_ours = text.parse().map_err(|_| wrong(name, text))?,
                 "reply_window_us" => {
@@ -226,10 +235,12 @@ mod tests {
     fn a_misspelt_name_is_refused_with_those_that_exist() {
         let wrong = |text: &str| Plan::parse(text).unwrap_err().to_string();
         assert!(
-            wrong("[[axis]]\naxis = 0\nstop = \"hold\"\n").contains("no parameter `stop`. There are: bus")
+            wrong("[[axis]]\naxis = 0\nstop = \"hold\"\n")
+                .contains("no parameter `stop`. There are: bus")
         );
         assert!(
-            wrong("[[bus]]\nbus = 0\nbitrate = 1\nprotocols = [\"can\"]\n").contains("rmd, thruster, d5")
+            wrong("[[bus]]\nbus = 0\nbitrate = 1\nprotocols = [\"can\"]\n")
+                .contains("rmd, thruster, d5")
         );
         assert!(wrong("[[bus]]\nbus = 0\nrate = 1\n").contains("rate"));
         assert!(wrong("[axes]\n").contains("axes"));
@@ -238,9 +249,14 @@ mod tests {
 
     #[test]
     fn a_bus_on_the_command_line() {
-        let assignments = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
-        let bus = BusPlan::parse(0, &assignments(&["bitrate=1_000_000", "protocols=rmd,thruster"])).unwrap();
-        assert_eq!((bus.bitrate, bus.protocols.bits(), bus.reply_window_us), (1_000_000, 0b011, 5_000));
+        let assignments =
+            |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+        let bus = BusPlan::parse(0, &assignments(&["bitrate=1_000_000", "protocols=rmd,thruster"]))
+            .unwrap();
+        assert_eq!(
+            (bus.bitrate, bus.protocols.bits(), bus.reply_window_us),
+            (1_000_000, 0b011, 5_000)
+        );
         assert!(BusPlan::parse(0, &assignments(&["bitrate=1000000"])).is_err());
         let error = BusPlan::parse(0, &assignments(&["speed=5"])).unwrap_err().to_string();
         assert!(error.contains("There are: bitrate, protocols"), "{error}");
@@ -250,13 +266,22 @@ mod tests {
     fn a_value_out_of_its_range_is_refused_with_its_line_and_what_is_allowed() {
         let wrong = |text: &str| Plan::parse(text).unwrap_err().to_string();
         let text = wrong("[[axis]]\naxis = 3\nbus = 0\n\nttl_us = 1\n");
-        assert_eq!(text, "line 5, axis 3: ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs");
+        assert_eq!(
+            text,
+            "line 5, axis 3: ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs"
+        );
         let text = wrong("[[axis]]\naxis = 3\ndirection = 0\n");
         assert_eq!(text, "line 3, axis 3: direction 0 is out of range; allowed are -1 or 1");
         let text = wrong("[[axis]]\naxis = 3\nstop_action = \"halt\"\n");
-        assert_eq!(text, "line 3, axis 3: `halt` is no value for stop_action. It takes coast, hold, brake");
+        assert_eq!(
+            text,
+            "line 3, axis 3: `halt` is no value for stop_action. It takes coast, hold, brake"
+        );
         let text = wrong("[gateway]\nlink_silence_us = 49999\n");
-        assert!(text.starts_with("line 2, gateway: link_silence_us 49999 µs is out of range"), "{text}");
+        assert!(
+            text.starts_with("line 2, gateway: link_silence_us 49999 µs is out of range"),
+            "{text}"
+        );
         let bus = "[[bus]]\nbus = 9\nbitrate = 1\nprotocols = [\"rmd\"]\n";
         assert_eq!(wrong(bus), "line 2, bus 9: bus 9 is out of range; allowed are 0 to 7");
         let bus = "[[bus]]\nbus = 0\nbitrate = 1\nprotocols = [\"rmd\"]\nreply_window_us = 99\n";

@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 use std::fmt::Write;
 
-/// The line with each control character, and each that turns the direction of writing around, as `\u001b`. What a gateway, a
-/// capture or a file says is shown, and obeyed by no terminal. In a line of JSON such characters can only stand in strings, and
-/// there the escape means the same.
+/// The line with each control character, and each that turns the direction of writing around, as
+/// `\u001b`. What a gateway, a capture or a file says is shown, and obeyed by no terminal. In a
+/// line of JSON such characters can only stand in strings, and there the escape means the same.
 pub fn printable(line: &str) -> Cow<'_, str> {
     if !line.contains(commands_the_terminal) {
         return Cow::Borrowed(line);
@@ -23,8 +23,7 @@ pub fn printable(line: &str) -> Cow<'_, str> {
 }
 
 fn commands_the_terminal(character: char) -> bool {
-    let separates_or_turns =
-        matches!(character, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let separates_or_turns = matches!(character, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     character.is_control() || separates_or_turns
 }
 

@@ -11,7 +11,12 @@ use crate::four_motors;
 use crate::output::Output;
 
 /// Serves until the process is ended.
-pub fn run(listen: SocketAddr, unconfigured: bool, d5_id: Option<CanId>, out: Output) -> Result<(), Failure> {
+pub fn run(
+    listen: SocketAddr,
+    unconfigured: bool,
+    d5_id: Option<CanId>,
+    out: Output,
+) -> Result<(), Failure> {
     let failed = |source| Failure::Server { address: listen.to_string(), source };
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;

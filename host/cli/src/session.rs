@@ -14,7 +14,8 @@ use crate::output::{Output, to_json};
 use crate::states;
 use crate::words;
 
-/// How long a motor may take to confirm its stop before the command gives up waiting. The gateway does not.
+/// How long a motor may take to confirm its stop before the command gives up waiting. The gateway
+/// does not.
 const STOP_PATIENCE: Duration = Duration::from_secs(5);
 /// Events that are printed in one go.
 const EVENTS_AT_ONCE: usize = 64;
@@ -29,7 +30,11 @@ pub struct Session {
 
 impl Session {
     /// Connects over `transport`; `interrupt` is what ends commands early.
-    pub fn on(transport: Box<dyn Transport>, interrupt: Interrupt, out: Output) -> Result<Self, Failure> {
+    pub fn on(
+        transport: Box<dyn Transport>,
+        interrupt: Interrupt,
+        out: Output,
+    ) -> Result<Self, Failure> {
         Ok(Self { client: Client::connect_heeding(transport, interrupt)?, out })
     }
 
@@ -52,14 +57,17 @@ impl Session {
             if !configured.iter().any(|summary| summary.axis == axis) {
                 return Err(Failure::Explained {
                     error: Error::NotConfigured { axis, parameter: AxisParameter::Bus.number() },
-                    text: format!("axis {axis} is not configured: {so}; `mgw axes` lists those that are"),
+                    text: format!(
+                        "axis {axis} is not configured: {so}; `mgw axes` lists those that are"
+                    ),
                 });
             }
         }
         Ok(())
     }
 
-    /// Prints the states of these axes. Of several one that cannot be read, half configured for example, hides no other.
+    /// Prints the states of these axes. Of several one that cannot be read, half configured for
+    /// example, hides no other.
     pub fn print_states(&mut self, axes: &[u8]) -> Result<(), Failure> {
         let (mut reports, mut unread) = (Vec::new(), Vec::new());
         for axis in axes {
@@ -74,8 +82,11 @@ impl Session {
         for (axis, error) in &unread {
             self.out.text(format!("axis {axis} is not read: {error}"))?;
         }
-        let unread = unread.iter().map(|(axis, error)| json!({ "axis": axis, "error": error.name() }));
-        self.out.object(&json!({ "axes": reports.iter().map(to_json).chain(unread).collect::<Vec<_>>() }))
+        let unread =
+            unread.iter().map(|(axis, error)| json!({ "axis": axis, "error": error.name() }));
+        self.out.object(
+            &json!({ "axes": reports.iter().map(to_json).chain(unread).collect::<Vec<_>>() }),
+        )
     }
 
     /// Says in words what the fault words mean.
@@ -86,15 +97,19 @@ impl Session {
         }
         let axes = self.client.list_axes()?;
         for report in reports {
-            let protocol = axes.iter().find(|axis| axis.axis == report.axis).and_then(|axis| axis.protocol);
-            for line in protocol.into_iter().flat_map(|p| faults::explain(report.axis, p, word(report))) {
+            let protocol =
+                axes.iter().find(|axis| axis.axis == report.axis).and_then(|axis| axis.protocol);
+            for line in
+                protocol.into_iter().flat_map(|p| faults::explain(report.axis, p, word(report)))
+            {
                 self.out.text(line)?;
             }
         }
         Ok(())
     }
 
-    /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive meanwhile.
+    /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive
+    /// meanwhile.
     pub fn await_stop(&mut self, axis: u8) -> Result<AxisReport, Failure> {
         let end = self.client.now() + STOP_PATIENCE;
         loop {

@@ -53,7 +53,8 @@ fn digits(field: StateField) -> usize {
 /// A row for each axis, with why it tripped.
 pub fn table(reports: &[AxisReport]) -> Table {
     let fields = StateField::ALL.iter().map(|field| heading(*field));
-    let headings: Vec<&str> = [">axis", "state"].into_iter().chain(fields).chain(["trip"]).collect();
+    let headings: Vec<&str> =
+        [">axis", "state"].into_iter().chain(fields).chain(["trip"]).collect();
     let mut table = Table::new(&headings);
     for report in reports {
         let mut row = vec![report.axis.to_string(), words::axis_state(report.state).to_owned()];
@@ -77,10 +78,12 @@ pub fn youngest_us(event: &Event) -> Option<u32> {
     StateField::ALL.iter().filter_map(|field| event.age_us(*field)).min()
 }
 
-/// A sample as the row of a table that grows with time, under its headings; nothing of another event.
+/// A sample as the row of a table that grows with time, under its headings; nothing of another
+/// event.
 pub fn sample(event: &Event, fields: StateFields) -> Option<Table> {
     let Event::Sample { axis, state, faults: fault_word, .. } = event else { return None };
-    let headings: Vec<&str> = [">axis", "state"].into_iter().chain(fields.iter().map(heading)).collect();
+    let headings: Vec<&str> =
+        [">axis", "state"].into_iter().chain(fields.iter().map(heading)).collect();
     let mut table = Table::new(&headings);
     let mut row = vec![axis.to_string(), steady(*state)];
     row.extend(fields.iter().map(|field| match field {
@@ -99,8 +102,9 @@ fn steady(state: AxisState) -> String {
 
 fn reading(field: StateField, reading: Option<Reading>) -> String {
     let digits = digits(field);
-    reading
-        .map_or(NOTHING.to_owned(), |reading| format!("{:.digits$}{}", reading.value, mark(reading.age_us)))
+    reading.map_or(NOTHING.to_owned(), |reading| {
+        format!("{:.digits$}{}", reading.value, mark(reading.age_us))
+    })
 }
 
 fn faults(faults: Option<FaultReading>) -> String {
@@ -147,7 +151,8 @@ mod tests {
             driver_temperature_c: None,
             faults: Some(FaultReading { word: 2, warnings: 0, age_us: 2_000_000 }),
         };
-        let fields = StateFields::of(&[StateField::Position, StateField::Voltage, StateField::Faults]);
+        let fields =
+            StateFields::of(&[StateField::Position, StateField::Voltage, StateField::Faults]);
         let lines = sample(&event, fields).unwrap().lines();
         assert_eq!(
             lines,

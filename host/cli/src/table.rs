@@ -36,10 +36,11 @@ impl Table {
         self.lines_in(&mut Vec::new())
     }
 
-    /// The lines in columns at least as wide as `widths`, which grow to what was needed: tables of the same columns that
-    /// follow each other then line up.
+    /// The lines in columns at least as wide as `widths`, which grow to what was needed: tables of
+    /// the same columns that follow each other then line up.
     pub fn lines_in(&self, widths: &mut Vec<usize>) -> Vec<String> {
-        let headings: Vec<String> = self.columns.iter().map(|(heading, _)| heading.clone()).collect();
+        let headings: Vec<String> =
+            self.columns.iter().map(|(heading, _)| heading.clone()).collect();
         let all = || std::iter::once(&headings).chain(&self.rows);
         widths.resize(self.columns.len(), 0);
         for (index, width) in widths.iter_mut().enumerate() {
@@ -76,6 +77,9 @@ mod tests {
         let mut widths = vec![6];
         assert_eq!(table.lines_in(&mut widths)[1], "0             31  idle");
         assert_eq!(widths, [6, 8, 5]);
-        assert_eq!(table.lines(), ["axis  motor °C  state", "0           31  idle", "12           -  armed"]);
+        assert_eq!(
+            table.lines(),
+            ["axis  motor °C  state", "0           31  idle", "12           -  armed"]
+        );
     }
 }

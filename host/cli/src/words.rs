@@ -32,7 +32,10 @@ pub fn trip_reason(reason: &TripReason) -> String {
         }
         TripReason::CommandRefused { faults: None } => "CommandRefused".to_owned(),
         TripReason::LimitExceeded { quantity, value, limit } => {
-            format!("LimitExceeded: {quantity} {value} {unit}, limit {limit} {unit}", unit = quantity.unit())
+            format!(
+                "LimitExceeded: {quantity} {value} {unit}, limit {limit} {unit}",
+                unit = quantity.unit()
+            )
         }
         TripReason::Internal { code } => format!("Internal {code}"),
         plain => format!("{plain:?}"),
@@ -85,7 +88,9 @@ pub fn open_or_closed(open: bool) -> &'static str {
 
 fn event_in_words(event: &Event) -> String {
     match event {
-        Event::Tripped { axis, trip } => format!("axis {axis} tripped: {}", trip_reason(&trip.reason)),
+        Event::Tripped { axis, trip } => {
+            format!("axis {axis} tripped: {}", trip_reason(&trip.reason))
+        }
         Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => format!(
             "axis {axis} stop confirmed: first stop on the bus after {}, confirmed after {}{}",
             milliseconds(*reaction_us),
@@ -100,7 +105,9 @@ fn event_in_words(event: &Event) -> String {
         Event::AuthorityLost { reason } => format!("authority lost: {reason:?}"),
         Event::EStopLatched {} => "e-stop latched".to_owned(),
         Event::EStopCleared {} => "e-stop cleared".to_owned(),
-        Event::EStopInputChanged { open } => format!("the e-stop input is {}", open_or_closed(*open)),
+        Event::EStopInputChanged { open } => {
+            format!("the e-stop input is {}", open_or_closed(*open))
+        }
         Event::EnableOutputChanged { active } => {
             format!("the enable output is {}", if *active { "active" } else { "inactive" })
         }
@@ -119,7 +126,10 @@ fn event_in_words(event: &Event) -> String {
                 .iter()
                 .find(|(number, _)| number == reason)
                 .map(|(_, name)| *name);
-            format!("{count} frames from this host were rejected: {}", name.unwrap_or("unknown reason"))
+            format!(
+                "{count} frames from this host were rejected: {}",
+                name.unwrap_or("unknown reason")
+            )
         }
         Event::BusStateChanged { bus, state } => format!("bus {bus} is {state:?}"),
         Event::MotorNotice { axis, data, length, untold } => {
@@ -134,9 +144,13 @@ fn event_in_words(event: &Event) -> String {
             format!("axis {axis} does not confirm its stops and may be turning: cut its power")
         }
         Event::AxisUnreachable { axis, stop_sent: false } => {
-            format!("the stop of axis {axis} cannot be sent, its motor may be turning: cut its power")
+            format!(
+                "the stop of axis {axis} cannot be sent, its motor may be turning: cut its power"
+            )
         }
-        Event::Sample { axis, state, .. } => format!("axis {axis}: a sample, {}", axis_state(*state)),
+        Event::Sample { axis, state, .. } => {
+            format!("axis {axis}: a sample, {}", axis_state(*state))
+        }
         Event::RequestDropped { count } => format!("{count} requests of this host were dropped"),
         Event::Unknown { number } => {
             format!("event {number:#06x}, which this program does not know: update it")

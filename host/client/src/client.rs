@@ -23,22 +23,26 @@ use crate::transport::Transport;
 pub const DEADLINE: Duration = Duration::from_secs(1);
 /// How long `Hello` is awaited: the gateway may be starting.
 pub const HELLO_DEADLINE: Duration = Duration::from_secs(2);
-/// An unanswered request is sent again after this time. Repetitions keep authority alive, so it is well below the
-/// gateway's default link silence of 250 ms.
+/// An unanswered request is sent again after this time. Repetitions keep authority alive, so it is
+/// well below the gateway's default link silence of 250 ms.
 pub const REPEAT_AFTER: Duration = Duration::from_millis(80);
 /// A relative move is sent again sooner: its target must come while it is still permitted.
 pub(crate) const REPEAT_MOVE_AFTER: Duration = Duration::from_millis(20);
-/// [`Client::keep_alive`] pings when nothing was sent for this long: three of them fit into the default link silence.
+/// [`Client::keep_alive`] pings when nothing was sent for this long: three of them fit into the
+/// default link silence.
 pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
 /// By how much the latest expiry stays below what the gateway takes.
 const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
 
-/// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes first.
+/// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes
+/// first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
 
-/// [`Client::keep_subscription`] pings when nothing was sent for this long: four pings may get lost.
+/// [`Client::keep_subscription`] pings when nothing was sent for this long: four pings may get
+/// lost.
 pub const KEEP_SUBSCRIPTION_AFTER: Duration = Duration::from_secs(1);
-/// After this silence a subscription may have ended, which the gateway does after 5 s: it is made again.
+/// After this silence a subscription may have ended, which the gateway does after 5 s: it is made
+/// again.
 const SUBSCRIPTION_MAY_HAVE_ENDED_AFTER: Duration = Duration::from_secs(4);
 
 /// Exchanges that measure the clock when a session starts.
@@ -48,9 +52,10 @@ const READS_WITHOUT_WAITING: usize = 16;
 
 /// One session with one gateway.
 ///
-/// Every call takes its time from the transport, and whatever it waits for, it waits in one place, where it looks in this
-/// order: an interrupt, which is followed by the stops of the axes that were armed here; setpoints that are due; the request
-/// under way. Events that arrive meanwhile wait in a queue for [`poll_event`](Self::poll_event).
+/// Every call takes its time from the transport, and whatever it waits for, it waits in one place,
+/// where it looks in this order: an interrupt, which is followed by the stops of the axes that were
+/// armed here; setpoints that are due; the request under way. Events that arrive meanwhile wait in
+/// a queue for [`poll_event`](Self::poll_event).
 pub struct Client<T: Transport> {
     transport: T,
     inbox: Inbox,
@@ -76,15 +81,17 @@ impl<T: Transport> Client<T> {
     /// Opens a session: says hello, checks the version and measures the gateway's clock.
     ///
     /// # Errors
-    /// [`ClientError::NoAnswer`] when nothing answers, [`ClientError::LinksTaken`] when the gateway has no host link left,
-    /// [`ClientError::Incompatible`] when it speaks another major version, or the failure of the transport.
+    /// [`ClientError::NoAnswer`] when nothing answers, [`ClientError::LinksTaken`] when the gateway
+    /// has no host link left, [`ClientError::Incompatible`] when it speaks another major
+    /// version, or the failure of the transport.
     pub fn connect(transport: T) -> Result<Self, ClientError> {
         // Random, so that no answer and no memory of an earlier session fits to this one.
         Self::connect_as(transport, fastrand::u32(..), fastrand::u16(..))
     }
 
-    /// As [`connect`](Self::connect), and has `interrupt` end what this client does, from its first frame on: the next frames written are
-    /// stops of the axes that were armed here, and nothing that moves is sent any more.
+    /// As [`connect`](Self::connect), and has `interrupt` end what this client does, from its first
+    /// frame on: the next frames written are stops of the axes that were armed here, and
+    /// nothing that moves is sent any more.
     ///
     /// # Errors
     /// As [`connect`](Self::connect), and [`ClientError::Interrupted`].
@@ -92,13 +99,17 @@ impl<T: Transport> Client<T> {
         Self::start(transport, interrupt, fastrand::u32(..), fastrand::u16(..))
     }
 
-    /// As [`connect`](Self::connect), with a given session number and first sequence number, for runs that must be the same each
-    /// time. The transport's time is mixed into both, so that a session with numbers that were used before takes no old answer for
-    /// its own.
+    /// As [`connect`](Self::connect), with a given session number and first sequence number, for
+    /// runs that must be the same each time. The transport's time is mixed into both, so that a
+    /// session with numbers that were used before takes no old answer for its own.
     ///
     /// # Errors
     /// As [`connect`](Self::connect).
-    pub fn connect_as(transport: T, session: u32, first_sequence: u16) -> Result<Self, ClientError> {
+    pub fn connect_as(
+        transport: T,
+        session: u32,
+        first_sequence: u16,
+    ) -> Result<Self, ClientError> {
         Self::start(transport, Interrupt::default(), session, first_sequence)
     }
 
@@ -129,8 +140,8 @@ impl<T: Transport> Client<T> {
         Ok(client)
     }
 
-    /// Opens the transport again and starts a new session. Events received before stay in the queue. Axes that were
-    /// armed have to be armed again, and a subscription has ended.
+    /// Opens the transport again and starts a new session. Events received before stay in the
+    /// queue. Axes that were armed have to be armed again, and a subscription has ended.
     ///
     /// # Errors
     /// As [`connect`](Self::connect). It may be tried again.
@@ -149,7 +160,8 @@ impl<T: Transport> Client<T> {
 
     fn say_hello_as(&mut self, session: u32) -> Result<(), ClientError> {
         self.subscription = None;
-        let request = Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
+        let request =
+            Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
         self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
         Ok(())
     }
@@ -174,12 +186,13 @@ impl<T: Transport> Client<T> {
         self.request_within(request, DEADLINE)
     }
 
-    /// Asks for something and waits for the reply, at most `deadline`. While none comes, the same bytes are sent again
-    /// every [`REPEAT_AFTER`]: the gateway executes them at most once and repeats its answer.
+    /// Asks for something and waits for the reply, at most `deadline`. While none comes, the same
+    /// bytes are sent again every [`REPEAT_AFTER`]: the gateway executes them at most once and
+    /// repeats its answer.
     ///
     /// # Errors
-    /// [`ClientError::Gateway`] with the gateway's error, [`ClientError::NoAnswer`] after the deadline, or the failure
-    /// of the transport.
+    /// [`ClientError::Gateway`] with the gateway's error, [`ClientError::NoAnswer`] after the
+    /// deadline, or the failure of the transport.
     pub fn request_within<C: Call>(
         &mut self,
         request: &C,
@@ -193,11 +206,13 @@ impl<T: Transport> Client<T> {
         self.stream.as_ref().and_then(|stream| stream.reply.as_deref())
     }
 
-    /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames written are these stops, repeated
-    /// until they are answered. A connection that fails is opened again for them. Each axis is stopped once.
+    /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames
+    /// written are these stops, repeated until they are answered. A connection that fails is
+    /// opened again for them. Each axis is stopped once.
     ///
     /// # Errors
-    /// [`ClientError::StopUnanswered`] if nothing answers, [`ClientError::Gateway`] with the first refusal.
+    /// [`ClientError::StopUnanswered`] if nothing answers, [`ClientError::Gateway`] with the first
+    /// refusal.
     pub fn stop_armed(&mut self) -> Result<(), ClientError> {
         self.stream = None;
         let stop = |axis: u8| StopRequest::Stop(StopTarget::Axis(axis));
@@ -231,7 +246,8 @@ impl<T: Transport> Client<T> {
         self.forget_arming(axis);
     }
 
-    /// Asks for the gateway's time, which also keeps authority alive and renews the measure of its clock.
+    /// Asks for the gateway's time, which also keeps authority alive and renews the measure of its
+    /// clock.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
@@ -252,8 +268,8 @@ impl<T: Transport> Client<T> {
         self.ping()
     }
 
-    /// Pings if nothing was sent for [`KEEP_ALIVE_AFTER`]. Called often enough, it keeps authority alive; it feeds no
-    /// setpoint.
+    /// Pings if nothing was sent for [`KEEP_ALIVE_AFTER`]. Called often enough, it keeps authority
+    /// alive; it feeds no setpoint.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
@@ -271,8 +287,9 @@ impl<T: Transport> Client<T> {
         Ok(())
     }
 
-    /// Keeps a subscription alive: pings if nothing was sent for [`KEEP_SUBSCRIPTION_AFTER`]. If this process was held up for
-    /// so long that the subscription may have ended, it is made again.
+    /// Keeps a subscription alive: pings if nothing was sent for [`KEEP_SUBSCRIPTION_AFTER`]. If
+    /// this process was held up for so long that the subscription may have ended, it is made
+    /// again.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
@@ -287,8 +304,8 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// The next event: one that waits, or the first that arrives within `timeout`. It ends then, whatever else arrives. Sends nothing
-    /// but setpoints that are held.
+    /// The next event: one that waits, or the first that arrives within `timeout`. It ends then,
+    /// whatever else arrives. Sends nothing but setpoints that are held.
     ///
     /// # Errors
     /// [`ClientError::Interrupted`], or the failure of the transport.
@@ -325,18 +342,21 @@ impl<T: Transport> Client<T> {
         )
     }
 
-    /// The expiry of a setpoint that is sent now and shall be valid for `ttl`, as the wire carries it.
+    /// The expiry of a setpoint that is sent now and shall be valid for `ttl`, as the wire carries
+    /// it.
     ///
-    /// It is derived from the best guess of the gateway's time, which is wrong by half a round trip at most: on a line that takes as
-    /// long in one direction as in the other, a setpoint is valid for `ttl` from when it is sent. However wrong the guess, the gateway takes
+    /// It is derived from the best guess of the gateway's time, which is wrong by half a round trip
+    /// at most: on a line that takes as long in one direction as in the other, a setpoint is
+    /// valid for `ttl` from when it is sent. However wrong the guess, the gateway takes
     /// none that is valid for longer than the axis's TTL from when it arrives.
     pub fn expiry(&self, ttl: Duration) -> u32 {
         let ttl = u64::try_from(ttl.as_micros()).unwrap_or(u64::MAX);
         low_bits(self.gateway_now_us().wrapping_add(ttl))
     }
 
-    /// The latest expiry that the gateway may take: valid for `ttl` from when it arrives, if it takes as long as the quickest ping. For what
-    /// moves and is not sent again: its answer has to come back, and the next request to arrive, before it expires.
+    /// The latest expiry that the gateway may take: valid for `ttl` from when it arrives, if it
+    /// takes as long as the quickest ping. For what moves and is not sent again: its answer has
+    /// to come back, and the next request to arrive, before it expires.
     pub(crate) fn latest_expiry(&self, ttl: Duration) -> u32 {
         let latest = self.clock.latest_us(self.transport.now()).unwrap_or(0);
         let ttl = u64::try_from(ttl.saturating_sub(EXPIRY_MARGIN).as_micros()).unwrap_or(u64::MAX);
@@ -389,7 +409,8 @@ fn spread(now: Duration) -> (u32, u16) {
     ((mixed >> 32) as u32, (mixed >> 16) as u16)
 }
 
-/// The version may be refused by either side: by the gateway with an error, or here by what it replied.
+/// The version may be refused by either side: by the gateway with an error, or here by what it
+/// replied.
 fn refuse_other_major(result: Result<HelloReply, ClientError>) -> Result<HelloReply, ClientError> {
     match result {
         Ok(reply) if reply.protocol_major != PROTOCOL_MAJOR => {

@@ -25,10 +25,12 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Takes in one exchange: request sent and reply received in transport time, and the gateway time in the reply.
+    /// Takes in one exchange: request sent and reply received in transport time, and the gateway
+    /// time in the reply.
     pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) {
         let sample = Sample { sent_us: micros(sent), received_us: micros(received), gateway_us };
-        // The gateway's clock never jumps: an exchange that contradicts the others comes from a gateway that restarted.
+        // The gateway's clock never jumps: an exchange that contradicts the others comes from a
+        // gateway that restarted.
         let round_trip = sample.received_us.saturating_sub(sample.sent_us);
         let possible = self.earliest_us(received) <= gateway_us.saturating_add(round_trip)
             && self.latest_us(received).is_none_or(|latest| gateway_us <= latest);

@@ -7,8 +7,9 @@ use host_protocol::replies::{
 };
 use host_protocol::requests as ask;
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Bytes, Call, ClearTarget, Error, GatewayParameter, Incident,
-    MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame, Setpoint, StateFields, StopTarget, Value,
+    AxisParameter, AxisState, AxisSummary, Bytes, Call, ClearTarget, Error, GatewayParameter,
+    Incident, MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame, Setpoint, StateFields,
+    StopTarget, Value,
 };
 
 use crate::client::{Client, DEADLINE, REPEAT_MOVE_AFTER};
@@ -16,7 +17,8 @@ use crate::error::ClientError;
 use crate::stopping::REPEAT_STOP_AFTER;
 use crate::transport::Transport;
 
-/// Arming, provisioning and native commands talk with the motor, brake release and its confirmation included.
+/// Arming, provisioning and native commands talk with the motor, brake release and its confirmation
+/// included.
 pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
 
 /// How often an axis that is busy is asked in all, and how long after each time.
@@ -24,8 +26,9 @@ const BUSY_TRIES: u32 = 5;
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
 impl<T: Transport> Client<T> {
-    /// Says hello again and returns what the gateway says of itself now. To the gateway that is a new session: if this
-    /// link held authority, it ends, what moves trips and what is armed is disarmed.
+    /// Says hello again and returns what the gateway says of itself now. To the gateway that is a
+    /// new session: if this link held authority, it ends, what moves trips and what is armed is
+    /// disarmed.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -61,7 +64,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ConfigureGateway { parameter: parameter.number(), value }).map(drop)
     }
 
-    /// Starts a bus, or restarts it differently. `reply_window` is how long a reply is awaited, 100 µs to 200 ms.
+    /// Starts a bus, or restarts it differently. `reply_window` is how long a reply is awaited, 100
+    /// µs to 200 ms.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -75,7 +79,8 @@ impl<T: Transport> Client<T> {
     ) -> Result<(), ClientError> {
         // Too long for the field is too long for the gateway, which then names the limits.
         let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
-        self.request(&ask::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us }).map(drop)
+        self.request(&ask::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us })
+            .map(drop)
     }
 
     /// How a bus is.
@@ -110,8 +115,8 @@ impl<T: Transport> Client<T> {
         Ok(incidents)
     }
 
-    /// What the firmware left behind before this start: the message of a panic, a fault or the watchdog; empty if there was
-    /// none.
+    /// What the firmware left behind before this start: the message of a panic, a fault or the
+    /// watchdog; empty if there was none.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -132,7 +137,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ConfigureAxis { axis, parameter: parameter.number(), value }).map(drop)
     }
 
-    /// A parameter of an axis: the value in force, `None` where none is set and there is no default.
+    /// A parameter of an axis: the value in force, `None` where none is set and there is no
+    /// default.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -141,7 +147,8 @@ impl<T: Transport> Client<T> {
         axis: u8,
         parameter: AxisParameter,
     ) -> Result<Option<Value>, ClientError> {
-        self.request(&ask::ReadAxisParameter { axis, parameter: parameter.number() }).map(|reply| reply.value)
+        self.request(&ask::ReadAxisParameter { axis, parameter: parameter.number() })
+            .map(|reply| reply.value)
     }
 
     /// How long a setpoint of this axis may be valid: its parameter `ttl_us`.
@@ -200,15 +207,17 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn arm(&mut self, axis: u8) -> Result<Armed, ClientError> {
-        // An interrupt that came before has nothing to stop here, and another host may be moving the axis.
+        // An interrupt that came before has nothing to stop here, and another host may be moving
+        // the axis.
         self.heed_interrupt(ask::Arm::NUMBER)?;
         // Noted before it is asked for: an answer that is lost may have armed it all the same.
         self.note_arming(axis);
-        let armed = self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE).inspect_err(|error| {
-            if matches!(error, ClientError::Gateway(_)) {
-                self.forget_arming(axis);
-            }
-        })?;
+        let armed =
+            self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE).inspect_err(|error| {
+                if matches!(error, ClientError::Gateway(_)) {
+                    self.forget_arming(axis);
+                }
+            })?;
         // An interrupt may have come with the answer.
         self.heed_interrupt(ask::Arm::NUMBER)?;
         Ok(armed)
@@ -232,7 +241,8 @@ impl<T: Transport> Client<T> {
         self.exchange(&ask::Stop { target }, DEADLINE, REPEAT_STOP_AFTER).map(drop)
     }
 
-    /// Emergency stop: trips every axis that may move, stops the others too, and latches the gateway. Needs no authority.
+    /// Emergency stop: trips every axis that may move, stops the others too, and latches the
+    /// gateway. Needs no authority.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -240,7 +250,8 @@ impl<T: Transport> Client<T> {
         self.exchange(&ask::EStop {}, DEADLINE, REPEAT_STOP_AFTER).map(drop)
     }
 
-    /// Unsafe: leaves the trip of an axis whose motor cannot be reached or does not come to rest. It may still be turning.
+    /// Unsafe: leaves the trip of an axis whose motor cannot be reached or does not come to rest.
+    /// It may still be turning.
     ///
     /// # Errors
     /// As [`request`](Self::request); `NothingToClear` while the stop may still be confirmed.
@@ -248,8 +259,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ClearUnreachable { axis }).map(drop)
     }
 
-    /// Restarts the motor of a tripped axis whose stop is confirmed, and clears the trip. Takes up to 3 s, in which what the motor held
-    /// may drop.
+    /// Restarts the motor of a tripped axis whose stop is confirmed, and clears the trip. Takes up
+    /// to 3 s, in which what the motor held may drop.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -273,9 +284,9 @@ impl<T: Transport> Client<T> {
         self.request(&ask::Clear { target }).map(drop)
     }
 
-    /// Says what an armed axis should do from now on, for `ttl` at most; it has to be said again before that.
-    /// The reply is awaited as long as the setpoint is valid. Twice a second a ping comes first, which measures the clock
-    /// that the expiry is derived from.
+    /// Says what an armed axis should do from now on, for `ttl` at most; it has to be said again
+    /// before that. The reply is awaited as long as the setpoint is valid. Twice a second a
+    /// ping comes first, which measures the clock that the expiry is derived from.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -291,9 +302,10 @@ impl<T: Transport> Client<T> {
         self.request_within(&request, ttl).map(drop)
     }
 
-    /// Moves an armed axis by `distance_rad`, positive is counter-clockwise, at `speed_limit_rad_s` at most: the gateway reads
-    /// the position once and holds the returned target for `ttl`. Keep it up with [`Setpoint::Position`] to that target.
-    /// However often the line makes it necessary to ask, the axis moves once.
+    /// Moves an armed axis by `distance_rad`, positive is counter-clockwise, at `speed_limit_rad_s`
+    /// at most: the gateway reads the position once and holds the returned target for `ttl`.
+    /// Keep it up with [`Setpoint::Position`] to that target. However often the line makes it
+    /// necessary to ask, the axis moves once.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -306,13 +318,15 @@ impl<T: Transport> Client<T> {
         ttl: Duration,
     ) -> Result<MoveTarget, ClientError> {
         self.once_permitted(ttl, |client, expires_at_us| {
-            let request = ask::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+            let request =
+                ask::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
             client.exchange(&request, MOTOR_DEADLINE, REPEAT_MOVE_AFTER).map(|(target, _)| target)
         })
     }
 
-    /// Sets several armed D5 motors of one bus in motion by one frame, valid for `ttl`: the speed of each waits in it until all are told
-    /// to execute. Keep each up with [`Setpoint::Velocity`].
+    /// Sets several armed D5 motors of one bus in motion by one frame, valid for `ttl`: the speed
+    /// of each waits in it until all are told to execute. Keep each up with
+    /// [`Setpoint::Velocity`].
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -327,10 +341,12 @@ impl<T: Transport> Client<T> {
         })
     }
 
-    /// Has the motor of an axis carry out a command of its own manual: `data` is the data field there, without CAN id or
-    /// serial framing. Returns the data field of the motor's reply, empty where there is none.
+    /// Has the motor of an axis carry out a command of its own manual: `data` is the data field
+    /// there, without CAN id or serial framing. Returns the data field of the motor's reply,
+    /// empty where there is none.
     ///
-    /// What moves needs the epoch of the arming and is valid for `ttl`, as a setpoint; for all else both may be 0.
+    /// What moves needs the epoch of the arming and is valid for `ttl`, as a setpoint; for all else
+    /// both may be 0.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -347,8 +363,8 @@ impl<T: Transport> Client<T> {
         })
     }
 
-    /// Asks with the latest expiry that the gateway may take, and if it lies too far ahead, with one that does not: the gateway has then
-    /// done nothing.
+    /// Asks with the latest expiry that the gateway may take, and if it lies too far ahead, with
+    /// one that does not: the gateway has then done nothing.
     fn once_permitted<R>(
         &mut self,
         ttl: Duration,
@@ -363,8 +379,9 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// As [`native`](Self::native), asked again a few times while the axis is carrying out another request: a question of
-    /// another host is soon answered. Not for a command that moves by a distance, which is better refused than late.
+    /// As [`native`](Self::native), asked again a few times while the axis is carrying out another
+    /// request: a question of another host is soon answered. Not for a command that moves by a
+    /// distance, which is better refused than late.
     ///
     /// # Errors
     /// As [`request`](Self::request); `Busy` at once of an axis that is arming or stopping.
@@ -390,9 +407,10 @@ impl<T: Transport> Client<T> {
         self.native(axis, epoch, data, ttl)
     }
 
-    /// Has the gateway send [`Sample`](host_protocol::Event::Sample) events, one for each of `axes` in each `period` of
-    /// 1 ms to 10 s; [`poll_event`](Self::poll_event) returns them. It replaces the subscription before. Call
-    /// [`keep_subscription`](Self::keep_subscription) between two looks at the events, or it ends after 5 s.
+    /// Has the gateway send [`Sample`](host_protocol::Event::Sample) events, one for each of `axes`
+    /// in each `period` of 1 ms to 10 s; [`poll_event`](Self::poll_event) returns them. It
+    /// replaces the subscription before. Call [`keep_subscription`](Self::keep_subscription)
+    /// between two looks at the events, or it ends after 5 s.
     ///
     /// # Errors
     /// As [`request`](Self::request); `UnknownAxis` for an axis that no gateway can have.
@@ -419,7 +437,11 @@ impl<T: Transport> Client<T> {
     pub fn unsubscribe(&mut self) -> Result<(), ClientError> {
         // No axis; a period has to be one all the same.
         const PERIOD_US: u32 = 1_000_000;
-        self.subscribe_as(ask::Subscribe { axes: 0, fields: StateFields::NONE, period_us: PERIOD_US })
+        self.subscribe_as(ask::Subscribe {
+            axes: 0,
+            fields: StateFields::NONE,
+            period_us: PERIOD_US,
+        })
     }
 
     /// How an axis is.
@@ -430,7 +452,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ReadState { axis })
     }
 
-    /// As [`read_state`](Self::read_state), asked again a few times while the axis is carrying out another request.
+    /// As [`read_state`](Self::read_state), asked again a few times while the axis is carrying out
+    /// another request.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -452,7 +475,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::RawOpen { bus, unsafe_access: false }).map(drop)
     }
 
-    /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing stops them.
+    /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing
+    /// stops them.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -468,7 +492,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::RawSend { bus, frame }).map(drop)
     }
 
-    /// Fetches frames that were received on an open bus; as many as fit, so ask until there are none.
+    /// Fetches frames that were received on an open bus; as many as fit, so ask until there are
+    /// none.
     ///
     /// # Errors
     /// As [`request`](Self::request).

@@ -11,19 +11,22 @@ use crate::port::ConnectError;
 pub enum ClientError {
     /// The gateway refused it, or could not do it; the error names the cause and what to do.
     Gateway(host_protocol::Error),
-    /// No reply came in time, though the request was repeated. Whether it was executed is not known.
+    /// No reply came in time, though the request was repeated. Whether it was executed is not
+    /// known.
     NoAnswer {
         /// Name of the request.
         request: &'static str,
         /// How long a reply was awaited.
         after: Duration,
     },
-    /// A stop was written again and again, and nothing answered. The gateway may have stopped all the same.
+    /// A stop was written again and again, and nothing answered. The gateway may have stopped all
+    /// the same.
     StopUnanswered {
         /// How long an answer was awaited.
         after: Duration,
     },
-    /// Somebody wanted it to end: nothing that moves is sent any more, and the axes that were armed here have been stopped.
+    /// Somebody wanted it to end: nothing that moves is sent any more, and the axes that were armed
+    /// here have been stopped.
     Interrupted {
         /// Whether an axis was armed here.
         armed: bool,
@@ -35,7 +38,8 @@ pub enum ClientError {
         /// Major version of this library.
         host: u16,
     },
-    /// A reply with a right checksum that is none to this request: one side does not keep to the protocol.
+    /// A reply with a right checksum that is none to this request: one side does not keep to the
+    /// protocol.
     UnreadableReply {
         /// Name of the request.
         request: &'static str,
@@ -47,7 +51,8 @@ pub enum ClientError {
         /// Name of the request.
         request: &'static str,
     },
-    /// The gateway is there and closes the connection at once: other programs have all its host links.
+    /// The gateway is there and closes the connection at once: other programs have all its host
+    /// links.
     LinksTaken,
     /// The port could not be opened.
     Connect(ConnectError),

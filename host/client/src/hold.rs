@@ -43,11 +43,13 @@ pub struct NativeHold {
 pub type Round = Result<ControlFlow<()>, ClientError>;
 
 impl<T: Transport> Client<T> {
-    /// Keeps the link alive for `duration` with pings that wait for nothing. Calls `each_round` some 40 times a second; there
-    /// the caller may read states and take events, and end the hold.
+    /// Keeps the link alive for `duration` with pings that wait for nothing. Calls `each_round`
+    /// some 40 times a second; there the caller may read states and take events, and end the
+    /// hold.
     ///
     /// # Errors
-    /// [`ClientError::NoAnswer`] when no ping has been answered for a second, and those of `each_round`.
+    /// [`ClientError::NoAnswer`] when no ping has been answered for a second, and those of
+    /// `each_round`.
     pub fn hold(
         &mut self,
         duration: Duration,
@@ -56,29 +58,35 @@ impl<T: Transport> Client<T> {
         self.stream(Vec::new(), duration, each_round)
     }
 
-    /// Keeps setpoints in force for `duration`: a new one of each axis every tenth of the shortest TTL (not more often than every
-    /// millisecond for each axis, nor less often than every 25 ms), each with an expiry of its own, whether or not those
-    /// before have been answered. Requests of `each_round`, which is called some 40 times a second, do not delay them; a pause in it that is not
-    /// [`pause`](Self::pause) does.
+    /// Keeps setpoints in force for `duration`: a new one of each axis every tenth of the shortest
+    /// TTL (not more often than every millisecond for each axis, nor less often than every 25
+    /// ms), each with an expiry of its own, whether or not those before have been answered.
+    /// Requests of `each_round`, which is called some 40 times a second, do not delay them; a pause
+    /// in it that is not [`pause`](Self::pause) does.
     ///
-    /// When it returns, nothing is sent any more: stop or disarm the axes, or they trip when the last setpoint expires.
+    /// When it returns, nothing is sent any more: stop or disarm the axes, or they trip when the
+    /// last setpoint expires.
     ///
     /// # Errors
-    /// The gateway's refusal of a setpoint, and those of `each_round`. Setpoints that miss their time or stay unanswered are
-    /// an error if the gateway has taken none of that axis for twice its TTL, 0.5 s at least and 2 s at most.
+    /// The gateway's refusal of a setpoint, and those of `each_round`. Setpoints that miss their
+    /// time or stay unanswered are an error if the gateway has taken none of that axis for
+    /// twice its TTL, 0.5 s at least and 2 s at most.
     pub fn hold_setpoints(
         &mut self,
         holds: &[Hold],
         duration: Duration,
         each_round: impl FnMut(&mut Self) -> Round,
     ) -> Result<(), ClientError> {
-        let flow = |hold: &Hold| Flow::new(hold.axis, hold.epoch, hold.ttl, Motion::Setpoint(hold.setpoint));
+        let flow = |hold: &Hold| {
+            Flow::new(hold.axis, hold.epoch, hold.ttl, Motion::Setpoint(hold.setpoint))
+        };
         self.stream(holds.iter().map(flow).collect(), duration, each_round)
     }
 
-    /// As [`hold_setpoints`](Self::hold_setpoints), for a native command that moves; [`native_reply`](Self::native_reply) is what
-    /// the motor answers. Not for one that moves by a distance or starts what waits in the motor: each time it is sent it moves the
-    /// motor anew.
+    /// As [`hold_setpoints`](Self::hold_setpoints), for a native command that moves;
+    /// [`native_reply`](Self::native_reply) is what the motor answers. Not for one that moves
+    /// by a distance or starts what waits in the motor: each time it is sent it moves the motor
+    /// anew.
     ///
     /// # Errors
     /// As [`hold_setpoints`](Self::hold_setpoints).

@@ -1,4 +1,5 @@
-//! What arrived from the gateway: bytes become frames, events wait in order, answers go to whoever asked.
+//! What arrived from the gateway: bytes become frames, events wait in order, answers go to whoever
+//! asked.
 
 use std::collections::VecDeque;
 
@@ -9,7 +10,8 @@ use crate::error::ClientError;
 
 /// Events that wait for the user; later ones are dropped and counted.
 const MAX_EVENTS: usize = 1_024;
-/// More than half of what a number of an event can be: it is an old one, or the gateway has begun to count anew.
+/// More than half of what a number of an event can be: it is an old one, or the gateway has begun
+/// to count anew.
 const BACKWARDS: u16 = 1 << 15;
 
 /// How the gateway answered.
@@ -27,7 +29,8 @@ pub(crate) enum Answer {
 }
 
 impl Answer {
-    /// The reply to a request of this kind: its whole body, as bytes left over belong to another type.
+    /// The reply to a request of this kind: its whole body, as bytes left over belong to another
+    /// type.
     pub(crate) fn read<C: Call>(&self) -> Result<C::Reply, ClientError> {
         match self {
             Self::Error(error) => Err((*error).into()),
@@ -50,8 +53,8 @@ pub(crate) struct Arrived {
 }
 
 impl Arrived {
-    /// Whether it answers the request `number` of this sequence. Another number under the same sequence belongs to a session before this
-    /// one.
+    /// Whether it answers the request `number` of this sequence. Another number under the same
+    /// sequence belongs to a session before this one.
     pub(crate) fn answers(&self, sequence: u16, number: u16) -> bool {
         let fits = match &self.answer {
             Answer::Reply { number: of, .. } => *of == number,
@@ -66,7 +69,8 @@ impl Arrived {
 pub struct Losses {
     /// Frames that arrived damaged.
     pub damaged: u64,
-    /// Answers to requests that are no longer awaited: second answers to repeated requests, mostly; and events that came twice.
+    /// Answers to requests that are no longer awaited: second answers to repeated requests,
+    /// mostly; and events that came twice.
     pub late: u64,
     /// Events that got lost on the way: their numbers are missing.
     pub events_lost: u64,
@@ -127,7 +131,8 @@ impl Inbox {
                     }
                     answers.push(arrived(&frame));
                 }
-                // Only a gateway is sent requests: our own ones come back from a loop in the wiring.
+                // Only a gateway is sent requests: our own ones come back from a loop in the
+                // wiring.
                 Kind::Request => losses.unreadable += 1,
             }
         }
@@ -193,7 +198,8 @@ fn arrived(frame: &Frame<'_>) -> Arrived {
     let answer = if frame.kind == Kind::Error {
         // Data that cannot be read leaves the number, which says enough.
         Answer::Error(
-            Error::decode(frame.number, frame.body).unwrap_or(Error::Unknown { number: frame.number }),
+            Error::decode(frame.number, frame.body)
+                .unwrap_or(Error::Unknown { number: frame.number }),
         )
     } else {
         Answer::Reply { number: frame.number, body: frame.body.to_vec() }

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Somebody wants it to end, Ctrl-C for example: raised once, from any thread, and seen by the client that heeds it.
+/// Somebody wants it to end, Ctrl-C for example: raised once, from any thread, and seen by the
+/// client that heeds it.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 

@@ -1,7 +1,8 @@
-//! Client library of the motor gateway: requests with deadlines, events, the gateway's clock, setpoints kept fresh.
+//! Client library of the motor gateway: requests with deadlines, events, the gateway's clock,
+//! setpoints kept fresh.
 //!
-//! A [`Client`] lives on a [`Transport`], which carries its bytes and tells it the time: [`open`] gives one for a serial
-//! device or a TCP port, a simulation brings its own in virtual time.
+//! A [`Client`] lives on a [`Transport`], which carries its bytes and tells it the time: [`open`]
+//! gives one for a serial device or a TCP port, a simulation brings its own in virtual time.
 //!
 //! ```no_run
 //! use std::ops::ControlFlow;

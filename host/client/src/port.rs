@@ -12,8 +12,8 @@ const TCP_PREFIX: &str = "tcp:";
 /// What stands between a serial device and its bit rate.
 const BAUD_SEPARATOR: char = '@';
 
-/// Opens the port of that name: `tcp:HOST:PORT`, or a serial device such as `/dev/ttyACM0` or `COM5`, which runs at
-/// 921600 bit/s unless the name ends in `@` and another rate.
+/// Opens the port of that name: `tcp:HOST:PORT`, or a serial device such as `/dev/ttyACM0` or
+/// `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another rate.
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.
@@ -83,10 +83,16 @@ impl fmt::Display for ConnectError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoPort => {
-                write!(f, "the port has no name. Name a serial device such as /dev/ttyACM0, or tcp:HOST:PORT")
+                write!(
+                    f,
+                    "the port has no name. Name a serial device such as /dev/ttyACM0, or tcp:HOST:PORT"
+                )
             }
             Self::BadAddress { port } => {
-                write!(f, "`{port}` is no TCP port. Write tcp:HOST:PORT, for example tcp:127.0.0.1:7401")
+                write!(
+                    f,
+                    "`{port}` is no TCP port. Write tcp:HOST:PORT, for example tcp:127.0.0.1:7401"
+                )
             }
             Self::BadBaud { port } => {
                 write!(
@@ -98,9 +104,14 @@ impl fmt::Display for ConnectError {
                 write!(f, "no gateway at tcp:{address} ({source}). ")?;
                 match source.kind() {
                     io::ErrorKind::ConnectionRefused => {
-                        write!(f, "Nothing listens there: start the gateway, or `mgw sim --listen {address}`")
+                        write!(
+                            f,
+                            "Nothing listens there: start the gateway, or `mgw sim --listen {address}`"
+                        )
                     }
-                    io::ErrorKind::TimedOut => write!(f, "Check the address and that a network leads there"),
+                    io::ErrorKind::TimedOut => {
+                        write!(f, "Check the address and that a network leads there")
+                    }
                     _ => write!(f, "Check the host name and the port number"),
                 }
             }
@@ -118,7 +129,10 @@ impl fmt::Display for ConnectError {
                         )
                     }
                     _ => {
-                        write!(f, "Check that no other program has it open and that it can run at that rate")
+                        write!(
+                            f,
+                            "Check that no other program has it open and that it can run at that rate"
+                        )
                     }
                 }
             }
@@ -150,7 +164,8 @@ mod tests {
     fn names_that_make_no_sense_are_told_apart() {
         assert!(matches!(refused(""), ConnectError::NoPort));
         assert!(matches!(refused("@9600"), ConnectError::NoPort));
-        for port in ["tcp:", "tcp:localhost", "tcp::7401", "tcp:localhost:70000", "tcp:localhost:x"] {
+        for port in ["tcp:", "tcp:localhost", "tcp::7401", "tcp:localhost:70000", "tcp:localhost:x"]
+        {
             assert!(matches!(refused(port), ConnectError::BadAddress { .. }), "{port}");
         }
         for port in ["/dev/ttyACM0@", "/dev/ttyACM0@fast", "/dev/ttyACM0@0"] {

@@ -12,7 +12,8 @@ use crate::transport::Transport;
 pub const DEFAULT_BAUD: u32 = 921_600;
 /// Read timeout a port is opened with; each `receive` sets its own.
 const OPENING_TIMEOUT: Duration = Duration::from_millis(10);
-/// Shortest read timeout that the operating system is asked for; below its clock's tick it may not wait at all.
+/// Shortest read timeout that the operating system is asked for; below its clock's tick it may not
+/// wait at all.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
 /// A serial port, 8 data bits, no parity, 1 stop bit, no flow control, in wall-clock time.
@@ -34,7 +35,9 @@ impl SerialTransport {
     }
 
     fn port(&mut self) -> io::Result<&mut Box<dyn SerialPort>> {
-        self.port.as_mut().ok_or_else(|| io::Error::new(io::ErrorKind::NotConnected, "the port is not open"))
+        self.port
+            .as_mut()
+            .ok_or_else(|| io::Error::new(io::ErrorKind::NotConnected, "the port is not open"))
     }
 }
 
@@ -87,7 +90,8 @@ fn open(device: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
         .flow_control(FlowControl::None)
         .timeout(OPENING_TIMEOUT)
         .open()?;
-    // What the system buffered before belongs to nobody; the deframer would survive it, a stale reply might confuse.
+    // What the system buffered before belongs to nobody; the deframer would survive it, a stale
+    // reply might confuse.
     port.clear(ClearBuffer::Input)?;
     Ok(port)
 }

@@ -55,7 +55,13 @@ impl Pending {
         let length = match self.request {
             StopRequest::Stop(target) => {
                 let stop = ask::Stop { target };
-                host_protocol::encode(Kind::Request, *sequence, ask::Stop::NUMBER, &stop, &mut frame)
+                host_protocol::encode(
+                    Kind::Request,
+                    *sequence,
+                    ask::Stop::NUMBER,
+                    &stop,
+                    &mut frame,
+                )
             }
             StopRequest::EStop => host_protocol::encode(
                 Kind::Request,
@@ -97,7 +103,10 @@ impl Stops {
             for arrived in inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
                 let number = |pending: &Pending| pending.number();
                 let answered = self.pending.iter().position(|pending| {
-                    pending.sequences.iter().any(|sequence| arrived.answers(*sequence, number(pending)))
+                    pending
+                        .sequences
+                        .iter()
+                        .any(|sequence| arrived.answers(*sequence, number(pending)))
                 });
                 let Some(at) = answered else {
                     inbox.count_late();
@@ -118,14 +127,16 @@ impl Stops {
     }
 }
 
-/// Writes stops, and again until each is answered. A connection that fails is opened again; whether it was.
+/// Writes stops, and again until each is answered. A connection that fails is opened again; whether
+/// it was.
 pub(crate) fn until_answered<T: Transport>(
     transport: &mut T,
     inbox: &mut Inbox,
     sequence: &mut u16,
     requests: &[StopRequest],
 ) -> Result<bool, ClientError> {
-    let pending = requests.iter().map(|request| Pending { request: *request, sequences: Vec::new() });
+    let pending =
+        requests.iter().map(|request| Pending { request: *request, sequences: Vec::new() });
     let mut stops = Stops { pending: pending.collect(), refusal: None, written: false };
     let (mut reopened, mut last_error) = (false, None::<io::Error>);
     let end = transport.now().saturating_add(STOP_PATIENCE);
@@ -133,7 +144,9 @@ pub(crate) fn until_answered<T: Transport>(
         if transport.now() >= end {
             return Err(match last_error {
                 // The other side has no place for this host.
-                Some(error) if !stops.written && error.kind() == io::ErrorKind::ConnectionRefused => {
+                Some(error)
+                    if !stops.written && error.kind() == io::ErrorKind::ConnectionRefused =>
+                {
                     ClientError::LinksTaken
                 }
                 Some(error) if !stops.written => ClientError::Transport(error),
@@ -146,7 +159,9 @@ pub(crate) fn until_answered<T: Transport>(
             let before = transport.now();
             match transport.reconnect() {
                 Ok(()) if !reopened => inbox.restart(),
-                Ok(()) | Err(_) => transport.sleep(REOPEN_EVERY.saturating_sub(transport.now() - before)),
+                Ok(()) | Err(_) => {
+                    transport.sleep(REOPEN_EVERY.saturating_sub(transport.now() - before))
+                }
             }
             reopened = true;
         }
@@ -154,13 +169,16 @@ pub(crate) fn until_answered<T: Transport>(
     stops.refusal.map_or(Ok(reopened), |error| Err(error.into()))
 }
 
-/// Writes a stop before anything else, without a session, and again until it is answered. A connection that fails is opened
-/// again meanwhile.
+/// Writes a stop before anything else, without a session, and again until it is answered. A
+/// connection that fails is opened again meanwhile.
 ///
 /// # Errors
-/// [`ClientError::Gateway`] if the gateway refuses it, [`ClientError::StopUnanswered`] if nothing answers within
-/// [`STOP_PATIENCE`], or the failure of the transport if it could never be written.
-pub fn stop_before_hello<T: Transport>(transport: &mut T, request: StopRequest) -> Result<(), ClientError> {
+/// [`ClientError::Gateway`] if the gateway refuses it, [`ClientError::StopUnanswered`] if nothing
+/// answers within [`STOP_PATIENCE`], or the failure of the transport if it could never be written.
+pub fn stop_before_hello<T: Transport>(
+    transport: &mut T,
+    request: StopRequest,
+) -> Result<(), ClientError> {
     let mut sequence = fastrand::u16(..);
     until_answered(transport, &mut Inbox::new(), &mut sequence, &[request]).map(drop)
 }

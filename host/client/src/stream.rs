@@ -1,4 +1,5 @@
-//! Setpoints in their rhythm: each is new, with an expiry of its own, and none waits for the answer to another.
+//! Setpoints in their rhythm: each is new, with an expiry of its own, and none waits for the answer
+//! to another.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,12 +12,13 @@ use crate::clock::Clock;
 use crate::error::ClientError;
 use crate::inbox::{Answer, Arrived};
 
-/// Setpoints are renewed after this part of the shortest TTL: eight in a row may get lost on a line without delay, four behind a
-/// delay of 40 ms at a TTL of 100 ms.
+/// Setpoints are renewed after this part of the shortest TTL: eight in a row may get lost on a line
+/// without delay, four behind a delay of 40 ms at a TTL of 100 ms.
 const RENEWALS_PER_TTL: u32 = 10;
 /// They are renewed at least this often, whatever the TTL: this keeps authority alive, too.
 pub(crate) const RENEW_WITHIN: Duration = Duration::from_millis(25);
-/// No more than one setpoint in this time, of all axes together: a third of what a link of 921600 bit/s carries.
+/// No more than one setpoint in this time, of all axes together: a third of what a link of 921600
+/// bit/s carries.
 const SHORTEST_SPACE: Duration = Duration::from_millis(1);
 /// The gateway's clock is asked for this often.
 const PING_EVERY: Duration = Duration::from_millis(50);
@@ -24,7 +26,8 @@ const PING_EVERY: Duration = Duration::from_millis(50);
 const MARGIN_PART: u32 = 20;
 /// Requests of one kind whose answers are still looked for. Older ones are lost.
 const AWAITED: usize = 256;
-/// A stream ends when the gateway has taken nothing of an axis for twice its TTL, but not sooner or later than this.
+/// A stream ends when the gateway has taken nothing of an axis for twice its TTL, but not sooner or
+/// later than this.
 const PATIENCE: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
 /// Without any setpoint it ends when no ping has been answered for so long.
 const PONG_PATIENCE: Duration = Duration::from_secs(1);
@@ -43,13 +46,15 @@ pub(crate) struct Flow {
     pub(crate) epoch: u32,
     pub(crate) ttl: Duration,
     pub(crate) motion: Motion,
-    /// The setpoints that have not been answered, and what `excess` and `narrowed` came to together when each was sent.
+    /// The setpoints that have not been answered, and what `excess` and `narrowed` came to
+    /// together when each was sent.
     awaited: VecDeque<(u16, Duration)>,
     /// When the gateway took one last, or the stream began.
     taken: Duration,
     /// It has come at the wrong time since.
     miss: Option<Error>,
-    /// By how much the expiries of earlier setpoints lay too far ahead for the gateway, as far as its clock is not known better since.
+    /// By how much the expiries of earlier setpoints lay too far ahead for the gateway, as far as
+    /// its clock is not known better since.
     excess: Duration,
     /// By how much the bounds on the gateway's clock have come nearer to each other, in all.
     narrowed: Duration,
@@ -92,7 +97,9 @@ impl Flow {
                 }
             }
             // It was taken, and the next one came before the motor had answered.
-            Err(ClientError::Gateway(Error::Superseded { .. })) => (self.taken, self.miss) = (now, None),
+            Err(ClientError::Gateway(Error::Superseded { .. })) => {
+                (self.taken, self.miss) = (now, None)
+            }
             Err(ClientError::Gateway(error)) if is_miss(&error) => {
                 self.miss = Some(error);
                 if let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error {
@@ -105,20 +112,23 @@ impl Flow {
         }
     }
 
-    /// For how long the next one is valid: a little less than the TTL, because some setpoints arrive sooner than the pings that the
-    /// gateway's clock was measured by.
+    /// For how long the next one is valid: a little less than the TTL, because some setpoints
+    /// arrive sooner than the pings that the gateway's clock was measured by.
     pub(crate) fn lead(&self) -> Duration {
         (self.ttl - self.ttl / MARGIN_PART).saturating_sub(self.excess)
     }
 
-    /// The gateway has found an expiry too far ahead, by so many µs. What the clock has told since that setpoint was sent counts already.
+    /// The gateway has found an expiry too far ahead, by so many µs. What the clock has told since
+    /// that setpoint was sent counts already.
     fn stay_below(&mut self, excess_us: f64, sent_with: Duration) {
-        let excess = Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default();
+        let excess =
+            Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default();
         let needed = sent_with.saturating_add(excess).saturating_sub(self.narrowed);
         self.excess = self.excess.max(needed).min(self.ttl / 2);
     }
 
-    /// The bounds on the gateway's time have come nearer to each other by so much: so much less can an expiry lie too far ahead.
+    /// The bounds on the gateway's time have come nearer to each other by so much: so much less can
+    /// an expiry lie too far ahead.
     fn clock_narrowed(&mut self, by: Duration) {
         self.excess = self.excess.saturating_sub(by);
         self.narrowed = self.narrowed.saturating_add(by);
@@ -136,7 +146,9 @@ impl Flow {
             Motion::Setpoint(_) => "Setpoint",
             Motion::Native(_) => "Native",
         };
-        Err(self.miss.map_or(ClientError::NoAnswer { request, after: patience }, ClientError::Gateway))
+        Err(self
+            .miss
+            .map_or(ClientError::NoAnswer { request, after: patience }, ClientError::Gateway))
     }
 }
 
@@ -160,7 +172,8 @@ impl Stream {
     pub(crate) fn new(now: Duration, mut flows: Vec<Flow>) -> Self {
         let ttl = flows.iter().map(|flow| flow.ttl).min().unwrap_or(Duration::MAX);
         let axes = u32::try_from(flows.len()).unwrap_or(u32::MAX).max(1);
-        let period = (ttl / RENEWALS_PER_TTL).min(RENEW_WITHIN).max(SHORTEST_SPACE.saturating_mul(axes));
+        let period =
+            (ttl / RENEWALS_PER_TTL).min(RENEW_WITHIN).max(SHORTEST_SPACE.saturating_mul(axes));
         flows.iter_mut().for_each(|flow| flow.taken = now);
         let (pings, narrowest_us, reply) = (VecDeque::new(), None, None);
         Self { flows, period, next: now, next_ping: now, pings, ponged: now, narrowest_us, reply }
@@ -172,7 +185,8 @@ impl Stream {
         if flows { self.next.min(self.next_ping) } else { self.next_ping }
     }
 
-    /// Whether the setpoints are due now. What was missed is not made up for, and after a refusal nothing is due.
+    /// Whether the setpoints are due now. What was missed is not made up for, and after a refusal
+    /// nothing is due.
     pub(crate) fn takes_turn(&mut self, now: Duration) -> bool {
         let is_refused = self.flows.iter().any(|flow| flow.refusal.is_some());
         let is_due = !self.flows.is_empty() && !is_refused && now >= self.next;
@@ -209,8 +223,10 @@ impl Stream {
 
     /// Takes an answer if it is one to this stream.
     pub(crate) fn take(&mut self, now: Duration, arrived: &Arrived, clock: &mut Clock) -> bool {
-        if let Some(at) =
-            self.pings.iter().position(|(sequence, _)| arrived.answers(*sequence, ask::Ping::NUMBER))
+        if let Some(at) = self
+            .pings
+            .iter()
+            .position(|(sequence, _)| arrived.answers(*sequence, ask::Ping::NUMBER))
         {
             if let Some((_, sent)) = self.pings.remove(at)
                 && let Ok(pong) = arrived.answer.read::<ask::Ping>()
@@ -230,7 +246,8 @@ impl Stream {
                 Motion::Setpoint(_) => ask::Setpoint::NUMBER,
                 Motion::Native(_) => ask::Native::NUMBER,
             };
-            let position = flow.awaited.iter().position(|(sequence, _)| arrived.answers(*sequence, number));
+            let position =
+                flow.awaited.iter().position(|(sequence, _)| arrived.answers(*sequence, number));
             if let Some((_, sent_with)) = position.and_then(|at| flow.awaited.remove(at)) {
                 flow.take(now, &arrived.answer, sent_with, &mut self.reply);
                 return true;
@@ -249,11 +266,13 @@ impl Stream {
     }
 }
 
-/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock or by what another host had asked
-/// of the motor.
+/// Whether a setpoint only came at the wrong time, by what was known of the gateway's clock or by
+/// what another host had asked of the motor.
 fn is_miss(error: &Error) -> bool {
     matches!(
         error,
-        Error::Stale { .. } | Error::Busy { .. } | Error::OutOfRange { quantity: Quantity::Expiry, .. }
+        Error::Stale { .. }
+            | Error::Busy { .. }
+            | Error::OutOfRange { quantity: Quantity::Expiry, .. }
     )
 }

@@ -30,7 +30,12 @@ impl TcpTransport {
     /// When the name cannot be resolved or nothing there takes the connection within 3 s.
     pub fn connect(address: &str) -> io::Result<Self> {
         let stream = open(address)?;
-        Ok(Self { address: address.to_owned(), stream: Some(stream), heard: false, start: Instant::now() })
+        Ok(Self {
+            address: address.to_owned(),
+            stream: Some(stream),
+            heard: false,
+            start: Instant::now(),
+        })
     }
 
     /// The connection failed: refused, if nothing had come over it.
@@ -45,9 +50,9 @@ impl TcpTransport {
     }
 
     fn stream(&mut self) -> io::Result<&mut TcpStream> {
-        self.stream
-            .as_mut()
-            .ok_or_else(|| io::Error::new(io::ErrorKind::NotConnected, "the connection is not open"))
+        self.stream.as_mut().ok_or_else(|| {
+            io::Error::new(io::ErrorKind::NotConnected, "the connection is not open")
+        })
     }
 }
 
@@ -94,7 +99,8 @@ fn open(address: &str) -> io::Result<TcpStream> {
     for candidate in address.to_socket_addrs()? {
         match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
             Ok(stream) => {
-                // Requests are small and each is waited for: gathering them into larger segments only delays them.
+                // Requests are small and each is waited for: gathering them into larger segments
+                // only delays them.
                 stream.set_nodelay(true)?;
                 stream.set_write_timeout(Some(SEND_TIMEOUT))?;
                 return Ok(stream);
@@ -105,9 +111,13 @@ fn open(address: &str) -> io::Result<TcpStream> {
     Err(last)
 }
 
-/// Whether a read failed only because its time ran out (the two kinds are two systems' names for it) or a signal came.
+/// Whether a read failed only because its time ran out (the two kinds are two systems' names for
+/// it) or a signal came.
 pub(crate) fn nothing_came(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+    matches!(
+        error.kind(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
+    )
 }
 
 #[cfg(test)]
@@ -129,7 +139,8 @@ mod tests {
     #[test]
     fn a_server_that_closes_later_is_a_connection_that_failed() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let mut transport = TcpTransport::connect(&listener.local_addr().unwrap().to_string()).unwrap();
+        let mut transport =
+            TcpTransport::connect(&listener.local_addr().unwrap().to_string()).unwrap();
         let (mut stream, _) = listener.accept().unwrap();
         stream.write_all(&[0]).unwrap();
         let mut buffer = [0; 8];

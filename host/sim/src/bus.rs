@@ -1,4 +1,5 @@
-//! What CAN buses and RS485 lines have in common: who is on them, what travels, how they break, how long a bit takes.
+//! What CAN buses and RS485 lines have in common: who is on them, what travels, how they break, how
+//! long a bit takes.
 
 use std::fmt;
 use std::time::Duration;

@@ -1,11 +1,12 @@
 //! Simulated motors on simulated buses, around the very core that runs in the firmware.
 //!
-//! A [`World`] holds one gateway, its buses with their motors, and its host links, all in virtual time: it runs as
-//! fast as the machine can, and the same wiring, seed and input give the same run. Programs talk to it with the client
-//! library over a [`SimTransport`], or over TCP and in real time once [`serve()`] runs it.
+//! A [`World`] holds one gateway, its buses with their motors, and its host links, all in virtual
+//! time: it runs as fast as the machine can, and the same wiring, seed and input give the same run.
+//! Programs talk to it with the client library over a [`SimTransport`], or over TCP and in real
+//! time once [`serve()`] runs it.
 //!
-//! What a motor did is in its own [`MotorLog`], what was on the wires in [`World::trace`]; neither passes through the
-//! gateway.
+//! What a motor did is in its own [`MotorLog`], what was on the wires in [`World::trace`]; neither
+//! passes through the gateway.
 //!
 //! ```
 //! use std::time::Duration;

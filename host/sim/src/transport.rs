@@ -9,7 +9,8 @@ use mgw_client::Transport;
 
 use crate::world::World;
 
-/// A host link of a [`World`] as a client's transport: waiting and sleeping let the world's time pass.
+/// A host link of a [`World`] as a client's transport: waiting and sleeping let the world's time
+/// pass.
 ///
 /// Several transports may share one world; each of them moves it on.
 #[derive(Clone)]

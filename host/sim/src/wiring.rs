@@ -17,7 +17,8 @@ const RMD_BAUD: u32 = 115_200;
 #[allow(clippy::cast_possible_truncation)]
 const LINKS: u8 = MAX_LINKS as u8;
 
-/// The board that the simulator plays: two CAN controllers, one RS485 port that hears itself, and all host links.
+/// The board that the simulator plays: two CAN controllers, one RS485 port that hears itself, and
+/// all host links.
 pub static BOARD: Board = Board {
     name: "simulated",
     firmware: env!("CARGO_PKG_VERSION"),
@@ -50,7 +51,8 @@ pub struct MotorWiring {
     pub node: u8,
     /// Its bitrate, bit/s.
     pub bitrate: u32,
-    /// The CAN id on which a D5 listens and answers, where that is not its node. It hears 0xFE as well in frames of the same type.
+    /// The CAN id on which a D5 listens and answers, where that is not its node. It hears 0xFE as
+    /// well in frames of the same type.
     pub can_id: Option<CanId>,
 }
 
@@ -63,8 +65,8 @@ pub struct Wiring {
     pub motors: Vec<MotorWiring>,
     /// Two worlds with the same wiring, seed and input run alike.
     pub seed: u64,
-    /// What the board's random generator gives at the first start, from which epochs count; each later start gets another
-    /// number. Nothing: it fails.
+    /// What the board's random generator gives at the first start, from which epochs count; each
+    /// later start gets another number. Nothing: it fails.
     pub random_number: Option<u32>,
 }
 
@@ -122,7 +124,8 @@ impl Wiring {
         self
     }
 
-    /// [`BOARD`] with an RMD (node 1) and a thruster (0x0B) on bus 0, a D5 (0x0B) on bus 1, an RMD (node 1) on bus 2.
+    /// [`BOARD`] with an RMD (node 1) and a thruster (0x0B) on bus 0, a D5 (0x0B) on bus 1, an RMD
+    /// (node 1) on bus 2.
     pub fn four_motors() -> Self {
         Self::on(&BOARD)
             .with(0, Protocol::Rmd, 0x01)
@@ -145,8 +148,12 @@ impl fmt::Display for MotorWiring {
 impl fmt::Display for WiringError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            WiringError::Bus { bus, buses } => write!(f, "there is no bus {bus}: the board has {buses}"),
-            WiringError::Node { protocol, node } => write!(f, "no {protocol} motor can have the id {node}"),
+            WiringError::Bus { bus, buses } => {
+                write!(f, "there is no bus {bus}: the board has {buses}")
+            }
+            WiringError::Node { protocol, node } => {
+                write!(f, "no {protocol} motor can have the id {node}")
+            }
             WiringError::CanId { protocol } => {
                 write!(f, "a {protocol} motor listens on the CAN ids of its manual")
             }
@@ -165,7 +172,8 @@ mod tests {
 
     #[test]
     fn motors_get_the_bitrate_of_their_kind_and_bus() {
-        let rates: Vec<_> = Wiring::four_motors().motors.iter().map(|motor| motor.bitrate).collect();
+        let rates: Vec<_> =
+            Wiring::four_motors().motors.iter().map(|motor| motor.bitrate).collect();
         assert_eq!(rates, [1_000_000, 1_000_000, 210_526, 115_200]);
     }
 

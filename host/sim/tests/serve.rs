@@ -1,4 +1,5 @@
-//! A world behind TCP: who gets a host link, who is refused, what happens to a client that goes or does not read.
+//! A world behind TCP: who gets a host link, who is refused, what happens to a client that goes or
+//! does not read.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -11,10 +12,11 @@ const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x
 
 /// Hello and a stop of everything, from the vectors too.
 const HELLO: [u8; 19] = [
-    0x00, 0x03, 0x01, 0x02, 0x02, 0x01, 0x02, 0x01, 0x0A, 0xEF, 0xFD, 0xB6, 0xF5, 0x0D, 0xE1, 0x5A, 0xE7,
-    0x78, 0x00,
+    0x00, 0x03, 0x01, 0x02, 0x02, 0x01, 0x02, 0x01, 0x0A, 0xEF, 0xFD, 0xB6, 0xF5, 0x0D, 0xE1, 0x5A,
+    0xE7, 0x78, 0x00,
 ];
-const STOP_ALL: [u8; 13] = [0x00, 0x03, 0x01, 0x13, 0x02, 0x32, 0x06, 0x01, 0x24, 0x91, 0xE9, 0x53, 0x00];
+const STOP_ALL: [u8; 13] =
+    [0x00, 0x03, 0x01, 0x13, 0x02, 0x32, 0x06, 0x01, 0x24, 0x91, 0xE9, 0x53, 0x00];
 
 struct Rig {
     server: Server,
@@ -127,7 +129,9 @@ fn who_never_says_hello_loses_its_link_within_a_second() {
     // Requests that need no session are no Hello.
     silent[0].write_all(&PING).unwrap();
     let before = rig.elapsed;
-    rig.turn_until(|log| log.iter().filter(|line| line.ends_with("it has not said Hello")).count() == 3);
+    rig.turn_until(|log| {
+        log.iter().filter(|line| line.ends_with("it has not said Hello")).count() == 3
+    });
     assert!(rig.elapsed - before <= Duration::from_millis(1_001));
     let kept = greeted(&mut rig);
     rig.elapsed += Duration::from_secs(5);

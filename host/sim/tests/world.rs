@@ -1,4 +1,5 @@
-//! The simulated world by itself: timing on the wire, determinism, broken cables, the motors' own logs.
+//! The simulated world by itself: timing on the wire, determinism, broken cables, the motors' own
+//! logs.
 
 mod four_motors;
 mod lives;
@@ -14,8 +15,8 @@ fn lines(trace: &[TraceEntry]) -> Vec<String> {
     trace.iter().map(|entry| format!("{} {:?} {}", entry.bus, entry.from, entry.wire)).collect()
 }
 
-/// 108 bits, one stuff bit in the id, eleven in the zeros of the data, and those of the checksum; the answer follows
-/// after the motor's 100 to 200 µs.
+/// 108 bits, one stuff bit in the id, eleven in the zeros of the data, and those of the checksum;
+/// the answer follows after the motor's 100 to 200 µs.
 #[test]
 fn frames_take_their_time_on_the_wire() {
     let mut rig = Rig::new(Wiring::four_motors());
@@ -25,7 +26,10 @@ fn frames_take_their_time_on_the_wire() {
     rig.client.raw_send(0, RawFrame::Can(frame)).unwrap();
     rig.silence(2);
     let trace = rig.world.borrow_mut().trace();
-    assert_eq!(lines(&trace), ["0 Gateway 141#9C00000000000000", "0 Motor(0) 241#9C19000000000000"]);
+    assert_eq!(
+        lines(&trace),
+        ["0 Gateway 141#9C00000000000000", "0 Motor(0) 241#9C19000000000000"]
+    );
     let [request, reply] = trace.as_slice() else { panic!("two frames") };
     assert!((120..=123).contains(&(request.end_us - request.time_us)), "{request:?}");
     assert!((100..=200).contains(&(reply.time_us - request.end_us)), "{reply:?}");
@@ -44,7 +48,8 @@ fn the_same_seed_gives_the_same_run() {
     assert_ne!(first, run(2));
 }
 
-/// Run in one piece or looked at every 137 µs: the same frames at the same times, the same shaft to the last bit.
+/// Run in one piece or looked at every 137 µs: the same frames at the same times, the same shaft to
+/// the last bit.
 #[test]
 fn a_run_does_not_depend_on_how_it_is_cut_into_pieces() {
     let run = |piece: Duration| {
@@ -56,7 +61,8 @@ fn a_run_does_not_depend_on_how_it_is_cut_into_pieces() {
             let rest = Duration::from_micros(end.since(world.now()).as_micros());
             world.run_for(piece.min(rest));
         }
-        let shafts: Vec<_> = world.motors().iter().map(|motor| motor.position_rad().to_bits()).collect();
+        let shafts: Vec<_> =
+            world.motors().iter().map(|motor| motor.position_rad().to_bits()).collect();
         (world.trace(), shafts)
     };
     assert_eq!(run(Duration::from_secs(1)), run(Duration::from_micros(137)));
@@ -73,8 +79,9 @@ fn every_motor_logs_its_own_stop_when_the_host_is_gone() {
     rig.silence(2_000);
     let world = rig.world.borrow();
     for motor in world.motors() {
-        let moves =
-            |what: &MotorEvent| matches!(what, MotorEvent::Moving { .. } | MotorEvent::Stopped { .. });
+        let moves = |what: &MotorEvent| {
+            matches!(what, MotorEvent::Moving { .. } | MotorEvent::Stopped { .. })
+        };
         let last = motor.log().entries().rfind(|entry| moves(&entry.what)).copied();
         assert!(
             last.is_some_and(|last| {

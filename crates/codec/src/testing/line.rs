@@ -19,8 +19,8 @@ pub fn deframed<F: Framing<LEN>, const LEN: usize, const N: usize>(
     deframer
 }
 
-/// Checks deframers made by `new` with two valid frames, neither of which holds a header byte but its first and a valid frame when
-/// bit 4 of one of its bytes is flipped.
+/// Checks deframers made by `new` with two valid frames, neither of which holds a header byte but
+/// its first and a valid frame when bit 4 of one of its bytes is flipped.
 pub fn check_deframer<F: Framing<LEN>, const LEN: usize>(
     new: fn() -> Deframer<F, LEN>,
     request: [u8; LEN],

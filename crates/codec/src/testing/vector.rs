@@ -1,4 +1,5 @@
-//! Golden vectors of protocols on CAN: lines of `label | direction | can | id#data | meaning | source`.
+//! Golden vectors of protocols on CAN: lines of `label | direction | can | id#data | meaning |
+//! source`.
 
 use super::std::format;
 use super::std::vec::Vec;
@@ -30,7 +31,10 @@ pub struct Vector<'a> {
 
 /// The vectors of a file.
 pub fn vectors(text: &str) -> Vec<Vector<'_>> {
-    text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(Vector::parse).collect()
+    text.lines()
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .map(Vector::parse)
+        .collect()
 }
 
 impl<'a> Vector<'a> {
@@ -38,11 +42,14 @@ impl<'a> Vector<'a> {
     fn parse(line: &'a str) -> Self {
         let mut columns = line.splitn(5, " | ");
         let mut column = || columns.next().unwrap_or_else(|| panic!("too few columns: {line}"));
-        let (label, direction, transport, hex, rest) = (column(), column(), column(), column(), column());
+        let (label, direction, transport, hex, rest) =
+            (column(), column(), column(), column(), column());
         assert_eq!(transport, "can", "{label}");
-        let (meaning, source) = rest.rsplit_once(" | ").unwrap_or_else(|| panic!("too few columns: {line}"));
+        let (meaning, source) =
+            rest.rsplit_once(" | ").unwrap_or_else(|| panic!("too few columns: {line}"));
         let (id, data) = hex.split_once('#').expect("id#data");
-        let id = StandardId::new(u16::from_str_radix(id, 16).expect("hex id")).expect("standard id");
+        let id =
+            StandardId::new(u16::from_str_radix(id, 16).expect("hex id")).expect("standard id");
         assert!(data.is_ascii() && data.len().is_multiple_of(2), "{hex}");
         let data = (0..data.len())
             .step_by(2)
@@ -57,7 +64,8 @@ impl<'a> Vector<'a> {
         CanFrame::new(self.id, &self.data).expect("at most eight bytes")
     }
 
-    /// Compares the decoded value with the meaning and, if it is one that is sent, the bytes with its encoding.
+    /// Compares the decoded value with the meaning and, if it is one that is sent, the bytes with
+    /// its encoding.
     #[track_caller]
     pub fn check<T: Debug, D: Debug, E: Debug>(
         &self,
@@ -72,6 +80,10 @@ impl<'a> Vector<'a> {
         assert_eq!(format!("{value:?}"), self.meaning, "{label}");
         let encoded = encode(&value);
         let is_sent_form = matches!(&encoded, Ok(frame) if *frame == self.frame());
-        assert_eq!(is_sent_form, !self.source.contains(DECODE_ONLY), "{label}: encoded to {encoded:?}");
+        assert_eq!(
+            is_sent_form,
+            !self.source.contains(DECODE_ONLY),
+            "{label}: encoded to {encoded:?}"
+        );
     }
 }

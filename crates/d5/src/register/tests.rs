@@ -35,7 +35,11 @@ fn neighbours_read_at_once_have_fields_of_different_names() {
 #[test]
 fn defaults_lie_within_their_limits() {
     for info in &REGISTERS {
-        assert!(info.default.is_none_or(|default| (info.min..=info.max).contains(&default)), "{}", info.name);
+        assert!(
+            info.default.is_none_or(|default| (info.min..=info.max).contains(&default)),
+            "{}",
+            info.name
+        );
     }
 }
 
@@ -54,8 +58,8 @@ fn only_writable_registers_are_written() {
     }
 }
 
-/// D5 manual, frame format: two data bytes also write the next register; to 0x10 they would switch the timeout
-/// of 0x11 off.
+/// D5 manual, frame format: two data bytes also write the next register; to 0x10 they would switch
+/// the timeout of 0x11 off.
 #[test]
 fn the_width_is_that_of_the_register() {
     let one = "written with one data byte; the second would go to the next register";
@@ -72,8 +76,14 @@ fn the_width_is_that_of_the_register() {
 fn acceleration_and_deceleration_are_written_at_once() {
     assert_eq!(Register::ACCELERATION.check_write(Value::Word(0x4848)), Ok(()));
     let refused = |field, value| Err(EncodeError::OutOfRange { field, value, min: 72, max: 250 });
-    assert_eq!(Register::ACCELERATION.check_write(Value::Word(0xFB48)), refused("deceleration", 251));
-    assert_eq!(Register::ACCELERATION.check_write(Value::Word(0x4847)), refused("acceleration", 71));
+    assert_eq!(
+        Register::ACCELERATION.check_write(Value::Word(0xFB48)),
+        refused("deceleration", 251)
+    );
+    assert_eq!(
+        Register::ACCELERATION.check_write(Value::Word(0x4847)),
+        refused("acceleration", 71)
+    );
     let alone = "written with one data byte; the second would go to the next register";
     assert_eq!(refusal(0x16, Value::Word(0x4848)), alone); // 0x17 has no function
 }
@@ -84,7 +94,8 @@ fn the_id_is_written_with_two_data_bytes() {
     assert_eq!(Register::ID.check_write(Value::Word(0x000D)), Ok(()));
     assert_eq!(refusal(0x03, Value::Byte(0x0D)), "written with two data bytes");
     for id in [0x0000, 0x00FE, 0x00FF, 0x010D] {
-        let refused = EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 0xFD };
+        let refused =
+            EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 0xFD };
         assert_eq!(Register::ID.check_write(Value::Word(id)), Err(refused));
     }
 }
@@ -109,14 +120,29 @@ fn values_lie_within_their_limits() {
 #[test]
 fn words_are_read_whole() {
     let readable = |register: u8, width| Register(register).check_read(width).is_ok();
-    assert!(readable(0x20, Width::Word) && readable(0x26, Width::Word) && readable(0x57, Width::Word));
-    assert!(readable(0x15, Width::Word) && readable(0x15, Width::Byte) && readable(0x40, Width::Byte));
-    assert!(!readable(0x20, Width::Byte) && !readable(0x21, Width::Byte) && !readable(0x27, Width::Word));
-    assert!(!readable(0x1F, Width::Word) && !readable(0x25, Width::Word) && !readable(0xFF, Width::Word));
-    assert!(readable(0x26, Width::Word) && readable(0x28, Width::Word) && readable(0xFF, Width::Byte));
+    assert!(
+        readable(0x20, Width::Word) && readable(0x26, Width::Word) && readable(0x57, Width::Word)
+    );
+    assert!(
+        readable(0x15, Width::Word) && readable(0x15, Width::Byte) && readable(0x40, Width::Byte)
+    );
+    assert!(
+        !readable(0x20, Width::Byte)
+            && !readable(0x21, Width::Byte)
+            && !readable(0x27, Width::Word)
+    );
+    assert!(
+        !readable(0x1F, Width::Word)
+            && !readable(0x25, Width::Word)
+            && !readable(0xFF, Width::Word)
+    );
+    assert!(
+        readable(0x26, Width::Word) && readable(0x28, Width::Word) && readable(0xFF, Width::Byte)
+    );
 }
 
-/// D5 manual, register table, common commands, rows 2, 3 and 5: how each kind of register holds its value.
+/// D5 manual, register table, common commands, rows 2, 3 and 5: how each kind of register holds its
+/// value.
 #[test]
 fn values_are_coded_as_the_table_says() {
     let info = |register: Register| register.info().unwrap();

@@ -24,7 +24,10 @@ fn replies_with_a_register() {
     both_ways([0x05, 0x02, 0x15, 0x48, 0x48], Reply::Read { register, value: Value::Word(0x4848) });
     both_ways([0x04, 0x02, 0x15, 0x48, 0x00], Reply::Read { register, value: Value::Byte(0x48) });
     let speed = Register::SPEED;
-    both_ways([0x05, 0x03, 0x20, 0x11, 0x11], Reply::Written { register: speed, value: Value::Word(0x1111) });
+    both_ways(
+        [0x05, 0x03, 0x20, 0x11, 0x11],
+        Reply::Written { register: speed, value: Value::Word(0x1111) },
+    );
     let waits = Reply::AsyncWritten { register: speed, value: Value::Word(0x040B) };
     both_ways([0x05, 0x04, 0x20, 0x0B, 0x04], waits);
     // Repeats the stored write, here the upper half of the speed, with command 05.
@@ -36,13 +39,23 @@ fn replies_with_a_register() {
 #[test]
 fn errors_come_with_any_command() {
     for command in [0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0xCE, 0xCF, 0xD4, 0xFF] {
-        both_ways([0x05, command, 0x01, 0xEE, 0xEE], Reply::Error { error: MotorError::Id, command });
-        both_ways([0x05, command, 0x03, 0xEE, 0xEE], Reply::Error { error: MotorError::Command, command });
-        both_ways([0x05, command, 0x07, 0xEE, 0xEE], Reply::Error { error: MotorError::Checksum, command });
+        both_ways(
+            [0x05, command, 0x01, 0xEE, 0xEE],
+            Reply::Error { error: MotorError::Id, command },
+        );
+        both_ways(
+            [0x05, command, 0x03, 0xEE, 0xEE],
+            Reply::Error { error: MotorError::Command, command },
+        );
+        both_ways(
+            [0x05, command, 0x07, 0xEE, 0xEE],
+            Reply::Error { error: MotorError::Checksum, command },
+        );
     }
 }
 
-/// D5 manual, table rows 3 to 5: only these addresses, only two data bytes; elsewhere EE EE is a value.
+/// D5 manual, table rows 3 to 5: only these addresses, only two data bytes; elsewhere EE EE is a
+/// value.
 #[test]
 fn ee_ee_elsewhere_is_a_value() {
     let speed = Reply::Read { register: Register::CURRENT_SPEED, value: Value::Word(0xEEEE) };

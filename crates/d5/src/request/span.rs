@@ -5,8 +5,8 @@ use crate::payload::Width;
 use crate::register::Register;
 
 impl Request {
-    /// Whether a write, at once or later, changes a register or a part of it: one data byte goes to the address, two go to the
-    /// next one as well (D5 manual, frame format).
+    /// Whether a write, at once or later, changes a register or a part of it: one data byte goes to
+    /// the address, two go to the next one as well (D5 manual, frame format).
     pub fn writes(&self, register: Register) -> bool {
         let (Request::Write { register: Register(first), value }
         | Request::AsyncWrite { register: Register(first), value }) = *self
@@ -24,9 +24,9 @@ impl Request {
         [first, second].into_iter().any(|written| written == low || written == high)
     }
 
-    /// Whether the motor may turn otherwise once it has carried this out: any write that touches the set speed, in whatever
-    /// width and from whatever address, and the execution of what waits (D5 manual, registers 0x20 and 0x21, table rows 12 and
-    /// 13).
+    /// Whether the motor may turn otherwise once it has carried this out: any write that touches
+    /// the set speed, in whatever width and from whatever address, and the execution of what
+    /// waits (D5 manual, registers 0x20 and 0x21, table rows 12 and 13).
     pub fn moves(&self) -> bool {
         *self == Request::Execute || self.writes(Register::SPEED)
     }
@@ -41,7 +41,8 @@ mod tests {
         decode_request_frame(&frame).unwrap().1
     }
 
-    /// D5 manual, table rows 9, 11 to 13, quick start (4): the set speed is the two bytes from 0x20 on.
+    /// D5 manual, table rows 9, 11 to 13, quick start (4): the set speed is the two bytes from 0x20
+    /// on.
     #[test]
     fn whatever_touches_the_set_speed_moves() {
         for frame in [

@@ -40,7 +40,10 @@ fn writes_of_two_bytes_and_of_one() {
 fn half_a_word_is_decoded_and_not_encoded() {
     let half = Request::AsyncWrite { register: Register(0x21), value: Value::Byte(0x84) };
     assert_eq!(Request::decode(&Payload([0x04, 0x04, 0x21, 0x84, 0x00])), Ok(half));
-    assert!(matches!(half.encode(), Err(EncodeError::Forbidden { field: "register", value: 0x21, .. })));
+    assert!(matches!(
+        half.encode(),
+        Err(EncodeError::Forbidden { field: "register", value: 0x21, .. })
+    ));
 }
 
 /// D5 manual, frame format: the length byte is 4 or 5, and with 4 the upper data byte is empty.
@@ -51,7 +54,10 @@ fn odd_bytes_are_named() {
         ([0x06, 0xD4, 0x00, 0x00, 0x00], DecodeError::Length { got: 6, expected: 5 }),
         ([0x04, 0x03, 0x10, 0x01, 0x07], DecodeError::FixedByte { offset: 6, got: 7, expected: 0 }),
         ([0x05, 0x02, 0x20, 0x07, 0x00], DecodeError::FixedByte { offset: 5, got: 7, expected: 0 }),
-        ([0x05, 0x05, 0x20, 0x00, 0x00], DecodeError::FixedByte { offset: 4, got: 0x20, expected: 0 }),
+        (
+            [0x05, 0x05, 0x20, 0x00, 0x00],
+            DecodeError::FixedByte { offset: 4, got: 0x20, expected: 0 },
+        ),
         ([0x04, 0x06, 0x00, 0x00, 0x00], DecodeError::FixedByte { offset: 2, got: 4, expected: 5 }),
     ] {
         assert_eq!(Request::decode(&Payload(bytes)), Err(error));
@@ -78,7 +84,9 @@ fn self_tests_have_fixed_bytes() {
 /// Commands that the manual does not have keep their bytes.
 #[test]
 fn other_commands_keep_their_bytes() {
-    for bytes in [[0x05, 0xAA, 0x00, 0x00, 0x00], [0x05, 0xCE, 0x12, 0x34, 0x57], [0x04, 0x07, 1, 2, 3]] {
+    for bytes in
+        [[0x05, 0xAA, 0x00, 0x00, 0x00], [0x05, 0xCE, 0x12, 0x34, 0x57], [0x04, 0x07, 1, 2, 3]]
+    {
         both_ways(bytes, Request::Unknown { raw: Payload(bytes) });
     }
 }
@@ -86,7 +94,9 @@ fn other_commands_keep_their_bytes() {
 /// D5 manual, register table: raw bytes do not write a read-only register either.
 #[test]
 fn raw_bytes_do_not_go_around_the_table() {
-    for bytes in [[0x05, 0x03, 0x26, 0x00, 0x00], [0x05, 0x05, 0x01, 0x00, 0x00], [0x07, 0xD4, 0, 0, 0]] {
+    for bytes in
+        [[0x05, 0x03, 0x26, 0x00, 0x00], [0x05, 0x05, 0x01, 0x00, 0x00], [0x07, 0xD4, 0, 0, 0]]
+    {
         let result = Request::Unknown { raw: Payload(bytes) }.encode();
         assert!(matches!(result, Err(EncodeError::Forbidden { field: "command", .. })));
     }

@@ -4,7 +4,8 @@ use codec::{BuildError, FieldValue, Visit};
 
 use super::*;
 use crate::{
-    Address, Node, REGISTERS, Register, Reply, Request, Value, Width, decode_reply_frame, request_frame,
+    Address, Node, REGISTERS, Register, Reply, Request, Value, Width, decode_reply_frame,
+    request_frame,
 };
 
 #[track_caller]
@@ -21,7 +22,11 @@ fn given(fields: &[(&str, f64)], field: &str) -> Option<f64> {
 #[test]
 fn commands_are_built_from_fields() {
     built("query_id", &[], [0xD5, 0x0B, 0x05, 0x01, 0x00, 0x00, 0x00, 0x11]);
-    built("read", &[("register", 21.0), ("bytes", 2.0)], [0xD5, 0x0B, 0x05, 0x02, 0x15, 0x00, 0x00, 0x27]);
+    built(
+        "read",
+        &[("register", 21.0), ("bytes", 2.0)],
+        [0xD5, 0x0B, 0x05, 0x02, 0x15, 0x00, 0x00, 0x27],
+    );
     built("read", &[("register", 21.0)], [0xD5, 0x0B, 0x04, 0x02, 0x15, 0x00, 0x00, 0x26]);
     built("read", &[("register", 40.0)], [0xD5, 0x0B, 0x05, 0x02, 0x28, 0x00, 0x00, 0x3A]);
     let speed = [("register", 32.0), ("speed_dps", 600.0)];
@@ -79,7 +84,11 @@ fn every_command_is_visited_and_built_alike() {
 #[test]
 fn names_are_unique() {
     for (count, info) in COMMANDS.iter().enumerate() {
-        assert!(COMMANDS.iter().skip(count + 1).all(|other| other.name != info.name), "{}", info.name);
+        assert!(
+            COMMANDS.iter().skip(count + 1).all(|other| other.name != info.name),
+            "{}",
+            info.name
+        );
     }
 }
 
@@ -100,7 +109,10 @@ fn bad_values_are_refused_by_name() {
     assert_eq!(write(16.0, 1.5), Err(BuildError::NotAnInteger { field: "value", value: 1.5 }));
     assert!(matches!(write(38.0, 1.0), Err(BuildError::Encode(_))), "read-only");
     assert!(matches!(write(6.0, 1.0), Err(BuildError::Encode(_))), "no function");
-    assert_eq!(Request::build("write", &|_| None), Err(BuildError::MissingField { field: "register" }));
+    assert_eq!(
+        Request::build("write", &|_| None),
+        Err(BuildError::MissingField { field: "register" })
+    );
     let no_value = Request::build("write", &|field| (field == "register").then_some(32.0));
     assert_eq!(no_value, Err(BuildError::MissingField { field: "value" }));
     let no_width = Request::build("read", &|field| (field == "register").then_some(6.0));
@@ -160,7 +172,11 @@ fn replies_are_shown_in_units() {
         "read",
         &named("46", "board_temperature", ("board_temperature_c", "-5")),
     );
-    shown([0x5D, 0x0D, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x25], "write", &named("3", "id", ("id", "13")));
+    shown(
+        [0x5D, 0x0D, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x25],
+        "write",
+        &named("3", "id", ("id", "13")),
+    );
     let two = [
         ("register", "21"),
         ("register_name", "acceleration"),
@@ -177,7 +193,11 @@ fn replies_are_shown_in_units() {
     shown([0x5D, 0x0B, 0x05, 0x02, 0x2E, 0x85, 0x1E, 0xE3], "read", &temperatures);
     let half = [("register", "33"), ("value", "132")];
     shown([0x5D, 0x0B, 0x04, 0x05, 0x21, 0x84, 0x00, 0xB9], "execute", &half);
-    shown([0x5D, 0x0B, 0x05, 0xD4, 0x57, 0x61, 0x01, 0x9D], "read_magnetic_angle", &[("angle_deg", "353")]);
+    shown(
+        [0x5D, 0x0B, 0x05, 0xD4, 0x57, 0x61, 0x01, 0x9D],
+        "read_magnetic_angle",
+        &[("angle_deg", "353")],
+    );
     let error = [("motor_error", "command"), ("command_code", "206")];
     shown([0x5D, 0x0B, 0x05, 0xCE, 0x03, 0xEE, 0xEE, 0xBD], "faulty_self_test", &error);
     let error = [("motor_error", "checksum"), ("command_code", "3")];

@@ -124,10 +124,11 @@ impl AxisConfig {
         self.unsigned(AxisParameter::StopAction).and_then(|a| StopAction::try_from(a).ok())
     }
 
-    /// Whether the axis says that its motor has a holding brake: its stop locks it, or its arming frees it (RMD V3.6 §2.26, §2.27).
-    /// Of other motors the brake is not judged.
+    /// Whether the axis says that its motor has a holding brake: its stop locks it, or its arming
+    /// frees it (RMD V3.6 §2.26, §2.27). Of other motors the brake is not judged.
     pub fn has_brake(&self) -> bool {
-        self.stop_action() == Some(StopAction::Brake) || self.flag(AxisParameter::ReleaseBrakeWhenArming)
+        self.stop_action() == Some(StopAction::Brake)
+            || self.flag(AxisParameter::ReleaseBrakeWhenArming)
     }
 
     /// Whether the motor's own word on its brake counts.
@@ -151,7 +152,8 @@ impl AxisConfig {
         self.span(AxisParameter::RefreshUs)
     }
 
-    /// When the fault word is asked for again: early enough to be read within the configured time, whatever is under way then.
+    /// When the fault word is asked for again: early enough to be read within the configured time,
+    /// whatever is under way then.
     pub fn fault_poll(&self) -> Duration {
         let longest = self.span(AxisParameter::FaultPollUs);
         longest - longest.part(FAULT_POLL_RESERVE)
@@ -194,7 +196,8 @@ impl AxisConfig {
         self.float(parameter).unwrap_or(f32::INFINITY)
     }
 
-    /// The lowest and the highest value allowed of a quantity that is limited to both sides of zero.
+    /// The lowest and the highest value allowed of a quantity that is limited to both sides of
+    /// zero.
     pub fn range(&self, parameter: AxisParameter) -> (f32, f32) {
         let limit = self.limit(parameter);
         (-limit, limit)

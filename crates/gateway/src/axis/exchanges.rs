@@ -18,7 +18,8 @@ pub(super) struct Pending {
     window: Duration,
     /// When the reply window closes; `None` until the frame has left.
     until: Option<Instant>,
-    /// No older identical request was outstanding when it was handed over, so a reply can only be its own.
+    /// No older identical request was outstanding when it was handed over, so a reply can only be
+    /// its own.
     pub unambiguous: bool,
     /// Sending it again would move the motor again.
     once: bool,
@@ -32,7 +33,8 @@ pub(super) struct Pending {
 
 /// Since when something is overdue that goes before all other polls.
 const FIRST_OF_ALL: Instant = Instant::from_micros(0);
-/// What a motor has not answered for so long it answers no more (the longest reply window, GUARANTEES).
+/// What a motor has not answered for so long it answers no more (the longest reply window,
+/// GUARANTEES).
 const LATEST_REPLY: Duration = Duration::from_millis(300);
 /// How often a motor that does not answer is asked for who watches it.
 const SILENT_POLL: Duration = Duration::from_millis(1_000);
@@ -80,8 +82,8 @@ impl Displaced {
     }
 }
 
-/// A request was given up, and no other before then: its late reply must not be taken for the next one's. Only a setpoint
-/// does not wait for what was no setpoint.
+/// A request was given up, and no other before then: its late reply must not be taken for the next
+/// one's. Only a setpoint does not wait for what was no setpoint.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quiet {
     exchange: Exchange,
@@ -108,10 +110,12 @@ pub(super) struct Silence {
 impl Silence {
     pub const NONE: Self = Self { missed: 0, since: Instant::from_micros(0) };
 
-    /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES G3).
+    /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES
+    /// G3).
     const SHORTEST: Duration = Duration::from_millis(50);
 
-    /// Another reply was missed, its request having waited for `window`. Returns whether that makes `enough`.
+    /// Another reply was missed, its request having waited for `window`. Returns whether that makes
+    /// `enough`.
     fn goes_on(&mut self, now: Instant, window: Duration, enough: u8) -> bool {
         if self.missed == 0 {
             self.since = now - window;
@@ -148,7 +152,8 @@ impl Axis {
             && displaced.until.is_none()
         {
             displaced.until = Some(now + window);
-            self.unanswered_since = motor::is_answered(&displaced.command, &self.config).then_some(now);
+            self.unanswered_since =
+                motor::is_answered(&displaced.command, &self.config).then_some(now);
             return;
         }
         let Some(pending) = &mut self.pending else { return };
@@ -172,14 +177,15 @@ impl Axis {
         }
     }
 
-    /// Whether the frame in `slot` has not left and should not any more: a stop has pushed it aside, or a newer setpoint has
-    /// taken its place.
+    /// Whether the frame in `slot` has not left and should not any more: a stop has pushed it
+    /// aside, or a newer setpoint has taken its place.
     pub fn has_replaced(&self, slot: u8) -> bool {
         let waits = |of: u8, until: Option<Instant>| of == slot && until.is_none();
         let displaced = self.displaced.as_ref().is_some_and(|d| waits(d.slot, d.until));
         let superseded = self.pending.as_ref().is_some_and(|p| {
             // The same setpoint again is the same frame; the same distance again is another move.
-            let replaced = if p.once { !self.is_latest(p.motion) } else { !self.is_in_force(&p.command) };
+            let replaced =
+                if p.once { !self.is_latest(p.motion) } else { !self.is_in_force(&p.command) };
             p.exchange == Exchange::Motion && waits(p.slot, p.until) && replaced
         });
         displaced || superseded
@@ -191,14 +197,16 @@ impl Axis {
         waiting.is_some_and(|p| motor::answering_node(&p.command, &self.config) == Some(node))
     }
 
-    /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for bit up to their data: where
-    /// both have one id neither loses the arbitration, and the error repeats with them until a controller is off.
+    /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for
+    /// bit up to their data: where both have one id neither loses the arbitration, and the
+    /// error repeats with them until a controller is off.
     pub fn reply_with_our_id_since(&self) -> Option<Instant> {
         let same_id = self.config.protocol().is_some_and(motor::replies_with_the_id_of_the_request);
         self.unanswered_since.filter(|_| same_id)
     }
 
-    /// A request to another motor of the bus has left: this one may answer it as well, under the id that its own frames have.
+    /// A request to another motor of the bus has left: this one may answer it as well, under the id
+    /// that its own frames have.
     pub fn may_object(&mut self, now: Instant) {
         if !self.objects {
             return;
@@ -219,7 +227,8 @@ impl Axis {
         self.objects
     }
 
-    /// The next frame to the motor has met its reply on the bus and was taken back: the reply is let pass first.
+    /// The next frame to the motor has met its reply on the bus and was taken back: the reply is
+    /// let pass first.
     pub fn reply_comes_first(&mut self, now: Instant) {
         self.unanswered_since = Some(now);
     }
@@ -233,14 +242,15 @@ impl Axis {
     pub fn withdrawn(&mut self, now: Instant, slot: u8) {
         if self.displaced.as_ref().is_some_and(|d| d.slot == slot && d.until.is_none()) {
             self.displaced = None;
-        } else if let Some(pending) = self.pending.take_if(|p| p.slot == slot && p.until.is_none()) {
+        } else if let Some(pending) = self.pending.take_if(|p| p.slot == slot && p.until.is_none())
+        {
             self.not_delivered(&pending);
             self.send_again(now, pending.exchange);
         }
     }
 
-    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later. A stop stays under way: it is owed until it has
-    /// left.
+    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later. A
+    /// stop stays under way: it is owed until it has left.
     pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
         let stops = |p: &Pending| self.stop.is_some() && p.exchange.is_stop();
         if self.pending.as_ref().is_some_and(|p| p.slot == slot && p.until.is_none() && !stops(p)) {
@@ -248,7 +258,8 @@ impl Axis {
         }
     }
 
-    /// A frame of the axis's motor with this data field has arrived. Returns whether it answered something.
+    /// A frame of the axis's motor with this data field has arrived. Returns whether it answered
+    /// something.
     pub fn received(
         &mut self,
         now: Instant,
@@ -263,15 +274,17 @@ impl Axis {
         }
         // What has not left cannot be answered: an answer of that kind is one that came twice.
         let displaced = self.displaced.as_ref().filter(|displaced| displaced.until.is_some());
-        let late = displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));
+        let late =
+            displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));
         if let Some(verdict) = late.filter(|verdict| *verdict != Verdict::Unrelated) {
             if let Verdict::Answer(seen) = &verdict {
                 self.late_speed(seen);
             }
             self.displaced = None;
             // The reply to what was sent in its place is still due.
-            self.unanswered_since =
-                self.unanswered_since.filter(|_| self.pending.as_ref().is_some_and(Pending::is_waiting));
+            self.unanswered_since = self
+                .unanswered_since
+                .filter(|_| self.pending.as_ref().is_some_and(Pending::is_waiting));
             return Reception::Late;
         }
         let Some(pending) = self.pending.filter(Pending::is_waiting) else {
@@ -311,7 +324,8 @@ impl Axis {
 
     /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let is_over = |displaced: &mut Displaced| displaced.deadline().is_some_and(|until| until <= now);
+        let is_over =
+            |displaced: &mut Displaced| displaced.deadline().is_some_and(|until| until <= now);
         if let Some(displaced) = self.displaced.take_if(is_over)
             && displaced.is_awaited()
         {
@@ -324,7 +338,8 @@ impl Axis {
         self.expire_stop(now, out);
     }
 
-    /// Makes room for a stop. What was under way may still be answered, and is then not taken for the stop's reply.
+    /// Makes room for a stop. What was under way may still be answered, and is then not taken for
+    /// the stop's reply.
     pub(super) fn displace(&mut self) {
         if let Some(pending) = self.pending.take() {
             let Pending { command, slot, until, .. } = pending;
@@ -332,14 +347,16 @@ impl Axis {
         }
     }
 
-    /// A request was not answered within its window. Where its reply cannot be told from that of the stop, it must not be taken for it.
+    /// A request was not answered within its window. Where its reply cannot be told from that of
+    /// the stop, it must not be taken for it.
     fn may_be_answered_late(&mut self, now: Instant, command: &Command) {
         if self.is_answered_like_the_stop(command) {
             self.stop_like_reply_until = now + LATEST_REPLY;
         }
     }
 
-    /// Whether this is the command of the stop under way. To one that is sent again the reply to the one before says the same.
+    /// Whether this is the command of the stop under way. To one that is sent again the reply to
+    /// the one before says the same.
     fn repeats_stop(&self, exchange: Exchange) -> bool {
         self.stop.is_some() && exchange == Exchange::Stop
     }
@@ -365,7 +382,8 @@ impl Axis {
         }
     }
 
-    /// The axis is reached otherwise from now on: what is under way, or was, belongs to the motor that it had.
+    /// The axis is reached otherwise from now on: what is under way, or was, belongs to the motor
+    /// that it had.
     pub(super) fn leave_bus(&mut self) {
         self.pending = None;
         self.displaced = None;
@@ -379,8 +397,8 @@ impl Axis {
     fn give_up_pending(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(pending) = self.pending.take() else { return };
         self.not_delivered(&pending);
-        // A late reply must find nothing identical under way: the next request waits another window, and what a stop may be
-        // mistaken for is remembered as long.
+        // A late reply must find nothing identical under way: the next request waits another
+        // window, and what a stop may be mistaken for is remembered as long.
         let until = now + pending.window;
         let repeats_stop = self.repeats_stop(pending.exchange);
         if !repeats_stop {
@@ -406,7 +424,8 @@ impl Axis {
             return;
         }
         if self.is_kept_holding() && silent && self.job.is_none() {
-            // Whether it still holds is not known: its own timeout may have cut the output, or its power is off.
+            // Whether it still holds is not known: its own timeout may have cut the output, or its
+            // power is off.
             self.silence = Silence::NONE;
             self.stop(now, out);
             return;
@@ -442,8 +461,15 @@ impl Axis {
         self.job_answered(now, pending, &seen, data, out);
     }
 
-    /// Looks whether the motor carries the motion out. Where its reply does not tell, the speed read next does.
-    fn judge_motion(&mut self, now: Instant, pending: &Pending, seen: &Observation, out: &mut Outbox<'_>) {
+    /// Looks whether the motor carries the motion out. Where its reply does not tell, the speed
+    /// read next does.
+    fn judge_motion(
+        &mut self,
+        now: Instant,
+        pending: &Pending,
+        seen: &Observation,
+        out: &mut Outbox<'_>,
+    ) {
         match (pending.exchange, seen.velocity_rad_s) {
             (Exchange::Motion, _) => {
                 self.motion_silence = Silence::NONE;
@@ -478,8 +504,9 @@ impl Axis {
         self.job_refused(now, pending.exchange, out);
     }
 
-    /// Counts a request that told nothing for what no other reply carries, the fault word and the run time, and says whether there were
-    /// too many: a motor that answers everything else is as good as silent.
+    /// Counts a request that told nothing for what no other reply carries, the fault word and the
+    /// run time, and says whether there were too many: a motor that answers everything else is
+    /// as good as silent.
     fn stays_unread(&mut self, exchange: Exchange) -> bool {
         let unread = match exchange {
             Exchange::Faults => &mut self.faults_unread,
@@ -490,7 +517,8 @@ impl Axis {
         *unread >= self.config.missed_replies()
     }
 
-    /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal (PROTOCOL-NOTES R20, R30).
+    /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal
+    /// (PROTOCOL-NOTES R20, R30).
     fn thrown_back(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
         if !self.is_armed() {
             return;
@@ -506,7 +534,8 @@ impl Axis {
         self.resend_motion(now);
     }
 
-    /// A frame nobody asked for: what it says of faults counts all the same, and of what a motor sends by itself everything.
+    /// A frame nobody asked for: what it says of faults counts all the same, and of what a motor
+    /// sends by itself everything.
     fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
         let seen = received.observation(&self.config);
         let told = match received.telemetry() {

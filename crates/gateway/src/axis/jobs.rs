@@ -1,5 +1,5 @@
-//! What a host has asked for and takes exchanges of its own: arming, reading the state, provisioning, clearing, native
-//! commands, relative moves.
+//! What a host has asked for and takes exchanges of its own: arming, reading the state,
+//! provisioning, clearing, native commands, relative moves.
 //!
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
@@ -11,8 +11,8 @@ use crate::outbox::{Outbox, Ticket};
 use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
-    AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity, Reply,
-    TogetherBar, TripReason, Value,
+    AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity,
+    Reply, TogetherBar, TripReason, Value,
 };
 
 /// A sequence of exchanges under way for a host.
@@ -27,7 +27,8 @@ pub(crate) struct Job {
     pub(super) since: Instant,
     /// The holding brake has been freed.
     brake_freed: bool,
-    /// The motor's output is on, as the axis held before the job or a command of the job has switched it on.
+    /// The motor's output is on, as the axis held before the job or a command of the job has
+    /// switched it on.
     output_on: bool,
 }
 
@@ -51,7 +52,8 @@ pub(crate) enum JobKind {
     },
     /// Switch the output of a holding motor off.
     OutputOff,
-    /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the tripped state.
+    /// Clear the motor's own faults, look whether the cause of a trip is gone, and leave the
+    /// tripped state.
     Clear,
     /// Have the motor start anew, see that it has, and clear.
     Restart(Restart),
@@ -64,7 +66,8 @@ pub(crate) enum JobKind {
     },
     /// Hand on the reply to the native motion in the mailbox.
     NativeMotion,
-    /// Have a speed wait in the motor, and wait with it until all that shall start together are as far.
+    /// Have a speed wait in the motor, and wait with it until all that shall start together are as
+    /// far.
     Prepare {
         /// The speed, to wait.
         command: Command,
@@ -99,7 +102,9 @@ impl JobKind {
             Self::Clear => sequences.clearing,
             Self::Restart(_) => return Restart::step(index, sequences.clearing),
             Self::Provision { timeout_ms } => {
-                return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch].get(index).copied();
+                return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch]
+                    .get(index)
+                    .copied();
             }
             Self::OutputOff => &[Exchange::OutputOff],
             Self::Native { command, .. } => {
@@ -138,8 +143,15 @@ impl Axis {
             pending.predates_job = true;
         }
         let output_on = self.state == AxisState::Holding;
-        self.job =
-            Some(Job { kind, ticket, step: 0, unanswered: 0, since: now, brake_freed: false, output_on });
+        self.job = Some(Job {
+            kind,
+            ticket,
+            step: 0,
+            unanswered: 0,
+            since: now,
+            brake_freed: false,
+            output_on,
+        });
         match kind {
             JobKind::Arm { .. } => self.enter(AxisState::Arming, out),
             JobKind::Provision { timeout_ms } => self.provisioning(timeout_ms),
@@ -150,7 +162,8 @@ impl Axis {
         }
     }
 
-    /// Ends a job that only asks, for one that does something: nobody who looks on may keep others from acting.
+    /// Ends a job that only asks, for one that does something: nobody who looks on may keep others
+    /// from acting.
     pub fn make_way(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self.job.as_ref().is_some_and(|job| job.kind.only_asks()) {
             self.interrupt(now, Error::Busy { axis: self.index }, out);
@@ -183,7 +196,8 @@ impl Axis {
 
     /// A newer setpoint takes the place of a motion whose result is still owed.
     pub(super) fn supersede(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let moves = |job: &Job| matches!(job.kind, JobKind::NativeMotion | JobKind::MoveRelative { .. });
+        let moves =
+            |job: &Job| matches!(job.kind, JobKind::NativeMotion | JobKind::MoveRelative { .. });
         if self.job.as_ref().is_some_and(moves) {
             self.fail(now, Error::Superseded { axis: self.index }, out);
         }
@@ -197,9 +211,11 @@ impl Axis {
     /// Passes over the steps that this motor has no command for. Returns whether none is left.
     fn pass_over_steps(&mut self) -> bool {
         while let Some(exchange) = self.job_exchange() {
-            let is_of_what_waits = matches!(exchange, Exchange::OverwritePending | Exchange::ExecutePending);
+            let is_of_what_waits =
+                matches!(exchange, Exchange::OverwritePending | Exchange::ExecutePending);
             let needless = is_of_what_waits && !self.write_waits;
-            let has_command = matches!(exchange, Exchange::Motion) || self.command_for(exchange).is_some();
+            let has_command =
+                matches!(exchange, Exchange::Motion) || self.command_for(exchange).is_some();
             if !needless && has_command {
                 return false;
             }
@@ -252,13 +268,18 @@ impl Axis {
             return;
         }
         if self.is_restarting() {
-            self.ask_restarted_again(now, Error::NoReply { axis: self.index, hint: NoReplyHint::None }, out);
+            self.ask_restarted_again(
+                now,
+                Error::NoReply { axis: self.index, hint: NoReplyHint::None },
+                out,
+            );
             return;
         }
         let has_left = pending.is_waiting();
-        let changes =
-            matches!(self.job.as_ref().map(|job| job.kind), Some(JobKind::Native { asks: false, .. }))
-                && exchange == Exchange::Native;
+        let changes = matches!(
+            self.job.as_ref().map(|job| job.kind),
+            Some(JobKind::Native { asks: false, .. })
+        ) && exchange == Exchange::Native;
         if changes && has_left && motor::sets_ack_level(&pending.command) {
             self.step_done(now, &Observation::default(), &[], out);
             return;
@@ -302,9 +323,11 @@ impl Axis {
         }
     }
 
-    /// When the job is given up if the bus has not taken its next request, or keeps a stop that goes before it.
+    /// When the job is given up if the bus has not taken its next request, or keeps a stop that
+    /// goes before it.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
-        let stop_waits = |p: &Pending| self.stop.is_some() && p.exchange.is_stop() && !p.is_waiting();
+        let stop_waits =
+            |p: &Pending| self.stop.is_some() && p.exchange.is_stop() && !p.is_waiting();
         let waiting = self.job.as_ref().filter(|_| self.pending.as_ref().is_none_or(stop_waits))?;
         let is_motion = self.job_exchange()? == Exchange::Motion;
         Some(self.quiet.delays(is_motion, waiting.since) + TAKEN_WITHIN)
@@ -329,13 +352,17 @@ impl Axis {
 
     /// Ends a clearing, for a stop that somebody has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.job.as_ref().is_some_and(|job| matches!(job.kind, JobKind::Clear | JobKind::Restart(_))) {
+        if self
+            .job
+            .as_ref()
+            .is_some_and(|job| matches!(job.kind, JobKind::Clear | JobKind::Restart(_)))
+        {
             self.fail(now, Error::Busy { axis: self.index }, out);
         }
     }
 
-    /// Ends the job with an error. An arming that fails leaves the axis at rest, as it has only been sent stops; one that
-    /// has freed the brake leaves it through the stop action.
+    /// Ends the job with an error. An arming that fails leaves the axis at rest, as it has only
+    /// been sent stops; one that has freed the brake leaves it through the stop action.
     pub fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         let Some(job) = self.job.take() else { return };
         if self.state == AxisState::Arming {
@@ -349,7 +376,8 @@ impl Axis {
         out.answer(job.ticket, &Err(error));
     }
 
-    /// A native command may have switched the output of an idle axis's motor on, also where its reply was lost.
+    /// A native command may have switched the output of an idle axis's motor on, also where its
+    /// reply was lost.
     fn note_output(&mut self, now: Instant, job: &Job, out: &mut Outbox<'_>) {
         if self.state == AxisState::Idle && job.output_on {
             self.enter_rest(now, true, out);
@@ -365,7 +393,9 @@ impl Axis {
                     (Some(faults), ..) => {
                         Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
                     }
-                    (_, Some(velocity), Some(_)) if self.must_stand() && !self.is_standstill(velocity) => {
+                    (_, Some(velocity), Some(_))
+                        if self.must_stand() && !self.is_standstill(velocity) =>
+                    {
                         Err(Error::StopNotConfirmed { axis })
                     }
                     (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
@@ -374,7 +404,9 @@ impl Axis {
             }
             Some(JobKind::Native { command, .. })
                 if exchange == Exchange::AckLevel
-                    && seen.ack_level.is_some_and(|level| !motor::has_set_ack_level(&command, level)) =>
+                    && seen
+                        .ack_level
+                        .is_some_and(|level| !motor::has_set_ack_level(&command, level)) =>
             {
                 Err(Error::Refused { axis, faults: self.measured.fault_word() })
             }
@@ -423,11 +455,16 @@ impl Axis {
             return Err(Error::RestartOwed { axis });
         }
         // A motion against a locked brake ends in a stall (RMD V3.6 §2.12, §2.27).
-        if seen.brake_locked == Some(true) && !self.brake_is_freed_unseen() && self.config.has_brake() {
+        if seen.brake_locked == Some(true)
+            && !self.brake_is_freed_unseen()
+            && self.config.has_brake()
+        {
             return Err(Error::BrakeLocked { axis });
         }
         match seen.velocity_rad_s {
-            Some(velocity_rad_s) if exchange == Exchange::Velocity && !self.is_standstill(velocity_rad_s) => {
+            Some(velocity_rad_s)
+                if exchange == Exchange::Velocity && !self.is_standstill(velocity_rad_s) =>
+            {
                 Err(Error::NotStandstill { axis, velocity_rad_s })
             }
             _ => Ok(()),
@@ -440,7 +477,8 @@ impl Axis {
         freed && !self.config.verifies_brake()
     }
 
-    /// A level other than the configured one would make every write look lost, or answers unexpected.
+    /// A level other than the configured one would make every write look lost, or answers
+    /// unexpected.
     fn check_ack_level(&self, level: u8) -> Result<(), Error> {
         let configured = self.config.unsigned(AxisParameter::D5AckLevel).unwrap_or(0);
         if u32::from(level) == configured {
@@ -457,10 +495,13 @@ impl Axis {
         })
     }
 
-    /// Whether a later step of the job asks the same, so that the first answer is only for the record.
+    /// Whether a later step of the job asks the same, so that the first answer is only for the
+    /// record.
     fn is_read_again_later(&self, exchange: Exchange) -> bool {
         let (Some(job), Some(protocol)) = (&self.job, self.config.protocol()) else { return false };
-        (job.step + 1..).map_while(|step| job.kind.step(step, protocol)).any(|later| later == exchange)
+        (job.step + 1..)
+            .map_while(|step| job.kind.step(step, protocol))
+            .any(|later| later == exchange)
     }
 
     /// The last step is done: `seen` and `data` are what its reply told.
@@ -479,7 +520,9 @@ impl Axis {
             JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
             JobKind::Provision { timeout_ms } => {
                 self.provisioned(timeout_ms);
-                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport { timeout: self.motor_timeout(now) }))
+                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport {
+                    timeout: self.motor_timeout(now),
+                }))
             }
             JobKind::Clear => {
                 self.cleared(now, out);
@@ -501,12 +544,14 @@ impl Axis {
                 }
                 Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
             }
-            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => match seen.position_count {
-                Some(start) => self
-                    .hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
-                    .map(Reply::MoveRelative),
-                None => Err(Error::NoReply { axis: self.index, hint: NoReplyHint::None }),
-            },
+            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => {
+                match seen.position_count {
+                    Some(start) => self
+                        .hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
+                        .map(Reply::MoveRelative),
+                    None => Err(Error::NoReply { axis: self.index, hint: NoReplyHint::None }),
+                }
+            }
         };
         match result {
             Ok(reply) => {

@@ -6,9 +6,11 @@ use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState, Error, Quantity, TripReason};
 
-/// How long a turning motor that nobody here moves is left alone where its own timeout is not known.
+/// How long a turning motor that nobody here moves is left alone where its own timeout is not
+/// known.
 const UNKNOWN_TIMEOUT_PAUSE: Duration = Duration::from_millis(5_000);
-/// Between two readings that show a motor turning without a setpoint lies at least this (GUARANTEES G1).
+/// Between two readings that show a motor turning without a setpoint lies at least this (GUARANTEES
+/// G1).
 const UNCOMMANDED_FOR: Duration = Duration::from_millis(20);
 
 impl Axis {
@@ -24,7 +26,8 @@ impl Axis {
         if self.state == AxisState::Holding
             && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity))
         {
-            // A motor that should hold turns. Going on with the polls would keep its own timeout from stopping it.
+            // A motor that should hold turns. Going on with the polls would keep its own timeout
+            // from stopping it.
             self.stop(now, out);
             return;
         }
@@ -46,7 +49,8 @@ impl Axis {
         seen.faults.filter(|faults| *faults != motor::warnings(*faults, &self.config))
     }
 
-    /// Without a setpoint an armed axis stands. One reading may be noise: the next one decides, and is asked for early.
+    /// Without a setpoint an armed axis stands. One reading may be noise: the next one decides, and
+    /// is asked for early.
     fn watch_uncommanded(&mut self, now: Instant, velocity_rad_s: f32, out: &mut Outbox<'_>) {
         let turns = velocity_rad_s.abs() > self.config.uncommanded_rad_s();
         let allowed = self.config.flag(AxisParameter::AllowUncommanded);
@@ -62,22 +66,29 @@ impl Axis {
         }
     }
 
-    /// An axis at rest that is read for somebody who watches, and turns: something else has set it in motion. Reading on would
-    /// keep its own timeout from stopping it.
+    /// An axis at rest that is read for somebody who watches, and turns: something else has set it
+    /// in motion. Reading on would keep its own timeout from stopping it.
     fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if self.state == AxisState::Idle && turns {
-            let pause = self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
+            let pause =
+                self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
             self.state_poll_at = now + pause;
         }
     }
 
-    /// Whether what has just been read still is what the axis tripped for. A position stays where it is until somebody
-    /// moves it, so it bars nothing: the next arming watches it again.
-    pub(super) fn check_limit_cause(&self, tripped: TripReason, seen: &Observation) -> Result<(), Error> {
+    /// Whether what has just been read still is what the axis tripped for. A position stays where
+    /// it is until somebody moves it, so it bars nothing: the next arming watches it again.
+    pub(super) fn check_limit_cause(
+        &self,
+        tripped: TripReason,
+        seen: &Observation,
+    ) -> Result<(), Error> {
         let TripReason::LimitExceeded { quantity, .. } = tripped else { return Ok(()) };
         match self.exceeded(&Observation { position_rad: None, ..*seen }) {
-            Some(reason @ TripReason::LimitExceeded { quantity: still, .. }) if still == quantity => {
+            Some(reason @ TripReason::LimitExceeded { quantity: still, .. })
+                if still == quantity =>
+            {
                 Err(Error::CauseRemains { axis: self.index, reason })
             }
             _ => Ok(()),
@@ -90,10 +101,15 @@ impl Axis {
         let beyond = |quantity, value: Option<f32>, min: f32, max: f32| {
             let value = value?;
             let limit = if value > max { max } else { min };
-            (value > max || value < min).then_some(TripReason::LimitExceeded { quantity, value, limit })
+            (value > max || value < min).then_some(TripReason::LimitExceeded {
+                quantity,
+                value,
+                limit,
+            })
         };
         // A limit of zero has a margin too.
-        let slack = |limit: f32| if limit.is_finite() { limit.abs().max(1.0) * margin } else { 0.0 };
+        let slack =
+            |limit: f32| if limit.is_finite() { limit.abs().max(1.0) * margin } else { 0.0 };
         let velocity = self.config.limit(AxisParameter::VelocityLimitRadS) * (1.0 + margin);
         let current = self.config.limit(AxisParameter::CurrentLimitA) * (1.0 + margin);
         let torque = self.config.limit(AxisParameter::TorqueLimitNm) * (1.0 + margin);
@@ -110,7 +126,11 @@ impl Axis {
                     highest + slack(highest),
                 )
             })
-            .or_else(|| beyond(Quantity::Temperature, seen.motor_temperature_c, f32::NEG_INFINITY, hottest))
-            .or_else(|| beyond(Quantity::Temperature, seen.driver_temperature_c, f32::NEG_INFINITY, hottest))
+            .or_else(|| {
+                beyond(Quantity::Temperature, seen.motor_temperature_c, f32::NEG_INFINITY, hottest)
+            })
+            .or_else(|| {
+                beyond(Quantity::Temperature, seen.driver_temperature_c, f32::NEG_INFINITY, hottest)
+            })
     }
 }

@@ -3,7 +3,8 @@
 use crate::time::Instant;
 use host_protocol::{Reading, StateField, StateFields};
 
-/// What one reply of a motor tells, in SI units and in the axis's direction; `None` where it says nothing.
+/// What one reply of a motor tells, in SI units and in the axis's direction; `None` where it says
+/// nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Observation {
     pub position_rad: Option<f32>,
@@ -105,7 +106,8 @@ impl Measured {
 
     /// The position last read, and how far the motor has gone since at the velocity last read, rad.
     pub fn position_and_way(&self, now: Instant) -> Option<(f32, f32)> {
-        let (position, velocity) = (self.number(StateField::Position)?, self.number(StateField::Velocity)?);
+        let (position, velocity) =
+            (self.number(StateField::Position)?, self.number(StateField::Velocity)?);
         let age_s = self.age_us(now, StateField::Position) as f32 / 1e6;
         Some((position, velocity.abs() * age_s))
     }

@@ -1,7 +1,7 @@
 //! One axis: its configuration, its state, and everything it has under way.
 //!
-//! An axis never sends by itself. The bus asks what it [wants](Axis::wants), takes it, and reports what became of it;
-//! one request of an axis is under way at a time, and a stop displaces it.
+//! An axis never sends by itself. The bus asks what it [wants](Axis::wants), takes it, and reports
+//! what became of it; one request of an axis is under way at a time, and a stop displaces it.
 
 mod config;
 mod delivery;
@@ -54,8 +54,9 @@ pub(crate) struct Axis {
     pub config: AxisConfig,
     pub state: AxisState,
     motor_timeout: MotorTimeout,
-    /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or something may have changed it since.
-    /// It outlives a reset of the gateway, and arming writes it to a thruster again, also where `motor_timeout` is unknown.
+    /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or
+    /// something may have changed it since. It outlives a reset of the gateway, and arming
+    /// writes it to a thruster again, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
@@ -72,7 +73,8 @@ pub(crate) struct Axis {
     motion: Option<Motion>,
     /// Motions so far.
     motions: u32,
-    /// Since when the first setpoint, or the first refresh of one, waits that the bus has not taken; later than now where none does.
+    /// Since when the first setpoint, or the first refresh of one, waits that the bus has not
+    /// taken; later than now where none does.
     undelivered_since: Instant,
     stop: Option<Stop>,
     job: Option<Job>,
@@ -83,11 +85,13 @@ pub(crate) struct Axis {
     fault_poll_at: Instant,
     state_poll_at: Instant,
     poll_turn: usize,
-    /// After a motion frame whatever else is due goes first, so that fast setpoints starve no poll.
+    /// After a motion frame whatever else is due goes first, so that fast setpoints starve no
+    /// poll.
     motion_had_its_turn: bool,
     /// The motor has echoed the last motion command without carrying it out.
     not_executed: bool,
-    /// It has answered it by zeros: the speed is to be read, which tells whether that was a state (PROTOCOL-NOTES R30).
+    /// It has answered it by zeros: the speed is to be read, which tells whether that was a state
+    /// (PROTOCOL-NOTES R30).
     in_doubt: bool,
     /// How long motions have not been answered, whatever else has.
     motion_silence: Silence,
@@ -105,13 +109,15 @@ pub(crate) struct Axis {
     run_time: RunTime,
     /// Requests in a row for it that told nothing.
     run_time_unread: u8,
-    /// RMD: the motor was told something that acts after a restart, and has not been seen to restart since.
+    /// RMD: the motor was told something that acts after a restart, and has not been seen to
+    /// restart since.
     restart_owed: bool,
     /// D5: an asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
     /// What hosts have been told of the frames that its motor sends by itself.
     pub telemetry: Telemetry,
-    /// D5: the motor has answered a request to another one with an id error (D5 manual, table row 5), and will again.
+    /// D5: the motor has answered a request to another one with an id error (D5 manual, table row
+    /// 5), and will again.
     objects: bool,
     /// How often it may still do so, since the last frame to it.
     objections_due: u8,
@@ -184,7 +190,8 @@ impl Axis {
         matches!(self.state, AxisState::Idle | AxisState::Holding)
     }
 
-    /// Whether the axis needs its motor as it is: it holds, may move or moves, or has yet to be stopped or cleared.
+    /// Whether the axis needs its motor as it is: it holds, may move or moves, or has yet to be
+    /// stopped or cleared.
     pub fn is_in_use(&self) -> bool {
         !matches!(self.state, AxisState::Unconfigured | AxisState::Idle)
     }
@@ -206,7 +213,10 @@ impl Axis {
 
     /// Since when there is a stop of which no command has left, if that has not been reported.
     pub fn unreported_stop(&self) -> Option<Instant> {
-        self.stop.as_ref().filter(|stop| !stop.has_left() && !stop.delay_is_reported()).map(Stop::since)
+        self.stop
+            .as_ref()
+            .filter(|stop| !stop.has_left() && !stop.delay_is_reported())
+            .map(Stop::since)
     }
 
     /// The stop that has not left has been reported.
@@ -228,8 +238,10 @@ impl Axis {
 
     /// Whether a reply of the axis's motor may come that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        let awaited =
-            self.pending.as_ref().is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none());
+        let awaited = self
+            .pending
+            .as_ref()
+            .is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none());
         awaited || self.displaced.as_ref().is_some_and(Displaced::is_awaited)
     }
 
@@ -238,15 +250,16 @@ impl Axis {
         self.watched = watched;
     }
 
-    /// Whether an exchange is only for those who watch an idle axis, so that everything else goes before it.
+    /// Whether an exchange is only for those who watch an idle axis, so that everything else goes
+    /// before it.
     fn is_for_watchers(&self, exchange: Exchange) -> bool {
         self.is_idle_or_holding()
             && self.job.is_none()
             && !(self.is_kept_holding() && exchange == Exchange::Velocity)
     }
 
-    /// A parameter has been set. Where it has `moved` what decides by which frames the motor is reached, nothing is known of the motor; the
-    /// `same` one goes on holding.
+    /// A parameter has been set. Where it has `moved` what decides by which frames the motor is
+    /// reached, nothing is known of the motor; the `same` one goes on holding.
     pub fn configured(&mut self, moved: bool, same: bool, complete: bool, out: &mut Outbox<'_>) {
         if moved {
             self.leave_bus();
@@ -262,7 +275,8 @@ impl Axis {
         self.enter(state, out);
     }
 
-    /// How often a setpoint goes out: as configured, and at least every third of the motor's own timeout.
+    /// How often a setpoint goes out: as configured, and at least every third of the motor's own
+    /// timeout.
     pub fn refresh(&self) -> Duration {
         let configured = self.config.refresh();
         match self.programmed_timeout() {

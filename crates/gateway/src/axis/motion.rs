@@ -31,7 +31,8 @@ pub(super) struct Motion {
     pub command: Command,
     /// Counts the motions of the axis.
     pub number: u32,
-    /// When the permission to move ends; `None` only where the axis is configured without expiry, which is unsafe.
+    /// When the permission to move ends; `None` only where the axis is configured without expiry,
+    /// which is unsafe.
     expires: Option<Instant>,
     /// When it is to be sent next; `None` once it has been and must not be again.
     pub due: Option<Instant>,
@@ -54,7 +55,8 @@ impl Motion {
     }
 }
 
-/// The largest lead of an expiry that can be told from one in the past: half of what 32 bits of microseconds count.
+/// The largest lead of an expiry that can be told from one in the past: half of what 32 bits of
+/// microseconds count.
 const HALF_RANGE: u32 = 1 << 31;
 
 impl Axis {
@@ -77,7 +79,8 @@ impl Axis {
         Ok(())
     }
 
-    /// Takes a native command that moves, or says why not. `ticket` is answered when the motor has answered it.
+    /// Takes a native command that moves, or says why not. `ticket` is answered when the motor has
+    /// answered it.
     pub fn move_natively(
         &mut self,
         now: Instant,
@@ -122,7 +125,12 @@ impl Axis {
         if self.is_busy() {
             return Err(Error::Busy { axis: self.index });
         }
-        self.start(now, JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires }, ticket, out);
+        self.start(
+            now,
+            JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires },
+            ticket,
+            out,
+        );
         Ok(())
     }
 
@@ -149,7 +157,12 @@ impl Axis {
     }
 
     /// The end of the permission to move that a host gives, or why it gives none.
-    pub fn permission(&self, now: Instant, epoch: u32, expires_at_us: u32) -> Result<Option<Instant>, Error> {
+    pub fn permission(
+        &self,
+        now: Instant,
+        epoch: u32,
+        expires_at_us: u32,
+    ) -> Result<Option<Instant>, Error> {
         let axis = self.index;
         match (self.state, &self.trip) {
             (AxisState::Armed | AxisState::Active, _) => {}
@@ -182,7 +195,8 @@ impl Axis {
         }
     }
 
-    /// The expiry as a point in gateway time: later than now, and not later than the axis's TTL allows.
+    /// The expiry as a point in gateway time: later than now, and not later than the axis's TTL
+    /// allows.
     fn expiry(&self, now: Instant, expires_at_us: u32) -> Result<Option<Instant>, Error> {
         if self.config.flag(AxisParameter::UnsafeInfiniteTtl) {
             return Ok(None);
@@ -235,8 +249,8 @@ impl Axis {
         self.motion.as_ref().is_some_and(|motion| motion.number == number)
     }
 
-    /// How often the state is polled: a motor that holds, or moves by a command that is not sent again, must hear something
-    /// as often as a setpoint would tell it.
+    /// How often the state is polled: a motor that holds, or moves by a command that is not sent
+    /// again, must hear something as often as a setpoint would tell it.
     pub(super) fn state_poll(&self) -> Duration {
         let configured = self.config.state_poll();
         let unfed = match &self.motion {
@@ -266,7 +280,8 @@ impl Axis {
             return;
         }
         // While armed the fault word has a rhythm of its own.
-        let of_its_own = exchange == Exchange::Motion || (exchange == Exchange::Faults && self.is_armed());
+        let of_its_own =
+            exchange == Exchange::Motion || (exchange == Exchange::Faults && self.is_armed());
         if self.job_exchange() != Some(exchange) && !of_its_own {
             self.state_poll_at = now + self.state_poll();
             self.poll_turn = self.poll_turn.wrapping_add(1);

@@ -1,4 +1,5 @@
-//! A restart of the motor (RMD V3.6 §2.25): asked for, waited out, and seen by its run time (§2.28), which has not gone on as our clock has.
+//! A restart of the motor (RMD V3.6 §2.25): asked for, waited out, and seen by its run time
+//! (§2.28), which has not gone on as our clock has.
 
 use super::{Axis, JobKind};
 use crate::motor::{self, Exchange};
@@ -17,7 +18,8 @@ const CLOCK_PART: NonZeroU64 = NonZeroU64::new(20).unwrap();
 /// and its run time older by so much than the request for it.
 const READING: Duration = Duration::from_millis(50);
 
-/// A run time that the motor has told, and when; at first, of a motor that has told nothing, the least that it can have been.
+/// A run time that the motor has told, and when; at first, of a motor that has told nothing, the
+/// least that it can have been.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct RunTime {
     ms: u32,
@@ -27,8 +29,8 @@ pub(super) struct RunTime {
 impl RunTime {
     pub const UNKNOWN: Self = Self { ms: 0, at: Instant::from_micros(0) };
 
-    /// Whether a motor has restarted since this reading that was asked at `asked` and tells `run_time_ms`: what it has run for must have
-    /// grown by about the time between.
+    /// Whether a motor has restarted since this reading that was asked at `asked` and tells
+    /// `run_time_ms`: what it has run for must have grown by about the time between.
     fn is_before_a_restart(&self, asked: Instant, run_time_ms: u32) -> bool {
         let passed = asked.since(self.at);
         let before = Duration::from_millis(self.ms.into());
@@ -65,7 +67,8 @@ impl Restart {
 }
 
 impl Axis {
-    /// Whether the motor has been told to restart and is not known to be back: its silence says nothing.
+    /// Whether the motor has been told to restart and is not known to be back: its silence says
+    /// nothing.
     pub(super) fn is_restarting(&self) -> bool {
         self.restart_under_way().is_some_and(|(step, _)| step == Restart::WAITS)
     }
@@ -78,7 +81,8 @@ impl Axis {
         }
     }
 
-    /// The job has read the run time. Whether that is not yet the one after the restart, so that it is asked again.
+    /// The job has read the run time. Whether that is not yet the one after the restart, so that it
+    /// is asked again.
     pub(super) fn awaits_restart(&mut self, now: Instant, out: &mut Outbox<'_>) -> bool {
         let Some(job) = &mut self.job else { return false };
         match &mut job.kind {
@@ -95,8 +99,9 @@ impl Axis {
         false
     }
 
-    /// The motor tells its run time, asked for at `asked`. Where it has restarted an armed axis trips, as whatever the motor was told for
-    /// this motion is lost, and perhaps the turns that it had counted (§2.33.4, index 4).
+    /// The motor tells its run time, asked for at `asked`. Where it has restarted an armed axis
+    /// trips, as whatever the motor was told for this motion is lost, and perhaps the turns
+    /// that it had counted (§2.33.4, index 4).
     pub(super) fn note_run_time(
         &mut self,
         now: Instant,
@@ -168,7 +173,11 @@ mod tests {
         for (before, at, asked, told, restarted) in cases {
             let ms = |ms: u64| Instant::default() + Duration::from_millis(ms);
             let read = RunTime { ms: before, at: ms(at) };
-            assert_eq!(read.is_before_a_restart(ms(asked), told), restarted, "{before} {at} {asked} {told}");
+            assert_eq!(
+                read.is_before_a_restart(ms(asked), told),
+                restarted,
+                "{before} {at} {asked} {told}"
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
-//! The stop: sent first, sent again until the motor has confirmed it, and repeated while the axis is tripped
-//! (GUARANTEES G4).
+//! The stop: sent first, sent again until the motor has confirmed it, and repeated while the axis
+//! is tripped (GUARANTEES G4).
 
 mod confirm;
 mod unreachable;
@@ -22,11 +22,13 @@ const REFUSED_PAUSE: Duration = Duration::from_millis(20);
 const STANDSTILL_WITHIN: Duration = Duration::from_millis(5_000);
 /// The same for a motor that did not come to rest before and has been left alone since.
 const STANDSTILL_WITHIN_ANEW: Duration = Duration::from_millis(2_000);
-/// Between two stop commands that hosts ask for; what is asked for more often must not keep the speed from being read.
+/// Between two stop commands that hosts ask for; what is asked for more often must not keep the
+/// speed from being read.
 const ASKED_AGAIN: Duration = Duration::from_millis(10);
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
-/// A brake that does not show it counts as locked so long after it was told (GUARANTEES G4, stop table).
+/// A brake that does not show it counts as locked so long after it was told (GUARANTEES G4, stop
+/// table).
 const BRAKE_LOCKS_WITHIN: Duration = Duration::from_millis(1_000);
 
 /// Where a stop stands.
@@ -78,15 +80,18 @@ pub(crate) struct Stop {
     standstill_readings: u8,
     /// Stop commands in a row that were not answered, or were refused.
     unconfirmed: u8,
-    /// So many stops came to nothing, or the motor did not come to rest, and no stop has been confirmed since.
+    /// So many stops came to nothing, or the motor did not come to rest, and no stop has been
+    /// confirmed since.
     unreachable: bool,
-    /// An unreachable motor is left alone but for two stops between silences, until it answers one of them.
+    /// An unreachable motor is left alone but for two stops between silences, until it answers one
+    /// of them.
     resting: bool,
     /// The first of the two has gone.
     second_follows: bool,
     /// When the silence ends.
     rests_until: Instant,
-    /// A host has had a stop sent in this silence; another one would keep the motor's own timeout from acting.
+    /// A host has had a stop sent in this silence; another one would keep the motor's own timeout
+    /// from acting.
     asked_while_resting: bool,
     /// When a motor that answers and does not come to rest is given up.
     give_up_at: Instant,
@@ -96,13 +101,15 @@ pub(crate) struct Stop {
     repeat_at: Instant,
     /// When the phase of reading the speed began.
     standstill_since: Instant,
-    /// When something of the stop last went on: a frame had left, was answered, or was given up after it had left.
+    /// When something of the stop last went on: a frame had left, was answered, or was given up
+    /// after it had left.
     went_on_at: Instant,
     /// A frame of it has waited for so long to leave that it counts as not sent, and waits still.
     not_sent: bool,
     /// The brake is locked and the output off.
     braked: bool,
-    /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes known.
+    /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes
+    /// known.
     read_after_repeat: bool,
     /// How often a motor that holds must hear something to go on holding.
     hold_poll: Option<Duration>,
@@ -168,7 +175,8 @@ impl Stop {
         self.acknowledged
     }
 
-    /// A stop is asked for again: the stop command goes out now, or soon if one has just left. Returns whether it does now.
+    /// A stop is asked for again: the stop command goes out now, or soon if one has just left.
+    /// Returns whether it does now.
     fn ask_again(&mut self, now: Instant) -> bool {
         let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
         if !self.has_left() || !self.repeats() || (self.resting && self.asked_while_resting) {
@@ -178,7 +186,8 @@ impl Stop {
         self.asked_while_resting = self.resting;
         self.repeat_at = self.repeat_at.min(at);
         // Before the next reading, too.
-        self.next_at = if self.phase == Phase::Command { self.next_at.min(at) } else { self.next_at.max(at) };
+        self.next_at =
+            if self.phase == Phase::Command { self.next_at.min(at) } else { self.next_at.max(at) };
         just_left.is_none()
     }
 
@@ -220,11 +229,13 @@ impl Stop {
 
     /// When a motor that answers and does not come to rest is given up.
     pub fn gives_up_at(&self) -> Option<Instant> {
-        let turns = self.phase != Phase::Confirmed && !self.resting && self.has_left() && !self.not_sent;
+        let turns =
+            self.phase != Phase::Confirmed && !self.resting && self.has_left() && !self.not_sent;
         turns.then_some(self.give_up_at)
     }
 
-    /// Since when a frame of the stop should have left, while it is neither confirmed nor known as one that could not be sent.
+    /// Since when a frame of the stop should have left, while it is neither confirmed nor known as
+    /// one that could not be sent.
     fn unsent_since(&self) -> Option<Instant> {
         if self.phase == Phase::Confirmed || self.unreachable || self.not_sent {
             return None;
@@ -249,7 +260,8 @@ impl Stop {
 
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
-        let repeat = if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
+        let repeat =
+            if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
         match exchange {
             Exchange::OutputOff if self.phase != Phase::OutputOff => {
                 self.repeat_at = now + repeat;
@@ -280,8 +292,8 @@ impl Stop {
         }
     }
 
-    /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two stops: whatever we send may be
-    /// feeding its own timeout (GUARANTEES G4).
+    /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two
+    /// stops: whatever we send may be feeding its own timeout (GUARANTEES G4).
     pub fn left(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
         self.went_on_at = now;
         if core::mem::take(&mut self.not_sent) {
@@ -302,7 +314,8 @@ impl Stop {
 
     fn go(&mut self, now: Instant, phase: Phase) {
         self.phase = phase;
-        self.next_at = if phase == Phase::Command && self.resting { now.max(self.rests_until) } else { now };
+        self.next_at =
+            if phase == Phase::Command && self.resting { now.max(self.rests_until) } else { now };
         if phase == Phase::Standstill {
             self.standstill_since = now;
             self.standstill_readings = 0;

@@ -1,8 +1,10 @@
-//! How much hosts are told of the frames that a motor sends by itself: a thruster can be set to one each millisecond.
+//! How much hosts are told of the frames that a motor sends by itself: a thruster can be set to one
+//! each millisecond.
 
 use crate::time::Instant;
 
-/// Of each kind one frame is told in this time, µs. Samples, at the pace that a host asks for, have the values of all.
+/// Of each kind one frame is told in this time, µs. Samples, at the pace that a host asks for, have
+/// the values of all.
 const PERIOD_US: u32 = 1_000_000;
 
 /// What has been told of one axis.

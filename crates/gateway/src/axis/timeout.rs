@@ -1,4 +1,5 @@
-//! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1, G4).
+//! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
+//! G4).
 
 use super::Axis;
 use crate::motor;
@@ -18,7 +19,9 @@ impl Axis {
     pub fn motor_timeout(&self, now: Instant) -> MotorTimeout {
         let silent = now.since(self.heard_at) >= POWER_MAY_HAVE_BEEN_OFF;
         match self.motor_timeout {
-            MotorTimeout::Written { .. } if silent && !self.stores_its_timeout() => MotorTimeout::Unknown,
+            MotorTimeout::Written { .. } if silent && !self.stores_its_timeout() => {
+                MotorTimeout::Unknown
+            }
             known => known,
         }
     }
@@ -29,7 +32,8 @@ impl Axis {
         self.heard_at = now;
     }
 
-    /// Arming without a timeout must be allowed by the configuration, and without knowing of one as well.
+    /// Arming without a timeout must be allowed by the configuration, and without knowing of one as
+    /// well.
     pub fn check_motor_timeout(&self, now: Instant) -> Result<(), Error> {
         let axis = self.index;
         let allows = |parameter| self.config.flag(parameter);
@@ -42,14 +46,17 @@ impl Axis {
         }
     }
 
-    /// Whether arming settles what is known: a D5 is asked for its switch, a thruster is told again what was provisioned.
+    /// Whether arming settles what is known: a D5 is asked for its switch, a thruster is told again
+    /// what was provisioned.
     pub fn arming_settles_the_timeout(&self) -> bool {
         self.config.protocol() == Some(Protocol::D5) || self.renewed_timeout_ms().is_some()
     }
 
-    /// The timeout that arming writes again, ms: the one provisioned, where the motor loses it with its power.
+    /// The timeout that arming writes again, ms: the one provisioned, where the motor loses it with
+    /// its power.
     pub(super) fn renewed_timeout_ms(&self) -> Option<u32> {
-        (self.written_timeout_ms > 0 && !self.stores_its_timeout()).then_some(self.written_timeout_ms)
+        (self.written_timeout_ms > 0 && !self.stores_its_timeout())
+            .then_some(self.written_timeout_ms)
     }
 
     /// The motor has taken the timeout that arming wrote again.
@@ -65,7 +72,8 @@ impl Axis {
         self.is_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
     }
 
-    /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it again.
+    /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it
+    /// again.
     pub(super) fn doubt_motor_timeout(&mut self) {
         if self.renewed_timeout_ms().is_some() {
             self.motor_timeout = MotorTimeout::Unknown;
@@ -74,7 +82,8 @@ impl Axis {
         }
     }
 
-    /// The motor is about to be told a timeout. Until it has answered it may have the one or the other; none, where that is one of them.
+    /// The motor is about to be told a timeout. Until it has answered it may have the one or the
+    /// other; none, where that is one of them.
     pub(super) fn provisioning(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
         if is_as_good_as_none(timeout_ms) {
@@ -82,8 +91,8 @@ impl Axis {
         }
     }
 
-    /// The motor has taken a timeout. That of a D5 has a length of its own, and its switch has been read back; others count the
-    /// time given.
+    /// The motor has taken a timeout. That of a D5 has a length of its own, and its switch has been
+    /// read back; others count the time given.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
         self.motor_timeout = match (timeout_ms, self.config.protocol()) {
@@ -98,8 +107,8 @@ impl Axis {
         };
     }
 
-    /// What outlives a reset of the gateway: the timeout last written to the motor, ms, 0 where none is known; and whether it owes a
-    /// restart, in the highest bit.
+    /// What outlives a reset of the gateway: the timeout last written to the motor, ms, 0 where
+    /// none is known; and whether it owes a restart, in the highest bit.
     pub fn told_word(&self) -> u32 {
         self.written_timeout_ms | if self.owes_restart() { RESTART_OWED } else { 0 }
     }
@@ -109,8 +118,9 @@ impl Axis {
         core::mem::take(&mut self.is_unsaved)
     }
 
-    /// What was written before the gateway was reset. The motor's power may have been off since, so it is believed at once where the motor
-    /// stores it; elsewhere arming writes it again, and until then it only says how long a silence must be for it to act.
+    /// What was written before the gateway was reset. The motor's power may have been off since, so
+    /// it is believed at once where the motor stores it; elsewhere arming writes it again, and
+    /// until then it only says how long a silence must be for it to act.
     pub fn told_before_reset(&mut self, word: u32) {
         if word & RESTART_OWED != 0 {
             self.set_restart_owed(true);
@@ -125,8 +135,9 @@ impl Axis {
         }
     }
 
-    /// The motor's own timeout, where the gateway has programmed one that the motor must still have, or has once it is armed. A D5's
-    /// stays unknown although it can be read back: register 0x11 only switches it on and off, and no register and no page of the manual
+    /// The motor's own timeout, where the gateway has programmed one that the motor must still
+    /// have, or has once it is armed. A D5's stays unknown although it can be read back:
+    /// register 0x11 only switches it on and off, and no register and no page of the manual
     /// tells how long it is.
     pub(super) fn programmed_timeout(&self) -> Option<Duration> {
         let holds = !self.is_armed() || matches!(self.motor_timeout, MotorTimeout::Written { .. });
@@ -134,7 +145,8 @@ impl Axis {
         (holds && self.written_timeout_ms > 0).then_some(timeout)
     }
 
-    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES G4).
+    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES
+    /// G4).
     pub(super) fn unreachable_silence(&self) -> Duration {
         match self.written_timeout_ms {
             0 => self.config.stop_repeat(),

@@ -28,14 +28,18 @@ impl Axis {
 
     /// Whether that frame has left.
     pub fn has_executed(&self) -> bool {
-        let Some(motion) = self.motion.as_ref().filter(|motion| motion.command == Command::D5Execute) else {
+        let Some(motion) =
+            self.motion.as_ref().filter(|motion| motion.command == Command::D5Execute)
+        else {
             return false;
         };
-        let under_way = self.pending.as_ref().is_some_and(|pending| pending.exchange == Exchange::Motion);
+        let under_way =
+            self.pending.as_ref().is_some_and(|pending| pending.exchange == Exchange::Motion);
         motion.due.is_none() && !under_way
     }
 
-    /// It has started: its speed is its setpoint from now on, and is sent at once, so that the motor acknowledges it.
+    /// It has started: its speed is its setpoint from now on, and is sent at once, so that the
+    /// motor acknowledges it.
     pub fn follow(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
         let Some(JobKind::Prepare { command }) = self.job_kind() else { return };
         self.stand_down();

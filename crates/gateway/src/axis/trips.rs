@@ -9,7 +9,8 @@ use host_protocol::{
 };
 
 impl Axis {
-    /// Latches a trip with its reason and starts the stop. Only states in which motion is possible can trip.
+    /// Latches a trip with its reason and starts the stop. Only states in which motion is possible
+    /// can trip.
     pub fn trip(&mut self, now: Instant, reason: TripReason, out: &mut Outbox<'_>) {
         let can_trip = matches!(
             self.state,
@@ -39,8 +40,9 @@ impl Axis {
         out.event(&Event::Tripped { axis: self.index, trip });
     }
 
-    /// The axis was in motion, or tripped already, when the gateway was reset. A motor that was unreachable stays so until it
-    /// confirms a stop; as none of this run has left, its first two go out before the silence.
+    /// The axis was in motion, or tripped already, when the gateway was reset. A motor that was
+    /// unreachable stays so until it confirms a stop; as none of this run has left, its first
+    /// two go out before the silence.
     pub fn trip_after_reset(
         &mut self,
         now: Instant,
@@ -76,7 +78,8 @@ impl Axis {
         core::mem::take(&mut self.trip_spreads).then(|| self.trip_group()).flatten()
     }
 
-    /// Stops and disarms on request: from any state in which the motor may move, and from rest, where a stop does no harm.
+    /// Stops and disarms on request: from any state in which the motor may move, and from rest,
+    /// where a stop does no harm.
     pub fn stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         match self.state {
             AxisState::Unconfigured => {}
@@ -112,7 +115,8 @@ impl Axis {
         }
     }
 
-    /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe: the motor may be turning.
+    /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe:
+    /// the motor may be turning.
     pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
         if !self.is_unreachable() && !self.stop.as_ref().is_some_and(Stop::is_not_sent) {
             return Err(Error::NothingToClear { axis: self.index });
@@ -144,7 +148,8 @@ impl Axis {
         self.config.stop_action() == Some(StopAction::Hold)
     }
 
-    /// Whether the axis holds and must be polled for it: an RMD holds only while it hears something (0xB3).
+    /// Whether the axis holds and must be polled for it: an RMD holds only while it hears something
+    /// (0xB3).
     pub fn is_kept_holding(&self) -> bool {
         self.state == AxisState::Holding && self.config.protocol() == Some(Protocol::Rmd)
     }
@@ -166,7 +171,8 @@ impl Axis {
 
     /// Whether the motor must be kept polled once it is stopped, for the same reason.
     pub(super) fn must_hold(&self) -> bool {
-        self.config.protocol() == Some(Protocol::Rmd) && self.config.stop_action() == Some(StopAction::Hold)
+        self.config.protocol() == Some(Protocol::Rmd)
+            && self.config.stop_action() == Some(StopAction::Hold)
     }
 
     fn announce(&self, out: &mut Outbox<'_>) {

@@ -5,7 +5,8 @@ use crate::motor::{self, Command, Exchange};
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState};
 
-/// Of so many polls of an armed motor one asks for its run time, at most: slow polls ask for it each second, or every other time.
+/// Of so many polls of an armed motor one asks for its run time, at most: slow polls ask for it
+/// each second, or every other time.
 const RUN_TIME_EVERY: u64 = 16;
 const RUN_TIME_WITHIN: Duration = Duration::from_millis(1_000);
 
@@ -18,8 +19,8 @@ pub(crate) enum Priority {
     FirstStopAtRest,
     /// The rest of a stop: what stops.
     Stop,
-    /// And what shows that it has, or keeps a motor holding: on the bus as everything else, unless that is barred by a stop that
-    /// cannot leave.
+    /// And what shows that it has, or keeps a motor holding: on the bus as everything else, unless
+    /// that is barred by a stop that cannot leave.
     StopStep,
     /// Everything else.
     Ordinary,
@@ -47,14 +48,19 @@ pub(crate) struct Want {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Next {
     This(Exchange),
-    /// The poll whose turn it is. Which one that is takes a while to find, and matters only when it is due.
+    /// The poll whose turn it is. Which one that is takes a while to find, and matters only when it
+    /// is due.
     Poll,
 }
 
 impl Axis {
-    /// What the axis wants sent at `now`. Its [command](Self::command_for) takes longer to find than this, and only one axis has its turn.
+    /// What the axis wants sent at `now`. Its [command](Self::command_for) takes longer to find
+    /// than this, and only one axis has its turn.
     pub fn wants(&self, now: Instant) -> Option<Want> {
-        if self.pending.is_some() || self.state == AxisState::Unconfigured || now < self.nothing_before() {
+        if self.pending.is_some()
+            || self.state == AxisState::Unconfigured
+            || now < self.nothing_before()
+        {
             return None;
         }
         let (next, at) = self.next(now)?;
@@ -72,7 +78,9 @@ impl Axis {
             (Some(stop), exchange) if stop.next().is_some_and(|(next, _)| next == exchange) => {
                 Priority::StopStep
             }
-            (None, Exchange::Velocity) if self.is_kept_holding() && self.job.is_none() => Priority::StopStep,
+            (None, Exchange::Velocity) if self.is_kept_holding() && self.job.is_none() => {
+                Priority::StopStep
+            }
             _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
@@ -84,13 +92,16 @@ impl Axis {
         let exchange = match exchange {
             Exchange::Motion => return self.motion.as_ref().map(|motion| motion.command),
             Exchange::Native => return self.native_command(),
-            Exchange::RenewTimeout => Exchange::SetTimeout { timeout_ms: self.renewed_timeout_ms()? },
+            Exchange::RenewTimeout => {
+                Exchange::SetTimeout { timeout_ms: self.renewed_timeout_ms()? }
+            }
             other => other,
         };
         motor::command(exchange, &self.config)
     }
 
-    /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may send.
+    /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may
+    /// send.
     fn nothing_before(&self) -> Instant {
         if self.stop.is_some() || self.job.is_some() {
             return Instant::default();
@@ -111,7 +122,8 @@ impl Axis {
         if now < ask_again { Some(ask_again) } else { self.next(now).map(|(_, at)| at) }
     }
 
-    /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes first.
+    /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes
+    /// first.
     fn next(&self, now: Instant) -> Option<(Next, Instant)> {
         let job = self.job_exchange().map(|exchange| (Next::This(exchange), self.job_since()));
         if let Some(stop) = &self.stop {
@@ -127,7 +139,8 @@ impl Axis {
         match self.state {
             AxisState::Armed | AxisState::Active => {
                 let motion = self.motion.as_ref().filter(|motion| motion.is_permitted(now));
-                let motion = motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
+                let motion =
+                    motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
                 let faults = Some((Next::This(Exchange::Faults), self.fault_poll_at));
                 let poll = Some((Next::Poll, self.state_poll_at));
                 self.choose(now, self.earliest(&[motion]), self.earliest(&[faults, poll, job]))
@@ -173,12 +186,14 @@ impl Axis {
         if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
-    /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a watcher asks for.
+    /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a
+    /// watcher asks for.
     fn armed_poll(&self) -> Option<Exchange> {
         if self.in_doubt || self.uncommanded_since.is_some() {
             return Some(Exchange::Velocity);
         }
-        // Where the motor tells for how long it has run, it is asked now and then: it may have restarted by itself.
+        // Where the motor tells for how long it has run, it is asked now and then: it may have
+        // restarted by itself.
         if self.poll_turn.wrapping_add(1).is_multiple_of(self.run_time_every())
             && motor::command(Exchange::RunTime, &self.config).is_some()
         {
@@ -205,7 +220,8 @@ impl Axis {
         usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)
     }
 
-    /// Whether what an exchange reads is limited by the configuration, or somebody watches the axis.
+    /// Whether what an exchange reads is limited by the configuration, or somebody watches the
+    /// axis.
     fn is_asked_for(&self, exchange: Exchange) -> bool {
         let limited = |parameters: &[AxisParameter]| {
             parameters.iter().any(|parameter| self.config.float(*parameter).is_some())
@@ -224,7 +240,8 @@ impl Axis {
         asked && motor::command(exchange, &self.config).is_some()
     }
 
-    /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else somebody wants to know.
+    /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else
+    /// somebody wants to know.
     fn idle_poll(&self) -> Option<Exchange> {
         let holds = self.is_kept_holding();
         if holds && (!self.watched || self.poll_turn.is_multiple_of(2)) {

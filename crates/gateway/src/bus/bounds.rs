@@ -1,4 +1,5 @@
-//! Within what time a stop must have left the bus, and what follows where one has not (GUARANTEES G4, G5).
+//! Within what time a stop must have left the bus, and what follows where one has not (GUARANTEES
+//! G4, G5).
 
 use super::Bus;
 use super::load::{objections, streamed_permille};
@@ -14,34 +15,47 @@ use host_protocol::{BusKind, Event, Protocol, TripReason};
 const OUTSTANDING: NonZeroU64 = NonZeroU64::new(MAX_OUTSTANDING as u64).unwrap();
 /// What our software takes, g of the bounds.
 const SOFTWARE: Duration = Duration::from_micros(100);
-/// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the port has to report the frame.
+/// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the
+/// port has to report the frame.
 const ALLOWANCE: Duration = Duration::from_millis(1);
-/// A stop that has not left so long after its bound counts as one that could not be sent (GUARANTEES G4).
+/// A stop that has not left so long after its bound counts as one that could not be sent
+/// (GUARANTEES G4).
 const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
 impl Bus {
-    /// Within what time the last of `stops` stops that began together has left, if nobody else talks.
+    /// Within what time the last of `stops` stops that began together has left, if nobody else
+    /// talks.
     fn bound(&self, stops: u64, axes: &[Axis]) -> Duration {
         match self.kind() {
-            // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the id of the stop, which waits for it.
+            // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the
+            // id of the stop, which waits for it.
             BusKind::Can => {
-                let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
+                let replies =
+                    if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
                 let replies = replies + self.further_replies(axes);
-                let wait =
-                    if self.carries(Protocol::D5) { self.line_times().stop_delay() } else { Duration::ZERO };
+                let wait = if self.carries(Protocol::D5) {
+                    self.line_times().stop_delay()
+                } else {
+                    Duration::ZERO
+                };
                 let frame = self.frame_time(1);
-                // Behind each stop those motors have their say that answer what was for others, and are waited for.
-                let objections =
-                    if self.axes_here(axes).any(Axis::objects) { wait + frame } else { Duration::ZERO };
-                let alone = SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
+                // Behind each stop those motors have their say that answer what was for others, and
+                // are waited for.
+                let objections = if self.axes_here(axes).any(Axis::objects) {
+                    wait + frame
+                } else {
+                    Duration::ZERO
+                };
+                let alone =
+                    SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
                 self.beside_streams(alone, axes)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
     }
 
-    /// What takes so long on a bus to itself, beside the frames that motors here send by themselves: those that are due when it begins, and those
-    /// that come due meanwhile.
+    /// What takes so long on a bus to itself, beside the frames that motors here send by
+    /// themselves: those that are due when it begins, and those that come due meanwhile.
     fn beside_streams(&self, alone: Duration, axes: &[Axis]) -> Duration {
         let frame = self.frame_time(1);
         let streamed: u64 = self.axes_here(axes).map(|axis| streamed_permille(axis, frame)).sum();
@@ -64,22 +78,26 @@ impl Bus {
             .sum()
     }
 
-    /// Within what time a frame that is no stop has left after it was due, if nobody else talks: behind the stop of each axis here, behind two requests
-    /// of each, as every other one of an axis is a poll, with what their replies may take, and behind the own one before: the window of its
-    /// reply, and as long again where that may come late.
+    /// Within what time a frame that is no stop has left after it was due, if nobody else talks:
+    /// behind the stop of each axis here, behind two requests of each, as every other one of an
+    /// axis is a poll, with what their replies may take, and behind the own one before: the window
+    /// of its reply, and as long again where that may come late.
     pub(super) fn ordinary_bound(&self, all: &[Axis]) -> Duration {
         let axes = self.axes_here(all).count() as u64;
         let window = self.reply_window();
         let exchange = match self.kind() {
-            // A request and its reply, and what a D5's reply may wait for; of thrusters so many share a window.
+            // A request and its reply, and what a D5's reply may wait for; of thrusters so many
+            // share a window.
             BusKind::Can => {
                 let thrusters = self.carries(Protocol::Thruster);
-                self.frame_time(3) + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
+                self.frame_time(3)
+                    + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
             }
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };
         let further = self.frame_time(2 * self.further_replies(all));
-        self.bound(axes, all) + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further, all)
+        self.bound(axes, all)
+            + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further, all)
     }
 
     /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).
@@ -92,22 +110,31 @@ impl Bus {
         }
     }
 
-    /// The stops here of which no command has left and that have not been reported: whose, since when, and when they are due for it.
-    fn delayed_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant, Instant)> + 'a {
+    /// The stops here of which no command has left and that have not been reported: whose, since
+    /// when, and when they are due for it.
+    fn delayed_stops<'a>(
+        &'a self,
+        axes: &'a [Axis],
+    ) -> impl Iterator<Item = (u8, Instant, Instant)> + 'a {
         // Most begin together, and are due together.
         let mut before = None;
         self.axes_here(axes).filter_map(move |axis| {
             let since = axis.unreported_stop()?;
-            let due = before.filter(|(began, _)| *began == since).map(|(_, due)| due).unwrap_or_else(|| {
-                let together = self.axes_here(axes).filter(|other| other.stops_beside(since)).count();
-                since + self.bound(together as u64, axes) + ALLOWANCE
-            });
+            let due = before
+                .filter(|(began, _)| *began == since)
+                .map(|(_, due)| due)
+                .unwrap_or_else(|| {
+                    let together =
+                        self.axes_here(axes).filter(|other| other.stops_beside(since)).count();
+                    since + self.bound(together as u64, axes) + ALLOWANCE
+                });
             before = Some((since, due));
             Some((axis.index, since, due))
         })
     }
 
-    /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not configured carries none, and has no bound.
+    /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
+    /// configured carries none, and has no bound.
     fn unsent_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant)> + 'a {
         let mut within = None;
         self.axes_here(axes).filter_map(move |axis| {
@@ -129,7 +156,9 @@ impl Bus {
     pub fn report_unsent_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         loop {
             let unsent = self.unsent_stops(axes).find(|(_, at)| *at <= now);
-            let Some(axis) = unsent.and_then(|(index, _)| axes.get_mut(usize::from(index))) else { return };
+            let Some(axis) = unsent.and_then(|(index, _)| axes.get_mut(usize::from(index))) else {
+                return;
+            };
             axis.stop_not_sent(now, out);
         }
     }
@@ -139,7 +168,8 @@ impl Bus {
         self.delayed_stops(axes).map(|(.., at)| at).min()
     }
 
-    /// Reports the stops whose first frame has not left within their bound, each once: what acts now is the second layer.
+    /// Reports the stops whose first frame has not left within their bound, each once: what acts
+    /// now is the second layer.
     pub fn report_delayed_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         loop {
             let late = self.delayed_stops(axes).find(|(.., at)| *at <= now);

@@ -5,15 +5,19 @@ use crate::axis::Axis;
 use crate::motor;
 use crate::time::Duration;
 
-/// Bits of a standard frame before its data: start of frame, 11 of the id, RTR, IDE, r0, 4 of the length.
+/// Bits of a standard frame before its data: start of frame, 11 of the id, RTR, IDE, r0, 4 of the
+/// length.
 const STANDARD_HEADER_BITS: u64 = 1 + 11 + 3 + 4;
-/// Bits of an extended frame before its data: start of frame, 11 of the id, SRR, IDE, 18 of the id, RTR, r1, r0, 4 of the length.
+/// Bits of an extended frame before its data: start of frame, 11 of the id, SRR, IDE, 18 of the id,
+/// RTR, r1, r0, 4 of the length.
 const EXTENDED_HEADER_BITS: u64 = 1 + 11 + 2 + 18 + 3 + 4;
 const DATA_BITS: u64 = 64;
 const CRC_BITS: u64 = 15;
-/// The first stuff bit follows five equal bits; each further one at the earliest four bits later, as it begins the next five.
+/// The first stuff bit follows five equal bits; each further one at the earliest four bits later,
+/// as it begins the next five.
 const STUFF_EVERY: u64 = 4;
-/// What is not stuffed: CRC delimiter, acknowledgement and its delimiter, 7 of end of frame, 3 of intermission.
+/// What is not stuffed: CRC delimiter, acknowledgement and its delimiter, 7 of end of frame, 3 of
+/// intermission.
 const TRAILER_BITS: u64 = 1 + 2 + 7 + 3;
 /// The longest data frame on a bus without extended ids, bits.
 pub(super) const STANDARD_FRAME_BITS: u64 = longest(STANDARD_HEADER_BITS);

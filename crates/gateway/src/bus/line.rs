@@ -27,7 +27,8 @@ pub(super) struct Line {
     local_echo: bool,
     /// What we have sent and not yet heard back.
     echo: Deque<u8, MAX_SERIAL>,
-    /// The frame that we have sent, as long as its echo may still come behind bytes that are not ours.
+    /// The frame that we have sent, as long as its echo may still come behind bytes that are not
+    /// ours.
     sent_frame: Option<[u8; FRAME_LEN]>,
     deframer: Deframer,
     /// When the last byte was sent or heard.
@@ -64,8 +65,8 @@ impl LineTimes {
         self.window.min(STOP_DELAY)
     }
 
-    /// Until the last of `stops` stops that are due together has left: 2C + W and the pause before the first, 2C + W before
-    /// each other one, and its own C.
+    /// Until the last of `stops` stops that are due together has left: 2C + W and the pause before
+    /// the first, 2C + W before each other one, and its own C.
     pub fn stop_bound(&self, stops: u64) -> Duration {
         (self.frame.times(2) + self.stop_delay()).times(stops) + self.gap + self.frame
     }
@@ -98,9 +99,10 @@ impl Line {
         self.awaited.map_or(idle, |awaited| idle.max(awaited.until))
     }
 
-    /// From when on a stop may be sent that is due at `due`. It waits for bytes in flight, never for a whole reply window, and
-    /// not for ever: when our own frame, the reply to it and the pause behind that could have passed, it goes out whatever is
-    /// on the line. A collision then costs one repeat (GUARANTEES G5).
+    /// From when on a stop may be sent that is due at `due`. It waits for bytes in flight, never
+    /// for a whole reply window, and not for ever: when our own frame, the reply to it and the
+    /// pause behind that could have passed, it goes out whatever is on the line. A collision
+    /// then costs one repeat (GUARANTEES G5).
     pub fn stop_ready_at(&self, due: Instant, times: LineTimes) -> Instant {
         let idle = self.active_at + times.gap;
         let free = self.awaited.map_or(idle, |awaited| idle.max(awaited.until_for_stop));
@@ -125,8 +127,9 @@ impl Line {
         }
     }
 
-    /// The last bit has left; a reply may come. A stop waits for the reply from when the bits had their time on the line: the port
-    /// may report them much later, as after an e-stop of many axes.
+    /// The last bit has left; a reply may come. A stop waits for the reply from when the bits had
+    /// their time on the line: the port may report them much later, as after an e-stop of many
+    /// axes.
     pub fn sent(&mut self, now: Instant, times: LineTimes) {
         self.active_at = now;
         self.sent_at = now.min(self.taken_at + times.frame);
@@ -150,12 +153,14 @@ impl Line {
                 }
                 return Heard::Echo;
             }
-            // Noise, a collision, or a line without echo: from here on only the whole frame is known as ours.
+            // Noise, a collision, or a line without echo: from here on only the whole frame is
+            // known as ours.
             Some(_) => self.echo.clear(),
             None => {}
         }
         match self.deframer.push(byte) {
-            // 0x80 and 0x81 are answered by the same bytes: taken for the answer, our own echo would confirm a stop.
+            // 0x80 and 0x81 are answered by the same bytes: taken for the answer, our own echo
+            // would confirm a stop.
             Some(frame) if self.sent_frame == Some(frame) => {
                 self.sent_frame = None;
                 Heard::Byte

@@ -8,7 +8,8 @@ use crate::motor;
 use crate::time::Duration;
 use host_protocol::{BusConfig, BusKind, Error, Protocol};
 
-/// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and retries. Permille.
+/// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and
+/// retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
 /// Bits of the 13 bytes of an RMD frame on RS485, with start and stop bits.
 pub(super) const SERIAL_FRAME_BITS: u64 = 130;
@@ -43,7 +44,8 @@ pub(crate) fn check<'a>(
     })
 }
 
-/// How many other motors of the bus answer a request to this one by saying that it was not for them (D5 manual, table row 5).
+/// How many other motors of the bus answer a request to this one by saying that it was not for them
+/// (D5 manual, table row 5).
 pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) -> u64 {
     if axis.config.protocol() != Some(Protocol::D5) {
         return 0;
@@ -55,11 +57,14 @@ pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) 
 fn exchange_time(kind: BusKind, frame_bits: u64, bitrate: u32) -> Duration {
     match kind {
         BusKind::Can => bits_at(2 * frame_bits, bitrate),
-        BusKind::Rs485 => bits_at(2 * SERIAL_FRAME_BITS + 2 * GAP_BITS, bitrate) + SERIAL_TURNAROUND,
+        BusKind::Rs485 => {
+            bits_at(2 * SERIAL_FRAME_BITS + 2 * GAP_BITS, bitrate) + SERIAL_TURNAROUND
+        }
     }
 }
 
-/// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to a motion takes.
+/// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to
+/// a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
     let motion = exchange + frame.times(motor::replies_to_motion(&axis.config) - 1);
     share(motion, axis.refresh())
@@ -70,7 +75,8 @@ fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
 
 /// The share of the bus that goes to the frames which the axis's motor sends by itself.
 pub(super) fn streamed_permille(axis: &Axis, frame: Duration) -> u64 {
-    motor::stream(&axis.config).map_or(0, |stream| share(frame.times(stream.frames), stream.interval))
+    motor::stream(&axis.config)
+        .map_or(0, |stream| share(frame.times(stream.frames), stream.interval))
 }
 
 fn share(time: Duration, period: Duration) -> u64 {

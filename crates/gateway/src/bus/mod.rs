@@ -19,10 +19,13 @@ use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use frame_bits::STANDARD_FRAME_BITS;
 use host_protocol::replies::BusReport;
-use host_protocol::{AxisState, BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason};
+use host_protocol::{
+    AxisState, BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason,
+};
 use line::Line;
 
-/// Pause before a bus that is off is started again: the first, and the longest of those that double while it goes off anew.
+/// Pause before a bus that is off is started again: the first, and the longest of those that double
+/// while it goes off anew.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_millis(1_600);
 /// A bus that has run for so long has recovered: the next pause is the first again.
@@ -43,10 +46,12 @@ pub(crate) struct Bus {
     line: Line,
     /// CAN: when the last frame had left or had come.
     active_at: Instant,
-    /// CAN: when it was last known to have been quiet for as long as a motor takes to begin its reply.
+    /// CAN: when it was last known to have been quiet for as long as a motor takes to begin its
+    /// reply.
     quiet_at: Instant,
     pub raw: Option<Raw>,
-    /// When the frame that has waited longest for an acknowledgement counts as unacknowledged, although it was taken back.
+    /// When the frame that has waited longest for an acknowledgement counts as unacknowledged,
+    /// although it was taken back.
     carried_deadline: Option<Instant>,
     /// The last frame that came back had met the reply to the one before; none has left since.
     let_reply_pass: bool,
@@ -84,7 +89,8 @@ struct InFlight {
     cancel_by: Option<Instant>,
     /// Its axis has left the bus or got another address: it must come back.
     is_disowned: bool,
-    /// When it counts as destroyed by a reply with its own id, which was due and had not come when it was handed over.
+    /// When it counts as destroyed by a reply with its own id, which was due and had not come when
+    /// it was handed over.
     collided_at: Option<Instant>,
 }
 
@@ -140,18 +146,26 @@ impl Bus {
     }
 
     /// Takes a configuration that has been checked. The port restarts the bus.
-    pub fn configure(&mut self, now: Instant, config: BusConfig, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn configure(
+        &mut self,
+        now: Instant,
+        config: BusConfig,
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
         self.config = Some(config);
         self.pause = Duration::ZERO;
         self.restart(now, axes, out);
     }
 
-    /// Whether the board cannot run this bus at present, whatever its configuration: it offers no bitrate for it.
+    /// Whether the board cannot run this bus at present, whatever its configuration: it offers no
+    /// bitrate for it.
     pub fn is_unserved(&self) -> bool {
         self.port.bitrates.is_empty()
     }
 
-    /// Takes the configuration that an unserved bus had before a reset: its axes stay known. It counts as off, and is never started.
+    /// Takes the configuration that an unserved bus had before a reset: its axes stay known. It
+    /// counts as off, and is never started.
     pub fn restore_unserved(&mut self, config: BusConfig) {
         self.config = Some(config);
         self.state = BusState::BusOff;
@@ -167,7 +181,13 @@ impl Bus {
     }
 
     /// Opens the bus for raw frames, unless it is open in this manner already.
-    pub fn open_raw(&mut self, now: Instant, unsafe_access: bool, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn open_raw(
+        &mut self,
+        now: Instant,
+        unsafe_access: bool,
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
         if self.raw.as_ref().is_some_and(|raw| raw.is_unsafe() == unsafe_access) {
             return;
         }
@@ -175,15 +195,17 @@ impl Bus {
         self.raw = Some(Raw::new(unsafe_access));
     }
 
-    /// Closes the bus for raw frames; those that wait are dropped. After unsafe access it is started again, so that nothing of it leaves
-    /// any more, when its motors may already be axes.
+    /// Closes the bus for raw frames; those that wait are dropped. After unsafe access it is
+    /// started again, so that nothing of it leaves any more, when its motors may already be
+    /// axes.
     pub fn close_raw(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         if self.raw.take().is_some_and(|raw| raw.is_unsafe()) {
             self.restart(now, axes, out);
         }
     }
 
-    /// An axis leaves the bus or gets another address: what is under way for it belongs to nobody, and is asked back.
+    /// An axis leaves the bus or gets another address: what is under way for it belongs to nobody,
+    /// and is asked back.
     pub fn disown(&mut self, axis: u8) {
         for in_flight in self.in_flight.iter_mut().flatten().filter(|f| f.axis == Some(axis)) {
             in_flight.axis = None;
@@ -199,7 +221,8 @@ impl Bus {
         }
     }
 
-    /// The pause before the next start: it grows as long as each start leads to nothing (GUARANTEES G7).
+    /// The pause before the next start: it grows as long as each start leads to nothing (GUARANTEES
+    /// G7).
     fn next_pause(&self, now: Instant) -> Duration {
         if self.pause == Duration::ZERO || now.since(self.started_at) >= RECOVERED_AFTER {
             return FIRST_PAUSE;
@@ -223,7 +246,8 @@ impl Bus {
         }
     }
 
-    /// The port reports the controller's state. Bus-off trips the axes here and empties what was on its way.
+    /// The port reports the controller's state. Bus-off trips the axes here and empties what was on
+    /// its way.
     pub fn state_changed(
         &mut self,
         now: Instant,
@@ -236,7 +260,8 @@ impl Bus {
         if state == BusState::BusOff {
             // Also for a bus that is still off after it was started again.
             if self.restart_at.is_none() {
-                // Once for each start: a controller is still off when it has just been started, and may go off again.
+                // Once for each start: a controller is still off when it has just been started, and
+                // may go off again.
                 if self.paused_for != Some(self.generation) {
                     self.pause = self.next_pause(now);
                     self.paused_for = Some(self.generation);
@@ -263,7 +288,8 @@ impl Bus {
             axis.fail(now, Error::BusOff { bus: self.index }, out);
         }
         self.empty(now, axes, out);
-        // The request that is lost with the bus may be the one that has a motor stopped which should hold.
+        // The request that is lost with the bus may be the one that has a motor stopped which
+        // should hold.
         for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
             if axis.state == AxisState::Stopping {
                 axis.trip(now, TripReason::BusOff, out);

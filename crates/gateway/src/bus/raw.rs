@@ -51,12 +51,15 @@ impl Raw {
         self.to_send.pop_front()
     }
 
-    /// Keeps a received byte for the host: it joins the latest ones unless the line was idle in between.
+    /// Keeps a received byte for the host: it joins the latest ones unless the line was idle in
+    /// between.
     pub fn keep_byte(&mut self, now: Instant, byte: u8, idle: Duration) {
         let joins = self.heard_at + idle > now;
         self.heard_at = now;
         let joined = match self.received.back_mut() {
-            Some(ReceivedFrame { frame: RawFrame::Serial(latest), .. }) if joins => latest.push(byte).is_ok(),
+            Some(ReceivedFrame { frame: RawFrame::Serial(latest), .. }) if joins => {
+                latest.push(byte).is_ok()
+            }
             _ => false,
         };
         if !joined {
@@ -72,7 +75,8 @@ impl Raw {
         }
     }
 
-    /// The oldest frames, as many as one reply carries, and how many were dropped since the last time.
+    /// The oldest frames, as many as one reply carries, and how many were dropped since the last
+    /// time.
     pub fn read(&mut self) -> RawFrames {
         let mut frames = Vec::<ReceivedFrame, MAX_RAW_FRAMES>::new();
         while !frames.is_full()

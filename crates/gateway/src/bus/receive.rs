@@ -14,7 +14,13 @@ const RAW_IDLE_BITS: u64 = 20;
 
 impl Bus {
     /// A frame has arrived on a CAN bus.
-    pub fn can_received(&mut self, now: Instant, frame: CanFrame, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn can_received(
+        &mut self,
+        now: Instant,
+        frame: CanFrame,
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
         self.counters.received = self.counters.received.saturating_add(1);
         self.active_at = now;
         if let Some(raw) = &mut self.raw {
@@ -22,7 +28,9 @@ impl Bus {
         }
         let Some(config) = self.config else { return };
         let mut understood = false;
-        for received in config.protocols.iter().filter_map(|protocol| motor::from_can(protocol, &frame)) {
+        for received in
+            config.protocols.iter().filter_map(|protocol| motor::from_can(protocol, &frame))
+        {
             let wanted = |axis: &&mut Axis| {
                 is_from(axis, self.index, &received) && motor::accepts_id(&axis.config, &frame)
             };
@@ -37,7 +45,13 @@ impl Bus {
     }
 
     /// Bytes have arrived on a serial bus.
-    pub fn serial_received(&mut self, now: Instant, bytes: &[u8], axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn serial_received(
+        &mut self,
+        now: Instant,
+        bytes: &[u8],
+        axes: &mut [Axis],
+        out: &mut Outbox<'_>,
+    ) {
         if self.kind() != BusKind::Rs485 || self.config.is_none() {
             return;
         }
@@ -91,7 +105,9 @@ impl Bus {
             Reception::Answer => self.line.answered(),
             Reception::Unasked if received.is_notice() => tell(axis.index, data, 0, out),
             Reception::Unasked if received.telemetry().is_some() => {
-                if let Some(untold) = received.telemetry().and_then(|kind| axis.telemetry.tells(now, kind)) {
+                if let Some(untold) =
+                    received.telemetry().and_then(|kind| axis.telemetry.tells(now, kind))
+                {
                     tell(axis.index, data, untold, out);
                 }
             }
@@ -112,10 +128,13 @@ fn tell(axis: u8, data: &[u8], untold: u16, out: &mut Outbox<'_>) {
     out.event(&Event::MotorNotice { axis, data: notice, length, untold });
 }
 
-/// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one while it changes its id.
+/// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one
+/// while it changes its id.
 fn is_from(axis: &Axis, bus: u8, received: &Received) -> bool {
     axis.config.address().is_some_and(|a| {
         let node = received.node();
-        a.bus == bus && a.protocol == received.protocol() && (a.node == node || axis.awaits_node(node))
+        a.bus == bus
+            && a.protocol == received.protocol()
+            && (a.node == node || axis.awaits_node(node))
     })
 }

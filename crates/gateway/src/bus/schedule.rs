@@ -1,4 +1,5 @@
-//! What goes out next on a bus: stops first, on CAN those with the lowest id, everything else in turn.
+//! What goes out next on a bus: stops first, on CAN those with the lowest id, everything else in
+//! turn.
 
 use super::{Bus, InFlight};
 use crate::axis::{Axis, Priority, Want};
@@ -7,11 +8,13 @@ use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::{BusKind, Protocol};
 
-/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of so many motors (GUARANTEES G5).
+/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of
+/// so many motors (GUARANTEES G5).
 pub(super) const MAX_OUTSTANDING: usize = 4;
 /// The frames of a request and its reply, on CAN or RS485.
 const EXCHANGE_FRAMES: u64 = 2;
-/// A first stop that may leave and has not within so many frame times keeps no other stop from being repeated and confirmed (GUARANTEES G4).
+/// A first stop that may leave and has not within so many frame times keeps no other stop from
+/// being repeated and confirmed (GUARANTEES G4).
 const FIRST_STOPS_BAR_FRAMES: u64 = 4;
 
 /// Where a frame would go.
@@ -23,7 +26,8 @@ pub(super) enum Room {
     All,
 }
 
-/// What decides between requests: the least goes first. The priority, then the id where that decides, compared as in the arbitration.
+/// What decides between requests: the least goes first. The priority, then the id where that
+/// decides, compared as in the arbitration.
 type Precedence = (u8, Option<Id>);
 
 /// How far the stops on a bus are.
@@ -56,13 +60,15 @@ impl Bus {
         let mut best: Option<(usize, Want, Precedence)> = None;
         for offset in 1..=axes.len() {
             let index = (last_served + offset) % axes.len();
-            let Some(axis) = axes.get(index).filter(|axis| axis.config.bus() == Some(self.index)) else {
+            let Some(axis) = axes.get(index).filter(|axis| axis.config.bus() == Some(self.index))
+            else {
                 continue;
             };
             if !may_ordinary && !axis.has_stop() && !axis.is_kept_holding() {
                 continue;
             }
-            // Behind a first stop nothing of an axis with a higher id goes: what that wants need not be known.
+            // Behind a first stop nothing of an axis with a higher id goes: what that wants need
+            // not be known.
             if best.as_ref().is_some_and(|(.., chosen)| {
                 chosen.0 == Priority::FirstStop as u8 && self.first_stop_precedence(axis) >= *chosen
             }) {
@@ -93,7 +99,9 @@ impl Bus {
                     may_ordinary && self.id_is_free_at(axis, axes) <= now
                 }
                 Priority::Watch => {
-                    may_ordinary && self.may_watch(now, axes) && self.id_is_free_at(axis, axes) <= now
+                    may_ordinary
+                        && self.may_watch(now, axes)
+                        && self.id_is_free_at(axis, axes) <= now
                 }
             };
             if allowed {
@@ -103,8 +111,8 @@ impl Bus {
         best.map(|(index, want, _)| (index, want))
     }
 
-    /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any other order round. What has no
-    /// precedence over another goes in turn.
+    /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any
+    /// other order round. What has no precedence over another goes in turn.
     fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
         let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {
@@ -112,8 +120,11 @@ impl Bus {
                 (Priority::Ordinary as u8, None)
             }
             (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, None),
-            // One of those that are held up stays in the controller; beside it goes what wins against them.
-            (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held) if self.holds_first_stop() => {
+            // One of those that are held up stays in the controller; beside it goes what wins
+            // against them.
+            (Priority::FirstStop | Priority::FirstStopAtRest, Stops::Held)
+                if self.holds_first_stop() =>
+            {
                 (Priority::Stop as u8, id)
             }
             (Priority::FirstStop | Priority::FirstStopAtRest, _) => (first, id),
@@ -145,22 +156,28 @@ impl Bus {
         if self.first_stops_bar(now, axes) { Stops::First } else { Stops::Held }
     }
 
-    /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found as soon as one of them does.
+    /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found
+    /// as soon as one of them does.
     fn first_stops_bar(&self, now: Instant, axes: &[Axis]) -> bool {
         let bars_for = self.first_stops_bar_for(axes);
         let bars = |since: Instant| now < since + bars_for;
         self.kind() == BusKind::Rs485
             || bars(self.first_stops_since)
-            || self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes)).any(bars)
+            || self
+                .axes_here(axes)
+                .filter_map(|axis| self.first_stop_may_leave_at(axis, axes))
+                .any(bars)
     }
 
-    /// Until when first stops bar what is part of other stops: four frame times after one of them left or may have, and the replies that
-    /// go before it. A line knows no arbitration: a first stop always leaves there.
+    /// Until when first stops bar what is part of other stops: four frame times after one of them
+    /// left or may have, and the replies that go before it. A line knows no arbitration: a
+    /// first stop always leaves there.
     pub(super) fn first_stops_bar_until(&self, axes: &[Axis]) -> Option<Instant> {
         if self.kind() == BusKind::Rs485 {
             return None;
         }
-        let may_leave = self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes));
+        let may_leave =
+            self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes));
         Some(may_leave.max()?.max(self.first_stops_since) + self.first_stops_bar_for(axes))
     }
 
@@ -193,7 +210,8 @@ impl Bus {
         }
         let id = motor::stop_id(&axis.config);
         let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
-        let held = self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
+        let held =
+            self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
         let loses = |f: &InFlight| match is_first {
             true => f.id > id || !f.is_first_stop,
             false => f.id > id && !(f.is_first_stop && f.id == held),
@@ -205,21 +223,28 @@ impl Bus {
             .map(|(slot, _)| slot)
     }
 
-    /// The highest id of a first stop in the controller that still goes before everything else: a frame beside it with a lower id would
-    /// leave before it.
+    /// The highest id of a first stop in the controller that still goes before everything else: a
+    /// frame beside it with a lower id would leave before it.
     pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &[Axis]) -> Option<Id> {
         let first_stops = self.in_flight.iter().flatten().filter(|f| f.is_first_stop);
         first_stops.filter_map(|f| f.id).max().filter(|_| self.stops(now, axes) == Stops::First)
     }
 
-    /// Whether the controller is being emptied for the stop of another axis than `chosen`, which must go alone: whatever took the room
-    /// meanwhile would be asked back for it as well, and so without end.
-    pub(super) fn empties_for_another_stop(&self, now: Instant, axes: &[Axis], chosen: usize) -> bool {
+    /// Whether the controller is being emptied for the stop of another axis than `chosen`, which
+    /// must go alone: whatever took the room meanwhile would be asked back for it as well, and
+    /// so without end.
+    pub(super) fn empties_for_another_stop(
+        &self,
+        now: Instant,
+        axes: &[Axis],
+        chosen: usize,
+    ) -> bool {
         if !self.carries(Protocol::D5) || self.nothing_in_flight() {
             return false;
         }
         let is_asked_back = self.in_flight.iter().flatten().any(|f| f.cancel_by.is_some());
-        let goes_alone = |index: usize| axes.get(index).is_some_and(|axis| !self.may_go_beside_others(axis));
+        let goes_alone =
+            |index: usize| axes.get(index).is_some_and(|axis| !self.may_go_beside_others(axis));
         let wanted = self.choose(now, axes, Room::All);
         wanted.is_some_and(|(index, _)| index != chosen && goes_alone(index))
             && (is_asked_back || self.keeps_a_stop_out(now, axes).is_some())
@@ -245,17 +270,30 @@ impl Bus {
     /// Whether one more request leaves the stops of thrusters their bound.
     fn may_be_answered(&self, axes: &[Axis]) -> bool {
         let outstanding = || self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
-        self.kind() != BusKind::Can || !self.carries(Protocol::Thruster) || outstanding() < MAX_OUTSTANDING
+        self.kind() != BusKind::Can
+            || !self.carries(Protocol::Thruster)
+            || outstanding() < MAX_OUTSTANDING
     }
 
-    /// Who watches waits: for raw access, and while an axis that may move is due within what one more exchange can take.
+    /// Who watches waits: for raw access, and while an axis that may move is due within what one
+    /// more exchange can take.
     fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
-        let until = now + self.reply_window() + self.bit_time(EXCHANGE_FRAMES * self.longest_frame_bits);
-        let due = |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
-        self.raw.is_none() && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
+        let until =
+            now + self.reply_window() + self.bit_time(EXCHANGE_FRAMES * self.longest_frame_bits);
+        let due =
+            |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
+        self.raw.is_none()
+            && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
     }
 
-    fn may_send_stop(&self, now: Instant, axis: &Axis, want: &Want, axes: &[Axis], room: Room) -> bool {
+    fn may_send_stop(
+        &self,
+        now: Instant,
+        axis: &Axis,
+        want: &Want,
+        axes: &[Axis],
+        room: Room,
+    ) -> bool {
         match self.kind() {
             BusKind::Can => {
                 let id = motor::stop_id(&axis.config);
@@ -272,20 +310,25 @@ impl Bus {
         self.nothing_in_flight() || axis.reply_with_our_id_since().is_none()
     }
 
-    /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits for the reply, no longer than on RS485
-    /// since the bus has been quiet: before, the reply may have had to wait for others. What others that can be is bounded, as replies
-    /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to that.
+    /// From when on a frame to the motor of the axis cannot meet a reply with its own id. It waits
+    /// for the reply, no longer than on RS485 since the bus has been quiet: before, the reply
+    /// may have had to wait for others. What others that can be is bounded, as replies
+    /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to
+    /// that.
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
-        // Another motor's objection may be under way when the bus was quiet for so long, and that of this one behind it.
+        // Another motor's objection may be under way when the bus was quiet for so long, and that
+        // of this one behind it.
         let behind = if axis.objects() { self.frame_time(1) } else { Duration::ZERO };
         let delay = self.line_times().stop_delay() + behind;
-        let others = self.bit_time(3 * self.longest_frame_bits).times(self.axes_here(axes).count() as u64);
+        let others =
+            self.bit_time(3 * self.longest_frame_bits).times(self.axes_here(axes).count() as u64);
         (since.max(self.active_at) + delay).min(since + others + delay)
     }
 
-    /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now could hold it up until the next frame
-    /// to its motor meets it. No longer than until the bus has been quiet once when the reply window was over.
+    /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now
+    /// could hold it up until the next frame to its motor meets it. No longer than until the
+    /// bus has been quiet once when the reply window was over.
     fn lets_replies_pass(&self, now: Instant, axes: &[Axis]) -> bool {
         let held_up = |axis: &Axis| {
             axis.reply_with_our_id_since().is_some_and(|since| {
@@ -297,8 +340,9 @@ impl Bus {
         self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
     }
 
-    /// When every motor has had its say to the latest request, where some answer what was for others: each under the id of the next frame to
-    /// it, so that what is no stop waits until nothing has come for as long as a motor takes and its frame.
+    /// When every motor has had its say to the latest request, where some answer what was for
+    /// others: each under the id of the next frame to it, so that what is no stop waits until
+    /// nothing has come for as long as a motor takes and its frame.
     pub(super) fn objections_are_over_at(&self, axes: &[Axis]) -> Option<Instant> {
         let objects = self.axes_here(axes).any(Axis::objects);
         let frame = self.frame_time(1);

@@ -13,14 +13,18 @@ use embedded_can::Id;
 use heapless::Vec;
 use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
 
-/// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES G3).
+/// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES
+/// G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
-/// A controller that has neither sent nor given back a frame within this and four frame times is started again.
+/// A controller that has neither sent nor given back a frame within this and four frame times is
+/// started again.
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
-/// A frame that waited in vain for a reply with its own id, and has not left after so many frame times, has met that reply.
+/// A frame that waited in vain for a reply with its own id, and has not left after so many frame
+/// times, has met that reply.
 const COLLIDED_AFTER_FRAMES: u64 = 3;
-/// `TripReason::Internal` code: a command that was checked when it was accepted could not be encoded.
+/// `TripReason::Internal` code: a command that was checked when it was accepted could not be
+/// encoded.
 const INTERNAL_ENCODING: u16 = 1;
 
 /// The slot of a frame that is sent when nothing else is on its way.
@@ -48,7 +52,8 @@ impl Bus {
 
     /// The port has sent the frame in `slot`.
     pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut [Axis], out: &mut Outbox<'_>) {
-        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take) else {
+        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
+        else {
             return;
         };
         self.counters.sent = self.counters.sent.saturating_add(1);
@@ -73,7 +78,8 @@ impl Bus {
         }
     }
 
-    /// The next frame that the controller should give back: its axis has replaced it, or it keeps a stop out that goes before it.
+    /// The next frame that the controller should give back: its axis has replaced it, or it keeps a
+    /// stop out that goes before it.
     pub fn poll_cancel(&mut self, now: Instant, axes: &[Axis]) -> Option<u8> {
         if self.kind() != BusKind::Can {
             return None;
@@ -81,7 +87,9 @@ impl Bus {
         let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let first_stop = self.first_stop_in_controller(now, axes);
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
-            let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else { continue };
+            let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else {
+                continue;
+            };
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
             let unwanted = match axis {
                 // What was given up must not leave when nobody expects it any more.
@@ -105,7 +113,8 @@ impl Bus {
 
     /// The controller has given back the frame in `slot`.
     pub fn cancelled(&mut self, now: Instant, slot: u8, axes: &mut [Axis]) {
-        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take) else {
+        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
+        else {
             return;
         };
         self.counters.cancelled = self.counters.cancelled.saturating_add(1);
@@ -122,19 +131,22 @@ impl Bus {
         }
     }
 
-    /// Looks for frames that nobody has acknowledged, or that the controller has not given back, in time.
+    /// Looks for frames that nobody has acknowledged, or that the controller has not given back, in
+    /// time.
     pub fn expire_in_flight(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
         if self.in_flight.iter().flatten().filter_map(|f| f.cancel_by).any(|by| by <= now) {
             self.restart(now, axes, out);
             return;
         }
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
-            let Some(in_flight) = in_flight.as_mut().filter(|f| !f.overdue && f.deadline <= now) else {
+            let Some(in_flight) = in_flight.as_mut().filter(|f| !f.overdue && f.deadline <= now)
+            else {
                 continue;
             };
             in_flight.overdue = true;
             self.carried_deadline = None;
-            self.counters.missed_acknowledgements = self.counters.missed_acknowledgements.saturating_add(1);
+            self.counters.missed_acknowledgements =
+                self.counters.missed_acknowledgements.saturating_add(1);
             // What is behind it cannot leave either: whatever is armed on this bus is out of reach.
             for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
                 if axis.is_armed() {
@@ -145,7 +157,8 @@ impl Bus {
                 axis.unacknowledged(now, slot, out);
             }
         }
-        // No acknowledgement is needed there: the port has lost it, and a stop must not wait for ever.
+        // No acknowledgement is needed there: the port has lost it, and a stop must not wait for
+        // ever.
         if self.kind() == BusKind::Rs485 && self.in_flight.iter().flatten().any(|f| f.overdue) {
             self.restart(now, axes, out);
         }
@@ -162,7 +175,8 @@ impl Bus {
             next.consider(Some(in_flight.deadline).filter(|_| !in_flight.overdue));
             next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
-        // One look at the axes: most wait for nothing, and a command that comes meanwhile waits for this.
+        // One look at the axes: most wait for nothing, and a command that comes meanwhile waits for
+        // this.
         let (mut stops, mut objects, mut delivery) = (false, false, None::<Instant>);
         for axis in self.axes_here(axes) {
             stops |= axis.has_stop();
@@ -243,7 +257,8 @@ impl Bus {
             _ => within,
         };
         let transmit = self.launch(now, slot, Some(axis.index), frame, within);
-        if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut) {
+        if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut)
+        {
             // The stop command with which an arming begins stops nothing that must be stopped.
             in_flight.is_stop = want.exchange.is_stop() && want.priority < Priority::Ordinary;
             in_flight.is_first_stop = want.priority.is_first_stop();
@@ -284,7 +299,8 @@ impl Bus {
         }
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
             // A setpoint that takes the place of another one has no more time than that had.
-            let deadline = self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
+            let deadline =
+                self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
             *place = Some(InFlight {
                 axis,
                 id,

@@ -36,8 +36,8 @@ impl Tally {
     }
 }
 
-/// The queue, and the faults of the link itself, which are counted instead of queued so that noise on the
-/// line cannot push out what happened to an axis.
+/// The queue, and the faults of the link itself, which are counted instead of queued so that noise
+/// on the line cannot push out what happened to an axis.
 #[derive(Clone)]
 pub struct Events {
     queue: Deque<Waiting, QUEUE>,
@@ -61,8 +61,8 @@ impl Events {
         }
     }
 
-    /// A host has said hello: what waited for another one is forgotten. A host of another version gets no
-    /// events.
+    /// A host has said hello: what waited for another one is forgotten. A host of another version
+    /// gets no events.
     pub fn start_session(&mut self, open: bool) {
         *self = Self { open, ..Self::new() };
     }
@@ -102,7 +102,12 @@ impl Events {
     }
 
     /// Writes an event that does not wait in the queue.
-    pub fn send_at_once(&mut self, time_us: u64, event: &Event, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+    pub fn send_at_once(
+        &mut self,
+        time_us: u64,
+        event: &Event,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<usize> {
         let dropped = take(&mut self.dropped);
         self.write(Waiting { time_us, dropped, event: *event }, out)
     }

@@ -1,8 +1,8 @@
 //! The session of one host link: bytes in, requests out; results and events in, bytes out.
 //!
-//! A link executes nothing and knows no axis. It sees to it that a request is executed at most once and has
-//! one result, that a reply has its place before its request is executed, and that a host that does not read
-//! costs nothing but its own events.
+//! A link executes nothing and knows no axis. It sees to it that a request is executed at most once
+//! and has one result, that a reply has its place before its request is executed, and that a host
+//! that does not read costs nothing but its own events.
 
 mod events;
 mod replies;
@@ -14,8 +14,8 @@ pub use replies::Slot;
 
 use events::Events;
 use host_protocol::{
-    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields, requests::Hello,
-    requests::Subscribe,
+    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields,
+    requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
 use subscription::Subscription;
@@ -30,8 +30,9 @@ const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 pub struct Incoming {
     /// What to do, or why it could not be read, which is then its result.
     pub request: Result<Request, Error>,
-    /// Where the result goes. `None` for a stop, e-stop or disarm that is repeated, and for them and native commands where no
-    /// place is left for their result: of the native commands those that stop are executed even so.
+    /// Where the result goes. `None` for a stop, e-stop or disarm that is repeated, and for them
+    /// and native commands where no place is left for their result: of the native commands
+    /// those that stop are executed even so.
     pub slot: Option<Slot>,
 }
 
@@ -64,8 +65,8 @@ impl Link {
         }
     }
 
-    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are answered
-    /// inside, and so is what cannot be executed for want of a slot.
+    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are
+    /// answered inside, and so is what cannot be executed for want of a slot.
     pub fn receive(&mut self, now_us: u64, byte: u8) -> Option<Incoming> {
         let frame = match self.deframer.push(byte)? {
             Ok(frame) => frame,
@@ -74,7 +75,8 @@ impl Link {
                 return None;
             }
         };
-        // A frame of ours that comes back is no request and no fault: reporting it would go round for ever.
+        // A frame of ours that comes back is no request and no fault: reporting it would go round
+        // for ever.
         if frame.kind != Kind::Request {
             return None;
         }
@@ -113,8 +115,8 @@ impl Link {
         self.replies.store(slot, result);
     }
 
-    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host has said
-    /// hello.
+    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host
+    /// has said hello.
     pub fn event(&mut self, now_us: u64, event: &Event) {
         self.events.push(now_us, event);
     }
@@ -122,7 +124,8 @@ impl Link {
     /// Replaces the host's subscription.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] if the period is too short or too long; the subscription before then stays.
+    /// [`Error::OutOfRange`] if the period is too short or too long; the subscription before then
+    /// stays.
     pub fn subscribe(&mut self, now_us: u64, request: &Subscribe) -> Result<(), Error> {
         self.subscription = Subscription::new(now_us, request)?;
         self.tick(now_us);
@@ -135,7 +138,8 @@ impl Link {
         self.subscription.as_ref().is_some_and(|subscription| subscription.watches(axis))
     }
 
-    /// Begins the subscription's next period, or ends it when the host is silent. Returns whether it has ended.
+    /// Begins the subscription's next period, or ends it when the host is silent. Returns whether
+    /// it has ended.
     pub fn tick(&mut self, now_us: u64) -> bool {
         let last_valid_us = self.last_valid_us.unwrap_or(0);
         let Some(subscription) = &mut self.subscription else { return false };
@@ -165,11 +169,17 @@ impl Link {
     }
 
     /// Writes a sample to `out` and returns its length.
-    pub fn sample(&mut self, now_us: u64, event: &Event, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+    pub fn sample(
+        &mut self,
+        now_us: u64,
+        event: &Event,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<usize> {
         self.events.send_at_once(now_us, event, out)
     }
 
-    /// Writes the next frame for the host to `out` and returns its length: replies first, then events.
+    /// Writes the next frame for the host to `out` and returns its length: replies first, then
+    /// events.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(out))
     }
@@ -186,18 +196,20 @@ impl Link {
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.
     #[must_use]
     pub fn has_output(&self) -> bool {
-        let sample = self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
+        let sample =
+            self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
         self.replies.has_output() || self.events.has_output() || sample
     }
 }
 
-/// Requests that are executed each time they come, as repetitions too: their result is repeated as well (GUARANTEES G9).
+/// Requests that are executed each time they come, as repetitions too: their result is repeated as
+/// well (GUARANTEES G9).
 fn stops_each_time(request: &Request) -> bool {
     matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
 }
 
-/// Requests that make things safer: executed whether or not their result has a place. Whether a native command is one of
-/// them only its bytes tell, which the link does not know.
+/// Requests that make things safer: executed whether or not their result has a place. Whether a
+/// native command is one of them only its bytes tell, which the link does not know.
 fn stops(request: &Request) -> bool {
     stops_each_time(request) || matches!(request, Request::Native(_))
 }

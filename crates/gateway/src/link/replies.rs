@@ -9,8 +9,8 @@ const WINDOW: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slot {
     index: usize,
-    /// Which request of the link it belongs to: tells a late result from that of a later request in the same
-    /// place.
+    /// Which request of the link it belongs to: tells a late result from that of a later request
+    /// in the same place.
     order: u32,
 }
 
@@ -19,7 +19,8 @@ pub struct Slot {
 pub enum Reserved {
     /// It was there before: its reply is sent again, once there is one.
     Repeated,
-    /// It was there before, and the place of its reply has been given away: it is not executed again.
+    /// It was there before, and the place of its reply has been given away: it is not executed
+    /// again.
     Forgotten,
     /// It is new.
     Slot(Slot),
@@ -67,11 +68,16 @@ struct Entry {
 }
 
 impl Entry {
-    const EMPTY: Self =
-        Self { state: State::Empty, request: Identity::NONE, order: 0, length: 0, reply: [0; MAX_FRAME] };
+    const EMPTY: Self = Self {
+        state: State::Empty,
+        request: Identity::NONE,
+        order: 0,
+        length: 0,
+        reply: [0; MAX_FRAME],
+    };
 
-    /// How many requests ago this entry can be given away, the more the better; `None` while it owes its
-    /// reply.
+    /// How many requests ago this entry can be given away, the more the better; `None` while it
+    /// owes its reply.
     fn free_for(&self, now: u32) -> Option<u32> {
         match self.state {
             State::Empty => Some(u32::MAX),
@@ -85,7 +91,8 @@ impl Entry {
 #[derive(Clone)]
 pub struct Replies {
     entries: [Entry; WINDOW],
-    /// The last requests, the latest first. While replies are owed their places are fewer than these.
+    /// The last requests, the latest first. While replies are owed their places are fewer than
+    /// these.
     recent: [Option<Identity>; WINDOW],
     /// Requests so far.
     requests: u32,
@@ -101,7 +108,10 @@ impl Replies {
     /// Whether this very request is remembered.
     pub fn contains(&self, frame: &Frame<'_>) -> bool {
         let request = Identity::of(frame);
-        let kept = self.entries.iter().any(|entry| entry.state != State::Empty && entry.request == request);
+        let kept = self
+            .entries
+            .iter()
+            .any(|entry| entry.state != State::Empty && entry.request == request);
         kept || self.recent.contains(&Some(request))
     }
 
@@ -116,8 +126,10 @@ impl Replies {
     /// Finds the request among the remembered ones, or a slot for it.
     pub fn reserve(&mut self, frame: &Frame<'_>) -> Reserved {
         let request = Identity::of(frame);
-        let known =
-            self.entries.iter_mut().find(|entry| entry.state != State::Empty && entry.request == request);
+        let known = self
+            .entries
+            .iter_mut()
+            .find(|entry| entry.state != State::Empty && entry.request == request);
         if let Some(entry) = known {
             if entry.state == State::Sent {
                 entry.state = State::Waiting(self.queued);
@@ -129,7 +141,8 @@ impl Replies {
             return Reserved::Forgotten;
         }
         let now = self.requests;
-        let free = self.entries.iter_mut().enumerate().filter(|(_, entry)| entry.free_for(now).is_some());
+        let free =
+            self.entries.iter_mut().enumerate().filter(|(_, entry)| entry.free_for(now).is_some());
         let Some((index, entry)) = free.max_by_key(|(_, entry)| entry.free_for(now)) else {
             return Reserved::Full;
         };
@@ -155,7 +168,8 @@ impl Replies {
             Ok(reply) => reply.encode_frame(sequence, &mut entry.reply),
             Err(error) => error.encode_frame(sequence, &mut entry.reply),
         };
-        // Every message of the table fits, as host-protocol asserts; there is nobody to tell otherwise.
+        // Every message of the table fits, as host-protocol asserts; there is nobody to tell
+        // otherwise.
         entry.length = encoded.ok().and_then(|length| u16::try_from(length).ok()).unwrap_or(0);
         entry.state = State::Waiting(self.queued);
         self.queued = self.queued.wrapping_add(1);

@@ -142,7 +142,8 @@ mod tests {
 
     #[test]
     fn a_period_out_of_range_is_refused_and_no_axis_ends_it() {
-        let request = |axes, period_us| requests::Subscribe { axes, fields: StateFields::NONE, period_us };
+        let request =
+            |axes, period_us| requests::Subscribe { axes, fields: StateFields::NONE, period_us };
         assert!(Subscription::new(0, &request(1, 999)).is_err());
         assert!(Subscription::new(0, &request(0, 10_000_001)).is_err());
         assert!(matches!(Subscription::new(0, &request(0, 1_000)), Ok(None)));

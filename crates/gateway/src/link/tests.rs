@@ -22,7 +22,8 @@ fn bytes(request: impl Into<Request>, sequence: u16) -> Vec<u8> {
 }
 
 fn feed(link: &mut Link, now_us: u64, bytes: &[u8]) -> Option<Incoming> {
-    let mut incoming: Vec<_> = bytes.iter().filter_map(|byte| link.receive(now_us, *byte)).collect();
+    let mut incoming: Vec<_> =
+        bytes.iter().filter_map(|byte| link.receive(now_us, *byte)).collect();
     assert!(incoming.len() <= 1);
     incoming.pop()
 }
@@ -201,7 +202,10 @@ fn a_repeated_request_is_not_executed_even_if_its_reply_had_to_make_room() {
     assert!(sent(&mut link).is_some());
     assert_eq!(feed(&mut link, 50, &bytes(Ping {}, 5)), None);
     let (_, message) = sent_event(&mut link).unwrap();
-    assert_eq!(message, EventMessage { dropped: 0, time_us: 50, event: Event::RequestDropped { count: 1 } });
+    assert_eq!(
+        message,
+        EventMessage { dropped: 0, time_us: 50, event: Event::RequestDropped { count: 1 } }
+    );
 }
 
 #[test]
@@ -216,7 +220,10 @@ fn without_a_slot_only_a_stop_is_executed() {
         assert_eq!(incoming, Incoming { request: Ok(stop), slot: None });
     }
     let (_, message) = sent_event(&mut link).unwrap();
-    assert_eq!(message, EventMessage { dropped: 0, time_us: 60, event: Event::RequestDropped { count: 4 } });
+    assert_eq!(
+        message,
+        EventMessage { dropped: 0, time_us: 60, event: Event::RequestDropped { count: 4 } }
+    );
 
     // A reply that waits still holds its slot; one that was handed out does not.
     link.reply(slots[4], &pong(0));
@@ -260,7 +267,11 @@ fn events_wait_for_a_hello_of_our_version() {
     let mut link = Link::new();
     link.event(1, &RESET);
     assert_eq!(sent(&mut link), None);
-    request(&mut link, Hello { protocol_major: PROTOCOL_MAJOR + 1, protocol_minor: 0, session: 1 }, 0);
+    request(
+        &mut link,
+        Hello { protocol_major: PROTOCOL_MAJOR + 1, protocol_minor: 0, session: 1 },
+        0,
+    );
     link.event(2, &RESET);
     assert_eq!(sent(&mut link), None);
     request(&mut link, hello(2), 0);
@@ -312,7 +323,8 @@ fn frames_that_cannot_be_read_are_reported_once_for_each_reason() {
     assert_eq!(feed(&mut link, 40, &too_long), None);
     assert_eq!(link.last_valid(), Some(0), "none of them shows that the host is there");
 
-    let mut rejected = || sent_event(&mut link).map(|(_, message)| (message.time_us, message.event));
+    let mut rejected =
+        || sent_event(&mut link).map(|(_, message)| (message.time_us, message.event));
     assert_eq!(rejected(), Some((40, Event::FrameRejected { reason: 1, count: 1 })));
     assert_eq!(rejected(), Some((30, Event::FrameRejected { reason: 4, count: 3 })));
     assert_eq!(rejected(), None);

@@ -4,7 +4,8 @@ use crate::axis::AxisConfig;
 use crate::convert::Scale;
 use host_protocol::{AxisParameter, Error, Quantity};
 
-/// Speed limit and target of a position command, in the motor's units and sense of rotation. 0 is no speed limit.
+/// Speed limit and target of a position command, in the motor's units and sense of rotation. 0 is
+/// no speed limit.
 pub(super) fn position(
     axis: u8,
     speed_limit_rad_s: f32,
@@ -14,7 +15,8 @@ pub(super) fn position(
     config: &AxisConfig,
 ) -> Result<(u16, i32), Error> {
     let fastest = speed.to_si(i32::from(u16::MAX));
-    let count = speed.within(speed_limit_rad_s, (0.0, config.limit(AxisParameter::VelocityLimitRadS)));
+    let count =
+        speed.within(speed_limit_rad_s, (0.0, config.limit(AxisParameter::VelocityLimitRadS)));
     let limit: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, (0.0, fastest))?;
     if limit == 0 {
         return Err(Error::SpeedLimitZero { axis });
@@ -29,7 +31,8 @@ pub(super) fn turned(count: Option<i32>, config: &AxisConfig) -> Option<i32> {
     if config.sign() < 0.0 { count?.checked_neg() } else { count }
 }
 
-/// A wire count as the type the wire has, or the refusal that names the SI range that type can carry.
+/// A wire count as the type the wire has, or the refusal that names the SI range that type can
+/// carry.
 pub(super) fn fit<T: TryFrom<i32>>(
     count: Option<i32>,
     quantity: Quantity,

@@ -4,7 +4,9 @@ use super::native::{Demand, Effect, Native};
 use super::{Command, Exchange, Sequences, Verdict, fit, turned};
 use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, DEGREES};
-use d5::{AckLevel, Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width};
+use d5::{
+    AckLevel, Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width,
+};
 use host_protocol::{AxisParameter, CanFrame, CanId, Error, Quantity, Setpoint};
 
 pub(super) const SEQUENCES: Sequences = Sequences {
@@ -46,7 +48,9 @@ pub(super) fn command(exchange: Exchange) -> Option<Request> {
     let read_word = |register| Request::Read { register, width: Width::Word };
     Some(match exchange {
         Exchange::Stop => Request::Write { register: Register::SPEED, value: STANDSTILL },
-        Exchange::OverwritePending => Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL },
+        Exchange::OverwritePending => {
+            Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL }
+        }
         Exchange::ExecutePending => Request::Execute,
         Exchange::PendingWrite => read_byte(Register::ASYNC_FLAG),
         Exchange::BrakeSwitch => read_byte(Register::BRAKE),
@@ -58,12 +62,16 @@ pub(super) fn command(exchange: Exchange) -> Option<Request> {
         Exchange::MotorTemperature => read_byte(Register::MOTOR_TEMPERATURE),
         Exchange::AckLevel => read_byte(Register::ACK_LEVEL),
         Exchange::TimeoutSwitch => read_byte(Register::TIMEOUT_SWITCH),
-        Exchange::ClearFaults => Request::Write { register: Register::CLEAR_PROTECTION, value: ONE },
+        Exchange::ClearFaults => {
+            Request::Write { register: Register::CLEAR_PROTECTION, value: ONE }
+        }
         // The motor's time is its own; it can only be switched on and off (D15).
         Exchange::SetTimeout { timeout_ms: 0 } => {
             Request::Write { register: Register::TIMEOUT_SWITCH, value: Value::Byte(0) }
         }
-        Exchange::SetTimeout { .. } => Request::Write { register: Register::TIMEOUT_SWITCH, value: ONE },
+        Exchange::SetTimeout { .. } => {
+            Request::Write { register: Register::TIMEOUT_SWITCH, value: ONE }
+        }
         _ => return None,
     })
 }
@@ -96,10 +104,12 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
     if request.moves() && !tells_its_speed(&request) {
         return Err(Error::CannotCheckLimit { axis, quantity: Quantity::Velocity });
     }
-    Ok(effect(request, config.sign()).map(|effect| Native { command: Command::D5(request), effect }))
+    Ok(effect(request, config.sign())
+        .map(|effect| Native { command: Command::D5(request), effect }))
 }
 
-/// Whether a motion writes the whole speed, or starts one that was checked when it was written. Half a speed (D5 manual, table row
+/// Whether a motion writes the whole speed, or starts one that was checked when it was written.
+/// Half a speed (D5 manual, table row
 /// 12) makes another one of what the motor holds, which no limit can be checked against.
 fn tells_its_speed(request: &Request) -> bool {
     matches!(
@@ -110,7 +120,8 @@ fn tells_its_speed(request: &Request) -> bool {
     )
 }
 
-/// What a request does; `None` where the manual lists no such command, and for a motion whose speed it does not tell.
+/// What a request does; `None` where the manual lists no such command, and for a motion whose speed
+/// it does not tell.
 pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     let velocity = |word| {
         let velocity_rad_s = sign * convert::degrees_to_rad(i32::from(d5::decode_speed(word).0));
@@ -135,16 +146,20 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
-/// Whether the motor answers a request at its level, which is the configured one. Whether it answers the change of that level, by the old
-/// one or the new, the manual does not say: it is waited for, and then read back (D12).
+/// Whether the motor answers a request at its level, which is the configured one. Whether it
+/// answers the change of that level, by the old one or the new, the manual does not say: it is
+/// waited for, and then read back (D12).
 pub(super) fn is_answered(request: &Request, config: &AxisConfig) -> bool {
-    let level = config.unsigned(AxisParameter::D5AckLevel).and_then(|level| u8::try_from(level).ok());
+    let level =
+        config.unsigned(AxisParameter::D5AckLevel).and_then(|level| u8::try_from(level).ok());
     let level = level.map_or(AckLevel::ReadsAndWrites, AckLevel::of);
-    let node = Address::Node(config.node().and_then(|node| Node::new(node).ok()).unwrap_or(Node::FACTORY));
+    let node =
+        Address::Node(config.node().and_then(|node| Node::new(node).ok()).unwrap_or(Node::FACTORY));
     level.answers(node, request) || new_ack_level(request).is_some()
 }
 
-/// The acknowledge level that the motor has once it has carried out a request; `None` where that stays as it was.
+/// The acknowledge level that the motor has once it has carried out a request; `None` where that
+/// stays as it was.
 pub(super) fn new_ack_level(request: &Request) -> Option<AckLevel> {
     match *request {
         Request::Write { register: Register::ACK_LEVEL, value: Value::Byte(level) } => {
@@ -173,20 +188,32 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     match (register, value) {
         (Register::CURRENT_SPEED, Value::Word(word)) => {
             let speed = d5::decode_speed(word);
-            Observation { velocity_rad_s: Some(sign * convert::degrees_to_rad(i32::from(speed.0))), ..none }
+            Observation {
+                velocity_rad_s: Some(sign * convert::degrees_to_rad(i32::from(speed.0))),
+                ..none
+            }
         }
         (Register::TRAVELLED_ANGLE, Value::Word(word)) => {
             let angle = d5::decode_angle(word);
-            Observation { position_rad: Some(sign * convert::degrees_to_rad(i32::from(angle.0))), ..none }
+            Observation {
+                position_rad: Some(sign * convert::degrees_to_rad(i32::from(angle.0))),
+                ..none
+            }
         }
         (Register::SPEED, Value::Word(word)) => {
             Observation { commanded_zero: Some(d5::decode_speed(word).0 == 0), ..none }
         }
-        (Register::STATUS, Value::Byte(bits)) => Observation { faults: Some(u16::from(bits)), ..none },
-        (Register::ASYNC_FLAG, Value::Byte(flag)) => Observation { write_pending: Some(flag != 0), ..none },
+        (Register::STATUS, Value::Byte(bits)) => {
+            Observation { faults: Some(u16::from(bits)), ..none }
+        }
+        (Register::ASYNC_FLAG, Value::Byte(flag)) => {
+            Observation { write_pending: Some(flag != 0), ..none }
+        }
         (Register::BRAKE, Value::Byte(on)) => Observation { brake_locked: Some(on != 0), ..none },
         (Register::ACK_LEVEL, Value::Byte(level)) => Observation { ack_level: Some(level), ..none },
-        (Register::TIMEOUT_SWITCH, Value::Byte(on)) => Observation { timeout_on: Some(on != 0), ..none },
+        (Register::TIMEOUT_SWITCH, Value::Byte(on)) => {
+            Observation { timeout_on: Some(on != 0), ..none }
+        }
         (Register::BOARD_TEMPERATURE, Value::Byte(byte)) => {
             let celsius = d5::decode_temperature(byte);
             Observation { driver_temperature_c: Some(f32::from(celsius.0)), ..none }
@@ -199,8 +226,9 @@ pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     }
 }
 
-/// The frame that has every motor carry out what waits (D5 manual, quick start (4)). The manual gives no CAN id: that of the frame's own id
-/// byte, 0x0FE, in a frame of the type that the motor of the axis is asked with, is an assumption.
+/// The frame that has every motor carry out what waits (D5 manual, quick start (4)). The manual
+/// gives no CAN id: that of the frame's own id byte, 0x0FE, in a frame of the type that the motor
+/// of the axis is asked with, is an assumption.
 pub(super) fn execute_all(config: &AxisConfig) -> Option<CanFrame> {
     let raw = u32::from(Address::BROADCAST_ID);
     let extended = request_id(config)?.is_extended();
@@ -214,11 +242,14 @@ pub(super) fn to_can(node: u8, request: &Request, config: &AxisConfig) -> Option
     d5::can::request(id, d5::Address::Node(node), request).ok()
 }
 
-/// The arbitration id of requests: the axis's, by default the motor's id as a standard one, which is an assumption (D14).
+/// The arbitration id of requests: the axis's, by default the motor's id as a standard one, which
+/// is an assumption (D14).
 pub(super) fn request_id(config: &AxisConfig) -> Option<CanId> {
     match config.unsigned(AxisParameter::D5RequestId) {
         Some(id) => CanId::from_wire(id),
-        None => Node::new(config.node()?).ok().map(|node| CanId(d5::can::default_request_id(node).into())),
+        None => Node::new(config.node()?)
+            .ok()
+            .map(|node| CanId(d5::can::default_request_id(node).into())),
     }
 }
 

@@ -15,7 +15,8 @@ pub(crate) enum Exchange {
     PendingWrite,
     /// Replace the asynchronous write that waits by speed 0 (D5).
     OverwritePending,
-    /// Carry out the asynchronous write that waits, a speed of 0, so that nothing waits any more (D5).
+    /// Carry out the asynchronous write that waits, a speed of 0, so that nothing waits any more
+    /// (D5).
     ExecutePending,
     /// Read the commanded speed back (D5: how a motor confirms that does not answer writes).
     CommandedSpeed,
@@ -67,7 +68,11 @@ impl Exchange {
     pub fn is_stop(self) -> bool {
         matches!(
             self,
-            Self::Stop | Self::PositionStop | Self::OverwritePending | Self::LockBrake | Self::OutputOff
+            Self::Stop
+                | Self::PositionStop
+                | Self::OverwritePending
+                | Self::LockBrake
+                | Self::OutputOff
         )
     }
 }

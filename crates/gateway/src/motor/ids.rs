@@ -11,7 +11,8 @@ use host_protocol::{CanId, Protocol};
 /// Ids of single motors that one axis is sent frames on: commands, and for RMD motion mode as well.
 const MAX_SENT: usize = 2;
 
-/// The first id on which `axis` is sent frames and on which the motor of `other`, on the same CAN bus, acts or answers.
+/// The first id on which `axis` is sent frames and on which the motor of `other`, on the same CAN
+/// bus, acts or answers.
 ///
 /// The group ids of a protocol are not among those sent to one axis.
 pub(crate) fn sent_on_an_id_of(axis: &AxisConfig, other: &AxisConfig) -> Option<CanId> {
@@ -50,7 +51,8 @@ fn standard<N>(node: Option<N>, id: fn(N) -> StandardId) -> Option<CanId> {
     node.map(|node| CanId(id(node).into()))
 }
 
-/// Whether the motor of an axis acts on an id or answers with it. `same_protocol`: the frame on it is one of its own protocol.
+/// Whether the motor of an axis acts on an id or answers with it. `same_protocol`: the frame on it
+/// is one of its own protocol.
 fn uses(config: &AxisConfig, id: CanId, same_protocol: bool) -> bool {
     let is = |own: Option<CanId>| own == Some(id);
     let more = match config.protocol() {
@@ -58,14 +60,19 @@ fn uses(config: &AxisConfig, id: CanId, same_protocol: bool) -> bool {
             let node = rmd_node(config);
             is(standard(node, ::rmd::can::reply_id))
                 || is(standard(node, ::rmd::can::motion_reply_id))
-                || [BROADCAST_ID, CAN_ID_ID].into_iter().any(|group| is(CanId::standard(group.into())))
+                || [BROADCAST_ID, CAN_ID_ID]
+                    .into_iter()
+                    .any(|group| is(CanId::standard(group.into())))
         }
         // Streams come on the id of replies.
         Some(Protocol::Thruster) => is(standard(thruster_node(config), ::thruster::can::reply_id)),
-        // A motor of its own protocol tells replies from requests, and motors apart, by the bytes of the frame; all hear one id.
+        // A motor of its own protocol tells replies from requests, and motors apart, by the bytes
+        // of the frame; all hear one id.
         Some(Protocol::D5) => {
             let all = u32::from(Address::BROADCAST_ID);
-            is(CanId::standard(all)) || is(CanId::extended(all)) || !same_protocol && is(d5::reply_id(config))
+            is(CanId::standard(all))
+                || is(CanId::extended(all))
+                || !same_protocol && is(d5::reply_id(config))
         }
         None => false,
     };

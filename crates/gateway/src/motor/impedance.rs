@@ -1,4 +1,5 @@
-//! RMD motion mode: impedance setpoints as the packed words of RMD V3.6 §5, in the ranges that the axis states.
+//! RMD motion mode: impedance setpoints as the packed words of RMD V3.6 §5, in the ranges that the
+//! axis states.
 
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
@@ -58,7 +59,8 @@ pub(super) fn command(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionC
     })
 }
 
-/// The word for a value in the axis's sense of rotation, or the refusal. The range is the same in both senses, the limits are turned.
+/// The word for a value in the axis's sense of rotation, or the refusal. The range is the same in
+/// both senses, the limits are turned.
 fn word(
     quantity: Quantity,
     value: f32,
@@ -73,7 +75,8 @@ fn word(
     convert::to_span(sign * value, range, bits, limits).ok_or(refused)
 }
 
-/// What a reply tells. Its position ends at the ends of its range and is left out: positions come from 0x92.
+/// What a reply tells. Its position ends at the ends of its range and is left out: positions come
+/// from 0x92.
 pub(super) fn observe(feedback: &MotionFeedback, config: &AxisConfig) -> Observation {
     let read = |word, parameter| {
         let end = config.float(parameter)?;
@@ -111,8 +114,13 @@ mod tests {
     /// RMD V3.6 §5.4: 10 rad, 1 rad/s, kp 10, kd 1, 10 N·m in the manual's ranges.
     #[test]
     fn the_printed_request_comes_out() {
-        let expected =
-            MotionCommand { position: 0xE666, velocity: 0x82E, kp: 0x052, kd: 0x333, torque: 0xB55 };
+        let expected = MotionCommand {
+            position: 0xE666,
+            velocity: 0x82E,
+            kp: 0x052,
+            kd: 0x333,
+            torque: 0xB55,
+        };
         assert_eq!(command(impedance(10.0, 1.0, 10.0), &config(1)), Ok(expected));
         assert_eq!(command(impedance(-10.0, -1.0, -10.0), &config(-1)), Ok(expected));
     }

@@ -1,5 +1,5 @@
-//! No value on the wire is beyond a limit of its axis, whatever the rounding (GUARANTEES G2). The bytes are read here as the manuals
-//! print them, by nothing that the gateway uses.
+//! No value on the wire is beyond a limit of its axis, whatever the rounding (GUARANTEES G2). The
+//! bytes are read here as the manuals print them, by nothing that the gateway uses.
 
 extern crate std;
 
@@ -43,8 +43,9 @@ fn big_16(data: &[u8], at: usize) -> f64 {
 
 /// The 12 bits from a nibble on, as a fraction of their range, −1 to 1.
 fn nibbles(data: &[u8], first: usize) -> f64 {
-    let nibble =
-        |at: usize| u16::from(if at.is_multiple_of(2) { data[at / 2] >> 4 } else { data[at / 2] & 15 });
+    let nibble = |at: usize| {
+        u16::from(if at.is_multiple_of(2) { data[at / 2] >> 4 } else { data[at / 2] & 15 })
+    };
     f64::from(nibble(first) << 8 | nibble(first + 1) << 4 | nibble(first + 2)) / 2048.0 - 1.0
 }
 
@@ -99,7 +100,14 @@ fn cases() -> Vec<Case> {
             0.01,
             300.0,
         ),
-        case(Protocol::Rmd, speed, velocity, |d| little_32(d, 4) * DEGREE / 100.0, DEGREE / 100.0, 500.0),
+        case(
+            Protocol::Rmd,
+            speed,
+            velocity,
+            |d| little_32(d, 4) * DEGREE / 100.0,
+            DEGREE / 100.0,
+            500.0,
+        ),
         Case {
             signed: false,
             ..case(Protocol::Rmd, speed, speed_limit, |d| little_16(d, 2) * DEGREE, DEGREE, 500.0)
@@ -230,7 +238,10 @@ fn no_value_on_the_wire_is_beyond_its_limit() {
                 (AxisParameter::Direction, Value::Signed(direction)),
                 (AxisParameter::PositionDevice, Value::Bool(true)),
                 // Where one parameter is both, the upper limit is what it says.
-                (case.limits.0, Value::Float(if case.limits.0 == case.limits.1 { max } else { min })),
+                (
+                    case.limits.0,
+                    Value::Float(if case.limits.0 == case.limits.1 { max } else { min }),
+                ),
                 (case.limits.1, Value::Float(max)),
             ] {
                 config.set(parameter, value).unwrap();
@@ -241,7 +252,8 @@ fn no_value_on_the_wire_is_beyond_its_limit() {
             let sense = if case.signed { f64::from(direction) } else { 1.0 };
             let wire = sense * (case.read)(frame.data());
             let (min, max, value) = (f64::from(min), f64::from(max), f64::from(value));
-            // The limits themselves are numbers of 24 bits; those of motion mode are compared at the size of its range.
+            // The limits themselves are numbers of 24 bits; those of motion mode are compared at
+            // the size of its range.
             let fine = max.abs().max(min.abs()).max(case.unit * 64.0) * 2.4e-7;
             assert!(
                 wire <= max + fine && wire >= min - fine,

@@ -1,5 +1,5 @@
-//! From the core's words to each protocol's commands and back. One file per protocol; only they and [`convert`](crate::convert)
-//! know a manual's units.
+//! From the core's words to each protocol's commands and back. One file per protocol; only they and
+//! [`convert`](crate::convert) know a manual's units.
 
 mod counts;
 mod d5;
@@ -63,7 +63,8 @@ pub(crate) enum Verdict {
     Unrelated,
 }
 
-/// What the core does with motors of one protocol, step by step. Steps that a motor has no command for are passed over.
+/// What the core does with motors of one protocol, step by step. Steps that a motor has no command
+/// for are passed over.
 pub(crate) struct Sequences {
     /// Before motion is allowed.
     pub arming: &'static [Exchange],
@@ -92,15 +93,16 @@ impl Received {
 
     /// Whether motors send such a frame on their own account, so that the host should see it.
     pub fn is_notice(&self) -> bool {
-        // 0x9A comes every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES R16).
+        // 0x9A comes every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES
+        // R16).
         let notice = |reply: &::rmd::Reply| {
             matches!(reply, ::rmd::Reply::TimeoutNotice { .. } | ::rmd::Reply::Status1 { .. })
         };
         matches!(self, Self::Rmd { reply, .. } if notice(reply))
     }
 
-    /// What a thruster sends by itself, or beyond the reply that VM has: ML, MM, SR. Its kind, counted from 0, where it is such a frame
-    /// if nobody has asked for it.
+    /// What a thruster sends by itself, or beyond the reply that VM has: ML, MM, SR. Its kind,
+    /// counted from 0, where it is such a frame if nobody has asked for it.
     pub fn telemetry(&self) -> Option<u8> {
         let Self::Thruster { reply, .. } = self else { return None };
         thruster::telemetry(reply)
@@ -108,7 +110,10 @@ impl Received {
 
     /// Whether a motor says that a request was not for it.
     pub fn is_objection(&self) -> bool {
-        matches!(self, Self::D5 { reply: ::d5::Reply::Error { error: ::d5::MotorError::Id, .. }, .. })
+        matches!(
+            self,
+            Self::D5 { reply: ::d5::Reply::Error { error: ::d5::MotorError::Id, .. }, .. }
+        )
     }
 
     /// What the frame tells by itself, whoever asked.
@@ -146,7 +151,9 @@ pub(crate) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
     };
     let command = match protocol {
         Protocol::Rmd => rmd::motion(axis, setpoint, config).map(|r| r.map(Command::Rmd)),
-        Protocol::Thruster => thruster::motion(axis, setpoint, config).map(|r| r.map(Command::Thruster)),
+        Protocol::Thruster => {
+            thruster::motion(axis, setpoint, config).map(|r| r.map(Command::Thruster))
+        }
         Protocol::D5 => d5::motion(setpoint, config).map(|r| r.map(Command::D5)),
     }?;
     command.ok_or(Error::Unsupported { axis, protocol })
@@ -159,8 +166,8 @@ pub(crate) struct Further {
     pub target_rad: f32,
 }
 
-/// `command`, a position of 0, moved to `distance_rad` from the motor's own count `start`. The sum is one of counts: far from
-/// zero an f32 of radians is coarser than they are.
+/// `command`, a position of 0, moved to `distance_rad` from the motor's own count `start`. The sum
+/// is one of counts: far from zero an f32 of radians is coarser than they are.
 pub(crate) fn further(
     command: Command,
     start: i32,
@@ -171,11 +178,13 @@ pub(crate) fn further(
     let distance = sign * distance_rad;
     let (moved, to_rad): (_, fn(i32) -> f32) = match command {
         Command::Rmd(request) => {
-            let moved = rmd::at(request, start, distance).map(|(r, target)| (Command::Rmd(r), target));
+            let moved =
+                rmd::at(request, start, distance).map(|(r, target)| (Command::Rmd(r), target));
             (moved, convert::centidegrees_to_rad)
         }
         Command::Thruster(request) => {
-            let moved = thruster::at(request, start, distance).map(|(r, t)| (Command::Thruster(r), t));
+            let moved =
+                thruster::at(request, start, distance).map(|(r, t)| (Command::Thruster(r), t));
             (moved, convert::decidegrees_to_rad)
         }
         Command::D5(_) | Command::D5Execute => (None, convert::degrees_to_rad),
@@ -184,13 +193,18 @@ pub(crate) fn further(
     let Some((command, target)) = moved else {
         let limit = to_rad(i32::MAX);
         let value = start_rad + distance_rad;
-        return Err(Error::OutOfRange { quantity: Quantity::Position, value, min: -limit, max: limit });
+        return Err(Error::OutOfRange {
+            quantity: Quantity::Position,
+            value,
+            min: -limit,
+            max: limit,
+        });
     };
     Ok(Further { command, start_rad, target_rad: sign * to_rad(target) })
 }
 
-/// Whether motors of a protocol answer on CAN with the id that they were asked with. That a D5 does is an assumption, on the safe side: its
-/// manual gives no ids.
+/// Whether motors of a protocol answer on CAN with the id that they were asked with. That a D5 does
+/// is an assumption, on the safe side: its manual gives no ids.
 pub(crate) fn replies_with_the_id_of_the_request(protocol: Protocol) -> bool {
     match protocol {
         Protocol::D5 => true,
@@ -202,11 +216,14 @@ pub(crate) fn replies_with_the_id_of_the_request(protocol: Protocol) -> bool {
 pub(crate) const fn can_stop_by(protocol: Protocol, action: StopAction) -> bool {
     matches!(
         (protocol, action),
-        (Protocol::Rmd, _) | (Protocol::Thruster, StopAction::Coast) | (Protocol::D5, StopAction::Hold)
+        (Protocol::Rmd, _)
+            | (Protocol::Thruster, StopAction::Coast)
+            | (Protocol::D5, StopAction::Hold)
     )
 }
 
-/// Whether a limit can act on an axis of this kind: its motor measures what is limited, or setpoints carry it (GUARANTEES G2).
+/// Whether a limit can act on an axis of this kind: its motor measures what is limited, or
+/// setpoints carry it (GUARANTEES G2).
 pub(crate) fn can_keep(limit: AxisParameter, bus: BusKind, config: &AxisConfig) -> bool {
     let Some(protocol) = config.protocol() else { return true };
     match limit {
@@ -221,7 +238,8 @@ pub(crate) fn can_keep(limit: AxisParameter, bus: BusKind, config: &AxisConfig) 
     }
 }
 
-/// The protocol whose motors alone have what a parameter sets; `None` where others have it too. What limits says [`can_keep`].
+/// The protocol whose motors alone have what a parameter sets; `None` where others have it too.
+/// What limits says [`can_keep`].
 pub(crate) fn only_of(parameter: AxisParameter) -> Option<Protocol> {
     match parameter {
         AxisParameter::ReleaseBrakeWhenArming
@@ -297,8 +315,8 @@ pub(crate) fn sets_ack_level(command: &Command) -> bool {
     matches!(command, Command::D5(request) if d5::new_ack_level(request).is_some())
 }
 
-/// What shows that a command which sets the acknowledge level was carried out; `None` for another command, and for a level at which
-/// nothing is answered.
+/// What shows that a command which sets the acknowledge level was carried out; `None` for another
+/// command, and for a level at which nothing is answered.
 pub(crate) fn read_back(command: &Command) -> Option<Exchange> {
     let Command::D5(request) = command else { return None };
     match d5::new_ack_level(request)? {
@@ -315,7 +333,9 @@ pub(crate) fn has_set_ack_level(command: &Command, level: u8) -> bool {
 /// Whether a motor that is set as the axis says answers what stops it.
 pub(crate) fn can_confirm(config: &AxisConfig) -> bool {
     match config.protocol() {
-        Some(Protocol::Thruster) => returned::ReturnMode::of(config) != returned::ReturnMode::Nothing,
+        Some(Protocol::Thruster) => {
+            returned::ReturnMode::of(config) != returned::ReturnMode::Nothing
+        }
         Some(Protocol::D5) => config.unsigned(AxisParameter::D5AckLevel) != Some(0),
         Some(Protocol::Rmd) | None => true,
     }
@@ -339,7 +359,8 @@ pub(crate) fn stream(config: &AxisConfig) -> Option<Stream> {
     }
 }
 
-/// What `stream` of an axis says once its motor has carried out a command; `None` where that stays as it was.
+/// What `stream` of an axis says once its motor has carried out a command; `None` where that stays
+/// as it was.
 pub(crate) fn stream_after(command: &Command) -> Option<u32> {
     match command {
         Command::Thruster(request) => stream::word_after(request),
@@ -361,14 +382,14 @@ pub(crate) fn output_after(command: &Command) -> Option<bool> {
         Command::Rmd(::rmd::Request::Stop) => Some(true),
         Command::Rmd(::rmd::Request::Shutdown) => Some(false),
         // At speed 0 the motor locks itself (D5 manual, first list).
-        Command::D5(::d5::Request::Write { register: ::d5::Register::SPEED, .. }) | Command::D5Execute => {
-            Some(true)
-        }
+        Command::D5(::d5::Request::Write { register: ::d5::Register::SPEED, .. })
+        | Command::D5Execute => Some(true),
         _ => None,
     }
 }
 
-/// The node whose reply a command waits for, where that is not simply the axis's: after a change of the id.
+/// The node whose reply a command waits for, where that is not simply the axis's: after a change of
+/// the id.
 pub(crate) fn answering_node(command: &Command, config: &AxisConfig) -> Option<u8> {
     match command {
         Command::D5(request) => {
@@ -387,7 +408,8 @@ pub(crate) fn node_after(command: &Command, config: &AxisConfig) -> Option<u8> {
     }
 }
 
-/// The bitrates of a protocol that others do not run at, bit/s: the lowest and the highest; `None` where it shares a bus.
+/// The bitrates of a protocol that others do not run at, bit/s: the lowest and the highest; `None`
+/// where it shares a bus.
 pub(crate) fn own_bitrates(protocol: Protocol) -> Option<(u32, u32)> {
     match protocol {
         Protocol::D5 => Some(::d5::can::BITRATES),
@@ -408,14 +430,15 @@ pub(crate) fn bitrate_after(command: &Command) -> Option<u32> {
 /// Those of a board's bitrates that motors of a protocol can be set to.
 pub(crate) fn can_be_set_to(protocol: Protocol, bitrate: u32) -> bool {
     match protocol {
-        Protocol::Thruster => {
-            ::thruster::BITRATES.iter().any(|info| is_within_tolerance(info.bits_per_second, bitrate))
-        }
+        Protocol::Thruster => ::thruster::BITRATES
+            .iter()
+            .any(|info| is_within_tolerance(info.bits_per_second, bitrate)),
         Protocol::Rmd | Protocol::D5 => false,
     }
 }
 
-/// Whether nodes of two bitrates understand each other: within 0.3 %, which leaves most of what CAN allows to their clocks.
+/// Whether nodes of two bitrates understand each other: within 0.3 %, which leaves most of what CAN
+/// allows to their clocks.
 pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
     const PARTS: u64 = 1_000;
     const ALLOWED: u64 = 3;
@@ -448,8 +471,9 @@ pub(crate) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
     }
 }
 
-/// Whether motors of a protocol keep their own timeout without power: RMD writes it to ROM (V3.6 §2.30); whether a thruster
-/// does, its manual does not say; a D5 motor is asked whenever it is armed.
+/// Whether motors of a protocol keep their own timeout without power: RMD writes it to ROM (V3.6
+/// §2.30); whether a thruster does, its manual does not say; a D5 motor is asked whenever it is
+/// armed.
 pub(crate) fn stores_its_timeout(protocol: Protocol) -> bool {
     match protocol {
         Protocol::Rmd => true,
@@ -480,7 +504,9 @@ pub(crate) fn judge(command: &Command, received: &Received, config: &AxisConfig)
         (Command::Thruster(request), Received::Thruster { reply, .. }) => {
             thruster::judge(request, reply, config)
         }
-        (Command::D5(request), Received::D5 { node, reply }) => d5::judge(request, *node, reply, config),
+        (Command::D5(request), Received::D5 { node, reply }) => {
+            d5::judge(request, *node, reply, config)
+        }
         _ => Verdict::Unrelated,
     }
 }
@@ -503,7 +529,9 @@ pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
     let node = config.node()?;
     match config.protocol()? {
         Protocol::Rmd => Some(::rmd::can::request_id(::rmd::Node::new(node).ok()?).into()),
-        Protocol::Thruster => Some(::thruster::can::request_id(::thruster::Node::new(node).ok()?).into()),
+        Protocol::Thruster => {
+            Some(::thruster::can::request_id(::thruster::Node::new(node).ok()?).into())
+        }
         Protocol::D5 => d5::request_id(config).map(|CanId(id)| id),
     }
 }
@@ -516,7 +544,8 @@ pub(crate) fn to_serial(command: &Command, config: &AxisConfig) -> Option<Vec<u8
             let frame = ::rmd::rs485::request(::rmd::Node::new(node).ok()?, request).ok()?;
             Vec::from_slice(&frame).ok()
         }
-        // The thruster protocol has no serial form; D5 over a serial line is refused when the axis is configured.
+        // The thruster protocol has no serial form; D5 over a serial line is refused when the axis
+        // is configured.
         Command::Thruster(_) | Command::D5(_) | Command::D5Execute => None,
     }
 }
@@ -539,7 +568,8 @@ pub(crate) fn from_can(protocol: Protocol, frame: &CanFrame) -> Option<Received>
     }
 }
 
-/// Whether a frame of the right node may be this axis's reply: some axes name the id that replies carry.
+/// Whether a frame of the right node may be this axis's reply: some axes name the id that replies
+/// carry.
 pub(crate) fn accepts_id(config: &AxisConfig, frame: &CanFrame) -> bool {
     match config.protocol() {
         Some(Protocol::D5) => d5::accepts_id(config, frame),
@@ -552,7 +582,8 @@ mod tests {
     use super::*;
     use host_protocol::Value;
 
-    /// An axis that is due for a poll looks for the exchange when it has its turn (`axis/wants.rs`): it relies on finding one.
+    /// An axis that is due for a poll looks for the exchange when it has its turn
+    /// (`axis/wants.rs`): it relies on finding one.
     #[test]
     fn every_motor_has_a_command_for_a_poll_and_for_a_reading_of_its_state() {
         for protocol in Protocol::ALL.iter().copied() {

@@ -55,7 +55,12 @@ pub(crate) enum Demand {
 }
 
 /// The command that `data` is to the motor of an axis.
-pub(crate) fn native(axis: u8, data: &[u8], kind: BusKind, config: &AxisConfig) -> Result<Native, Error> {
+pub(crate) fn native(
+    axis: u8,
+    data: &[u8],
+    kind: BusKind,
+    config: &AxisConfig,
+) -> Result<Native, Error> {
     let Some(protocol) = config.protocol() else {
         return Err(Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() });
     };

@@ -1,9 +1,12 @@
-//! What a thruster returns for TC and VC instead of the echo, as its VM is set (Thruster manual §2.4; PROTOCOL-NOTES T8, T9, T22).
+//! What a thruster returns for TC and VC instead of the echo, as its VM is set (Thruster manual
+//! §2.4; PROTOCOL-NOTES T8, T9, T22).
 
 use crate::axis::{AxisConfig, Observation};
 use crate::convert;
 use host_protocol::AxisParameter;
-use thruster::{Deciamps, Decivolts, Headerless, Request, ReturnFlags, ReturnFrames, ReturnedFrame, Rpm};
+use thruster::{
+    Deciamps, Decivolts, Headerless, Request, ReturnFlags, ReturnFrames, ReturnedFrame, Rpm,
+};
 
 /// What answers TC and VC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,15 +39,15 @@ impl ReturnMode {
         }
     }
 
-    /// Whether a frame with a header acknowledges TC or VC. With several for one command the others could be taken for the
-    /// acknowledgement of the next.
+    /// Whether a frame with a header acknowledges TC or VC. With several for one command the others
+    /// could be taken for the acknowledgement of the next.
     pub fn acknowledges(self, frame: &ReturnedFrame) -> bool {
         let Self::Frames(frames) = self else { return false };
         u32::from(frame.number()) == frames.bits().trailing_zeros() + 1
     }
 
-    /// Whether the same reply may answer two different requests: a returned frame does not say the value that was taken, and one
-    /// without a header not even the command.
+    /// Whether the same reply may answer two different requests: a returned frame does not say the
+    /// value that was taken, and one without a header not even the command.
     pub fn answers_alike(self, one: &Request, other: &Request) -> bool {
         match self {
             Self::Echo | Self::Nothing => false,
@@ -86,7 +89,9 @@ fn motion_of(speed: Rpm, voltage: Decivolts, current: Deciamps, sign: f32) -> Ob
 /// What a frame with a header tells.
 pub(super) fn of_frame(frame: &ReturnedFrame, sign: f32) -> Observation {
     match *frame {
-        ReturnedFrame::Motion { speed, voltage, current } => motion_of(speed, voltage, current, sign),
+        ReturnedFrame::Motion { speed, voltage, current } => {
+            motion_of(speed, voltage, current, sign)
+        }
         ReturnedFrame::Condition { faults, motor_temperature, driver_temperature } => Observation {
             faults: Some(faults.bits()),
             motor_temperature_c: Some(f32::from(motor_temperature.0)),

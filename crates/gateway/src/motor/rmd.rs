@@ -6,11 +6,13 @@ use crate::axis::{AxisConfig, Observation};
 use crate::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
 use rmd::{
-    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request, SpeedLimit,
+    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request,
+    SpeedLimit,
 };
 
 pub(super) const SEQUENCES: Sequences = Sequences {
-    // 0x81 twice: after a communication timeout the first command is echoed and ignored (PROTOCOL-NOTES R20).
+    // 0x81 twice: after a communication timeout the first command is echoed and ignored
+    // (PROTOCOL-NOTES R20).
     arming: &[
         Exchange::Stop,
         Exchange::Stop,
@@ -33,7 +35,9 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
             StopAction::Hold | StopAction::Brake => Request::Stop,
         },
         Exchange::LockBrake => Request::LockBrake,
-        Exchange::ReleaseBrake if config.flag(AxisParameter::ReleaseBrakeWhenArming) => Request::ReleaseBrake,
+        Exchange::ReleaseBrake if config.flag(AxisParameter::ReleaseBrakeWhenArming) => {
+            Request::ReleaseBrake
+        }
         Exchange::OutputOff => Request::Shutdown,
         Exchange::Velocity => Request::ReadStatus2,
         Exchange::Position => Request::ReadMultiTurnAngle,
@@ -47,9 +51,15 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
     })
 }
 
-pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Option<Request>, Error> {
+pub(super) fn motion(
+    axis: u8,
+    setpoint: Setpoint,
+    config: &AxisConfig,
+) -> Result<Option<Request>, Error> {
     Ok(Some(match setpoint {
-        Setpoint::Impedance { .. } => Request::MotionMode { command: impedance::command(setpoint, config)? },
+        Setpoint::Impedance { .. } => {
+            Request::MotionMode { command: impedance::command(setpoint, config)? }
+        }
         Setpoint::Current { current_a } => {
             let most = HUNDREDTHS.to_si(i32::from(i16::MAX));
             let count = HUNDREDTHS.within(current_a, config.range(AxisParameter::CurrentLimitA));
@@ -58,15 +68,21 @@ pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
         }
         Setpoint::Velocity { velocity_rad_s } => {
             let most = CENTIDEGREES.to_si(i32::MAX);
-            let count = CENTIDEGREES.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
-            let speed = fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
+            let count =
+                CENTIDEGREES.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
+            let speed =
+                fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
             Request::Velocity { speed: CentidegreesPerSecond(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
-            // What a speed of 0 means the manual does not say, newer ones say unlimited (PROTOCOL-NOTES R33).
+            // What a speed of 0 means the manual does not say, newer ones say unlimited
+            // (PROTOCOL-NOTES R33).
             let (max_speed, angle) =
                 position(axis, speed_limit_rad_s, &DEGREES, position_rad, &CENTIDEGREES, config)?;
-            Request::AbsolutePosition { max_speed: SpeedLimit(max_speed), angle: Centidegrees(angle) }
+            Request::AbsolutePosition {
+                max_speed: SpeedLimit(max_speed),
+                angle: Centidegrees(angle),
+            }
         }
         Setpoint::Signal { .. } => return Ok(None),
     }))
@@ -130,7 +146,8 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
 
 pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
     match rmd::answer(request, reply) {
-        // All zero is an answer that may as well be the request thrown back: it tells nothing (PROTOCOL-NOTES R30).
+        // All zero is an answer that may as well be the request thrown back: it tells nothing
+        // (PROTOCOL-NOTES R30).
         Answer::Reply(
             Reply::TorqueCurrent { motion }
             | Reply::Velocity { motion }
@@ -162,7 +179,9 @@ pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
             faults: Some(faults.bits()),
             ..Observation::default()
         },
-        Reply::RunTime { time } => Observation { run_time_ms: Some(time.0), ..Observation::default() },
+        Reply::RunTime { time } => {
+            Observation { run_time_ms: Some(time.0), ..Observation::default() }
+        }
         Reply::Status2 { motion }
         | Reply::TorqueCurrent { motion }
         | Reply::Velocity { motion }
@@ -174,7 +193,8 @@ pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
     }
 }
 
-/// The angle of motion replies ends at ±32767° and is left out: positions come from 0x92 (PROTOCOL-NOTES R35).
+/// The angle of motion replies ends at ±32767° and is left out: positions come from 0x92
+/// (PROTOCOL-NOTES R35).
 fn observe_motion(motion: &Motion, sign: f32) -> Observation {
     Observation {
         motor_temperature_c: Some(f32::from(motion.temperature.0)),

@@ -1,4 +1,5 @@
-//! The frames that a thruster sends by itself, as its SR is set (Thruster manual §2.5). It keeps that without power, so the axis says it.
+//! The frames that a thruster sends by itself, as its SR is set (Thruster manual §2.5). It keeps
+//! that without power, so the axis says it.
 
 use crate::time::Duration;
 use thruster::Request;
@@ -11,8 +12,9 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    /// What bytes 5 to 7 of SR set: a bit for each frame, and the milliseconds between them. Of a bit without a meaning a frame is expected as
-    /// well, and without an interval as many as the bus carries.
+    /// What bytes 5 to 7 of SR set: a bit for each frame, and the milliseconds between them. Of a
+    /// bit without a meaning a frame is expected as well, and without an interval as many as
+    /// the bus carries.
     pub fn of_word(word: u32) -> Option<Self> {
         let [_, frames, high, low] = word.to_be_bytes();
         let interval_ms = u16::from_be_bytes([high, low]);

@@ -11,8 +11,9 @@ use thruster::{
 };
 
 pub(super) const SEQUENCES: Sequences = Sequences {
-    // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears zero protection (T19). ST is written
-    // each time: the manual does not say that a thruster keeps it (§2.3).
+    // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears
+    // zero protection (T19). ST is written each time: the manual does not say that a thruster
+    // keeps it (§2.3).
     arming: &[
         Exchange::Faults,
         Exchange::FaultRecord,
@@ -62,7 +63,11 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
     })
 }
 
-pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Option<Request>, Error> {
+pub(super) fn motion(
+    axis: u8,
+    setpoint: Setpoint,
+    config: &AxisConfig,
+) -> Result<Option<Request>, Error> {
     let request = match setpoint {
         Setpoint::Signal { fraction } => {
             let count = HUNDREDTHS.within(fraction, config.range(AxisParameter::SignalLimit));
@@ -72,7 +77,8 @@ pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
         Setpoint::Velocity { velocity_rad_s } => {
             let most = RPM.to_si(i32::from(i16::MAX));
             let count = RPM.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
-            let speed = fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
+            let speed =
+                fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
             Request::Speed { speed: Rpm(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s }
@@ -83,7 +89,9 @@ pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
                 position(axis, speed_limit_rad_s, &RPM, position_rad, &DECIDEGREES, config)?;
             Request::AbsolutePosition { speed: RpmLimit(speed), position: Decidegrees(position) }
         }
-        Setpoint::Position { .. } | Setpoint::Current { .. } | Setpoint::Impedance { .. } => return Ok(None),
+        Setpoint::Position { .. } | Setpoint::Current { .. } | Setpoint::Impedance { .. } => {
+            return Ok(None);
+        }
     };
     match request.encode() {
         Ok(_) => Ok(Some(request)),
@@ -91,7 +99,8 @@ pub(super) fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Resul
     }
 }
 
-/// A position command with its target at a count of the device's, in the device's sense of rotation.
+/// A position command with its target at a count of the device's, in the device's sense of
+/// rotation.
 pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
     let Request::AbsolutePosition { speed, .. } = request else { return None };
     let target = start.checked_add(DECIDEGREES.nearest(distance_rad)?)?;
@@ -102,12 +111,14 @@ pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Req
 /// What the data field of a request does; `None` where the manual lists no such command.
 pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
     let Ok(request) = Request::decode(data) else { return Ok(None) };
-    let positions = matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
+    let positions =
+        matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
     if positions && !config.flag(AxisParameter::PositionDevice) {
         // A stop would not reach the position controller (GUARANTEES G4, stop table).
         return Err(Error::Unsupported { axis, protocol: Protocol::Thruster });
     }
-    Ok(effect(request, config.sign()).map(|effect| Native { command: Command::Thruster(request), effect }))
+    Ok(effect(request, config.sign())
+        .map(|effect| Native { command: Command::Thruster(request), effect }))
 }
 
 /// What a request does; `None` where the manual lists no such command.
@@ -143,8 +154,8 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
-/// The bits of a fault word that the device only reports, unless the axis treats them as faults. Without its sensor a temperature
-/// limit cannot be kept (Thruster manual §3, protections).
+/// The bits of a fault word that the device only reports, unless the axis treats them as faults.
+/// Without its sensor a temperature limit cannot be kept (Thruster manual §3, protections).
 pub(super) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
     let limits_temperature = config.float(AxisParameter::TemperatureLimitC).is_some();
     let only_reported = match config.flag(AxisParameter::WarningsAreFaults) {
@@ -165,7 +176,9 @@ pub(super) fn check_timeout(timeout_ms: u32) -> Result<(), (u32, u32)> {
 /// The codec's refusal of a setpoint, with the bounds in SI units.
 fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
     let bounds = match refusal {
-        EncodeError::OutOfRange { min, max, .. } => (i32::try_from(min).ok(), i32::try_from(max).ok()),
+        EncodeError::OutOfRange { min, max, .. } => {
+            (i32::try_from(min).ok(), i32::try_from(max).ok())
+        }
         _ => (None, None),
     };
     let (quantity, value, bounds) = match setpoint {
@@ -175,11 +188,13 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
             let bounds = (convert::decidegrees_to_rad(min), convert::decidegrees_to_rad(max));
             (Quantity::Position, position_rad, bounds)
         }
-        // A speed the wire can carry is refused only below the slowest: 0 or at least 30 rpm either way (T14).
+        // A speed the wire can carry is refused only below the slowest: 0 or at least 30 rpm either
+        // way (T14).
         Setpoint::Velocity { velocity_rad_s } => {
             let slowest = convert::rpm_to_rad_s(i32::from(thruster::SPEED_MIN_MAGNITUDE));
             let fastest = convert::rpm_to_rad_s(i32::from(i16::MAX));
-            let bounds = if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
+            let bounds =
+                if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
             (Quantity::Velocity, velocity_rad_s, bounds)
         }
         Setpoint::Current { current_a } => (Quantity::Current, current_a, (0.0, 0.0)),
@@ -192,27 +207,35 @@ pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Ve
     let mode = ReturnMode::of(config);
     match thruster::answer(request, reply) {
         // Which value it acknowledges it does not say (T22).
-        Answer::Reply(Reply::Returned(returned)) if !mode.acknowledges(&returned.frame) => Verdict::Unrelated,
+        Answer::Reply(Reply::Returned(returned)) if !mode.acknowledges(&returned.frame) => {
+            Verdict::Unrelated
+        }
         // The device repeats the value it has taken: another one belongs to an older request.
         Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => {
             Verdict::Unrelated
         }
-        Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => Verdict::Unrelated,
-        Answer::Reply(Reply::Timeout { timeout }) if *request != (Request::SetTimeout { timeout }) => {
+        Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => {
+            Verdict::Unrelated
+        }
+        Answer::Reply(Reply::Timeout { timeout })
+            if *request != (Request::SetTimeout { timeout }) =>
+        {
             Verdict::Unrelated
         }
         Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
         Answer::Refused => Verdict::Refused,
-        Answer::Unrelated if mode == ReturnMode::Headerless && is_motion(request) => match reply.headerless()
-        {
-            Some(told) => Verdict::Answer(returned::of_headerless(&told, config.sign())),
-            None => Verdict::Unrelated,
-        },
+        Answer::Unrelated if mode == ReturnMode::Headerless && is_motion(request) => {
+            match reply.headerless() {
+                Some(told) => Verdict::Answer(returned::of_headerless(&told, config.sign())),
+                None => Verdict::Unrelated,
+            }
+        }
         Answer::Unrelated | Answer::Unsolicited => Verdict::Unrelated,
     }
 }
 
-/// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM (Thruster manual §2.1, §2.4, §2.5).
+/// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM
+/// (Thruster manual §2.1, §2.4, §2.5).
 pub(super) fn telemetry(reply: &Reply) -> Option<u8> {
     match reply {
         Reply::Returned(returned) => returned.frame.number().checked_sub(1),
@@ -225,12 +248,14 @@ pub(super) fn telemetry(reply: &Reply) -> Option<u8> {
 pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     let none = Observation::default();
     match reply {
-        Reply::MeasuredSpeed { speed } => {
-            Observation { velocity_rad_s: Some(sign * convert::rpm_to_rad_s(i32::from(speed.0))), ..none }
-        }
-        Reply::Current { current } => {
-            Observation { current_a: Some(sign * convert::from_tenths(i32::from(current.0))), ..none }
-        }
+        Reply::MeasuredSpeed { speed } => Observation {
+            velocity_rad_s: Some(sign * convert::rpm_to_rad_s(i32::from(speed.0))),
+            ..none
+        },
+        Reply::Current { current } => Observation {
+            current_a: Some(sign * convert::from_tenths(i32::from(current.0))),
+            ..none
+        },
         Reply::Voltage { voltage } => {
             Observation { voltage_v: Some(convert::from_tenths(i32::from(voltage.0))), ..none }
         }

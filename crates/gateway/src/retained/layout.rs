@@ -1,5 +1,5 @@
-//! Where everything lies among the retained words: a mark by which they are known to be ours, the number of the slot that is being
-//! written, the slots.
+//! Where everything lies among the retained words: a mark by which they are known to be ours, the
+//! number of the slot that is being written, the slots.
 
 use super::Store;
 use super::slot::Slot;
@@ -12,8 +12,9 @@ use host_protocol::{AxisParameter, BusConfig, Incident, MaxSize, layout_of};
 /// Slots in all.
 pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
 
-/// What memory begins with that this layout was written to. Two words name it, so that the words of another firmware count as none: they
-/// follow from the declarations. One word may be damaged: memory that has lost its power does not have two of them by chance.
+/// What memory begins with that this layout was written to. Two words name it, so that the words of
+/// another firmware count as none: they follow from the declarations. One word may be damaged:
+/// memory that has lost its power does not have two of them by chance.
 const MARK: [u32; 3] = [0x4D47_5752, LAYOUT, !LAYOUT];
 
 /// Changed by hand where words get another meaning and every declaration stays as it is.

@@ -1,9 +1,9 @@
-//! A slot of the retained words: two copies of the same payload, written one after the other, of which at least one is whole at any
-//! time.
+//! A slot of the retained words: two copies of the same payload, written one after the other, of
+//! which at least one is whole at any time.
 //!
-//! A damaged copy is told from one that a reset has cut short, and from one that was never written. `torn`: the memory names
-//! this slot as the one that was being written. Never written: every word is 0, as the port's contract says of memory after power
-//! came on.
+//! A damaged copy is told from one that a reset has cut short, and from one that was never written.
+//! `torn`: the memory names this slot as the one that was being written. Never written: every word
+//! is 0, as the port's contract says of memory after power came on.
 //!
 //! | first copy | second copy | torn | what it means | what is read |
 //! |---|---|---|---|---|
@@ -74,7 +74,8 @@ impl Slot {
         let payload = || payload.iter().copied().chain(core::iter::repeat(0)).take(self.payload);
         let checksum = self.checksum(generation, payload());
         for at in self.copies() {
-            let words = core::iter::once(generation).chain(payload()).chain(core::iter::once(checksum));
+            let words =
+                core::iter::once(generation).chain(payload()).chain(core::iter::once(checksum));
             for (index, word) in (at..).zip(words) {
                 store(index, word);
             }
@@ -86,7 +87,8 @@ impl Slot {
         (self.at..self.at + Self::words(self.payload)).for_each(|index| store(index, 0));
     }
 
-    /// What is in a memory that has kept its words. `torn`: a reset came while this slot was written.
+    /// What is in a memory that has kept its words. `torn`: a reset came while this slot was
+    /// written.
     pub fn read(self, words: &[u32], torn: bool) -> Found<'_> {
         use Copied::{NeverWritten, NotWhole, Whole};
         let interrupted = if torn { Condition::Torn } else { Condition::Damaged };
@@ -99,8 +101,11 @@ impl Slot {
                 (Some((one, payload)), interrupted)
             }
             (Whole(one, payload), Whole(other, older)) => {
-                let newest =
-                    if other.wrapping_sub(one) < u32::MAX / 2 { (other, older) } else { (one, payload) };
+                let newest = if other.wrapping_sub(one) < u32::MAX / 2 {
+                    (other, older)
+                } else {
+                    (one, payload)
+                };
                 (Some(newest), Condition::Damaged)
             }
             (Whole(generation, payload), _) | (_, Whole(generation, payload)) => {
@@ -181,7 +186,8 @@ mod tests {
 
     #[test]
     fn a_write_cut_short_at_any_word_leaves_what_was_before_or_what_is_new() {
-        for (before, older) in [([0; MEMORY], None), (written(2, &[3, 4]), Some((2, &[3, 4][..])))] {
+        for (before, older) in [([0; MEMORY], None), (written(2, &[3, 4]), Some((2, &[3, 4][..])))]
+        {
             for whole in 0..=2 * COPY {
                 for garbles in [false, true] {
                     let mut words = before;
@@ -196,7 +202,11 @@ mod tests {
                     let newest = if has_first { Some((3, &[5, 6][..])) } else { older };
                     let found = SLOT.read(&words, true);
                     assert_eq!(found.newest, newest, "{whole} words, garbled: {garbles}");
-                    assert_ne!(found.condition, Condition::Damaged, "{whole} words, garbled: {garbles}");
+                    assert_ne!(
+                        found.condition,
+                        Condition::Damaged,
+                        "{whole} words, garbled: {garbles}"
+                    );
                 }
             }
         }

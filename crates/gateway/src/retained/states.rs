@@ -23,7 +23,8 @@ pub(super) struct States {
 }
 
 impl States {
-    pub const NONE: Self = Self { starts: 0, moving: 0, tripped: 0, unreachable: 0, flags: 0, silence_us: 0 };
+    pub const NONE: Self =
+        Self { starts: 0, moving: 0, tripped: 0, unreachable: 0, flags: 0, silence_us: 0 };
 
     pub fn words(self) -> [u32; STATES_WORDS] {
         [self.starts, self.moving, self.tripped, self.unreachable, self.flags, self.silence_us]

@@ -1,5 +1,5 @@
-//! No id that one axis is sent frames on is an id of another axis's motor (GUARANTEES G7). What each protocol uses is written here
-//! from the manuals, as numbers, apart from the code under test.
+//! No id that one axis is sent frames on is an id of another axis's motor (GUARANTEES G7). What
+//! each protocol uses is written here from the manuals, as numbers, apart from the code under test.
 
 use crate::bench::{self, hello};
 use crate::rig::Rig;
@@ -29,7 +29,8 @@ const fn d5(node: u8, request_id: Option<u32>, reply_id: Option<u32>) -> Motor {
     Motor { protocol: Protocol::D5, node, request_id, reply_id }
 }
 
-/// RMD V3.6 §1.1.2 and §5: 0x140 + node, in motion mode 0x400 + node. Thruster manual §1.1: 0x300 + node. D5: the node (D14).
+/// RMD V3.6 §1.1.2 and §5: 0x140 + node, in motion mode 0x400 + node. Thruster manual §1.1: 0x300 +
+/// node. D5: the node (D14).
 fn sent(motor: Motor) -> Vec<u32> {
     let node = u32::from(motor.node);
     match motor.protocol {
@@ -39,7 +40,8 @@ fn sent(motor: Motor) -> Vec<u32> {
     }
 }
 
-/// Those, the replies (RMD 0x240 + node and 0x500 + node, thruster 0x280 + node), and the groups of RMD (§3 and §4) and of D5 (D14).
+/// Those, the replies (RMD 0x240 + node and 0x500 + node, thruster 0x280 + node), and the groups of
+/// RMD (§3 and §4) and of D5 (D14).
 fn used(motor: Motor, asked_in: Protocol) -> Vec<u32> {
     let node = u32::from(motor.node);
     let mut ids = sent(motor);
@@ -65,12 +67,17 @@ fn expected(a: Motor, b: Motor) -> Vec<Error> {
 
 fn set(rig: &mut Rig, axis: u8, parameter: Parameter, value: u32) -> Result<Reply, Error> {
     let value = Value::Unsigned(value);
-    rig.ask(Request::ConfigureAxis(requests::ConfigureAxis { axis, parameter: parameter.number(), value }))
+    rig.ask(Request::ConfigureAxis(requests::ConfigureAxis {
+        axis,
+        parameter: parameter.number(),
+        value,
+    }))
 }
 
 /// What makes up an axis on bus 0.
 fn steps(motor: Motor) -> Vec<(Parameter, u32)> {
-    let stop = if motor.protocol == Protocol::Thruster { StopAction::Coast } else { StopAction::Hold };
+    let stop =
+        if motor.protocol == Protocol::Thruster { StopAction::Coast } else { StopAction::Hold };
     let mut steps = vec![
         (Parameter::Bus, 0),
         (Parameter::Protocol, motor.protocol.number().into()),
@@ -86,7 +93,8 @@ fn configure(rig: &mut Rig, axis: u8, steps: &[(Parameter, u32)]) -> Result<(), 
     steps.iter().try_for_each(|(parameter, value)| set(rig, axis, *parameter, *value).map(drop))
 }
 
-/// Its buses are not configured: one with a D5 is configured for nothing else, and the rule holds before.
+/// Its buses are not configured: one with a D5 is configured for nothing else, and the rule holds
+/// before.
 fn rig() -> Rig {
     let mut rig = Rig::new();
     hello(&mut rig);
@@ -98,7 +106,9 @@ fn assert_outcome(outcome: Result<(), Error>, (a, b): (Motor, Motor)) {
     let expected = expected(a, b);
     match outcome {
         Ok(()) => assert_eq!(expected, [], "{a:?} beside {b:?}"),
-        Err(error) => assert!(expected.contains(&error), "{a:?} beside {b:?}: {error:?}, not {expected:?}"),
+        Err(error) => {
+            assert!(expected.contains(&error), "{a:?} beside {b:?}: {error:?}, not {expected:?}")
+        }
     }
 }
 
@@ -106,8 +116,8 @@ const RMD_NODES: [u8; 5] = [1, 2, 16, 31, 32];
 const THRUSTER_NODES: [u8; 6] = [1, 2, 11, 64, 126, 127];
 const D5_NODES: [u8; 4] = [1, 2, 0x0B, 0xFD];
 
-/// An id of 29 bits is that of no RMD and no thruster, nor that of a D5 with the same number of 11 bits: those of node 1 and 2, of RMD 1
-/// and of node 2 in bits 28 to 18 among them.
+/// An id of 29 bits is that of no RMD and no thruster, nor that of a D5 with the same number of 11
+/// bits: those of node 1 and 2, of RMD 1 and of node 2 in bits 28 to 18 among them.
 const EXTENDED_IDS: [(u32, Option<u32>); 4] = [
     (0x8000_0002, None),
     (0x8000_0401, Some(0x8000_0141)),
@@ -116,7 +126,8 @@ const EXTENDED_IDS: [(u32, Option<u32>); 4] = [
 ];
 
 fn motors() -> Vec<Motor> {
-    let with_ids = [(0x401, None), (0x7FF, Some(0x141)), (0x241, Some(0x30B)), (0x0B, Some(0x0B)), (2, None)];
+    let with_ids =
+        [(0x401, None), (0x7FF, Some(0x141)), (0x241, Some(0x30B)), (0x0B, Some(0x0B)), (2, None)];
     let mut motors: Vec<_> = RMD_NODES.map(rmd).to_vec();
     motors.extend(THRUSTER_NODES.map(thruster));
     motors.extend(D5_NODES.map(|node| d5(node, None, None)));
@@ -153,9 +164,15 @@ fn two_d5_motors_with_one_id_of_29_bits_are_refused_and_with_11_bits_of_that_num
     configure(&mut rig, 0, &steps(d5(1, Some(2_147_483_664), None))).unwrap();
     configure(&mut rig, 1, &steps(d5(2, Some(0x10), None))).unwrap();
     let refused = configure(&mut rig, 2, &steps(d5(3, Some(2_147_483_664), None)));
-    assert_eq!(refused, Err(Error::IdInUse { axis: 2, id: CanId::extended(0x10).unwrap(), other: 0 }));
+    assert_eq!(
+        refused,
+        Err(Error::IdInUse { axis: 2, id: CanId::extended(0x10).unwrap(), other: 0 })
+    );
     let refused = set(&mut rig, 2, Parameter::D5RequestId, 0x10);
-    assert_eq!(refused, Err(Error::IdInUse { axis: 2, id: CanId::standard(0x10).unwrap(), other: 1 }));
+    assert_eq!(
+        refused,
+        Err(Error::IdInUse { axis: 2, id: CanId::standard(0x10).unwrap(), other: 1 })
+    );
     // No motor can be asked with these.
     for value in [0x800, 0x1234_5678, 0xA000_0000] {
         let refused = set(&mut rig, 2, Parameter::D5RequestId, value);
@@ -189,8 +206,10 @@ fn of_all_ids_of_a_d5_those_of_another_axis_are_refused() {
 fn ids_that_meet_are_refused_in_whatever_order_the_parameters_come() {
     let pair = (rmd(1), d5(5, Some(0x401), None));
     let (a, b) = pair;
-    for (axis, order) in
-        orders(&steps(b)).into_iter().map(|o| (1, o)).chain(orders(&steps(a)).into_iter().map(|o| (0, o)))
+    for (axis, order) in orders(&steps(b))
+        .into_iter()
+        .map(|o| (1, o))
+        .chain(orders(&steps(a)).into_iter().map(|o| (0, o)))
     {
         let mut rig = rig();
         configure(&mut rig, 1 - axis, &steps(if axis == 1 { a } else { b })).unwrap();
@@ -232,7 +251,11 @@ fn an_axis_that_moves_or_is_renamed_is_held_to_it_and_one_that_is_removed_is_for
 #[test]
 fn on_rs485_there_are_no_ids_to_meet() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    let other =
-        [(Parameter::Bus, 2), (Parameter::Protocol, 1), (Parameter::Node, 2), (Parameter::StopAction, 1)];
+    let other = [
+        (Parameter::Bus, 2),
+        (Parameter::Protocol, 1),
+        (Parameter::Node, 2),
+        (Parameter::StopAction, 1),
+    ];
     configure(&mut rig, 1, &other).unwrap();
 }

@@ -1,11 +1,12 @@
-//! A reset in mid-motion: what the gateway remembers, and that it stops its motors before it speaks to anybody.
+//! A reset in mid-motion: what the gateway remembers, and that it stops its motors before it speaks
+//! to anybody.
 
 use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
 use crate::rig::{BOARD_WITHOUT_CAN, Instead, Rig};
 use gateway::Event;
 use host_protocol::{
-    AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply, Request,
-    StopAction, Trip, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply,
+    Request, StopAction, Trip, TripReason, Value, replies, requests,
 };
 
 const NODE_2_HOLD: &str = "142#8100000000000000";
@@ -57,7 +58,11 @@ fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_host
         matches!(
             page.incidents.as_slice(),
             [
-                Incident::Tripped { start: 2, axis: 0, trip: Trip { reason: TripReason::Reset, .. } },
+                Incident::Tripped {
+                    start: 2,
+                    axis: 0,
+                    trip: Trip { reason: TripReason::Reset, .. }
+                },
                 Incident::Started { start: 2, boot: BootReason::Watchdog, last_words: true },
                 Incident::Started { start: 1, boot: BootReason::Simulated, last_words: false },
             ]
@@ -76,7 +81,12 @@ fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in
         (0..3).for_each(|axis| {
             arm_axis(&mut rig, axis);
         });
-        let off = Event::BusState { bus: 0, state: BusState::BusOff, transmit_errors: 0, receive_errors: 0 };
+        let off = Event::BusState {
+            bus: 0,
+            state: BusState::BusOff,
+            transmit_errors: 0,
+            receive_errors: 0,
+        };
         rig.take_in(off);
         let all = (0..parts).map(|_| rig.save_some()).fold(false, |_, all| all);
         assert_eq!(all, parts == 2);
@@ -93,9 +103,17 @@ fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in
         };
         // What has been stored as tripped needs no other incident.
         let expected = [(0, 3), (2, 3), (3, 0)][parts];
-        assert_eq!((trips(TripReason::BusOff), trips(TripReason::Reset)), expected, "{parts} parts");
+        assert_eq!(
+            (trips(TripReason::BusOff), trips(TripReason::Reset)),
+            expected,
+            "{parts} parts"
+        );
         for axis in 0..3 {
-            assert_eq!(listed(&mut rig, axis), AxisState::Tripped { confirmed: true }, "{parts} parts");
+            assert_eq!(
+                listed(&mut rig, axis),
+                AxisState::Tripped { confirmed: true },
+                "{parts} parts"
+            );
         }
     }
 }
@@ -128,7 +146,10 @@ fn nothing_is_armed_and_an_epoch_from_before_moves_nothing() {
     bench::hello(&mut rig);
     run_with_host(&mut rig, 50_000);
     let setpoint = bench::setpoint(&rig, epoch, 50_000, VELOCITY);
-    assert!(matches!(rig.ask(setpoint), Err(Error::Tripped { axis: 0, reason: TripReason::Reset })));
+    assert!(matches!(
+        rig.ask(setpoint),
+        Err(Error::Tripped { axis: 0, reason: TripReason::Reset })
+    ));
 }
 
 #[test]
@@ -150,7 +171,10 @@ fn hello_tells_the_boot_the_last_words_and_how_much_is_remembered() {
     rig.reset();
     let hello = requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 };
     let Ok(Reply::Hello(hello)) = rig.ask(Request::Hello(hello)) else { panic!("{:?}", rig.said) };
-    assert_eq!((hello.boot, hello.panic_recorded, hello.trips_recorded), (BootReason::Watchdog, true, 3));
+    assert_eq!(
+        (hello.boot, hello.panic_recorded, hello.trips_recorded),
+        (BootReason::Watchdog, true, 3)
+    );
     let words = rig.ask(Request::ReadLastWords(requests::ReadLastWords {}));
     let Ok(Reply::ReadLastWords(words)) = words else { panic!("{words:?}") };
     assert_eq!(words.text, "no life from bus 1");
@@ -168,12 +192,14 @@ fn a_trip_keeps_its_reason_and_its_place_in_the_history_once() {
     bench::hello(&mut rig);
     run_with_host(&mut rig, 50_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
-    let Ok(Reply::ReadState(report)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+    let Ok(Reply::ReadState(report)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 }))
+    else {
         panic!("{:?}", rig.said)
     };
     assert_eq!(report.trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
     let trips = incidents(&mut rig, 0);
-    let trips = trips.incidents.iter().filter(|incident| matches!(incident, Incident::Tripped { .. }));
+    let trips =
+        trips.incidents.iter().filter(|incident| matches!(incident, Incident::Tripped { .. }));
     assert_eq!(trips.count(), 1);
 }
 
@@ -197,8 +223,8 @@ fn the_configuration_is_the_same_to_the_last_parameter() {
             axis,
             parameter: parameter.number(),
         };
-        let wanted =
-            (0..3).flat_map(|axis| AxisParameter::ALL.iter().map(move |parameter| read(axis, parameter)));
+        let wanted = (0..3)
+            .flat_map(|axis| AxisParameter::ALL.iter().map(move |parameter| read(axis, parameter)));
         wanted.map(|request| rig.ask(Request::ReadAxisParameter(request)).unwrap()).collect()
     };
     let before = all(&mut rig);

@@ -3,8 +3,8 @@
 use crate::bench::{self, arm, setpoint};
 use crate::rig::{Rig, Said};
 use host_protocol::{
-    AxisParameter, AxisState, Bytes, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity, RawFrame,
-    Reply, Request, Setpoint, StopAction, StopTarget, Value, requests,
+    AxisParameter, AxisState, Bytes, Error, Event as HostEvent, NoReplyHint, Protocol, Quantity,
+    RawFrame, Reply, Request, Setpoint, StopAction, StopTarget, Value, requests,
 };
 
 const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
@@ -16,7 +16,8 @@ fn no_motion(rig: &Rig) {
     }
 }
 
-/// RMD 0xA1 to 0xA8, thruster VC, LA and TC other than 0, D5 speeds other than 0, written at once or to wait.
+/// RMD 0xA1 to 0xA8, thruster VC, LA and TC other than 0, D5 speeds other than 0, written at once
+/// or to wait.
 fn moves(text: &str) -> bool {
     let data = match text.split_once('#') {
         Some((_, data)) => data,
@@ -76,7 +77,8 @@ fn nan_and_out_of_limit_setpoints_are_refused_with_the_bounds() {
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: f32::NAN });
     assert_eq!(rig.ask(request), Err(Error::NotANumber { quantity: Quantity::Current }));
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 2.5 });
-    let refused = Error::OutOfRange { quantity: Quantity::Current, value: 2.5, min: -2.0, max: 2.0 };
+    let refused =
+        Error::OutOfRange { quantity: Quantity::Current, value: 2.5, min: -2.0, max: 2.0 };
     assert_eq!(rig.ask(request), Err(refused));
     no_motion(&rig);
 }
@@ -87,7 +89,8 @@ fn what_the_wire_cannot_carry_is_refused_not_clamped() {
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 400.0 });
     let limit = 327.67;
-    let refused = Error::OutOfRange { quantity: Quantity::Current, value: 400.0, min: -limit, max: limit };
+    let refused =
+        Error::OutOfRange { quantity: Quantity::Current, value: 400.0, min: -limit, max: limit };
     assert_eq!(rig.ask(request), Err(refused));
     no_motion(&rig);
 }
@@ -115,8 +118,12 @@ fn stale_setpoints_and_old_epochs_are_refused() {
     let now_us = rig.now().low_bits();
     assert_eq!(rig.ask(Request::Setpoint(stale)), Err(Error::Stale { now_us, expires_at_us }));
     let request = setpoint(&rig, epoch, 100_001, CURRENT);
-    let refused =
-        Error::OutOfRange { quantity: Quantity::Expiry, value: 100_001.0, min: 0.0, max: 100_000.0 };
+    let refused = Error::OutOfRange {
+        quantity: Quantity::Expiry,
+        value: 100_001.0,
+        min: 0.0,
+        max: 100_000.0,
+    };
     assert_eq!(rig.ask(request), Err(refused));
     let request = setpoint(&rig, epoch.wrapping_sub(1), 80_000, CURRENT);
     assert_eq!(rig.ask(request), Err(Error::StaleEpoch { current: Some(epoch) }));
@@ -128,7 +135,9 @@ fn a_slow_thruster_speed_is_refused_with_what_is_allowed() {
     let (mut rig, _) = bench::thruster();
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: 1.0 }); // 9.5 rpm
-    let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, .. }) = rig.ask(request) else { panic!() };
+    let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, .. }) = rig.ask(request) else {
+        panic!()
+    };
     assert_eq!(min, core::f32::consts::PI); // 30 rpm
     no_motion(&rig);
 }
@@ -225,7 +234,8 @@ fn an_empty_raw_frame_is_refused() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     rig.ask(Request::RawOpen(requests::RawOpen { bus: 2, unsafe_access: false })).unwrap();
     let empty = RawFrame::Serial(Bytes::new());
-    let refused = Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max: 64.0 };
+    let refused =
+        Error::OutOfRange { quantity: Quantity::FrameLength, value: 0.0, min: 1.0, max: 64.0 };
     assert_eq!(rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame: empty })), Err(refused));
     assert!(rig.wire.is_empty());
 }
@@ -247,7 +257,9 @@ fn a_million_random_bytes_do_nothing_and_the_next_frame_is_answered() {
     }
     assert_eq!(rig.wire.len(), wire);
     assert!(matches!(rig.ask(Request::Ping(requests::Ping {})), Ok(Reply::Ping(_))));
-    assert!(rig.said.iter().any(|said| matches!(said, Said::Event(HostEvent::FrameRejected { .. }))));
+    assert!(
+        rig.said.iter().any(|said| matches!(said, Said::Event(HostEvent::FrameRejected { .. })))
+    );
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use crate::motors::{self, Play, Shared};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, ProtocolSet, Reply, Request,
-    Setpoint, StopAction, StopTarget, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, ProtocolSet, Reply,
+    Request, Setpoint, StopAction, StopTarget, TripReason, Value, replies, requests,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -43,7 +43,14 @@ pub fn parameter(rig: &mut Rig, axis: u8, parameter: AxisParameter, value: Value
 }
 
 /// An axis on a bus, motor timeouts not asked for.
-pub fn configure_axis(rig: &mut Rig, axis: u8, bus: u8, protocol: Protocol, node: u8, stop: StopAction) {
+pub fn configure_axis(
+    rig: &mut Rig,
+    axis: u8,
+    bus: u8,
+    protocol: Protocol,
+    node: u8,
+    stop: StopAction,
+) {
     let unsigned = |number: u8| Value::Unsigned(u32::from(number));
     parameter(rig, axis, AxisParameter::Bus, unsigned(bus));
     parameter(rig, axis, AxisParameter::Protocol, unsigned(protocol.number()));
@@ -81,7 +88,8 @@ pub fn thruster() -> (Rig, Shared) {
     (rig, play)
 }
 
-/// A thruster that is armed and falls silent, and has just been given a setpoint of 0, which reads as its stop does.
+/// A thruster that is armed and falls silent, and has just been given a setpoint of 0, which reads
+/// as its stop does.
 pub fn thruster_that_owes_the_reply_to_a_setpoint_of_0() -> (Rig, Shared) {
     let (mut rig, play) = thruster();
     let epoch = arm(&mut rig);
@@ -132,12 +140,14 @@ pub fn rmd_serial(stop: StopAction) -> (Rig, Shared) {
 }
 
 pub fn hello(rig: &mut Rig) {
-    rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 7 })).unwrap();
+    rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 7 }))
+        .unwrap();
 }
 
 /// The host begins another session.
 pub fn hello_again(rig: &mut Rig) {
-    rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 })).unwrap();
+    rig.ask(Request::Hello(requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 }))
+        .unwrap();
 }
 
 /// Arms axis 0 and returns its epoch.

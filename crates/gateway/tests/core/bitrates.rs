@@ -47,7 +47,10 @@ fn a_rate_that_the_board_has_not_is_refused_with_those_it_has() {
     let offered = [1_000_000, 500_000, 210_526, 0, 0, 0, 0, 0];
     let expected = Error::BitrateNotOffered { bus: 1, bitrate: 333_000, offered };
     assert_eq!(configure(&mut rig, 333_000, &[Protocol::Thruster]), Err(expected));
-    assert_eq!(expected.to_string(), "bus 1 cannot run at 333000 bit/s; it offers 1000000, 500000, 210526");
+    assert_eq!(
+        expected.to_string(),
+        "bus 1 cannot run at 333000 bit/s; it offers 1000000, 500000, 210526"
+    );
 }
 
 /// Thruster manual §2.2: CB carries kbit/s; 83 stands for 83.33.

@@ -1,11 +1,13 @@
 //! Stopping an RMD by its holding brake: 0x81, standstill or 1 s, 0x78, 0x9A byte 3 = 0, 0x80.
 
 use crate::bench::{
-    self, COAST, HOLD, VELOCITY, assert_tripped, e_stop, listed, move_axis, outcomes, run_with_host, stop,
+    self, COAST, HOLD, VELOCITY, assert_tripped, e_stop, listed, move_axis, outcomes,
+    run_with_host, stop,
 };
 use crate::rig::Instead;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, TripReason, Value,
+    requests,
 };
 
 const LOCK: &str = "141#7800000000000000";
@@ -92,7 +94,9 @@ fn a_motor_out_of_reach_behind_its_locked_brake_is_confirmed_when_it_is_back() {
 fn a_brake_that_never_locks_is_noticed() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
     let free = "241#9A320001E5010000";
-    rig.instead(move |text| if text.starts_with("141#9A") { Instead::Says(free) } else { Instead::AsUsual });
+    rig.instead(
+        move |text| if text.starts_with("141#9A") { Instead::Says(free) } else { Instead::AsUsual },
+    );
     move_axis(&mut rig, VELOCITY);
     stop(&mut rig);
     run_with_host(&mut rig, 10_000_000);
@@ -125,7 +129,9 @@ fn a_locked_brake_bars_arming_of_an_axis_that_has_one() {
         (StopAction::Brake, true, false),
     ] {
         let (mut rig, _) = bench::rmd(action);
-        rig.instead(|text| if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual });
+        rig.instead(|text| {
+            if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual }
+        });
         bench::parameter(&mut rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(frees));
         let arming = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
         assert_eq!(arming.is_ok(), armed, "{action:?} {frees} {arming:?}");
@@ -138,11 +144,17 @@ fn a_locked_brake_bars_arming_of_an_axis_that_has_one() {
 fn coast_is_refused_where_arming_frees_the_brake() {
     let (mut rig, _) = bench::rmd(StopAction::Coast);
     let set = |parameter: AxisParameter, value| {
-        Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value })
+        Request::ConfigureAxis(requests::ConfigureAxis {
+            axis: 0,
+            parameter: parameter.number(),
+            value,
+        })
     };
     let frees = set(AxisParameter::ReleaseBrakeWhenArming, Value::Bool(true));
     assert_eq!(rig.ask(frees.clone()), Err(Error::BrakeStaysOpen { axis: 0 }));
-    let action = |action: StopAction| set(AxisParameter::StopAction, Value::Unsigned(action.number().into()));
+    let action = |action: StopAction| {
+        set(AxisParameter::StopAction, Value::Unsigned(action.number().into()))
+    };
     rig.ask(action(StopAction::Brake)).unwrap();
     rig.ask(frees).unwrap();
     assert_eq!(rig.ask(action(StopAction::Coast)), Err(Error::BrakeStaysOpen { axis: 0 }));
@@ -151,7 +163,9 @@ fn coast_is_refused_where_arming_frees_the_brake() {
 #[test]
 fn a_brake_that_does_not_show_it_counts_by_its_echoes_and_a_second_and_the_host_is_told() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
-    rig.instead(|text| if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("141#9A") { Instead::Says(LOCKED) } else { Instead::AsUsual },
+    );
     bench::parameter(&mut rig, 0, AxisParameter::AllowUnverifiedBrake, Value::Bool(true));
     // Nobody has freed it.
     let arm = Request::Arm(requests::Arm { axis: 0 });
@@ -169,7 +183,9 @@ fn a_brake_that_does_not_show_it_counts_by_its_echoes_and_a_second_and_the_host_
     assert_eq!(listed(&mut rig, 0), AxisState::Idle);
     for locked in [false, true] {
         assert!(
-            rig.events().into_iter().any(|event| *event == HostEvent::BrakeUnverified { axis: 0, locked })
+            rig.events()
+                .into_iter()
+                .any(|event| *event == HostEvent::BrakeUnverified { axis: 0, locked })
         );
     }
 }

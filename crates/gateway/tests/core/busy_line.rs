@@ -1,4 +1,5 @@
-//! An RS485 line that does not fall silent: a stop waits for the bytes that may rightly be on it and not longer (GUARANTEES G5).
+//! An RS485 line that does not fall silent: a stop waits for the bytes that may rightly be on it
+//! and not longer (GUARANTEES G5).
 
 use crate::bench::{self, VELOCITY, move_axis};
 use crate::rig::{Echo, Rig};
@@ -65,7 +66,11 @@ fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
         run_with_chatter(&mut rig, BYTE_US);
     }
     rig.run(200);
-    assert_eq!(stops_since(&rig, since), Vec::<u64>::new(), "the reply window delays a stop by 1 ms");
+    assert_eq!(
+        stops_since(&rig, since),
+        Vec::<u64>::new(),
+        "the reply window delays a stop by 1 ms"
+    );
     rig.run(1_000);
     assert_eq!(stops_since(&rig, since).len(), 1);
 }
@@ -104,7 +109,8 @@ fn a_port_that_loses_a_frame_is_started_again_and_the_stop_goes_out() {
     assert!((20_000..=30_000).contains(&first), "{first}");
 }
 
-/// A frame takes 1129 µs. Its reply has 1 ms from then on to begin, however late the port says that the frame has left.
+/// A frame takes 1129 µs. Its reply has 1 ms from then on to begin, however late the port says that
+/// the frame has left.
 #[test]
 fn a_port_that_reports_a_frame_late_holds_no_stop_back() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);

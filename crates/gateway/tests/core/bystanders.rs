@@ -1,11 +1,12 @@
-//! A host without authority looks on: what it asks and watches keeps nobody from acting, and no axis from being looked after.
+//! A host without authority looks on: what it asks and watches keeps nobody from acting, and no
+//! axis from being looked after.
 
 use crate::bench::{self, VELOCITY, arm, native, run_with_host, setpoint};
 use crate::rig::Rig;
 use gateway::Event;
 use host_protocol::{
-    AxisParameter, AxisState, Error, MAX_FRAME, Protocol, Request, Setpoint, StateField, StateFields,
-    StopAction, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, MAX_FRAME, Protocol, Request, Setpoint, StateField,
+    StateFields, StopAction, TripReason, Value, requests,
 };
 
 /// The other host sends a request and reads all that it is told.
@@ -33,7 +34,8 @@ fn questions_and_changing_setpoints_together_starve_no_poll() {
         }
     };
     go_on(&mut rig, 5_000);
-    let count = |command: &str| rig.sent_since(0, since).iter().filter(|t| t.starts_with(command)).count();
+    let count =
+        |command: &str| rig.sent_since(0, since).iter().filter(|t| t.starts_with(command)).count();
     assert!(count("141#9A") >= 9, "{} fault polls in 1 s", count("141#9A"));
     assert!(count("141#92") >= 6, "{} position polls in 1 s", count("141#92"));
     play.borrow_mut().fault = true;
@@ -81,5 +83,8 @@ fn watching_motors_that_do_not_answer_keeps_no_refresh_waiting() {
     }
     let longest_us = rig.longest_gap_us(2, since, "3E0108A2");
     assert!(longest_us <= 25_000, "{longest_us} µs between two frames of motion");
-    assert!(rig.sent_since(2, since).iter().any(|text| text.starts_with("3E02089C")), "nobody is watched");
+    assert!(
+        rig.sent_since(2, since).iter().any(|text| text.starts_with("3E02089C")),
+        "nobody is watched"
+    );
 }

@@ -1,9 +1,11 @@
-//! Frames that a stop or a newer setpoint has replaced while they waited in a CAN controller (GUARANTEES G2, G4).
+//! Frames that a stop or a newer setpoint has replaced while they waited in a CAN controller
+//! (GUARANTEES G2, G4).
 
 use crate::bench::{self, HOLD, VELOCITY, arm, run_with_host, setpoint, stop};
 use crate::rig::Rig;
 use host_protocol::{
-    CanFrame, Error, Event, NoReplyHint, RawFrame, Reply, Request, Setpoint, StopAction, TripReason, requests,
+    CanFrame, Error, Event, NoReplyHint, RawFrame, Reply, Request, Setpoint, StopAction,
+    TripReason, requests,
 };
 
 /// The setpoints of the bench and a slower one, on the wire (RMD V3.6 §2.18).
@@ -124,8 +126,9 @@ fn a_raw_frame_does_not_outlive_the_raw_access() {
     assert_eq!(rig.held_texts(), Vec::<&str>::new());
 }
 
-/// 20 ms and 4 frame times after the first setpoint that nobody acknowledged; that one may come 10 ms after the cut: a
-/// reply that is missing closes its window first, and the next setpoint its period.
+/// 20 ms and 4 frame times after the first setpoint that nobody acknowledged; that one may come 10
+/// ms after the cut: a reply that is missing closes its window first, and the next setpoint its
+/// period.
 #[test]
 fn changing_setpoints_do_not_put_off_the_missing_acknowledgement() {
     for phase in 0..50 {

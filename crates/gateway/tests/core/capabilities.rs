@@ -2,7 +2,9 @@
 
 use crate::bench::{self, arm, setpoint};
 use crate::rig::Rig;
-use host_protocol::{AxisParameter, Error, Protocol, Request, Setpoint, StopAction, Value, requests};
+use host_protocol::{
+    AxisParameter, Error, Protocol, Request, Setpoint, StopAction, Value, requests,
+};
 
 const REFERENCE: &str = include_str!("../../../../PROTOCOL.md");
 
@@ -51,7 +53,12 @@ fn relative_moves_are_those_of_the_reference() {
     for (column, protocol) in Protocol::ALL.iter().copied().enumerate() {
         for position_device in position_devices(protocol).iter().copied() {
             let mut rig = rig_of(protocol);
-            bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(position_device));
+            bench::parameter(
+                &mut rig,
+                0,
+                AxisParameter::PositionDevice,
+                Value::Bool(position_device),
+            );
             let request = requests::MoveRelative {
                 axis: 0,
                 epoch: arm(&mut rig),
@@ -93,7 +100,11 @@ fn setpoints_are_those_of_the_reference() {
                 let epoch = arm(&mut rig);
                 let request = setpoint(&rig, epoch, 80_000, value);
                 let expected = is_expected(cell(row, column), position_device);
-                assert_eq!(is_supported(&mut rig, request, protocol), expected, "{row} of {protocol}");
+                assert_eq!(
+                    is_supported(&mut rig, request, protocol),
+                    expected,
+                    "{row} of {protocol}"
+                );
             }
         }
     }

@@ -1,10 +1,13 @@
 //! A trip is cleared once its stop is confirmed and its cause gone, no sooner and no later.
 
 use crate::bench::{
-    self, VELOCITY, arm, assert_tripped, clear, keep_moving, listed, move_axis, run_with_host, state,
+    self, VELOCITY, arm, assert_tripped, clear, keep_moving, listed, move_axis, run_with_host,
+    state,
 };
 use crate::rig::{Instead, Rig};
-use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, StopAction, TripReason, Value};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Quantity, Setpoint, StopAction, TripReason, Value,
+};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -12,11 +15,9 @@ use std::rc::Rc;
 fn switched_reply(rig: &mut Rig, request: &'static str, reply: &'static str) -> Rc<Cell<bool>> {
     let switch = Rc::new(Cell::new(false));
     let on = switch.clone();
-    rig.instead(
-        move |text| {
-            if on.get() && text.starts_with(request) { Instead::Says(reply) } else { Instead::AsUsual }
-        },
-    );
+    rig.instead(move |text| {
+        if on.get() && text.starts_with(request) { Instead::Says(reply) } else { Instead::AsUsual }
+    });
     switch
 }
 

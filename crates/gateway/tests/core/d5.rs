@@ -1,7 +1,9 @@
-//! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched and read back.
+//! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched
+//! and read back.
 
 use crate::bench::{
-    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, run_with_host, stop,
+    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, run_with_host,
+    stop,
 };
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
@@ -37,10 +39,14 @@ fn a_motor_that_keeps_another_speed_than_it_was_given_is_not_armed() {
     let mut rig = bench::d5_that_answers_reads_only();
     rig.instead(|text| match text {
         "00B#D50B050220000032" => Instead::Says("00B#5D0B05022058028C"), // 600 °/s
-        "00B#D50B04022C00003D" => Instead::Says("00B#5D0B04022C01003E"), // an asynchronous write waits
+        "00B#D50B04022C00003D" => Instead::Says("00B#5D0B04022C01003E"), /* an asynchronous */
+        // write waits
         _ => Instead::AsUsual,
     });
-    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::CannotConfirm { axis: 0 }));
+    assert_eq!(
+        rig.ask(Request::Arm(requests::Arm { axis: 0 })),
+        Err(Error::CannotConfirm { axis: 0 })
+    );
     assert!(rig.sent_since(1, 0).contains(&"00B#D50B050420000034")); // what waits is overwritten
 }
 
@@ -58,8 +64,8 @@ fn a_timeout_counts_as_switched_on_only_if_it_reads_back_on() {
     assert_eq!(rig.ask(provision), Err(Error::Refused { axis: 0, faults: None }));
 }
 
-/// The id of a D5's reply is that of the request: sent together they would win the arbitration together and destroy each other for
-/// ever.
+/// The id of a D5's reply is that of the request: sent together they would win the arbitration
+/// together and destroy each other for ever.
 #[test]
 fn a_stop_waits_for_the_reply_that_has_its_id_and_no_longer_than_a_millisecond() {
     for answers in [true, false] {
@@ -84,8 +90,9 @@ fn a_stop_waits_for_the_reply_that_has_its_id_and_no_longer_than_a_millisecond()
 /// The moment at which a request to a motor has just left.
 fn just_asked(rig: &mut Rig, motor: &str) -> u64 {
     let sent = rig.wire.len();
-    let asked =
-        |rig: &Rig| rig.wire[sent..].iter().find(|(.., text)| text.starts_with(motor)).map(|(at, ..)| *at);
+    let asked = |rig: &Rig| {
+        rig.wire[sent..].iter().find(|(.., text)| text.starts_with(motor)).map(|(at, ..)| *at)
+    };
     let left_at = loop {
         rig.run(10);
         if let Some(at) = asked(rig) {
@@ -96,7 +103,8 @@ fn just_asked(rig: &mut Rig, motor: &str) -> u64 {
     left_at
 }
 
-/// Motors 0x0B and 1 turn; of those named from now on no reply comes through. With the epoch of axis 1.
+/// Motors 0x0B and 1 turn; of those named from now on no reply comes through. With the epoch of
+/// axis 1.
 fn two_that_turn(held_up: &'static [&'static str]) -> (Rig, u32) {
     let (mut rig, _) = bench::d5();
     configure_axis(&mut rig, 1, 1, Protocol::D5, 1, StopAction::Hold);
@@ -122,7 +130,8 @@ fn run_busy(rig: &mut Rig, us: u64) {
 const STOP_B: &str = "00B#D50B050320000033";
 const STOP_1: &str = "001#D501050320000029";
 
-/// The second stop of a lower id would outrank the reply that the first stop of the other motor waits for.
+/// The second stop of a lower id would outrank the reply that the first stop of the other motor
+/// waits for.
 #[test]
 fn no_second_stop_goes_before_the_first_stop_of_who_waits_for_its_reply() {
     let (mut rig, _) = two_that_turn(&["00B#"]);
@@ -142,13 +151,14 @@ fn a_stop_that_has_not_heard_its_reply_goes_out_alone() {
     let since = rig.now_us;
     rig.send(&Request::EStop(requests::EStop {}));
     rig.run(5_000);
-    let stops: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).map(|(at, ..)| *at).collect();
+    let stops: Vec<_> =
+        rig.wire.iter().filter(|(at, ..)| *at >= since).map(|(at, ..)| *at).collect();
     assert_eq!(stops.get(..2), Some(&[left_at + 1_000, left_at + 1_000 + FRAME_US + 1_000][..]));
     assert_eq!(rig.sent_since(1, since).get(..2), Some(&[STOP_1, STOP_B][..]));
 }
 
-/// Once the reply is overdue whatever goes out may hold it up; a motor that is dead holds nobody up for longer than
-/// the frames of both axes can take (six of 135 bits), and 1 ms.
+/// Once the reply is overdue whatever goes out may hold it up; a motor that is dead holds nobody up
+/// for longer than the frames of both axes can take (six of 135 bits), and 1 ms.
 #[test]
 fn while_a_reply_is_held_up_no_setpoint_goes_out() {
     let (mut rig, epoch) = two_that_turn(&["00B#"]);
@@ -238,7 +248,10 @@ fn stopped_without_a_reply() -> Rig {
     let left_at = just_asked(&mut rig, "00B#");
     stop(&mut rig);
     rig.run(left_at + 1_000 - rig.now_us);
-    assert_eq!(rig.wire.last().map(|(at, _, text)| (*at, text.as_str())), Some((left_at + 1_000, STOP_B)));
+    assert_eq!(
+        rig.wire.last().map(|(at, _, text)| (*at, text.as_str())),
+        Some((left_at + 1_000, STOP_B))
+    );
     rig
 }
 
@@ -283,7 +296,8 @@ fn a_motor_whose_brake_is_on_is_not_armed() {
     assert_eq!(listed(&mut rig, 0), AxisState::Idle);
 }
 
-/// D5 manual, quick start (2), register 0x10: level 1 answers reads only, and the manual does not say which level answers its own change.
+/// D5 manual, quick start (2), register 0x10: level 1 answers reads only, and the manual does not
+/// say which level answers its own change.
 #[test]
 fn a_change_of_the_ack_level_is_read_back_whether_it_is_answered_or_not() {
     const TO_READS: &str = "D50B040310010023";
@@ -327,7 +341,8 @@ fn a_write_that_is_not_answered_points_to_the_ack_level() {
     assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::AckLevelBelow }));
 }
 
-/// D5 manual, table row 5: a motor objects to a request for another. Its frame has the id of the next one to it, which waits.
+/// D5 manual, table row 5: a motor objects to a request for another. Its frame has the id of the
+/// next one to it, which waits.
 #[test]
 fn the_frame_to_a_motor_that_objects_waits_for_its_objection() {
     let (mut rig, _) = bench::d5();
@@ -347,7 +362,8 @@ fn the_frame_to_a_motor_that_objects_waits_for_its_objection() {
     assert!(rig.sent_since(1, since).contains(&STOP_1));
 }
 
-/// What objects counts in the load of the bus: a request to one of three motors takes four frames of 135 bits, not two.
+/// What objects counts in the load of the bus: a request to one of three motors takes four frames
+/// of 135 bits, not two.
 #[test]
 fn objections_count_in_the_load_of_the_bus() {
     let needed = |objections: bool| {
@@ -367,11 +383,13 @@ fn objections_count_in_the_load_of_the_bus() {
             other => panic!("{other:?}"),
         }
     };
-    // 1 283 µs for two frames; 2 567 µs for four, and 1 ms and a frame in which nothing is to come. In 1 ms for the refresh of one axis, in 20 ms for
-    // that of the others, in 90 and 50 ms for the polls of all.
+    // 1 283 µs for two frames; 2 567 µs for four, and 1 ms and a frame in which nothing is to come.
+    // In 1 ms for the refresh of one axis, in 20 ms for that of the others, in 90 and 50 ms for
+    // the polls of all.
     let of = |us: u64| {
         let share = |period_us: u64| (us * 1_000).div_ceil(period_us);
-        u32::try_from(share(1_000) + 2 * share(20_000) + 3 * (share(90_000) + share(50_000))).unwrap()
+        u32::try_from(share(1_000) + 2 * share(20_000) + 3 * (share(90_000) + share(50_000)))
+            .unwrap()
     };
     assert_eq!((needed(false), needed(true)), (of(1_283), of(1_283 + 3 * 642 + 1_000)));
 }

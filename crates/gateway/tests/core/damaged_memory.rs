@@ -4,10 +4,12 @@ use crate::bench::{self, VELOCITY, arm_axis, keep_moving, listed, run_with_host}
 use crate::rig::{BOARD_AGAIN, Instead, Rig};
 use gateway::{Event, Gateway, Light};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Reply, Request, Value, replies::GatewayReport, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Reply, Request, Value, replies::GatewayReport,
+    requests,
 };
 
-/// Words that say nothing of the gateway: the mark of the layout, and the slot that is being written.
+/// Words that say nothing of the gateway: the mark of the layout, and the slot that is being
+/// written.
 const MARK_WORDS: usize = 4;
 /// Behind the two copies of the states.
 const STATES_END: usize = MARK_WORDS + 16;
@@ -72,8 +74,8 @@ fn memories() -> Vec<(&'static str, Vec<u32>)> {
     memories
 }
 
-/// The bits of a word that are tried: of one that is in use all where the states lie, else another one in each word. With `MGW_ALL_BITS`
-/// every bit of every word.
+/// The bits of a word that are tried: of one that is in use all where the states lie, else another
+/// one in each word. With `MGW_ALL_BITS` every bit of every word.
 fn bits(index: usize, word: u32) -> std::ops::Range<u32> {
     let some = u32::try_from(index).unwrap() % u32::BITS;
     match index {
@@ -143,7 +145,8 @@ fn damage_is_told_cleared_by_a_person_and_mended_in_the_memory() {
 #[test]
 fn where_both_copies_of_an_axis_are_damaged_the_e_stop_says_that_something_is_lost() {
     let mut rig = bench::rmd_axes(1);
-    // The configuration of axis 0 is all that holds its node in this place: every word of it that is not 0, in both copies.
+    // The configuration of axis 0 is all that holds its node in this place: every word of it that
+    // is not 0, in both copies.
     let states_and_axis = MARK_WORDS + 16..MARK_WORDS + 16 + 60;
     for word in rig.memory[states_and_axis].iter_mut().filter(|word| **word != 0) {
         *word ^= 1;

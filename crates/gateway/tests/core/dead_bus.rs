@@ -1,4 +1,5 @@
-//! A bus that carries nothing: cut cables, which acknowledge no frame, and short circuits, which put a controller off its bus.
+//! A bus that carries nothing: cut cables, which acknowledge no frame, and short circuits, which
+//! put a controller off its bus.
 
 use crate::bench::{
     self, HOLD, VELOCITY, arm, arm_axis, assert_tripped, keep_moving, listed, move_axis, outcomes,
@@ -6,8 +7,8 @@ use crate::bench::{
 };
 use crate::rig::Rig;
 use host_protocol::{
-    AxisState, BusState, Error, Event as HostEvent, NoReplyHint, Reply, Request, StopAction, TripReason,
-    replies, requests,
+    AxisState, BusState, Error, Event as HostEvent, NoReplyHint, Reply, Request, StopAction,
+    TripReason, replies, requests,
 };
 
 fn trips(rig: &Rig) -> Vec<(u8, TripReason)> {
@@ -40,7 +41,8 @@ fn a_cable_cut_under_a_poll_trips_too() {
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 30_000);
     let request = setpoint(&rig, epoch, 80_000, VELOCITY);
     rig.ask(request).unwrap();
-    while rig.wire.last().is_none_or(|(at, _, text)| *at < rig.now_us || text.starts_with("141#A2")) {
+    while rig.wire.last().is_none_or(|(at, _, text)| *at < rig.now_us || text.starts_with("141#A2"))
+    {
         rig.run(10);
     }
     rig.cut();
@@ -86,7 +88,8 @@ fn an_unreachable_motor_is_sent_two_stops_and_then_left_alone() {
         run_with_host(&mut rig, 3_000_000);
         let sent: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).collect();
         assert!(sent.iter().all(|(.., text)| text == HOLD), "{sent:?}");
-        let mut gaps: Vec<_> = sent.windows(2).map(|pair| (pair[1].0 - pair[0].0) / 1_000).collect();
+        let mut gaps: Vec<_> =
+            sent.windows(2).map(|pair| (pair[1].0 - pair[0].0) / 1_000).collect();
         gaps.sort_unstable();
         gaps.dedup();
         gaps
@@ -139,14 +142,17 @@ fn arming_over_a_cut_cable_is_answered() {
 fn jobs_on_a_cut_bus_do_not_close_the_link() {
     let mut rig = bench::rmd_axes(9);
     rig.cut();
-    let reads =
-        [0, 1, 2, 3, 4, 5, 6, 7].map(|axis| rig.send(&Request::ReadState(requests::ReadState { axis })));
+    let reads = [0, 1, 2, 3, 4, 5, 6, 7]
+        .map(|axis| rig.send(&Request::ReadState(requests::ReadState { axis })));
     rig.run(1_000_000);
     for (axis, read) in (0..).zip(reads) {
         let no_reply = Error::NoReply { axis, hint: NoReplyHint::NotAcknowledged };
         assert_eq!(rig.answer(read), Some(Err(no_reply)));
     }
-    assert!(matches!(rig.ask(Request::Ping(requests::Ping {})), Ok(Reply::Ping(replies::Pong { .. }))));
+    assert!(matches!(
+        rig.ask(Request::Ping(requests::Ping {})),
+        Ok(Reply::Ping(replies::Pong { .. }))
+    ));
 }
 
 #[test]

@@ -13,7 +13,9 @@ fn bound_us(stops: u64) -> u64 {
 
 fn reports(rig: &Rig) -> Vec<(u8, u8, u64)> {
     let report = |event: &HostEvent| match event {
-        HostEvent::StopDelayed { bus, axis, waiting_us } => Some((*bus, *axis, u64::from(*waiting_us))),
+        HostEvent::StopDelayed { bus, axis, waiting_us } => {
+            Some((*bus, *axis, u64::from(*waiting_us)))
+        }
         _ => None,
     };
     rig.events().into_iter().filter_map(report).collect()
@@ -64,7 +66,8 @@ fn stops_that_leave_in_time_are_not_reported_however_many() {
     assert_eq!(confirmed.len(), 16, "{confirmed:?}");
 }
 
-/// At 500 kbit/s three frames each 2 ms take 405 of 1000: three more frames, and all of it takes 1000 / 595 of its time (Thruster manual §2.5).
+/// At 500 kbit/s three frames each 2 ms take 405 of 1000: three more frames, and all of it takes
+/// 1000 / 595 of its time (Thruster manual §2.5).
 #[test]
 fn what_thrusters_send_by_themselves_takes_its_share_of_the_bound() {
     let (mut rig, _) = bench::thruster();

@@ -1,4 +1,5 @@
-//! A setpoint that was accepted is on the wire in time, or its axis trips, whatever kept it (GUARANTEES G2).
+//! A setpoint that was accepted is on the wire in time, or its axis trips, whatever kept it
+//! (GUARANTEES G2).
 
 use crate::bench::{self, D5_VELOCITY, VELOCITY, arm_axis, configure_axis, keep_moving};
 use crate::motors;
@@ -8,8 +9,10 @@ use host_protocol::{AxisState, Event as HostEvent, Protocol, StopAction, TripRea
 /// Refresh, unless configured otherwise.
 const REFRESH_US: u64 = 20_000;
 
-/// One RMD axis on a line at 115200 baud, whose frames take 1129 us and whose pause takes 174 us: a stop, twice the window of the motor, two exchanges.
-const BOUND_US: u64 = 100 + (2 * 1_129 + 1_000 + 174 + 1_129) + 2 * 5_000 + 2 * (2 * 1_129 + 174 + 5_000);
+/// One RMD axis on a line at 115200 baud, whose frames take 1129 us and whose pause takes 174 us: a
+/// stop, twice the window of the motor, two exchanges.
+const BOUND_US: u64 =
+    100 + (2 * 1_129 + 1_000 + 174 + 1_129) + 2 * 5_000 + 2 * (2 * 1_129 + 174 + 5_000);
 
 fn rig() -> Rig {
     let mut rig = Rig::new();

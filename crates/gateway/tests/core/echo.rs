@@ -1,4 +1,5 @@
-//! Our own bytes heard back on RS485: 0x80 and 0x81 are answered by the same bytes, so an echo must never count as a reply.
+//! Our own bytes heard back on RS485: 0x80 and 0x81 are answered by the same bytes, so an echo must
+//! never count as a reply.
 
 use crate::bench::{self, VELOCITY, move_axis, stop};
 use crate::rig::Echo;
@@ -33,7 +34,8 @@ fn raw_access_hears_the_motor_and_not_our_own_bytes() {
     let frame = RawFrame::Serial(bytes.into_iter().collect());
     rig.ask(Request::RawSend(requests::RawSend { bus: 2, frame })).unwrap();
     rig.run(10_000);
-    let Ok(Reply::RawReceive(received)) = rig.ask(Request::RawReceive(requests::RawReceive { bus: 2 }))
+    let Ok(Reply::RawReceive(received)) =
+        rig.ask(Request::RawReceive(requests::RawReceive { bus: 2 }))
     else {
         panic!("nothing received");
     };

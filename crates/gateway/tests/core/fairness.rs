@@ -1,4 +1,5 @@
-//! Axes that share a bus: no motor's slowness delays another's motion, and stops go out in fair turns.
+//! Axes that share a bus: no motor's slowness delays another's motion, and stops go out in fair
+//! turns.
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
 use crate::rig::{Instead, Rig};
@@ -68,14 +69,19 @@ fn a_question_that_stays_unanswered_delays_the_setpoint_by_one_reply_window_and_
     let mut questions = 0;
     rig.instead(move |text| {
         questions += u32::from(!text.starts_with("141#A2"));
-        if questions % 2 == 1 && !text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual }
+        if questions % 2 == 1 && !text.starts_with("141#A2") {
+            Instead::Nothing
+        } else {
+            Instead::AsUsual
+        }
     });
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 1_000_000);
     let gap = rig.longest_gap_us(0, since, "141#A2");
     assert!((WINDOW_US..WINDOW_US + 21_000).contains(&gap), "{gap} µs between motion frames");
 }
 
-/// Whoever turns: in any other order the controllers' arbitration could keep the lowest id out (GUARANTEES G4).
+/// Whoever turns: in any other order the controllers' arbitration could keep the lowest id out
+/// (GUARANTEES G4).
 #[test]
 fn first_stops_go_in_the_order_of_their_ids_and_before_all_second_ones() {
     for moving in 0..4 {
@@ -86,8 +92,12 @@ fn first_stops_go_in_the_order_of_their_ids_and_before_all_second_ones() {
         e_stop(&mut rig);
         rig.run(5_000);
         let sent = rig.sent_since(0, since);
-        let stops: Vec<_> = sent.into_iter().filter(|text| text.ends_with("#8100000000000000")).collect();
-        assert_eq!(stops[..4], ["141", "142", "143", "144"].map(|id| format!("{id}#8100000000000000")));
+        let stops: Vec<_> =
+            sent.into_iter().filter(|text| text.ends_with("#8100000000000000")).collect();
+        assert_eq!(
+            stops[..4],
+            ["141", "142", "143", "144"].map(|id| format!("{id}#8100000000000000"))
+        );
         assert!(stops.len() >= 8, "{stops:?}");
     }
 }
@@ -104,7 +114,8 @@ fn the_fault_word_is_read_at_least_every_100_ms_under_fast_setpoints_on_a_slow_l
     assert!((85_000..=100_000).contains(&gap), "{gap} µs between fault words");
 }
 
-/// A thruster's stop can lose to so many replies (GUARANTEES G5); one that a stop has displaced is still to come.
+/// A thruster's stop can lose to so many replies (GUARANTEES G5); one that a stop has displaced is
+/// still to come.
 #[test]
 fn no_more_than_four_replies_are_outstanding_on_a_bus_that_thrusters_share() {
     let mut rig = bench::rmd_axes(8);
@@ -114,7 +125,8 @@ fn no_more_than_four_replies_are_outstanding_on_a_bus_that_thrusters_share() {
         rig.send(&Request::ReadState(requests::ReadState { axis }));
     }
     rig.run(1_000);
-    let questions = |rig: &Rig| rig.sent_since(0, since).iter().filter(|text| !text.contains("#81")).count();
+    let questions =
+        |rig: &Rig| rig.sent_since(0, since).iter().filter(|text| !text.contains("#81")).count();
     assert_eq!(questions(&rig), 4);
     bench::stop(&mut rig);
     rig.run(2_500);

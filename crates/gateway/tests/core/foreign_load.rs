@@ -1,7 +1,9 @@
-//! Somebody else loads a CAN bus with an id between ours: the stops that win against it leave in time, whichever were asked for first
-//! (GUARANTEES G4, G5).
+//! Somebody else loads a CAN bus with an id between ours: the stops that win against it leave in
+//! time, whichever were asked for first (GUARANTEES G4, G5).
 
-use crate::bench::{self, D5_VELOCITY, VELOCITY, arm_axis, configure_axis, keep_moving, run_with_host};
+use crate::bench::{
+    self, D5_VELOCITY, VELOCITY, arm_axis, configure_axis, keep_moving, run_with_host,
+};
 use crate::motors;
 use crate::rig::{FRAME_US, Rig};
 use host_protocol::{
@@ -35,7 +37,10 @@ fn bound_us(stops: u64) -> u64 {
 /// When the first stop of a node had left, after `since_us`.
 fn stopped_at(rig: &Rig, node: u8, since_us: u64) -> Option<u64> {
     let stop = format!("{:03X}#81", rmd_id(node));
-    rig.left.iter().find(|(at, _, text)| *at >= since_us && text.starts_with(&stop)).map(|(at, ..)| *at)
+    rig.left
+        .iter()
+        .find(|(at, _, text)| *at >= since_us && text.starts_with(&stop))
+        .map(|(at, ..)| *at)
 }
 
 /// A host that commands nothing asks for a stop.
@@ -60,9 +65,15 @@ fn the_stop_of_a_turning_motor_is_not_kept_out_by_stops_that_cannot_leave() {
             rig.send(&Request::EStop(requests::EStop {}));
             rig.run(20_000);
             let at = stopped_at(&rig, node, since);
-            let case = format!("axis {turning} turns, {foreign:03X} loads the bus: {:?}", rig.held_texts());
+            let case = format!(
+                "axis {turning} turns, {foreign:03X} loads the bus: {:?}",
+                rig.held_texts()
+            );
             assert_eq!(at.is_some(), rmd_id(node) <= foreign, "{case}");
-            assert!(at.is_none_or(|at| at - since <= bound_us(5)), "{case}: after {at:?} - {since}");
+            assert!(
+                at.is_none_or(|at| at - since <= bound_us(5)),
+                "{case}: after {at:?} - {since}"
+            );
         }
     }
 }
@@ -95,7 +106,8 @@ fn every_stop_that_wins_against_the_load_leaves_and_the_others_when_it_ends() {
     }
 }
 
-/// The first stops of the higher ids wait for ever; what stops the lower ones goes on: the second stop, and the readings of standstill.
+/// The first stops of the higher ids wait for ever; what stops the lower ones goes on: the second
+/// stop, and the readings of standstill.
 #[test]
 fn a_first_stop_that_cannot_leave_keeps_no_other_from_being_confirmed() {
     let mut rig = rig();
@@ -135,7 +147,8 @@ fn a_second_stop_takes_the_place_of_one_that_loses_against_the_load() {
         stop_as_other(&mut rig, axis);
     }
     rig.run(30_000);
-    let stops = rig.left.iter().filter(|(at, _, text)| *at >= since && text.starts_with("141#81")).count();
+    let stops =
+        rig.left.iter().filter(|(at, _, text)| *at >= since && text.starts_with("141#81")).count();
     assert!(stops >= 2, "{stops} stops of the motor that turned");
     assert_eq!(bench::listed(&mut rig, 2), AxisState::Holding);
 }
@@ -160,9 +173,11 @@ fn a_d5_whose_reply_is_missing_is_stopped_before_those_that_lose_against_the_loa
     let since = rig.now_us;
     rig.send(&Request::EStop(requests::EStop {}));
     rig.run(20_000);
-    let stop = |(at, _, text): &&(u64, u8, String)| *at >= since && text.starts_with("001#D50105032000");
+    let stop =
+        |(at, _, text): &&(u64, u8, String)| *at >= since && text.starts_with("001#D50105032000");
     let at = rig.left.iter().find(stop).map(|(at, ..)| *at - since);
-    // g + F(2k - 1) + W, and 3F for each of the three axes that the reply may have waited for (SAFETY.md).
+    // g + F(2k - 1) + W, and 3F for each of the three axes that the reply may have waited for
+    // (SAFETY.md).
     assert!(
         at.is_some_and(|at| at <= 100 + 642 * 5 + 1_000 + 642 * 9 + FRAME_US),
         "{at:?} {:?}",
@@ -188,9 +203,14 @@ fn a_loaded_bus_delays_no_other() {
     rig.send(&Request::EStop(requests::EStop {}));
     rig.run(5_000);
     for (bus, stop, stops) in [(0, "141#81", 5), (1, "142#81", 2)] {
-        let left =
-            rig.left.iter().find(|(at, on, text)| *at >= since && *on == bus && text.starts_with(stop));
-        assert!(left.is_some_and(|(at, ..)| at - since <= bound_us(stops)), "bus {bus}: {left:?} - {since}");
+        let left = rig
+            .left
+            .iter()
+            .find(|(at, on, text)| *at >= since && *on == bus && text.starts_with(stop));
+        assert!(
+            left.is_some_and(|(at, ..)| at - since <= bound_us(stops)),
+            "bus {bus}: {left:?} - {since}"
+        );
     }
 }
 
@@ -215,7 +235,10 @@ fn a_stop_that_could_not_be_sent_makes_its_axis_unreachable_unless_it_was_at_res
     assert_eq!(bench::outcomes(&rig), []);
     assert!(rig.gateway.enable_output());
     rig.run(1);
-    assert_eq!(bench::outcomes(&rig), [HostEvent::AxisUnreachable { axis: ONE_TURNS, stop_sent: false }]);
+    assert_eq!(
+        bench::outcomes(&rig),
+        [HostEvent::AxisUnreachable { axis: ONE_TURNS, stop_sent: false }]
+    );
     assert!(!rig.gateway.enable_output());
     run_with_host(&mut rig, 10_000_000);
     assert_eq!(bench::outcomes(&rig).len(), 1);
@@ -244,7 +267,12 @@ fn stops_that_could_not_be_sent_are_owed_without_silences_and_leave_first() {
 #[test]
 fn what_has_not_left_is_not_counted_as_a_stop_that_the_motor_did_not_confirm() {
     let mut rig = rig();
-    bench::parameter(&mut rig, ONE_TURNS, AxisParameter::StopsBeforeUnreachable, Value::Unsigned(3));
+    bench::parameter(
+        &mut rig,
+        ONE_TURNS,
+        AxisParameter::StopsBeforeUnreachable,
+        Value::Unsigned(3),
+    );
     for _ in 0..8 {
         let epoch = arm_axis(&mut rig, ONE_TURNS);
         keep_moving(&mut rig, &[(ONE_TURNS, epoch)], VELOCITY, 55_000);
@@ -273,7 +301,8 @@ fn a_stop_that_was_sent_and_cannot_be_repeated_is_not_sent_either() {
     bench::assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
 }
 
-/// Nobody can configure the bus while the stop of an axis at rest waits for it: who knows better gives it up.
+/// Nobody can configure the bus while the stop of an axis at rest waits for it: who knows better
+/// gives it up.
 #[test]
 fn the_stop_of_an_axis_at_rest_can_be_given_up_when_it_could_not_be_sent() {
     let (mut rig, _) = stop_that_cannot_leave();

@@ -1,12 +1,12 @@
-//! Whatever is under way for an axis belongs to the bus that carries it: an axis that is moved, re-addressed or removed leaves nothing behind
-//! (GUARANTEES G7).
+//! Whatever is under way for an axis belongs to the bus that carries it: an axis that is moved,
+//! re-addressed or removed leaves nothing behind (GUARANTEES G7).
 
 use crate::bench::{self, D5_VELOCITY, VELOCITY, arm_axis, configure_axis, keep_moving};
 use crate::motors;
 use crate::rig::{FRAME_US, Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Protocol, ProtocolSet, Request, Setpoint, StateField, StateFields, StopAction,
-    StopTarget, Value, requests,
+    AxisParameter, AxisState, Protocol, ProtocolSet, Request, Setpoint, StateField, StateFields,
+    StopAction, StopTarget, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -20,8 +20,12 @@ enum UnderWay {
     Displaced,
 }
 
-const UNDER_WAY: [UnderWay; 4] =
-    [UnderWay::InTheController, UnderWay::OnTheWire, UnderWay::WaitsForItsReply, UnderWay::Displaced];
+const UNDER_WAY: [UnderWay; 4] = [
+    UnderWay::InTheController,
+    UnderWay::OnTheWire,
+    UnderWay::WaitsForItsReply,
+    UnderWay::Displaced,
+];
 
 /// What a host does to axis 0 meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,26 +62,29 @@ fn rig(protocol: Protocol) -> Rig {
     let (mut rmd, mut d5) = (motors::rmd(Rc::default()), motors::d5(Rc::default()));
     rig.motor = Box::new(move |now, bus, text| rmd(now, bus, text).or_else(|| d5(now, bus, text)));
     bench::hello(&mut rig);
-    let here: &[Protocol] =
-        if protocol == Protocol::D5 { &[Protocol::D5] } else { &[Protocol::Rmd, Protocol::Thruster] };
+    let here: &[Protocol] = if protocol == Protocol::D5 {
+        &[Protocol::D5]
+    } else {
+        &[Protocol::Rmd, Protocol::Thruster]
+    };
     configure_bus(&mut rig, 0, here);
     configure_bus(&mut rig, 1, here);
     configure_axis(&mut rig, 0, 0, protocol, 1, stop_action(protocol));
     configure_axis(&mut rig, 1, 0, protocol, 5, stop_action(protocol));
     let fields = StateFields::NONE.with(StateField::Velocity);
-    rig.ask(Request::Subscribe(requests::Subscribe { axes: 1, fields, period_us: 50_000 })).unwrap();
+    rig.ask(Request::Subscribe(requests::Subscribe { axes: 1, fields, period_us: 50_000 }))
+        .unwrap();
     rig
 }
 
-/// The poll of axis 0 is as far as wanted; its motor answers it only where that is displaced by a stop, and everything else.
+/// The poll of axis 0 is as far as wanted; its motor answers it only where that is displaced by a
+/// stop, and everything else.
 fn bring(rig: &mut Rig, id: &'static str, under_way: UnderWay) {
     let answers = Rc::new(Cell::new(false));
     let answers_now = answers.clone();
-    rig.instead(
-        move |text| {
-            if text.starts_with(id) && !answers_now.get() { Instead::Nothing } else { Instead::AsUsual }
-        },
-    );
+    rig.instead(move |text| {
+        if text.starts_with(id) && !answers_now.get() { Instead::Nothing } else { Instead::AsUsual }
+    });
     rig.run(2 * u64::from(WINDOW_US) + 100_000);
     if under_way == UnderWay::InTheController {
         rig.babble(Some(0));
@@ -119,7 +126,11 @@ fn change(rig: &mut Rig, protocol: Protocol, change: Change) -> (u8, &'static st
             configure_axis(rig, 0, 1, protocol, 1, stop_action(protocol));
         }
         Change::BusAgain => {
-            configure_bus(rig, 0, if d5 { &[Protocol::D5] } else { &[Protocol::Rmd, Protocol::Thruster] });
+            configure_bus(
+                rig,
+                0,
+                if d5 { &[Protocol::D5] } else { &[Protocol::Rmd, Protocol::Thruster] },
+            );
         }
     }
     match change {
@@ -139,10 +150,15 @@ fn leaves_nothing_behind(protocol: Protocol, under_way: UnderWay, what: Change) 
     bring(&mut rig, id, under_way);
     let (bus, new_id) = change(&mut rig, protocol, what);
     if what != Change::BusAgain {
-        assert!(!rig.held_on(0).iter().any(|text| text.starts_with(id)), "{case}: {:?}", rig.held_on(0));
+        assert!(
+            !rig.held_on(0).iter().any(|text| text.starts_with(id)),
+            "{case}: {:?}",
+            rig.held_on(0)
+        );
     }
     rig.babble(None);
-    // It is served at once, and so is who shares its bus. The same motor may still answer what it was asked.
+    // It is served at once, and so is who shares its bus. The same motor may still answer what it
+    // was asked.
     let within_us = if what == Change::BusAgain { 2 * u64::from(WINDOW_US) } else { 2_000 };
     let since = rig.now_us;
     rig.send(&Request::ReadState(requests::ReadState { axis: 0 }));
@@ -166,7 +182,8 @@ fn leaves_nothing_behind(protocol: Protocol, under_way: UnderWay, what: Change) 
 #[test]
 fn an_rmd_axis_that_is_changed_leaves_no_request_behind() {
     for under_way in UNDER_WAY {
-        for what in [Change::Bus, Change::Node, Change::Protocol, Change::Removed, Change::BusAgain] {
+        for what in [Change::Bus, Change::Node, Change::Protocol, Change::Removed, Change::BusAgain]
+        {
             leaves_nothing_behind(Protocol::Rmd, under_way, what);
         }
     }
@@ -175,13 +192,16 @@ fn an_rmd_axis_that_is_changed_leaves_no_request_behind() {
 #[test]
 fn a_d5_axis_that_is_changed_leaves_no_request_behind() {
     for under_way in UNDER_WAY {
-        for what in [Change::Bus, Change::Node, Change::RequestId, Change::Removed, Change::BusAgain] {
+        for what in
+            [Change::Bus, Change::Node, Change::RequestId, Change::Removed, Change::BusAgain]
+        {
             leaves_nothing_behind(Protocol::D5, under_way, what);
         }
     }
 }
 
-/// What was under way on the old bus ends there, and is not taken for what is under way on the new one: both have the same place.
+/// What was under way on the old bus ends there, and is not taken for what is under way on the new
+/// one: both have the same place.
 #[test]
 fn a_frame_that_leaves_the_old_bus_is_not_taken_for_one_on_the_new_one() {
     let mut rig = rig(Protocol::Rmd);

@@ -1,8 +1,11 @@
-//! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a hanging load drops.
+//! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a
+//! hanging load drops.
 
 use crate::bench::{self, COAST, HOLD, VELOCITY, arm, disarm, listed, output_off, run_with_host};
 use crate::rig::{Instead, Rig};
-use host_protocol::{AxisParameter, AxisState, Error, Reply, Request, StopAction, Value, replies, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Reply, Request, StopAction, Value, replies, requests,
+};
 
 /// The motor of axis 0 has heard something every 100 ms, up to now.
 fn assert_fed_every_100_ms(rig: &Rig, since_us: u64) {
@@ -170,7 +173,10 @@ fn an_arming_that_fails_before_anything_was_sent_leaves_the_axis_as_it_was() {
 fn an_arming_that_fails_under_a_locked_brake_leaves_the_motor_holding() {
     let (mut rig, play) = bench::rmd(StopAction::Brake);
     play.borrow_mut().fault = true;
-    assert!(matches!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::MotorFault { .. })));
+    assert!(matches!(
+        rig.ask(Request::Arm(requests::Arm { axis: 0 })),
+        Err(Error::MotorFault { .. })
+    ));
     assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     assert_eq!(output_off(&mut rig), Ok(Reply::OutputOff(replies::Done {})));
     assert_eq!(listed(&mut rig, 0), AxisState::Idle);

@@ -2,7 +2,9 @@
 
 use crate::bench::{self, arm, run_with_host, setpoint};
 use crate::rig::Instead;
-use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint, StopAction, TripReason, Value};
+use host_protocol::{
+    AxisParameter, Error, Protocol, Quantity, Setpoint, StopAction, TripReason, Value,
+};
 
 fn impedance(position_rad: f32, torque_nm: f32) -> Setpoint {
     Setpoint::Impedance {
@@ -30,7 +32,10 @@ fn motion_mode_is_sent_as_the_manual_prints_it_and_refreshed() {
     assert_eq!(rig.sent_since(0, since).iter().filter(|text| **text == REQUEST).count(), 4);
     // Answered all the time: it ends by its expiry, not by silence.
     run_with_host(&mut rig, 100_000);
-    assert_eq!(bench::state(&mut rig).trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
+    assert_eq!(
+        bench::state(&mut rig).trip.map(|trip| trip.reason),
+        Some(TripReason::SetpointExpired)
+    );
     assert!(rig.sent_since(0, since).contains(&bench::HOLD));
 }
 
@@ -46,7 +51,10 @@ fn values_beyond_limit_or_range_are_refused_by_name() {
     ];
     for (value, quantity, asked, end) in refusals {
         let request = setpoint(&rig, epoch, 80_000, value);
-        assert_eq!(rig.ask(request), Err(Error::OutOfRange { quantity, value: asked, min: -end, max: end }));
+        assert_eq!(
+            rig.ask(request),
+            Err(Error::OutOfRange { quantity, value: asked, min: -end, max: end })
+        );
     }
     let negative = Setpoint::Impedance {
         position_rad: 0.0,
@@ -56,7 +64,10 @@ fn values_beyond_limit_or_range_are_refused_by_name() {
         torque_nm: 0.0,
     };
     let request = setpoint(&rig, epoch, 80_000, negative);
-    assert!(matches!(rig.ask(request), Err(Error::OutOfRange { quantity: Quantity::Stiffness, .. })));
+    assert!(matches!(
+        rig.ask(request),
+        Err(Error::OutOfRange { quantity: Quantity::Stiffness, .. })
+    ));
     let request = setpoint(&rig, epoch, 80_000, impedance(0.0, f32::NAN));
     assert_eq!(rig.ask(request), Err(Error::NotANumber { quantity: Quantity::Torque }));
 }
@@ -66,7 +77,9 @@ fn a_torque_beyond_the_limit_trips() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::TorqueLimitNm, Value::Float(5.0));
     // The motor reports 10 N·m.
-    rig.instead(|text| if text.starts_with("401#") { Instead::Says(REPLY) } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("401#") { Instead::Says(REPLY) } else { Instead::AsUsual },
+    );
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, impedance(0.0, 4.0));
     rig.ask(request).unwrap();

@@ -1,5 +1,5 @@
-//! Limits that can act, and those that cannot: what nothing on an axis measures and no setpoint carries is refused as a limit
-//! (GUARANTEES G2), in whatever order the parameters come.
+//! Limits that can act, and those that cannot: what nothing on an axis measures and no setpoint
+//! carries is refused as a limit (GUARANTEES G2), in whatever order the parameters come.
 
 use crate::bench::{self, configure_bus, hello};
 use crate::rig::Rig;
@@ -26,7 +26,11 @@ const KINDS: [(Protocol, bool, u8, &[AxisParameter]); 5] = [
         Protocol::Thruster,
         false,
         0,
-        &[AxisParameter::PositionMinRad, AxisParameter::PositionMaxRad, AxisParameter::TorqueLimitNm],
+        &[
+            AxisParameter::PositionMinRad,
+            AxisParameter::PositionMaxRad,
+            AxisParameter::TorqueLimitNm,
+        ],
     ),
     (Protocol::Thruster, true, 0, &[AxisParameter::TorqueLimitNm]),
     (
@@ -47,7 +51,11 @@ fn rig() -> Rig {
 }
 
 fn set(rig: &mut Rig, parameter: AxisParameter, value: Value) -> Result<Reply, Error> {
-    rig.ask(Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value }))
+    rig.ask(Request::ConfigureAxis(requests::ConfigureAxis {
+        axis: 0,
+        parameter: parameter.number(),
+        value,
+    }))
 }
 
 fn address(protocol: Protocol, device: bool, bus: u8) -> [(AxisParameter, Value); 5] {
@@ -76,9 +84,12 @@ fn a_limit_that_nothing_measures_is_refused_in_whatever_order_the_parameters_com
                 order.insert(limit_at, (limit, Value::Float(0.5)));
                 let (mut rig, mut rules) = (rig(), AxisRules::new(0, kind));
                 // The one that makes the axis complete, or comes after, is the one that is refused.
-                let results: Vec<_> =
-                    order.iter().map(|(name, value)| set(&mut rig, *name, *value).map(drop)).collect();
-                let first = results.iter().find(|result| result.is_err()).copied().unwrap_or(Ok(()));
+                let results: Vec<_> = order
+                    .iter()
+                    .map(|(name, value)| set(&mut rig, *name, *value).map(drop))
+                    .collect();
+                let first =
+                    results.iter().find(|result| result.is_err()).copied().unwrap_or(Ok(()));
                 assert_eq!(first, wanted, "{protocol:?} {bus} {limit:?} at {limit_at}");
                 order.iter().for_each(|(name, value)| rules.set(*name, *value).unwrap());
                 assert_eq!(rules.check(), wanted, "{protocol:?} {bus} {limit:?}");
@@ -94,7 +105,8 @@ fn an_encoder_that_a_limit_needs_stays() {
         set(&mut rig, parameter, value).unwrap();
     }
     set(&mut rig, AxisParameter::PositionMaxRad, Value::Float(1.0)).unwrap();
-    let refused = Err(Error::CannotMeasure { axis: 0, parameter: AxisParameter::PositionMaxRad.number() });
+    let refused =
+        Err(Error::CannotMeasure { axis: 0, parameter: AxisParameter::PositionMaxRad.number() });
     assert_eq!(set(&mut rig, AxisParameter::PositionDevice, Value::Bool(false)), refused);
 }
 
@@ -112,7 +124,9 @@ fn the_least_standstill_is_one_unit_of_the_motor_s_reading() {
         }
         set(&mut rig, AxisParameter::StandstillRadS, Value::Float(unit)).unwrap();
         let result = set(&mut rig, AxisParameter::StandstillRadS, Value::Float(below));
-        let Err(Error::OutOfRange { quantity, value, min, max }) = result else { panic!("{result:?}") };
+        let Err(Error::OutOfRange { quantity, value, min, max }) = result else {
+            panic!("{result:?}")
+        };
         assert_eq!((quantity, value, max), (Quantity::Parameter(11), below, 10.0));
         assert!((min - unit).abs() < 1e-5, "{min}");
     }

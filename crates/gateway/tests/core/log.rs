@@ -24,8 +24,9 @@ fn the_log_tells_who_commands_and_how_an_axis_fares_in_order() {
     rig.run(400_000);
     let log = log(&mut rig);
     let place = |wanted: &dyn Fn(&LogEntry) -> bool| log.iter().position(wanted).expect("an entry");
-    let state =
-        |wanted| place(&|entry| *entry == LogEntry::Event(Event::StateChanged { axis: 0, state: wanted }));
+    let state = |wanted| {
+        place(&|entry| *entry == LogEntry::Event(Event::StateChanged { axis: 0, state: wanted }))
+    };
     let places = [
         state(AxisState::Armed),
         place(

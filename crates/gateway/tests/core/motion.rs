@@ -1,7 +1,9 @@
 //! Setpoints become the manuals' bytes, and the motors' answers SI units.
 
 use crate::bench::{self, D5_VELOCITY, VELOCITY, arm, move_axis, run_with_host, setpoint};
-use host_protocol::{AxisParameter, AxisState, Reply, Request, Setpoint, StopAction, Value, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Reply, Request, Setpoint, StopAction, Value, requests,
+};
 
 #[test]
 fn rmd_current_is_sent_as_the_manual_prints_it() {
@@ -38,7 +40,8 @@ fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
     let (mut rig, play) = bench::rmd_serial(StopAction::Hold);
     play.borrow_mut().turning = true;
     let since = rig.now_us;
-    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 }))
+    else {
         panic!("no state");
     };
     assert_eq!(rig.sent_since(2, since).first(), Some(&"3E01089C00000000000000F230")); // PROTOCOL-NOTES R1
@@ -71,7 +74,8 @@ fn where_the_motors_timeout_is_unknown_motion_is_refreshed_every_20_ms_whatever_
     let request = setpoint(&rig, epoch, 5_000_000, VELOCITY);
     rig.ask(request).unwrap();
     run_with_host(&mut rig, 200_000);
-    let sent = rig.sent_since(0, since).iter().filter(|text| **text == "141#A200000010270000").count();
+    let sent =
+        rig.sent_since(0, since).iter().filter(|text| **text == "141#A200000010270000").count();
     assert!((10..=11).contains(&sent), "{sent} motion frames in 200 ms");
 }
 
@@ -95,14 +99,19 @@ fn arming_sends_each_protocols_sequence_and_no_motion() {
     let since = rig.now_us;
     arm(&mut rig);
     let stop = "141#8100000000000000";
-    let [run_time, velocity, position, faults] =
-        ["141#B100000000000000", "141#9C00000000000000", "141#9200000000000000", "141#9A00000000000000"];
+    let [run_time, velocity, position, faults] = [
+        "141#B100000000000000",
+        "141#9C00000000000000",
+        "141#9200000000000000",
+        "141#9A00000000000000",
+    ];
     assert_eq!(rig.sent_since(0, since), [stop, stop, run_time, velocity, position, faults]);
 
     let (mut rig, _) = bench::thruster();
     let since = rig.now_us;
     arm(&mut rig);
-    let sent = ["30B#45460000", "30B#46520000", "30B#5443000000000000", "30B#45460000", "30B#51560000"];
+    let sent =
+        ["30B#45460000", "30B#46520000", "30B#5443000000000000", "30B#45460000", "30B#51560000"];
     assert_eq!(rig.sent_since(0, since), sent);
 
     let (mut rig, _) = bench::d5();
@@ -145,10 +154,12 @@ fn a_reversed_axis_is_reversed_both_ways() {
     let epoch = arm(&mut rig);
     play.borrow_mut().turning = true;
     let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: -1.745_329_3 });
+    let request =
+        setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: -1.745_329_3 });
     rig.ask(request).unwrap();
     assert_eq!(rig.sent_since(0, since).first(), Some(&"141#A200000010270000"));
-    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 })) else {
+    let Ok(Reply::ReadState(state)) = rig.ask(Request::ReadState(requests::ReadState { axis: 0 }))
+    else {
         panic!("no state");
     };
     assert_eq!(state.velocity_rad_s.unwrap().value, -8.726_646);

@@ -3,7 +3,8 @@
 use crate::bench::{self, native, parameter, provision, run_with_host, state};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, StopAction, Value, requests,
+    AxisParameter, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, StopAction, Value,
+    requests,
 };
 
 const ST_400: &str = "30B#5354000000000190";
@@ -51,7 +52,10 @@ fn off_and_unknown_have_each_a_permission_of_its_own() {
 fn a_timeout_that_cannot_act_within_60_s_counts_as_off() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     provision(&mut rig, 60_000).unwrap();
-    assert_eq!(arm_allowing(&mut rig, false, false), Ok(MotorTimeout::Written { timeout_ms: 60_000 }));
+    assert_eq!(
+        arm_allowing(&mut rig, false, false),
+        Ok(MotorTimeout::Written { timeout_ms: 60_000 })
+    );
     for too_long in [60_001, u32::MAX] {
         provision(&mut rig, too_long).unwrap();
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
@@ -66,8 +70,12 @@ fn a_timeout_that_cannot_act_within_60_s_counts_as_off() {
 /// RMD V3.6 §2.30, thruster manual §2.2: the motor may have carried out what it did not answer.
 #[test]
 fn a_timeout_whose_end_is_not_answered_counts_as_off() {
-    for (mut rig, write) in [(bench::rmd_with_timeout(400).0, "141#B3"), (bench::thruster().0, "30B#5354")] {
-        rig.instead(move |text| if text.starts_with(write) { Instead::Nothing } else { Instead::AsUsual });
+    for (mut rig, write) in
+        [(bench::rmd_with_timeout(400).0, "141#B3"), (bench::thruster().0, "30B#5354")]
+    {
+        rig.instead(
+            move |text| if text.starts_with(write) { Instead::Nothing } else { Instead::AsUsual },
+        );
         assert!(provision(&mut rig, 0).is_err());
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
         assert_eq!(arm_allowing(&mut rig, true, false), Err(Error::MotorTimeoutOff { axis: 0 }));
@@ -89,7 +97,14 @@ fn a_thruster_that_was_silent_for_1_s_is_told_again_when_it_is_armed() {
     let sent = rig.sent_since(0, since);
     assert_eq!(
         sent[..6],
-        ["30B#45460000", "30B#46520000", "30B#5443000000000000", ST_400, "30B#45460000", "30B#51560000"]
+        [
+            "30B#45460000",
+            "30B#46520000",
+            "30B#5443000000000000",
+            ST_400,
+            "30B#45460000",
+            "30B#51560000"
+        ]
     );
     // Not so a motor that keeps the time without power.
     let (mut rig, _) = bench::rmd_with_timeout(400);

@@ -25,8 +25,10 @@ pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
     move |now_us, _, text| {
         let play = play.borrow();
         let (id, data) = text.split_once('#')?;
-        let node =
-            u16::from_str_radix(id, 16).ok()?.checked_sub(0x140).filter(|node| (1..=32).contains(node))?;
+        let node = u16::from_str_radix(id, 16)
+            .ok()?
+            .checked_sub(0x140)
+            .filter(|node| (1..=32).contains(node))?;
         if play.mute {
             return None;
         }

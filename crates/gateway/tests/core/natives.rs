@@ -3,8 +3,8 @@
 use crate::bench::{self, VELOCITY, answered, arm, listed, native, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, MotorTimeout, NoReplyHint, Protocol, Quantity,
-    Reply, Request, Setpoint, StopAction, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, MotorTimeout, NoReplyHint, Protocol,
+    Quantity, Reply, Request, Setpoint, StopAction, TripReason, Value, requests,
 };
 
 /// Frames on a bus since a time that are exactly this.
@@ -71,7 +71,10 @@ fn what_moves_obeys_the_rules_of_setpoints() {
     let late = requests::Native { axis: 0, epoch, expires_at_us: rig.now().low_bits(), data };
     assert!(matches!(rig.ask(Request::Native(late)), Err(Error::Stale { .. })));
     let request = native(&rig, epoch, "A2000000204E0000"); // 200 °/s
-    assert!(matches!(rig.ask(request), Err(Error::OutOfRange { quantity: Quantity::Velocity, .. })));
+    assert!(matches!(
+        rig.ask(request),
+        Err(Error::OutOfRange { quantity: Quantity::Velocity, .. })
+    ));
     assert_eq!(count(&rig, 0, since, "141#A200000010270000"), 0);
     assert_eq!(count(&rig, 0, since, "141#A2000000204E0000"), 0);
 
@@ -95,7 +98,10 @@ fn the_direction_of_the_axis_turns_the_limits_and_not_the_bytes() {
     assert_eq!(answered(rig.ask(request)), "A432640000002D00");
     let request = native(&rig, epoch, "A400F4016073FFFF");
     let refused = rig.ask(request);
-    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    assert!(
+        matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })),
+        "{refused:?}"
+    );
 }
 
 #[test]
@@ -225,7 +231,9 @@ fn what_is_no_command_of_the_manual_is_refused() {
         assert_eq!(rig.sent_since(0, since).len() + rig.sent_since(1, since).len(), 0, "{data}");
     };
     let (mut rig, _) = bench::rmd(StopAction::Hold);
-    for data in ["", "9A", "9A000000000000", "AA00000000000000", "7900000000000000", "2009000000000000"] {
+    for data in
+        ["", "9A", "9A000000000000", "AA00000000000000", "7900000000000000", "2009000000000000"]
+    {
         refused(&mut rig, Protocol::Rmd, data);
     }
     let (mut rig, _) = bench::thruster();
@@ -234,13 +242,15 @@ fn what_is_no_command_of_the_manual_is_refused() {
     }
     let (mut rig, _) = bench::d5();
     // A wrong checksum, a register that is only read, an unknown command.
-    for data in ["D50B05032058028E", "D50B0503260000 39".replace(' ', "").as_str(), "D50B050900000019"] {
+    for data in
+        ["D50B05032058028E", "D50B0503260000 39".replace(' ', "").as_str(), "D50B050900000019"]
+    {
         refused(&mut rig, Protocol::D5, data);
     }
 }
 
-/// D5 manual, table row 12 and register 0x20: half a speed, at once or later, from the register below, and into the one above. No
-/// limit can be checked against it, armed or not.
+/// D5 manual, table row 12 and register 0x20: half a speed, at once or later, from the register
+/// below, and into the one above. No limit can be checked against it, armed or not.
 #[test]
 fn a_part_of_a_d5_speed_is_motion_and_refused() {
     let (mut rig, _) = bench::d5();
@@ -293,10 +303,16 @@ fn a_limit_that_could_be_broken_unnoticed_bars_the_command() {
     bench::parameter(&mut rig, 0, AxisParameter::PositionMaxRad, Value::Float(7.0));
     let epoch = arm(&mut rig);
     let request = native(&rig, epoch, "A300000010270000"); // a position as fast as the motor can
-    assert_eq!(rig.ask(request), Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Velocity }));
+    assert_eq!(
+        rig.ask(request),
+        Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Velocity })
+    );
     // Where a distance ends depends on where it begins.
     let request = native(&rig, epoch, "A800F40110270000");
-    assert_eq!(rig.ask(request), Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Position }));
+    assert_eq!(
+        rig.ask(request),
+        Err(Error::CannotCheckLimit { axis: 0, quantity: Quantity::Position })
+    );
     let request = native(&rig, epoch, "A400000010270000");
     assert_eq!(rig.ask(request), Err(Error::SpeedLimitZero { axis: 0 }));
 }
@@ -333,7 +349,10 @@ fn one_host_asks_while_the_other_one_commands() {
     assert_eq!(answered(other(&mut rig, "9A00000000000000")), "9A320001E5010000");
     assert_eq!(other(&mut rig, "A200000010270000"), Err(Error::NotInCommand { holder: 0 }));
     assert_eq!(other(&mut rig, "6400000000000000"), Err(Error::NotInCommand { holder: 0 }));
-    assert_eq!(other(&mut rig, "8100000000000000").map(|reply| matches!(reply, Reply::Native(_))), Ok(true));
+    assert_eq!(
+        other(&mut rig, "8100000000000000").map(|reply| matches!(reply, Reply::Native(_))),
+        Ok(true)
+    );
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
 }
 
@@ -433,8 +452,8 @@ fn a_native_stop_is_carried_out_although_there_is_no_place_for_its_reply() {
     let mut rig = bench::rmd_axes(9);
     let epoch = bench::move_axis(&mut rig, VELOCITY);
     rig.instead(|text| if text.starts_with("141#") { Instead::AsUsual } else { Instead::Nothing });
-    let reads =
-        [1, 2, 3, 4, 5, 6, 7, 8].map(|axis| rig.send(&Request::ReadState(requests::ReadState { axis })));
+    let reads = [1, 2, 3, 4, 5, 6, 7, 8]
+        .map(|axis| rig.send(&Request::ReadState(requests::ReadState { axis })));
     let since = rig.now_us;
     let moving = native(&rig, epoch, "A200000020A10700");
     let moving = rig.send(&moving);

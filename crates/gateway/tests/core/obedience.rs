@@ -1,4 +1,5 @@
-//! Motors that answer and do not do what they are told: an echo proves receipt, not motion (PROTOCOL-NOTES R26, R30).
+//! Motors that answer and do not do what they are told: an echo proves receipt, not motion
+//! (PROTOCOL-NOTES R26, R30).
 
 use crate::bench::{self, VELOCITY, arm, assert_tripped, keep_moving, listed};
 use crate::rig::{Instead, Rig};
@@ -26,9 +27,17 @@ fn a_speed_of_0_that_comes_back_unchanged_while_the_shaft_turns_is_asked_twice_a
     keep_moving(&mut rig, &[(0, epoch)], REST, 50_000);
     assert_tripped(&mut rig, TripReason::CommandRefused { faults: Some(0) }, false);
     let sent = rig.sent_since(0, since);
-    let until_stop: Vec<_> = sent.into_iter().take_while(|text| !text.starts_with("141#81")).collect();
-    assert_eq!(until_stop.iter().filter(|text| text.starts_with("141#A2")).count(), 2, "{until_stop:?}");
-    assert!(until_stop.iter().any(|text| text.starts_with("141#9A")), "the reason is read: {until_stop:?}");
+    let until_stop: Vec<_> =
+        sent.into_iter().take_while(|text| !text.starts_with("141#81")).collect();
+    assert_eq!(
+        until_stop.iter().filter(|text| text.starts_with("141#A2")).count(),
+        2,
+        "{until_stop:?}"
+    );
+    assert!(
+        until_stop.iter().any(|text| text.starts_with("141#9A")),
+        "the reason is read: {until_stop:?}"
+    );
 }
 
 #[test]
@@ -56,7 +65,9 @@ fn a_motor_that_answers_polls_and_no_motion_is_silent() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let epoch = arm(&mut rig);
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
-    rig.instead(|text| if text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual },
+    );
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
     assert_tripped(&mut rig, TripReason::MotorSilent, true);
 }

@@ -4,8 +4,8 @@ use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with
 use crate::rig::{BOARD, Instead, Rig};
 use gateway::{Event, Gateway, Light};
 use host_protocol::{
-    AxisState, ClearTarget, Error, Event as HostEvent, Reply, Request, TripReason, replies::GatewayReport,
-    requests,
+    AxisState, ClearTarget, Error, Event as HostEvent, Reply, Request, TripReason,
+    replies::GatewayReport, requests,
 };
 
 /// The data of an RMD's stop by holding.
@@ -54,7 +54,9 @@ fn an_open_input_stops_everything_at_once_and_bars_arming_until_it_is_closed_and
         .filter(|event| {
             matches!(
                 event,
-                HostEvent::EStopInputChanged { .. } | HostEvent::EStopLatched {} | HostEvent::EStopCleared {}
+                HostEvent::EStopInputChanged { .. }
+                    | HostEvent::EStopLatched {}
+                    | HostEvent::EStopCleared {}
             )
         })
         .copied()

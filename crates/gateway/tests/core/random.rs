@@ -1,6 +1,7 @@
-//! Random requests, replies, noise, faults of buses and cables, and times. What must hold whatever happens is checked at
-//! each step: motion only of an active axis, its stop before anything else, one answer to every request, no slot handed
-//! out twice, no deadline that has passed. And once everything works again, every stop is confirmed.
+//! Random requests, replies, noise, faults of buses and cables, and times. What must hold whatever
+//! happens is checked at each step: motion only of an active axis, its stop before anything else,
+//! one answer to every request, no slot handed out twice, no deadline that has passed. And once
+//! everything works again, every stop is confirmed.
 
 mod dice;
 mod host;
@@ -43,7 +44,11 @@ impl Run {
         let hellos = [(0, host::hello(1)), (1, host::hello(2))];
         let configuration = host::configuration().into_iter().map(|request| (0, request));
         let mut gateway = Gateway::new(&BOARD, Some(0));
-        gateway.handle(Instant::from_micros(now_us), Event::EStopInput { open: false }, &mut |_, _| {});
+        gateway.handle(
+            Instant::from_micros(now_us),
+            Event::EStopInput { open: false },
+            &mut |_, _| {},
+        );
         Self {
             seed,
             step: 0,
@@ -153,7 +158,8 @@ impl Run {
                 self.feed(Event::Transmitted { bus, slot });
             }
             40 => {
-                let past = Instant::from_micros(self.now_us.saturating_sub(self.dice.below(100_000)));
+                let past =
+                    Instant::from_micros(self.now_us.saturating_sub(self.dice.below(100_000)));
                 self.gateway.handle(past, Event::Tick, &mut |_, _| {});
                 self.listen();
             }
@@ -192,16 +198,22 @@ impl Run {
 
     fn transmit(&mut self) {
         for bus in (0..).take(BUSES) {
-            while let Some(slot) = self.gateway.poll_cancel(Instant::from_micros(self.now_us), bus) {
+            while let Some(slot) = self.gateway.poll_cancel(Instant::from_micros(self.now_us), bus)
+            {
                 if self.port.give_back(self.now_us, bus, slot) {
                     self.cancelled += 1;
                     self.feed(Event::Cancelled { bus, slot });
                 }
             }
             let mut frames = 0;
-            while let Some(transmit) = self.gateway.poll_transmit(Instant::from_micros(self.now_us), bus) {
+            while let Some(transmit) =
+                self.gateway.poll_transmit(Instant::from_micros(self.now_us), bus)
+            {
                 frames += 1;
-                assert!(frames <= gateway::port::TRANSMIT_SLOTS, "bus {bus} is handed more than it can hold");
+                assert!(
+                    frames <= gateway::port::TRANSMIT_SLOTS,
+                    "bus {bus} is handed more than it can hold"
+                );
                 self.listen();
                 if let Some(request) = ToMotor::read(bus, &transmit.frame) {
                     self.knowledge.judge(request.axis, request.purpose());
@@ -215,11 +227,17 @@ impl Run {
     fn advance(&mut self) {
         const LONGEST_US: u64 = 20_000;
         let deadline = self.gateway.next_deadline().map(Instant::as_micros);
-        assert!(deadline.is_none_or(|at| at > self.now_us), "deadline {deadline:?} at {}", self.now_us);
+        assert!(
+            deadline.is_none_or(|at| at > self.now_us),
+            "deadline {deadline:?} at {}",
+            self.now_us
+        );
         let next = [deadline, self.port.next_us()].into_iter().flatten().min();
         let anywhere = self.now_us + self.dice.below(300);
         self.now_us = match next {
-            Some(next) if self.dice.percent(60) => next.clamp(self.now_us, self.now_us + LONGEST_US),
+            Some(next) if self.dice.percent(60) => {
+                next.clamp(self.now_us, self.now_us + LONGEST_US)
+            }
             _ => anywhere,
         };
     }

@@ -1,12 +1,12 @@
-//! Raw access fails closed: it is open only beside idle axes, what ends it ends what waits, and unsafe access is for buses without axes
-//! (GUARANTEES G10).
+//! Raw access fails closed: it is open only beside idle axes, what ends it ends what waits, and
+//! unsafe access is for buses without axes (GUARANTEES G10).
 
 use crate::bench::{self, VELOCITY, arm, clear, disarm, e_stop, move_axis, run_with_host, stop};
 use crate::rig::Rig;
 use crate::text::unhex;
 use host_protocol::{
-    AxisParameter, AxisState, CanFrame, Error, Protocol, RawFrame, Reply, Request, StopAction, Value,
-    requests,
+    AxisParameter, AxisState, CanFrame, Error, Protocol, RawFrame, Reply, Request, StopAction,
+    Value, requests,
 };
 
 pub fn open(rig: &mut Rig, bus: u8) -> Result<Reply, Error> {
@@ -58,7 +58,8 @@ fn bare() -> Rig {
     rig
 }
 
-/// The first of the two is unfinished; its checksum is the beginning of the second, and the motor reframes after the pause.
+/// The first of the two is unfinished; its checksum is the beginning of the second, and the motor
+/// reframes after the pause.
 #[test]
 fn an_unfinished_serial_frame_is_refused_and_so_is_what_would_finish_it() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
@@ -68,7 +69,9 @@ fn an_unfinished_serial_frame_is_refused_and_so_is_what_would_finish_it() {
     let whole = crate::text::hex(&whole);
     let (first, second) = whole.split_at(22);
     let since = rig.now_us;
-    for text in [&whole, first, second, &format!("FFFF{whole}00"), "3E", "00", "3E01089C00000000000000"] {
+    for text in
+        [&whole, first, second, &format!("FFFF{whole}00"), "3E", "00", "3E01089C00000000000000"]
+    {
         assert_eq!(send_text(&mut rig, 2, text), not_harmless(2), "{text}");
         rig.run(10_000);
     }
@@ -82,9 +85,14 @@ fn an_unfinished_serial_frame_is_refused_and_so_is_what_would_finish_it() {
 fn what_our_codecs_reject_and_a_lenient_motor_obeys_is_refused() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     open(&mut rig, 0).unwrap();
-    // TC 10 % with bytes that are not used, short, or to a node that is no axis; RMD motion cut short, and to node 9.
-    let thruster =
-        ["30B#544301000000000A", "30B#544300000100000A", "30B#54430000000A", "30C#544300000000000A"];
+    // TC 10 % with bytes that are not used, short, or to a node that is no axis; RMD motion cut
+    // short, and to node 9.
+    let thruster = [
+        "30B#544301000000000A",
+        "30B#544300000100000A",
+        "30B#54430000000A",
+        "30C#544300000000000A",
+    ];
     let rmd = [
         "141#A20000001027",
         "149#A200000010270000",
@@ -98,7 +106,8 @@ fn what_our_codecs_reject_and_a_lenient_motor_obeys_is_refused() {
     }
     let (mut rig, _) = bench::d5();
     open(&mut rig, 1).unwrap();
-    // The speed by a byte, by a word that begins before it, with a wrong checksum, to all, by an asynchronous write, on other ids.
+    // The speed by a byte, by a word that begins before it, with a wrong checksum, to all, by an
+    // asynchronous write, on other ids.
     let speeds = [
         "00B#D50B04032158008B",
         "00B#D50B05031F00588A",
@@ -117,7 +126,8 @@ fn what_our_codecs_reject_and_a_lenient_motor_obeys_is_refused() {
     send(&mut rig, 1, extended("D50B050226000038")).unwrap();
 }
 
-/// A node may match an extended id by its first or its last 11 bits, and take a remote frame for one of zeros.
+/// A node may match an extended id by its first or its last 11 bits, and take a remote frame for
+/// one of zeros.
 #[test]
 fn extended_and_remote_frames_are_refused_on_the_ids_of_motors_and_pass_on_others() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
@@ -132,13 +142,17 @@ fn extended_and_remote_frames_are_refused_on_the_ids_of_motors_and_pass_on_other
     }
     let remote = |id| {
         RawFrame::Can(
-            <CanFrame as embedded_can::Frame>::new_remote(embedded_can::StandardId::new(id).unwrap(), 8)
-                .unwrap(),
+            <CanFrame as embedded_can::Frame>::new_remote(
+                embedded_can::StandardId::new(id).unwrap(),
+                8,
+            )
+            .unwrap(),
         )
     };
     assert_eq!(send(&mut rig, 0, remote(0x401)), not_harmless(0));
     assert_eq!(send(&mut rig, 0, remote(0x141)), not_harmless(0));
-    send(&mut rig, 0, RawFrame::Can(CanFrame::extended(0x700 << 18 | 0x7FF, &data).unwrap())).unwrap();
+    send(&mut rig, 0, RawFrame::Can(CanFrame::extended(0x700 << 18 | 0x7FF, &data).unwrap()))
+        .unwrap();
     send(&mut rig, 0, remote(0x7FF)).unwrap();
 }
 
@@ -150,10 +164,14 @@ fn a_stop_an_e_stop_and_a_change_close_it() {
     let ends: [(&str, End); 6] = [
         ("stop", stop),
         ("e-stop", e_stop),
-        ("a parameter", |rig| bench::parameter(rig, 0, AxisParameter::TtlUs, Value::Unsigned(50_000))),
+        ("a parameter", |rig| {
+            bench::parameter(rig, 0, AxisParameter::TtlUs, Value::Unsigned(50_000))
+        }),
         ("another axis", |rig| bench::parameter(rig, 5, AxisParameter::Bus, Value::Unsigned(0))),
         ("the bus", |rig| bench::configure_bus(rig, 0, 1_000_000, &[Protocol::Rmd])),
-        ("removal", |rig| drop(rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })).unwrap())),
+        ("removal", |rig| {
+            drop(rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })).unwrap())
+        }),
     ];
     for (name, end) in ends {
         let (mut rig, _) = bench::rmd(StopAction::Coast);

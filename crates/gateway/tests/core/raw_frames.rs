@@ -1,4 +1,5 @@
-//! Raw frames of every class, and what they are by the manuals: written here as numbers, apart from the code under test.
+//! Raw frames of every class, and what they are by the manuals: written here as numbers, apart from
+//! the code under test.
 
 use crate::motors::crc16_modbus;
 
@@ -19,23 +20,26 @@ pub type Frame = (String, Class);
 /// RMD V3.6 §2: 0x30, 0x42, 0x60 to 0x62, 0x70, 0x71, 0x92, 0x9A, 0x9C, 0x9D, 0xB1, 0xB2, 0xB5.
 pub const RMD_READS: [u8; 14] =
     [0x30, 0x42, 0x60, 0x61, 0x62, 0x70, 0x71, 0x92, 0x9A, 0x9C, 0x9D, 0xB1, 0xB2, 0xB5];
-/// RMD V3.6: gains, acceleration, offsets, zero, function, reset, brake, id, output, stop, motion, timeout, bitrate.
+/// RMD V3.6: gains, acceleration, offsets, zero, function, reset, brake, id, output, stop, motion,
+/// timeout, bitrate.
 pub const RMD_ACTS: [u8; 23] = [
-    0x20, 0x31, 0x32, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x79, 0x80, 0x81, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5,
-    0xA6, 0xA7, 0xA8, 0xB3, 0xB4, 0xF1,
+    0x20, 0x31, 0x32, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x79, 0x80, 0x81, 0xA1, 0xA2, 0xA3, 0xA4,
+    0xA5, 0xA6, 0xA7, 0xA8, 0xB3, 0xB4, 0xF1,
 ];
 /// Thruster manual §2 to §4.
-const THRUSTER_READS: [&[u8; 2]; 9] = [b"QV", b"QC", b"QP", b"QT", b"EQ", b"EF", b"FR", b"QA", b"QR"];
+const THRUSTER_READS: [&[u8; 2]; 9] =
+    [b"QV", b"QC", b"QP", b"QT", b"EQ", b"EF", b"FR", b"QA", b"QR"];
 const THRUSTER_ACTS: [&[u8; 2]; 19] = [
-    b"TC", b"VC", b"CF", b"MQ", b"ML", b"MM", b"CI", b"CB", b"ST", b"VM", b"SR", b"SP", b"LA", b"AZ", b"LR",
-    b"RZ", b"RC", b"LS", b"XX",
+    b"TC", b"VC", b"CF", b"MQ", b"ML", b"MM", b"CI", b"CB", b"ST", b"VM", b"SR", b"SP", b"LA",
+    b"AZ", b"LR", b"RZ", b"RC", b"LS", b"XX",
 ];
 
 fn text(id: u16, data: &[u8]) -> String {
     format!("{id:03X}#{}", crate::text::hex(data))
 }
 
-/// Every RMD command byte to an axis, a stranger and all; motion mode, replies, ids, and what is cut short or too long.
+/// Every RMD command byte to an axis, a stranger and all; motion mode, replies, ids, and what is
+/// cut short or too long.
 pub fn rmd_on_can() -> Vec<Frame> {
     let mut frames = Vec::new();
     for command in 0..=u8::MAX {
@@ -65,7 +69,8 @@ pub fn rmd_on_can() -> Vec<Frame> {
     frames
 }
 
-/// Every thruster command to an axis and a stranger, bare, with a value, with odd bytes and cut short; replies.
+/// Every thruster command to an axis and a stranger, bare, with a value, with odd bytes and cut
+/// short; replies.
 pub fn thruster() -> Vec<Frame> {
     let mut frames = Vec::new();
     for id in [0x301, 0x30B, 0x30C, 0x37F] {
@@ -76,9 +81,12 @@ pub fn thruster() -> Vec<Frame> {
         frames.push((text(id, &[b'R', b'P', 0, 1]), Class::Reads));
         for [c0, c1] in THRUSTER_READS.into_iter().chain(THRUSTER_ACTS) {
             let (c0, c1) = (*c0, *c1);
-            for value in
-                [[0, 0, 0, 0, 0, 10], [1, 0, 0, 0, 0, 10], [0, 0, 1, 0, 0, 10], [0, 60, 0, 0, 0, 100]]
-            {
+            for value in [
+                [0, 0, 0, 0, 0, 10],
+                [1, 0, 0, 0, 0, 10],
+                [0, 0, 1, 0, 0, 10],
+                [0, 60, 0, 0, 0, 100],
+            ] {
                 let [v0, v1, v2, v3, v4, v5] = value;
                 frames.push((text(id, &[c0, c1, v0, v1, v2, v3, v4, v5]), Class::Acts));
             }
@@ -104,12 +112,14 @@ fn d5_bytes(id: u8, length: u8, command: u8, address: u8, low: u8, high: u8) -> 
     [0xD5, id, length, command, address, low, high, sum]
 }
 
-/// Every D5 command to an axis, a stranger and all, on the usual id and others; the speed in every encoding; wrong checksums.
+/// Every D5 command to an axis, a stranger and all, on the usual id and others; the speed in every
+/// encoding; wrong checksums.
 pub fn d5() -> Vec<Frame> {
     let mut frames = Vec::new();
     for (id, node) in [(0x00B, 0x0B), (0x00C, 0x0C), (0x0FE, 0xFE), (0x141, 0x0B), (0x7FF, 0x0C)] {
         for command in 0..=u8::MAX {
-            // Commands 0x01 and 0xD4 read, and carry nothing; 0x02 reads any register. To all only 0x01 is printed (D21).
+            // Commands 0x01 and 0xD4 read, and carry nothing; 0x02 reads any register. To all only
+            // 0x01 is printed (D21).
             let reads: &[u8] = if node == 0xFE { &[0x01] } else { &[0x01, 0x02, 0xD4] };
             let class = if reads.contains(&command) { Class::Reads } else { Class::Acts };
             frames.push((text(id, &d5_bytes(node, 5, command, 0, 0, 0)), class));
@@ -142,15 +152,18 @@ pub fn serial_frame(id: u8, data: [u8; 8]) -> Vec<u8> {
 
 /// The reads of a serial line to one motor or, with 0xCD, to all, who also tell their ids.
 pub fn serial_reads(id: u8) -> Vec<Vec<u8>> {
-    let mut reads: Vec<_> =
-        RMD_READS.into_iter().map(|command| serial_frame(id, [command, 0, 0, 0, 0, 0, 0, 0])).collect();
+    let mut reads: Vec<_> = RMD_READS
+        .into_iter()
+        .map(|command| serial_frame(id, [command, 0, 0, 0, 0, 0, 0, 0]))
+        .collect();
     if id == 0xCD {
         reads.push(serial_frame(id, [0x79, 0, 1, 0, 0, 0, 0, 0]));
     }
     reads
 }
 
-/// Every RMD command on a serial line, to an axis, a stranger and all; wrong checksums, unfinished frames, more than one.
+/// Every RMD command on a serial line, to an axis, a stranger and all; wrong checksums, unfinished
+/// frames, more than one.
 pub fn serial() -> Vec<Frame> {
     let hex = |bytes: &[u8]| crate::text::hex(bytes);
     let mut frames = Vec::new();
@@ -159,7 +172,8 @@ pub fn serial() -> Vec<Frame> {
             let class = if RMD_READS.contains(&command) { Class::Reads } else { Class::Acts };
             let whole = serial_frame(id, [command, 0, 0, 0, 0, 0, 0, 0]);
             frames.push((hex(&whole), class));
-            frames.push((hex(&serial_frame(id, [command, 0, 0, 0, 0x10, 0x27, 0, 0])), Class::Acts));
+            frames
+                .push((hex(&serial_frame(id, [command, 0, 0, 0, 0x10, 0x27, 0, 0])), Class::Acts));
             let (last, but_last) = whole.split_last().unwrap();
             frames.push((hex(but_last), Class::Acts));
             frames.push((hex(&[but_last, &[last ^ 1]].concat()), Class::Acts));

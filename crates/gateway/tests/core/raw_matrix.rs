@@ -1,4 +1,5 @@
-//! Raw access in every state, with every class of frame: what is answered, and what is on the wire (GUARANTEES G10).
+//! Raw access in every state, with every class of frame: what is answered, and what is on the wire
+//! (GUARANTEES G10).
 
 use crate::bench::{self, arm, disarm, e_stop, listed, move_axis, run_with_host, stop};
 use crate::motors::Shared;
@@ -38,7 +39,13 @@ const CASES: [Case; 4] = [
         setpoint: Setpoint::Signal { fraction: 0.1 },
         holds: false,
     },
-    Case { bus: 1, rig: bench::d5, frames: raw_frames::d5, setpoint: bench::D5_VELOCITY, holds: true },
+    Case {
+        bus: 1,
+        rig: bench::d5,
+        frames: raw_frames::d5,
+        setpoint: bench::D5_VELOCITY,
+        holds: true,
+    },
     Case {
         bus: 2,
         rig: || bench::rmd_serial(StopAction::Hold),
@@ -124,8 +131,11 @@ fn send_all(rig: &mut Rig, case: &Case, state: State) {
         rig.wire.clear();
         let sent = send_text(rig, case.bus, &text);
         rig.run(if case.bus == 2 { 15_000 } else { 6_000 });
-        let on_wire =
-            rig.wire.iter().filter(|(_, bus, on_wire)| (*bus, on_wire) == (case.bus, &text)).count();
+        let on_wire = rig
+            .wire
+            .iter()
+            .filter(|(_, bus, on_wire)| (*bus, on_wire) == (case.bus, &text))
+            .count();
         if class == Class::Acts {
             assert_eq!(sent, Err(Error::RawNotHarmless { bus: case.bus }), "{state:?}: {text}");
             assert_eq!(on_wire, 0, "{state:?}: {text}");
@@ -180,8 +190,9 @@ fn raw_frames_of_every_class_in_every_state() {
     }
 }
 
-/// A motor that finds a frame in whatever bytes it hears, wherever it begins to listen, and looks at nothing but head, length and
-/// command: in no two reads that follow each other, be they ever so close, it finds a command that acts.
+/// A motor that finds a frame in whatever bytes it hears, wherever it begins to listen, and looks
+/// at nothing but head, length and command: in no two reads that follow each other, be they ever so
+/// close, it finds a command that acts.
 #[test]
 fn no_two_reads_on_a_serial_line_hold_a_command_that_acts() {
     let reads: Vec<_> = (1..=32).chain([0xCD]).flat_map(serial_reads).collect();
@@ -199,8 +210,9 @@ fn no_two_reads_on_a_serial_line_hold_a_command_that_acts() {
     }
 }
 
-/// What a motor does that obeys whatever it can make out: it takes extended ids for standard ones, missing bytes for zeros, and looks
-/// at no checksum, length or unused byte. `protocols` are those of the motors on the bus.
+/// What a motor does that obeys whatever it can make out: it takes extended ids for standard ones,
+/// missing bytes for zeros, and looks at no checksum, length or unused byte. `protocols` are those
+/// of the motors on the bus.
 fn obeys(protocols: &[Protocol], id: u16, data: &[u8]) -> bool {
     let first = data.first().copied().unwrap_or(0);
     let command = [first, data.get(1).copied().unwrap_or(0)];
@@ -213,7 +225,8 @@ fn obeys(protocols: &[Protocol], id: u16, data: &[u8]) -> bool {
         },
         Protocol::Thruster => {
             (0x301..=0x37F).contains(&id)
-                && [b"TC", b"VC", b"LA", b"LR", b"ST", b"CI", b"CB", b"SP", b"CF"].contains(&&command)
+                && [b"TC", b"VC", b"LA", b"LR", b"ST", b"CI", b"CB", b"SP", b"CF"]
+                    .contains(&&command)
         }
         Protocol::D5 => first == 0xD5 && matches!(data.get(3), Some(0x03..=0x06)),
     })

@@ -4,8 +4,8 @@ use crate::bench::{self, arm, expiry, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::replies::MoveTarget;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Protocol, Quantity, Reply, Request, StopAction, TripReason, Value,
-    requests,
+    AxisParameter, AxisState, Error, Protocol, Quantity, Reply, Request, StopAction, TripReason,
+    Value, requests,
 };
 
 /// A quarter of a radian on from where the bench's motors stand, 360°: to 374.32°, at 115 °/s.
@@ -28,7 +28,11 @@ fn sent(rig: &Rig, since_us: u64) -> usize {
 
 /// From now on the motor says that of its position.
 fn stands_at(rig: &mut Rig, reply: &'static str) {
-    rig.instead(move |text| if text.starts_with("141#92") { Instead::Says(reply) } else { Instead::AsUsual });
+    rig.instead(
+        move |text| {
+            if text.starts_with("141#92") { Instead::Says(reply) } else { Instead::AsUsual }
+        },
+    );
 }
 
 #[test]
@@ -46,7 +50,10 @@ fn the_target_is_held_like_a_position_setpoint_until_it_expires() {
     assert!(targets.iter().filter(|text| **text == TARGET).count() >= 3);
     assert!(!targets.iter().any(|text| text.contains("#A8")));
     run_with_host(&mut rig, 60_000);
-    assert_eq!(bench::state(&mut rig).trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
+    assert_eq!(
+        bench::state(&mut rig).trip.map(|trip| trip.reason),
+        Some(TripReason::SetpointExpired)
+    );
 }
 
 #[test]
@@ -66,7 +73,10 @@ fn lost_reads_are_repeated_and_move_nothing_twice() {
     assert!(matches!(rig.ask(request), Ok(Reply::MoveRelative(_))));
     run_with_host(&mut rig, 30_000);
     assert!(
-        rig.sent_since(0, since).iter().filter(|text| text.starts_with("141#A4")).all(|text| *text == TARGET)
+        rig.sent_since(0, since)
+            .iter()
+            .filter(|text| text.starts_with("141#A4"))
+            .all(|text| *text == TARGET)
     );
     assert!(sent(&rig, since) > 0);
 }
@@ -84,7 +94,10 @@ fn what_cannot_be_done_is_refused_before_the_position_is_read() {
         rig.ask(request).unwrap_err()
     };
     assert_eq!(refused(&mut rig, epoch - 1, 0.25, 2.0), Error::StaleEpoch { current: Some(epoch) });
-    assert_eq!(refused(&mut rig, epoch, f32::NAN, 2.0), Error::NotANumber { quantity: Quantity::Position });
+    assert_eq!(
+        refused(&mut rig, epoch, f32::NAN, 2.0),
+        Error::NotANumber { quantity: Quantity::Position }
+    );
     assert_eq!(refused(&mut rig, epoch, 0.25, 0.0), Error::SpeedLimitZero { axis: 0 });
     assert_eq!(
         refused(&mut rig, epoch, 0.25, 3.5),
@@ -94,7 +107,10 @@ fn what_cannot_be_done_is_refused_before_the_position_is_read() {
 
     let (mut rig, _) = bench::d5();
     let epoch = arm(&mut rig);
-    assert_eq!(refused(&mut rig, epoch, 0.25, 2.0), Error::Unsupported { axis: 0, protocol: Protocol::D5 });
+    assert_eq!(
+        refused(&mut rig, epoch, 0.25, 2.0),
+        Error::Unsupported { axis: 0, protocol: Protocol::D5 }
+    );
 }
 
 #[test]
@@ -105,7 +121,10 @@ fn a_target_beyond_the_limit_is_refused_and_nothing_moves() {
     let since = rig.now_us;
     let request = relative(&rig, epoch, 0.25, 2.0);
     let refused = rig.ask(request);
-    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    assert!(
+        matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })),
+        "{refused:?}"
+    );
     run_with_host(&mut rig, 50_000);
     assert_eq!(sent(&rig, since), 0);
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Armed);
@@ -180,6 +199,9 @@ fn a_target_that_the_motor_cannot_count_is_refused() {
     let since = rig.now_us;
     let request = relative(&rig, epoch, 0.25, 2.0);
     let refused = rig.ask(request);
-    assert!(matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })), "{refused:?}");
+    assert!(
+        matches!(refused, Err(Error::OutOfRange { quantity: Quantity::Position, .. })),
+        "{refused:?}"
+    );
     assert_eq!(sent(&rig, since), 0);
 }

@@ -1,9 +1,11 @@
-//! Clearing a trip by a restart of the motor (RMD V3.6 §2.25, §8.1): told once, waited out, seen by the run time (§2.28).
+//! Clearing a trip by a restart of the motor (RMD V3.6 §2.25, §8.1): told once, waited out, seen by
+//! the run time (§2.28).
 
 use crate::bench::{self, VELOCITY, listed, move_axis, outcomes, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, StopAction, Value, replies, requests,
+    AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, StopAction, Value, replies,
+    requests,
 };
 
 /// 20 ms.
@@ -12,8 +14,8 @@ const TELL: &str = "141#7600000000000000";
 const ASK: &str = "141#B100000000000000";
 const RESTART: Request = Request::ClearByRestart(requests::ClearByRestart { axis: 0 });
 
-/// An axis that has tripped and stands confirmed. Its motor, once told to restart, is silent for so many requests and then tells
-/// `after` as its run time.
+/// An axis that has tripped and stands confirmed. Its motor, once told to restart, is silent for so
+/// many requests and then tells `after` as its run time.
 fn tripped(silent_for: u32, after: Instead) -> Rig {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::StopsBeforeUnreachable, Value::Unsigned(3));
@@ -50,8 +52,9 @@ fn a_restart_is_told_once_waited_out_and_seen_and_the_silence_counts_as_no_misse
     assert!(first(ASK) < first(TELL) && first(TELL) < last(ASK));
     assert!(last(ASK) < last("141#9A00000000000000"), "{sent:?}");
     assert_eq!(sent.iter().filter(|text| **text == TELL).count(), 1);
-    let is_unreachable =
-        |event: &host_protocol::Event| matches!(event, host_protocol::Event::AxisUnreachable { .. });
+    let is_unreachable = |event: &host_protocol::Event| {
+        matches!(event, host_protocol::Event::AxisUnreachable { .. })
+    };
     assert!(!outcomes(&rig).iter().any(is_unreachable));
 }
 
@@ -71,7 +74,10 @@ fn a_motor_that_does_not_come_back_is_reported_and_its_missed_stops_count_from_t
     let mut rig = tripped(u32::MAX, AFTER);
     let sequence = rig.send(&RESTART);
     run_with_host(&mut rig, 3_200_000);
-    assert_eq!(rig.answer(sequence), Some(Err(Error::NoReply { axis: 0, hint: NoReplyHint::None })));
+    assert_eq!(
+        rig.answer(sequence),
+        Some(Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }))
+    );
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
     run_with_host(&mut rig, 3_000_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
@@ -83,7 +89,9 @@ fn only_a_confirmed_trip_of_a_motor_that_can_restart_is_cleared_so() {
     assert_eq!(rig.ask(RESTART), Err(Error::NothingToClear { axis: 0 }));
     move_axis(&mut rig, VELOCITY);
     assert_eq!(rig.ask(RESTART), Err(Error::NothingToClear { axis: 0 }));
-    rig.instead(|text| if text.starts_with("141#81") { Instead::Nothing } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("141#81") { Instead::Nothing } else { Instead::AsUsual },
+    );
     bench::e_stop(&mut rig);
     assert_eq!(rig.ask(RESTART), Err(Error::StopNotConfirmed { axis: 0 }));
     let (mut rig, _) = bench::thruster();

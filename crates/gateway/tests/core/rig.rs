@@ -1,10 +1,13 @@
-//! A gateway on a bench without motors: the test plays the host with typed requests and the motors with literal bytes.
+//! A gateway on a bench without motors: the test plays the host with typed requests and the motors
+//! with literal bytes.
 
 use crate::text::{can_text, hex, is_can, unhex};
-use gateway::{Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit};
+use gateway::{
+    Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit,
+};
 use host_protocol::{
-    BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage, Kind,
-    MAX_FRAME, Reply, Request,
+    BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage,
+    Kind, MAX_FRAME, Reply, Request,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -55,7 +58,8 @@ pub enum Said {
     Event(HostEvent),
 }
 
-/// A motor's part: the bytes it answers to a request on a bus, as `ID#HEX` on CAN and as hex on RS485.
+/// A motor's part: the bytes it answers to a request on a bus, as `ID#HEX` on CAN and as hex on
+/// RS485.
 pub type Motor = Box<dyn FnMut(u64, u8, &str) -> Option<String>>;
 
 /// What a motor answers where a test has it do something of its own.
@@ -123,7 +127,8 @@ impl Due {
     }
 }
 
-/// Time a frame takes here, and the pause of a motor before its reply; round numbers, easy to reason with.
+/// Time a frame takes here, and the pause of a motor before its reply; round numbers, easy to
+/// reason with.
 pub const FRAME_US: u64 = 130;
 pub const MOTOR_US: u64 = 100;
 
@@ -153,7 +158,8 @@ impl Rig {
         rig
     }
 
-    /// The watchdog resets the gateway: the motors go on, time begins anew, and what was saved is all that is left.
+    /// The watchdog resets the gateway: the motors go on, time begins anew, and what was saved is
+    /// all that is left.
     pub fn reset(&mut self) {
         self.reset_as(&BOARD_AGAIN);
     }
@@ -262,7 +268,8 @@ impl Rig {
         });
     }
 
-    /// Cuts the CAN cables: what is in the controllers stays there, and the replies that were to come never come.
+    /// Cuts the CAN cables: what is in the controllers stays there, and the replies that were to
+    /// come never come.
     pub fn cut(&mut self) {
         self.cut = true;
         for (at, what) in std::mem::take(&mut self.due) {
@@ -290,15 +297,19 @@ impl Rig {
         self.babble(None);
     }
 
-    /// From now on somebody sends this id as fast as the CAN buses take it; `None` falls silent. What waits and wins leaves.
+    /// From now on somebody sends this id as fast as the CAN buses take it; `None` falls silent.
+    /// What waits and wins leaves.
     pub fn babble(&mut self, id: Option<u16>) {
         self.babble = id;
-        let (waits, leaves) =
-            std::mem::take(&mut self.held).into_iter().partition(|(.., text)| self.is_held_up(text));
+        let (waits, leaves) = std::mem::take(&mut self.held)
+            .into_iter()
+            .partition(|(.., text)| self.is_held_up(text));
         self.held = waits;
         let left_at = self.now_us + FRAME_US;
         let leaves: Vec<_> = leaves;
-        self.due.extend(leaves.into_iter().map(|(bus, slot, text)| (left_at, Due::Left(bus, slot, text))));
+        self.due.extend(
+            leaves.into_iter().map(|(bus, slot, text)| (left_at, Due::Left(bus, slot, text))),
+        );
     }
 
     /// Whether a frame stays in its controller.
@@ -354,7 +365,8 @@ impl Rig {
         loop {
             let wire = self.due.iter().map(|(at, _)| *at).enumerate().min_by_key(|(_, at)| *at);
             let core = self.gateway.next_deadline().map(Instant::as_micros);
-            let next = [wire.map(|(_, at)| at), core].into_iter().flatten().filter(|at| *at <= end).min();
+            let next =
+                [wire.map(|(_, at)| at), core].into_iter().flatten().filter(|at| *at <= end).min();
             let Some(next) = next else { break };
             self.now_us = self.now_us.max(next);
             match wire.filter(|(_, at)| *at <= self.now_us) {
@@ -384,7 +396,8 @@ impl Rig {
         }
     }
 
-    /// Frames that wait for an acknowledgement are given back when the core asks for them; those that are on the wire go on.
+    /// Frames that wait for an acknowledgement are given back when the core asks for them; those
+    /// that are on the wire go on.
     fn give_back(&mut self) {
         for bus in 0..3 {
             while let Some(slot) = self.gateway.poll_cancel(self.now(), bus) {
@@ -424,10 +437,13 @@ impl Rig {
                         frame.sequence,
                         Box::new(Reply::decode(frame.number, frame.body).unwrap()),
                     ),
-                    Kind::Error => {
-                        Said::Error(frame.sequence, Error::decode(frame.number, frame.body).unwrap())
+                    Kind::Error => Said::Error(
+                        frame.sequence,
+                        Error::decode(frame.number, frame.body).unwrap(),
+                    ),
+                    Kind::Event => {
+                        Said::Event(EventMessage::decode(frame.number, frame.body).unwrap().event)
                     }
-                    Kind::Event => Said::Event(EventMessage::decode(frame.number, frame.body).unwrap().event),
                     Kind::Request => panic!("a gateway sends no requests"),
                 });
             }

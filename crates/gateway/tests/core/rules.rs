@@ -1,24 +1,34 @@
-//! The rules of an axis as a program may ask for them, and that the gateway refuses what they refuse and takes what they allow.
+//! The rules of an axis as a program may ask for them, and that the gateway refuses what they
+//! refuse and takes what they allow.
 
 use crate::bench::{self, arm, expiry, native, parameter, setpoint};
 use crate::rig::{Instead, Rig};
 use crate::text::unhex;
 use gateway::{AxisRules, NativeEffect};
 use host_protocol::{
-    AxisParameter, BusKind, Error, Protocol, Quantity, Reply, Request, Setpoint, StopAction, Value, requests,
+    AxisParameter, BusKind, Error, Protocol, Quantity, Reply, Request, Setpoint, StopAction, Value,
+    requests,
 };
 
 const TTL_US: u64 = 80_000;
 /// A gateway that takes a move reads the position first; the others refuse.
-const DISTANCES: [(f32, f32); 7] =
-    [(1.0, 1.0), (f32::NAN, 1.0), (1.0, f32::NAN), (1.0, 0.0), (1.0, -1.0), (1.0, 9.0), (-0.5, 5_000.0)];
+const DISTANCES: [(f32, f32); 7] = [
+    (1.0, 1.0),
+    (f32::NAN, 1.0),
+    (1.0, f32::NAN),
+    (1.0, 0.0),
+    (1.0, -1.0),
+    (1.0, 9.0),
+    (-0.5, 5_000.0),
+];
 
 /// The rules for what the gateway says axis 0 is configured with.
 fn rules(rig: &mut Rig, bus: BusKind) -> AxisRules {
     let mut rules = AxisRules::new(0, bus);
     for parameter in AxisParameter::ALL {
         let request = requests::ReadAxisParameter { axis: 0, parameter: parameter.number() };
-        let Ok(Reply::ReadAxisParameter(reply)) = rig.ask(Request::ReadAxisParameter(request)) else {
+        let Ok(Reply::ReadAxisParameter(reply)) = rig.ask(Request::ReadAxisParameter(request))
+        else {
             panic!("{parameter:?}")
         };
         if let Some(value) = reply.value {
@@ -44,7 +54,13 @@ fn setpoints() -> Vec<Setpoint> {
         for which in 0..5 {
             let mut parts = [0.5, 0.5, 1.0, 0.1, 0.1];
             parts[which] = value;
-            let [position_rad, velocity_rad_s, stiffness_nm_per_rad, damping_nm_s_per_rad, torque_nm] = parts;
+            let [
+                position_rad,
+                velocity_rad_s,
+                stiffness_nm_per_rad,
+                damping_nm_s_per_rad,
+                torque_nm,
+            ] = parts;
             setpoints.push(Setpoint::Impedance {
                 position_rad,
                 velocity_rad_s,
@@ -62,7 +78,8 @@ fn said<T>(result: Result<T, Error>) -> String {
     format!("{:?}", result.err())
 }
 
-/// Asks the rules and the armed gateway the same. Returns how much was allowed, and how much refused.
+/// Asks the rules and the armed gateway the same. Returns how much was allowed, and how much
+/// refused.
 fn assert_agree(mut rig: Rig, bus: BusKind, commands: &[&str]) -> (usize, usize) {
     let rules = rules(&mut rig, bus);
     let mut verdicts = Vec::new();
@@ -77,8 +94,13 @@ fn assert_agree(mut rig: Rig, bus: BusKind, commands: &[&str]) -> (usize, usize)
     }
     for (distance_rad, speed_limit_rad_s) in DISTANCES {
         let expires_at_us = expiry(&rig, TTL_US);
-        let request =
-            requests::MoveRelative { axis: 0, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+        let request = requests::MoveRelative {
+            axis: 0,
+            epoch,
+            expires_at_us,
+            distance_rad,
+            speed_limit_rad_s,
+        };
         let gateway = rig.ask(Request::MoveRelative(request));
         let rule = rules.check_move(distance_rad, speed_limit_rad_s);
         compare(format!("move {distance_rad} at {speed_limit_rad_s}"), rule, gateway);
@@ -106,7 +128,9 @@ fn limit(rig: &mut Rig) {
         // Not every motor measures, or can be asked for, all of these.
         match rig.ask(Request::ConfigureAxis(configured)) {
             Ok(_) => {}
-            refused => assert_eq!(refused, Err(Error::CannotMeasure { axis: 0, parameter: number })),
+            refused => {
+                assert_eq!(refused, Err(Error::CannotMeasure { axis: 0, parameter: number }))
+            }
         }
     }
 }
@@ -155,7 +179,8 @@ fn the_gateway_and_the_rules_agree_on_a_thruster() {
         let (mut rig, _) = bench::thruster();
         parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(position_device));
         limit(&mut rig);
-        // Thruster manual §2.1, §4.1: a signal, speeds of 300 and 20 rpm, a position and a distance.
+        // Thruster manual §2.1, §4.1: a signal, speeds of 300 and 20 rpm, a position and a
+        // distance.
         let commands = [
             "544300000000FFFB",
             "564300000000012C",
@@ -231,13 +256,20 @@ fn what_is_no_command_and_what_is_no_value_is_refused() {
         effect(Protocol::Rmd, "FF00000000000000"),
         Err(Error::NotACommand { axis: 0, protocol: Protocol::Rmd })
     );
-    assert_eq!(effect(Protocol::D5, "D50C050226000039"), Err(Error::NotThisNode { axis: 0, node: 0x0B }));
+    assert_eq!(
+        effect(Protocol::D5, "D50C050226000039"),
+        Err(Error::NotThisNode { axis: 0, node: 0x0B })
+    );
     let mut rules = AxisRules::new(3, BusKind::Can);
     assert!(rules.set(AxisParameter::SignalLimit, Value::Float(1.5)).is_err());
-    let nowhere = Err(Error::NotConfigured { axis: 3, parameter: AxisParameter::Protocol.number() });
+    let nowhere =
+        Err(Error::NotConfigured { axis: 3, parameter: AxisParameter::Protocol.number() });
     assert_eq!(rules.check_setpoint(Setpoint::Velocity { velocity_rad_s: 1.0 }), nowhere);
     assert_eq!(rules.check_native(&[0x9A; 8]), nowhere);
-    assert_eq!(rules.check_move(f32::INFINITY, 1.0), Err(Error::NotANumber { quantity: Quantity::Position }));
+    assert_eq!(
+        rules.check_move(f32::INFINITY, 1.0),
+        Err(Error::NotANumber { quantity: Quantity::Position })
+    );
 }
 
 #[test]
@@ -245,7 +277,9 @@ fn a_motor_that_cannot_be_is_refused_by_the_rules_as_by_the_gateway() {
     let mut refused = 0;
     for protocol in Protocol::ALL.iter().copied() {
         for (bus, kind) in [(0, BusKind::Can), (2, BusKind::Rs485)] {
-            for (node, stop) in [1, 32, 33, 127, 128, 253].iter().zip(StopAction::ALL.iter().cycle()) {
+            for (node, stop) in
+                [1, 32, 33, 127, 128, 253].iter().zip(StopAction::ALL.iter().cycle())
+            {
                 let mut rig = Rig::new();
                 bench::hello(&mut rig);
                 let mut rules = AxisRules::new(0, kind);
@@ -258,7 +292,8 @@ fn a_motor_that_cannot_be_is_refused_by_the_rules_as_by_the_gateway() {
                 ] {
                     let value = Value::Unsigned(number.into());
                     rules.set(name, value).unwrap();
-                    let request = requests::ConfigureAxis { axis: 0, parameter: name.number(), value };
+                    let request =
+                        requests::ConfigureAxis { axis: 0, parameter: name.number(), value };
                     told = told.and(rig.ask(Request::ConfigureAxis(request)).map(drop));
                 }
                 assert_eq!(rules.check(), told, "{protocol:?} {node} on bus {bus}, {stop:?}");

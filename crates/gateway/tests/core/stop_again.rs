@@ -1,13 +1,14 @@
-//! What happens to a stop under way, or confirmed, when something else happens: nothing makes the gateway forget it.
+//! What happens to a stop under way, or confirmed, when something else happens: nothing makes the
+//! gateway forget it.
 
 use crate::bench::{
-    self, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, listed, move_axis, outcomes, run_with_host,
-    setpoint, state, stop,
+    self, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, listed, move_axis, outcomes,
+    run_with_host, setpoint, state, stop,
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, StopAction, StopTarget,
-    TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, StopAction,
+    StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -34,7 +35,8 @@ fn a_clearing_ends_when_the_motor_turns_again() {
     let (mut rig, play) = tripped();
     let has_turned = Rc::new(Cell::new(false));
     let turned = has_turned.clone();
-    // The last question of the clearing is answered once the watch over the held motor has seen it turn.
+    // The last question of the clearing is answered once the watch over the held motor has seen it
+    // turn.
     rig.instead(move |text| match &text[..6] {
         "141#92" if !turned.get() => Instead::Nothing,
         "141#9C" if play.borrow().turning => {
@@ -80,7 +82,11 @@ fn an_axis_that_becomes_unreachable_while_it_is_cleared_stays_tripped() {
     }
     let since = rig.now_us;
     run_with_host(&mut rig, 2_000_000);
-    assert!(rig.sent_since(0, since).iter().all(|text| *text == HOLD), "{:?}", rig.sent_since(0, since));
+    assert!(
+        rig.sent_since(0, since).iter().all(|text| *text == HOLD),
+        "{:?}",
+        rig.sent_since(0, since)
+    );
     assert_eq!(clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
 }
 
@@ -111,8 +117,11 @@ fn an_e_stop_while_stopping_is_sent_at_once() {
         let since = rig.now_us;
         e_stop(&mut rig);
         rig.run(300);
-        let at =
-            rig.wire.iter().find(|(at, _, text)| *at >= since && text == HOLD).map(|(at, ..)| at - since);
+        let at = rig
+            .wire
+            .iter()
+            .find(|(at, _, text)| *at >= since && text == HOLD)
+            .map(|(at, ..)| at - since);
         // At most one frame of ours is on the wire already.
         assert!(at.is_some_and(|at| at <= 130), "phase {phase_us}: {at:?}");
     }
@@ -158,7 +167,11 @@ fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_th
         let epoch = arm(&mut rig);
         let request = setpoint(&rig, epoch, ttl_us, VELOCITY);
         rig.send(&request);
-        assert!(rig.wire.last().is_some_and(|(at, _, text)| *at == rig.now_us && text.starts_with("141#A2")));
+        assert!(
+            rig.wire
+                .last()
+                .is_some_and(|(at, _, text)| *at == rig.now_us && text.starts_with("141#A2"))
+        );
         let due = rig.now() + gateway::Duration::from_micros(REFRESH_US);
         rig.run(2_000);
         let refreshed = rig.gateway.poll_transmit(due, 0);

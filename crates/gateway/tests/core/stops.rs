@@ -1,13 +1,13 @@
 //! Everything that must stop a motor, stops it.
 
 use crate::bench::{
-    self, COAST, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, keep_moving, listed, move_axis,
-    run_with_host, setpoint, state, stop,
+    self, COAST, HOLD, VELOCITY, arm, assert_tripped, clear, e_stop, keep_moving, listed,
+    move_axis, run_with_host, setpoint, state, stop,
 };
 use crate::rig::{Instead, Rig, Said};
 use host_protocol::{
-    AuthorityLossReason, AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol,
-    Quantity, Request, Setpoint, StopAction, StopTarget, TripReason, Value, requests,
+    AuthorityLossReason, AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent,
+    Protocol, Quantity, Request, Setpoint, StopAction, StopTarget, TripReason, Value, requests,
 };
 
 /// Reads the speed (RMD V3.6 §2.13).
@@ -20,7 +20,8 @@ fn an_expired_setpoint_trips_and_the_stop_goes_out_at_once() {
     let expiry = rig.now_us + 80_000;
     run_with_host(&mut rig, 200_000);
     assert_tripped(&mut rig, TripReason::SetpointExpired, true);
-    let (at, _, _) = rig.wire.iter().find(|(at, _, text)| *at + 200 >= expiry && text == HOLD).unwrap();
+    let (at, _, _) =
+        rig.wire.iter().find(|(at, _, text)| *at + 200 >= expiry && text == HOLD).unwrap();
     assert!(at.abs_diff(expiry) <= 200, "stop at {at}, expiry about {expiry}");
     let stops = rig.sent_since(0, expiry - 200).iter().filter(|text| **text == HOLD).count();
     assert!(stops >= 2);
@@ -154,9 +155,11 @@ fn holding_is_confirmed_only_by_two_readings_of_standstill() {
     let since = rig.now_us;
     run_with_host(&mut rig, 60_000);
     assert_eq!(state(&mut rig).state, AxisState::Holding);
-    let readings = rig.sent_since(0, since).iter().filter(|text| text.starts_with("141#9C")).count();
+    let readings =
+        rig.sent_since(0, since).iter().filter(|text| text.starts_with("141#9C")).count();
     assert!(readings >= 2);
-    let confirmed = |said: &Said| matches!(said, Said::Event(HostEvent::StopConfirmed { axis: 0, .. }));
+    let confirmed =
+        |said: &Said| matches!(said, Said::Event(HostEvent::StopConfirmed { axis: 0, .. }));
     assert_eq!(rig.said.iter().filter(|said| confirmed(said)).count(), 1);
 }
 
@@ -209,7 +212,10 @@ fn a_late_reply_to_a_setpoint_of_0_is_not_taken_for_that_of_the_same_stop() {
     stop(&mut rig);
     rig.run(200);
     let tc_0 = "30B#5443000000000000";
-    assert_eq!(rig.wire.iter().filter(|(at, _, text)| *at + 6_000 > rig.now_us && text == tc_0).count(), 2);
+    assert_eq!(
+        rig.wire.iter().filter(|(at, _, text)| *at + 6_000 > rig.now_us && text == tc_0).count(),
+        2
+    );
     rig.receive(0, "28B#5443000000000000");
     assert!(!state(&mut rig).stop_acknowledged);
 }
@@ -218,7 +224,9 @@ fn a_late_reply_to_a_setpoint_of_0_is_not_taken_for_that_of_the_same_stop() {
 fn fault_words_that_are_not_answered_trip_although_motion_is() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let epoch = arm(&mut rig);
-    rig.instead(|text| if text.starts_with("141#9A") { Instead::Nothing } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("141#9A") { Instead::Nothing } else { Instead::AsUsual },
+    );
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 600_000);
     assert_tripped(&mut rig, TripReason::MotorSilent, true);
 }
@@ -259,7 +267,8 @@ fn stopping_all_leaves_an_axis_alone_whose_bus_does_not_run() {
     bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd]);
 }
 
-/// How often the speed is still read until the stop is confirmed, when the answer to the second reading is `late`.
+/// How often the speed is still read until the stop is confirmed, when the answer to the second
+/// reading is `late`.
 fn readings_after(late: &str) -> usize {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);

@@ -3,8 +3,8 @@
 use crate::bench::{self, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event, Protocol, Quantity, Request, StateField, StateFields, StopAction,
-    TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event, Protocol, Quantity, Request, StateField, StateFields,
+    StopAction, TripReason, Value, requests,
 };
 
 const FIELDS: StateFields = StateFields::of(&[StateField::Position, StateField::Faults]);
@@ -80,7 +80,12 @@ fn a_period_out_of_range_is_refused_and_the_subscription_stays() {
     subscribe(&mut rig, 1, 20_000).unwrap();
     assert_eq!(
         subscribe(&mut rig, 1, 999),
-        Err(Error::OutOfRange { quantity: Quantity::Period, value: 999.0, min: 1_000.0, max: 10_000_000.0 })
+        Err(Error::OutOfRange {
+            quantity: Quantity::Period,
+            value: 999.0,
+            min: 1_000.0,
+            max: 10_000_000.0
+        })
     );
     let events = rig.events().len();
     run_with_host(&mut rig, 100_000);
@@ -136,7 +141,8 @@ fn a_watched_motor_that_something_else_turns_is_left_alone_so_that_its_own_timeo
 #[test]
 fn a_host_that_has_not_said_hello_is_told_nothing() {
     let (mut rig, _) = bench::rmd(StopAction::Coast);
-    let request = Request::Subscribe(requests::Subscribe { axes: 1, fields: FIELDS, period_us: 1_000 });
+    let request =
+        Request::Subscribe(requests::Subscribe { axes: 1, fields: FIELDS, period_us: 1_000 });
     rig.ask_as(1, &request).unwrap();
     run_with_host(&mut rig, 20_000);
     let mut out = [0; host_protocol::MAX_FRAME];
@@ -152,17 +158,27 @@ fn an_armed_axis_is_read_for_what_a_limit_or_a_watcher_asks_for() {
     bench::arm(&mut rig);
     run_with_host(&mut rig, 3_000_000);
     let events = rig.events();
-    let Some(Event::Sample { voltage_v: Some(voltage), motor_temperature_c: Some(temperature), .. }) =
-        events.iter().rev().find(|event| matches!(event, Event::Sample { .. }))
+    let Some(Event::Sample {
+        voltage_v: Some(voltage),
+        motor_temperature_c: Some(temperature),
+        ..
+    }) = events.iter().rev().find(|event| matches!(event, Event::Sample { .. }))
     else {
         panic!("no sample");
     };
-    assert!(voltage.age_us < 1_000_000 && temperature.age_us < 1_000_000, "{voltage:?} {temperature:?}");
+    assert!(
+        voltage.age_us < 1_000_000 && temperature.age_us < 1_000_000,
+        "{voltage:?} {temperature:?}"
+    );
 
     let (mut rig, _) = bench::thruster();
     bench::parameter(&mut rig, 0, AxisParameter::TemperatureLimitC, Value::Float(60.0));
     let hot = |text: &str| text.contains("#5154");
-    rig.instead(move |text| if hot(text) { Instead::Says("28B#515400000000005A") } else { Instead::AsUsual });
+    rig.instead(
+        move |text| {
+            if hot(text) { Instead::Says("28B#515400000000005A") } else { Instead::AsUsual }
+        },
+    );
     bench::arm(&mut rig);
     run_with_host(&mut rig, 1_000_000);
     let reason = bench::state(&mut rig).trip.map(|trip| trip.reason);

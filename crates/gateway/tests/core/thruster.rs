@@ -8,7 +8,9 @@ use host_protocol::{AxisParameter, Error, FaultReading, Reply, Request, Value, r
 fn reports(rig: &mut Rig, word: &'static str) {
     let reply: &'static str = format!("28B#454600000000{word}").leak();
     rig.instead(
-        move |text| if text.starts_with("30B#4546") { Instead::Says(reply) } else { Instead::AsUsual },
+        move |text| {
+            if text.starts_with("30B#4546") { Instead::Says(reply) } else { Instead::AsUsual }
+        },
     );
 }
 
@@ -16,7 +18,8 @@ fn try_arm(rig: &mut Rig) -> Result<Reply, Error> {
     rig.ask(Request::Arm(requests::Arm { axis: 0 }))
 }
 
-/// Thruster manual §3, the table of protections: bits 3, 4, 12 and 13 are "reported", all others do something to the output.
+/// Thruster manual §3, the table of protections: bits 3, 4, 12 and 13 are "reported", all others do
+/// something to the output.
 #[test]
 fn each_bit_of_the_fault_word_bars_arming_or_only_warns() {
     let barring = [
@@ -52,7 +55,8 @@ fn a_warning_hides_no_fault() {
 }
 
 #[test]
-fn an_axis_can_be_set_to_treat_warnings_as_faults_and_a_limit_of_the_temperature_needs_its_sensors() {
+fn an_axis_can_be_set_to_treat_warnings_as_faults_and_a_limit_of_the_temperature_needs_its_sensors()
+{
     let (mut rig, _) = bench::thruster();
     bench::parameter(&mut rig, 0, AxisParameter::WarningsAreFaults, Value::Bool(true));
     reports(&mut rig, "0010");

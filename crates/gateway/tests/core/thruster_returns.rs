@@ -1,9 +1,11 @@
-//! A thruster whose VM is set: what it returns for TC and VC instead of the echo (Thruster manual §2.4).
+//! A thruster whose VM is set: what it returns for TC and VC instead of the echo (Thruster manual
+//! §2.4).
 
 use crate::bench::{self, arm, run_with_host, setpoint, state};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, Setpoint, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, Setpoint, TripReason, Value,
+    requests,
 };
 
 /// §2.4, frame 1: 1000 rpm, 24.0 V, 1.0 A.
@@ -72,13 +74,19 @@ fn vc_is_acknowledged_by_its_own_header_only() {
         let mut rig = thruster(0x0001, AT_REST, vc);
         let epoch = arm(&mut rig);
         // 300 rpm
-        bench::keep_moving(&mut rig, &[(0, epoch)], Setpoint::Velocity { velocity_rad_s: 31.42 }, 300_000);
+        bench::keep_moving(
+            &mut rig,
+            &[(0, epoch)],
+            Setpoint::Velocity { velocity_rad_s: 31.42 },
+            300_000,
+        );
         let reason = state(&mut rig).trip.map(|trip| trip.reason);
         assert_eq!(reason, (!armed).then_some(TripReason::MotorSilent), "{vc}");
     }
 }
 
-/// With several frames for one command, the lowest that VM asks for acknowledges and no other: it comes once for each command.
+/// With several frames for one command, the lowest that VM asks for acknowledges and no other: it
+/// comes once for each command.
 #[test]
 fn one_frame_of_several_acknowledges() {
     for (mode, frame, arms) in [
@@ -136,7 +144,10 @@ fn a_frame_without_header_is_read_only_while_tc_or_vc_waits() {
         _ => Instead::AsUsual,
     });
     rig.run(30_000);
-    assert_eq!(state(&mut rig).trip.map(|trip| trip.reason), Some(TripReason::MotorFault { faults: 0x40 }));
+    assert_eq!(
+        state(&mut rig).trip.map(|trip| trip.reason),
+        Some(TripReason::MotorFault { faults: 0x40 })
+    );
 }
 
 #[test]
@@ -157,11 +168,15 @@ fn a_refusal_is_one_in_every_mode() {
         rig.ask(request).unwrap();
         rig.run(5_000);
         let reason = state(&mut rig).trip.map(|trip| trip.reason);
-        assert!(matches!(reason, Some(TripReason::CommandRefused { .. })), "{mode:#06x} {reason:?}");
+        assert!(
+            matches!(reason, Some(TripReason::CommandRefused { .. })),
+            "{mode:#06x} {reason:?}"
+        );
     }
 }
 
-/// A returned frame does not say the value that was taken: while that of a signal is due, none acknowledges a stop.
+/// A returned frame does not say the value that was taken: while that of a signal is due, none
+/// acknowledges a stop.
 #[test]
 fn the_frames_of_a_signal_do_not_acknowledge_the_stop_that_follows() {
     for (mode, frame) in [(0x0001, MOTION), (0x0200, "28B#03E800F0000A0000")] {
@@ -171,26 +186,40 @@ fn the_frames_of_a_signal_do_not_acknowledge_the_stop_that_follows() {
             _ => Instead::AsUsual,
         });
         let epoch = arm(&mut rig);
-        rig.instead(|text| if text.starts_with("30B#5443") { Instead::Nothing } else { Instead::AsUsual });
+        rig.instead(
+            |text| if text.starts_with("30B#5443") { Instead::Nothing } else { Instead::AsUsual },
+        );
         let request = setpoint(&rig, epoch, TTL_US, SIGNAL);
         rig.ask(request).unwrap();
         rig.run(300);
         rig.send(&Request::EStop(requests::EStop {}));
         rig.run(300);
-        assert!(rig.left.iter().any(|(_, _, text)| text == "30B#5443000000000014"), "{:?}", rig.left);
+        assert!(
+            rig.left.iter().any(|(_, _, text)| text == "30B#5443000000000014"),
+            "{:?}",
+            rig.left
+        );
         assert_eq!(rig.left.last().map(|(_, _, text)| text.as_str()), Some("30B#5443000000000000"));
         // Twice: one may be that of a signal that was given up long before.
         rig.receive(0, frame);
         rig.receive(0, frame);
         assert!(!state(&mut rig).stop_acknowledged, "{mode:#06x}");
         run_with_host(&mut rig, 40_000);
-        assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: false }, "{mode:#06x}");
-        // Nothing older is due any more: from here on one frame acknowledges.
-        rig.instead(
-            move |text| if text.starts_with("30B#5443") { Instead::Says(frame) } else { Instead::AsUsual },
+        assert_eq!(
+            bench::listed(&mut rig, 0),
+            AxisState::Tripped { confirmed: false },
+            "{mode:#06x}"
         );
+        // Nothing older is due any more: from here on one frame acknowledges.
+        rig.instead(move |text| {
+            if text.starts_with("30B#5443") { Instead::Says(frame) } else { Instead::AsUsual }
+        });
         run_with_host(&mut rig, 200_000);
-        assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: true }, "{mode:#06x}");
+        assert_eq!(
+            bench::listed(&mut rig, 0),
+            AxisState::Tripped { confirmed: true },
+            "{mode:#06x}"
+        );
     }
 }
 
@@ -209,7 +238,8 @@ fn a_mode_with_reserved_bits_is_refused() {
     for mode in [0x0008, 0x0080, 0x0208] {
         let value = Value::Unsigned(mode);
         let parameter = AxisParameter::ReturnMode.number();
-        let result = rig.ask(Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter, value }));
+        let result =
+            rig.ask(Request::ConfigureAxis(requests::ConfigureAxis { axis: 0, parameter, value }));
         assert!(matches!(result, Err(Error::OutOfRange { .. })), "{mode:#06x} {result:?}");
     }
 }

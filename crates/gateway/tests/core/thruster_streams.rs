@@ -1,9 +1,11 @@
-//! What a thruster sends unasked, as ML, MM and SR set it, reaches the hosts (Thruster manual §2.1, §2.5).
+//! What a thruster sends unasked, as ML, MM and SR set it, reaches the hosts (Thruster manual §2.1,
+//! §2.5).
 
 use crate::bench::{self, arm, keep_moving, state};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, Event, Quantity, Request, Setpoint, StateField, StateFields, TripReason, Value, requests,
+    AxisParameter, Event, Quantity, Request, Setpoint, StateField, StateFields, TripReason, Value,
+    requests,
 };
 
 /// §2.5, frame 1: 300 rpm, 24.0 V, 1.6 A.
@@ -21,7 +23,8 @@ fn watched() -> Rig {
     let (mut rig, _) = bench::thruster();
     rig.instead(|_| Instead::Nothing);
     let fields = StateFields::of(StateField::ALL);
-    rig.ask(Request::Subscribe(requests::Subscribe { axes: 1, fields, period_us: 50_000 })).unwrap();
+    rig.ask(Request::Subscribe(requests::Subscribe { axes: 1, fields, period_us: 50_000 }))
+        .unwrap();
     rig.run(2_000_000);
     rig.said.clear();
     rig
@@ -39,7 +42,9 @@ fn sampled(rig: &Rig, fields: &[StateField]) -> Vec<Option<f32>> {
 /// The data of the notices that were told, and how many were left out before each.
 fn notices(rig: &Rig) -> Vec<(String, u16)> {
     let told = rig.events().into_iter().filter_map(|event| match event {
-        Event::MotorNotice { axis: 0, data, length: 8, untold } => Some((crate::text::hex(data), *untold)),
+        Event::MotorNotice { axis: 0, data, length: 8, untold } => {
+            Some((crate::text::hex(data), *untold))
+        }
         _ => None,
     });
     told.collect()
@@ -66,7 +71,10 @@ fn current_and_speed_of_ml_and_mm_are_told_as_samples_and_as_events() {
     rig.receive(0, CURRENT);
     rig.receive(0, RPM_300);
     rig.run(60_000);
-    assert_eq!(sampled(&rig, &[StateField::Current, StateField::Velocity]), [Some(1.6), Some(31.42)]);
+    assert_eq!(
+        sampled(&rig, &[StateField::Current, StateField::Velocity]),
+        [Some(1.6), Some(31.42)]
+    );
     assert_eq!(notices(&rig), [CURRENT, RPM_300].map(|frame| (frame[4..].to_owned(), 0)));
 }
 
@@ -105,7 +113,9 @@ fn what_a_stream_tells_is_held_against_the_limits_and_for_a_fault() {
         rig.receive(0, frame);
         let reason = state(&mut rig).trip.map(|trip| trip.reason);
         let name = match reason {
-            Some(TripReason::LimitExceeded { quantity: Quantity::Velocity, .. }) => Some("LimitExceeded"),
+            Some(TripReason::LimitExceeded { quantity: Quantity::Velocity, .. }) => {
+                Some("LimitExceeded")
+            }
             Some(TripReason::MotorFault { faults: 0x40 }) => Some("MotorFault"),
             None => None,
             other => panic!("{frame}: {other:?}"),

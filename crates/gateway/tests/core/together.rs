@@ -1,11 +1,14 @@
-//! Several D5 motors started by one frame (D5 manual, quick start (3), (4) and (7); GUARANTEES G2, G10).
+//! Several D5 motors started by one frame (D5 manual, quick start (3), (4) and (7); GUARANTEES G2,
+//! G10).
 
-use crate::bench::{self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, run_with_host};
+use crate::bench::{
+    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, run_with_host,
+};
 use crate::rig::{Instead, Rig};
 use host_protocol::requests::{Member, StartTogether};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Protocol, ProtocolSet, Quantity, Reply, Request, Setpoint, StopAction,
-    TogetherBar, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, Error, Protocol, ProtocolSet, Quantity, Reply, Request, Setpoint,
+    StopAction, TogetherBar, TripReason, Value, replies, requests,
 };
 
 const EXECUTE_ALL: &str = "0FE#D5FE050500000008";
@@ -46,8 +49,13 @@ fn three() -> Rig {
 
 fn configure_bus(rig: &mut Rig, wholly_ours: bool) {
     let protocols = ProtocolSet::of(&[Protocol::D5]);
-    let request =
-        requests::ConfigureBus { bus: 1, bitrate: 210_526, protocols, wholly_ours, reply_window_us: 5_000 };
+    let request = requests::ConfigureBus {
+        bus: 1,
+        bitrate: 210_526,
+        protocols,
+        wholly_ours,
+        reply_window_us: 5_000,
+    };
     rig.ask(Request::ConfigureBus(request)).unwrap();
 }
 
@@ -70,7 +78,9 @@ fn two_armed(rig: &mut Rig) -> [(u8, u32, f32); 2] {
 
 fn place(rig: &Rig, since_us: u64, text: &str) -> usize {
     let sent = rig.sent_since(1, since_us);
-    sent.iter().position(|sent| *sent == text).unwrap_or_else(|| panic!("{text} is not among {sent:?}"))
+    sent.iter()
+        .position(|sent| *sent == text)
+        .unwrap_or_else(|| panic!("{text} is not among {sent:?}"))
 }
 
 #[test]
@@ -87,7 +97,9 @@ fn each_speed_waits_before_one_frame_starts_both() {
         assert!(place(&rig, since, read) < execute);
     }
     // The motor that must not move is at speed 0, and nothing waits in it.
-    assert!(place(&rig, since, "001#D501050320000029") < place(&rig, since, "001#D50104022C000033"));
+    assert!(
+        place(&rig, since, "001#D501050320000029") < place(&rig, since, "001#D50104022C000033")
+    );
     assert!(place(&rig, since, "001#D50104022C000033") < execute);
     // From then on each is a setpoint.
     assert!(NOW.into_iter().all(|now| place(&rig, since, now) > execute));
@@ -99,7 +111,8 @@ fn each_speed_waits_before_one_frame_starts_both() {
     assert!(STOPS.into_iter().all(|stop| place(&rig, since, stop) > execute));
 }
 
-/// What waits in a motor at rest is overwritten by speed 0 and carried out, so that nothing waits (D5 manual, quick start (7)).
+/// What waits in a motor at rest is overwritten by speed 0 and carried out, so that nothing waits
+/// (D5 manual, quick start (7)).
 #[test]
 fn what_waits_in_a_motor_at_rest_is_cleared_first() {
     let mut rig = three();
@@ -139,7 +152,10 @@ fn a_motor_that_does_not_answer_stops_the_others() {
     rig.instead(|text| if text == WAIT[1] { Instead::Nothing } else { Instead::AsUsual });
     let since = rig.now_us;
     let request = together(&rig, &members);
-    assert!(matches!(rig.ask(request), Err(Error::NoReply { axis: 1, .. } | Error::Tripped { axis: 1, .. })));
+    assert!(matches!(
+        rig.ask(request),
+        Err(Error::NoReply { axis: 1, .. } | Error::Tripped { axis: 1, .. })
+    ));
     run_with_host(&mut rig, 100_000);
     assert!(!rig.sent_since(1, since).contains(&EXECUTE_ALL));
     assert_eq!(listed(&mut rig, 0), AxisState::Holding);

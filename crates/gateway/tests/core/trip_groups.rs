@@ -33,7 +33,8 @@ fn one_trips_and_the_group_stops_in_the_same_instant() {
     assert_eq!(trips(&rig), [(0, TripReason::SetpointExpired), (2, TripReason::Group { axis: 0 })]);
     assert_eq!(listed(&mut rig, 1), AxisState::Active);
     assert_eq!(listed(&mut rig, 2), AxisState::Tripped { confirmed: true });
-    let first = |text: &str| rig.wire.iter().find(|(at, _, sent)| *at > 100_000 && sent == text).unwrap().0;
+    let first =
+        |text: &str| rig.wire.iter().find(|(at, _, sent)| *at > 100_000 && sent == text).unwrap().0;
     assert!(first("143#8100000000000000").abs_diff(first("141#8100000000000000")) < 1_000);
 }
 
@@ -55,13 +56,18 @@ fn nobody_of_the_group_is_armed_while_another_is_tripped() {
 fn a_fault_found_while_arming_does_not_reach_the_group_and_a_trip_does_reach_who_is_arming() {
     let mut rig = rig();
     let epoch = arm_axis(&mut rig, 0);
-    rig.instead(|text| if text.starts_with("143#9C") { Instead::Nothing } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("143#9C") { Instead::Nothing } else { Instead::AsUsual },
+    );
     let arming = rig.send(&Request::Arm(requests::Arm { axis: 2 }));
     keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 10_000);
     assert_eq!(listed(&mut rig, 2), AxisState::Arming);
     bench::e_stop(&mut rig);
     run_with_host(&mut rig, 50_000);
-    assert_eq!(rig.answer(arming), Some(Err(Error::Tripped { axis: 2, reason: TripReason::EStop })));
+    assert_eq!(
+        rig.answer(arming),
+        Some(Err(Error::Tripped { axis: 2, reason: TripReason::EStop }))
+    );
 
     let mut rig = self::rig();
     arm_axis(&mut rig, 0);

@@ -1,12 +1,15 @@
 //! An armed axis without a setpoint whose motor turns (GUARANTEES G1).
 
-use crate::bench::{self, VELOCITY, arm, assert_tripped, listed, parameter, run_with_host, setpoint};
+use crate::bench::{
+    self, VELOCITY, arm, assert_tripped, listed, parameter, run_with_host, setpoint,
+};
 use crate::rig::{Instead, Rig};
 use host_protocol::{AxisParameter, AxisState, StopAction, TripReason, Value};
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// An armed RMD that reads the speeds given, °/s, one after the other and the last one for ever; with the times at which it was asked.
+/// An armed RMD that reads the speeds given, °/s, one after the other and the last one for ever;
+/// with the times at which it was asked.
 fn armed_and_read(degrees_s: &'static [i16]) -> (Rig, Rc<RefCell<usize>>) {
     let (mut rig, _) = bench::rmd(StopAction::Coast);
     arm(&mut rig);

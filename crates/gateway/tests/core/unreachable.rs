@@ -1,14 +1,15 @@
-//! Motors that no stop reaches: after so many of them the motor is left alone but for two stops between silences, so that its
-//! own timeout can act, and nobody can break the silence (GUARANTEES G4).
+//! Motors that no stop reaches: after so many of them the motor is left alone but for two stops
+//! between silences, so that its own timeout can act, and nobody can break the silence (GUARANTEES
+//! G4).
 
 use crate::bench::{
-    self, D5_VELOCITY, HOLD, VELOCITY, assert_tripped, listed, move_axis, outcomes, run_with_host, state,
-    stop,
+    self, D5_VELOCITY, HOLD, VELOCITY, assert_tripped, listed, move_axis, outcomes, run_with_host,
+    state, stop,
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Incident, Reply, Request, Setpoint, StopTarget,
-    TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Incident, Reply, Request, Setpoint,
+    StopTarget, TripReason, Value, requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -17,8 +18,12 @@ const SILENCE_US: u64 = 600_000;
 
 /// Times between frames on bus 0 that are longer than a reply window, µs.
 fn silences(rig: &Rig, bus: u8, since_us: u64) -> Vec<u64> {
-    let times: Vec<u64> =
-        rig.wire.iter().filter(|(at, on, _)| *at >= since_us && *on == bus).map(|(at, ..)| *at).collect();
+    let times: Vec<u64> = rig
+        .wire
+        .iter()
+        .filter(|(at, on, _)| *at >= since_us && *on == bus)
+        .map(|(at, ..)| *at)
+        .collect();
     times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 30_000).collect()
 }
 
@@ -36,7 +41,8 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
     assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
     let since = rig.now_us;
     run_with_host(&mut rig, 10_000_000);
-    // It answers, so that each time it is given another chance to be seen at rest; it is reported once.
+    // It answers, so that each time it is given another chance to be seen at rest; it is reported
+    // once.
     let silences = silences(&rig, 0, since);
     assert!(
         silences.len() >= 3 && silences.iter().all(|gap| gap.abs_diff(SILENCE_US) < 10_000),
@@ -62,7 +68,10 @@ fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout
         rig.run(10_000);
     }
     let silences = silences(&rig, 0, since);
-    assert!(silences.iter().filter(|gap| **gap >= SILENCE_US - 20_000).count() >= 5, "{silences:?}");
+    assert!(
+        silences.iter().filter(|gap| **gap >= SILENCE_US - 20_000).count() >= 5,
+        "{silences:?}"
+    );
 }
 
 #[test]
@@ -93,7 +102,8 @@ fn a_mute_d5_that_answers_reads_only_is_left_alone_too() {
 }
 
 #[test]
-fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_asked_in_measured_steps() {
+fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_asked_in_measured_steps()
+ {
     let (mut rig, _) = bench::thruster();
     bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
     move_axis(&mut rig, Setpoint::Signal { fraction: 0.1 });
@@ -106,7 +116,8 @@ fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_a
     stop(&mut rig);
     run_with_host(&mut rig, 1_000_000);
     assert_eq!(outcomes(&rig), []);
-    let refused = rig.sent_since(0, since).iter().filter(|text| text.starts_with("30B#4C53")).count();
+    let refused =
+        rig.sent_since(0, since).iter().filter(|text| text.starts_with("30B#4C53")).count();
     assert!((10..=50).contains(&refused), "{refused} refusals in 1 s");
     run_with_host(&mut rig, 4_100_000);
     assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);

@@ -1,12 +1,15 @@
-//! A reset while a motor is unreachable, and what is known of its own timeout afterwards (GUARANTEES G1, G4, G6).
+//! A reset while a motor is unreachable, and what is known of its own timeout afterwards
+//! (GUARANTEES G1, G4, G6).
 
 use crate::bench::{
-    self, HOLD, VELOCITY, clear, e_stop, listed, move_axis, parameter, provision, run_with_host, state,
+    self, HOLD, VELOCITY, clear, e_stop, listed, move_axis, parameter, provision, run_with_host,
+    state,
 };
 use crate::motors::Shared;
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, MotorTimeout, Reply, Request, Setpoint, StopAction, Value, requests,
+    AxisParameter, AxisState, Error, MotorTimeout, Reply, Request, Setpoint, StopAction, Value,
+    requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -161,7 +164,9 @@ fn what_a_thruster_was_told_is_waited_for_and_told_again_when_it_is_armed() {
 #[test]
 fn what_the_motor_has_not_confirmed_is_not_known_with_or_without_a_reset() {
     let (mut rig, _) = provisioned(bench::rmd(StopAction::Hold));
-    rig.instead(|text| if text.starts_with("141#B3") { Instead::Nothing } else { Instead::AsUsual });
+    rig.instead(
+        |text| if text.starts_with("141#B3") { Instead::Nothing } else { Instead::AsUsual },
+    );
     // It may have taken it, or not.
     assert!(matches!(provision(&mut rig, 300), Err(Error::NoReply { axis: 0, .. })));
     assert_eq!(arm(&mut rig), Err(Error::MotorTimeoutUnknown { axis: 0 }));

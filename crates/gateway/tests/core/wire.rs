@@ -1,5 +1,5 @@
-//! The literal bytes of every command that the core can send, reached by what a host asks for. The setpoints that the
-//! manuals print are in `motion`, the sequences of arming there too.
+//! The literal bytes of every command that the core can send, reached by what a host asks for. The
+//! setpoints that the manuals print are in `motion`, the sequences of arming there too.
 
 use crate::bench::{self, arm, clear, move_axis, setpoint, stop};
 use crate::motors::Shared;
@@ -82,8 +82,12 @@ fn rmd_stop_actions_have_their_commands() {
     move_axis(&mut rig, Setpoint::Current { current_a: 1.0 });
     rig.run(1_000);
     let sent = sent_by_stop(&mut rig, 0);
-    let expected =
-        ["141#8100000000000000", "141#8100000000000000", "141#9C00000000000000", "141#9C00000000000000"];
+    let expected = [
+        "141#8100000000000000",
+        "141#8100000000000000",
+        "141#9C00000000000000",
+        "141#9C00000000000000",
+    ];
     assert_eq!(sent.get(..4).unwrap(), expected);
 }
 
@@ -166,7 +170,8 @@ fn a_write_that_waits_in_a_d5_is_overwritten_by_the_stop() {
     rig.run(5_000);
     assert!(rig.sent_since(1, 0).contains(&"00B#D50B05032058820D")); // D5 manual, common commands 3: 600 °/s CW
     let sent = sent_by_stop(&mut rig, 1);
-    let (stop, pending, overwrite) = ("00B#D50B050320000033", "00B#D50B04022C00003D", "00B#D50B050420000034");
+    let (stop, pending, overwrite) =
+        ("00B#D50B050320000033", "00B#D50B04022C00003D", "00B#D50B050420000034");
     assert_eq!(sent.get(..4).unwrap(), [stop, stop, pending, overwrite]);
 }
 

@@ -57,7 +57,8 @@ fn torque_current_to_node_1() {
 #[test]
 fn a_short_notice_stays_short() {
     for payload in [&[][..], &[0x00], &[1, 2, 3, 4, 5, 6, 7]] {
-        let notice = Reply::TimeoutNotice { raw: RawNotice::new(payload).expect("at most 7 bytes") };
+        let notice =
+            Reply::TimeoutNotice { raw: RawNotice::new(payload).expect("at most 7 bytes") };
         let frame: CanFrame = reply(node(2), &notice).expect("a frame");
         assert_eq!(frame.dlc(), 1 + payload.len());
         assert_eq!(decode_reply(&frame), Ok((node(2), notice)));
@@ -79,15 +80,25 @@ fn frames_of_others_are_refused() {
     }
     let extended = CanFrame::new(ExtendedId::new(0x241).expect("29 bits"), &stop).expect("a frame");
     assert_eq!(decode_reply(&extended), Err(DecodeError::ExtendedId { id: 0x241 }));
-    let remote = CanFrame::new_remote(StandardId::new(0x241).expect("11 bits"), 8).expect("a frame");
+    let remote =
+        CanFrame::new_remote(StandardId::new(0x241).expect("11 bits"), 8).expect("a frame");
     assert_eq!(decode_reply(&remote), Err(DecodeError::RemoteFrame));
 }
 
 #[test]
 fn short_frames_are_refused() {
-    assert_eq!(decode_request(&standard(0x141, &[0x81])), Err(DecodeError::Length { got: 1, expected: 8 }));
-    assert_eq!(decode_request(&standard(0x141, &[])), Err(DecodeError::Length { got: 0, expected: 8 }));
-    assert_eq!(decode_reply(&standard(0x241, &[0x81])), Err(DecodeError::Length { got: 1, expected: 8 }));
+    assert_eq!(
+        decode_request(&standard(0x141, &[0x81])),
+        Err(DecodeError::Length { got: 1, expected: 8 })
+    );
+    assert_eq!(
+        decode_request(&standard(0x141, &[])),
+        Err(DecodeError::Length { got: 0, expected: 8 })
+    );
+    assert_eq!(
+        decode_reply(&standard(0x241, &[0x81])),
+        Err(DecodeError::Length { got: 1, expected: 8 })
+    );
 }
 
 /// RMD V3.6 §3.2: one request, an answer from every motor.
@@ -130,7 +141,8 @@ fn the_can_id() {
 #[test]
 fn motion_mode() {
     let sent = standard(0x401, &[0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
-    let command = MotionCommand { position: 0xE666, velocity: 0x82E, kp: 0x052, kd: 0x333, torque: 0xB55 };
+    let command =
+        MotionCommand { position: 0xE666, velocity: 0x82E, kp: 0x052, kd: 0x333, torque: 0xB55 };
     assert_eq!(request(node(1), &Request::MotionMode { command }), Ok(sent));
     assert_eq!(decode_request(&sent), Ok((node(1), Request::MotionMode { command })));
 
@@ -148,16 +160,22 @@ fn motion_mode() {
 fn what_is_for_rs485_is_refused() {
     let set = |code| request::<CanFrame>(node(1), &Request::SetBaudRate { code: BaudCode(code) });
     assert_eq!(set(1), Ok(standard(0x141, &[0xB4, 0, 0, 0, 0, 0, 0, 0x01])));
-    assert_eq!(set(2), Err(EncodeError::OutOfRange { field: "baud_code", value: 2, min: 0, max: 1 }));
-    let refused =
-        Err(EncodeError::Forbidden { field: "command", value: 0x79, reason: "this command is for RS485" });
+    assert_eq!(
+        set(2),
+        Err(EncodeError::OutOfRange { field: "baud_code", value: 2, min: 0, max: 1 })
+    );
+    let refused = Err(EncodeError::Forbidden {
+        field: "command",
+        value: 0x79,
+        reason: "this command is for RS485",
+    });
     assert_eq!(request::<CanFrame>(node(1), &Request::ReadRs485Id), refused);
     assert_eq!(broadcast::<CanFrame>(&Request::SetRs485Id { id: 2 }), refused);
     assert_eq!(reply::<CanFrame>(node(1), &Reply::Rs485Id { id: node(1) }), refused);
 }
 
-/// Thruster nodes 1 to 127 have the ids 0x281..=0x2FF and 0x301..=0x37F on the same bus: none of them is ours, and none
-/// of ours lies among them.
+/// Thruster nodes 1 to 127 have the ids 0x281..=0x2FF and 0x301..=0x37F on the same bus: none of
+/// them is ours, and none of ours lies among them.
 #[test]
 fn thruster_ids_are_not_ours() {
     for id in (0x281..=0x2FF).chain(0x301..=0x37F) {

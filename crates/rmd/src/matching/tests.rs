@@ -51,14 +51,16 @@ fn a_closed_loop_command_thrown_back_was_not_executed() {
     }
 }
 
-/// Bytes 6 and 7 read as an angle of −32768, which cannot be encoded, must not hide that they were thrown back.
+/// Bytes 6 and 7 read as an angle of −32768, which cannot be encoded, must not hide that they were
+/// thrown back.
 #[test]
 fn thrown_back_with_an_angle_beyond_the_range() {
     let data = [0xA2, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x80];
     assert_eq!(of(data, data), Answer::NotExecuted);
 }
 
-/// Zero current and zero speed: the state of a motor at 0 °C, at rest, at its zero point has the same bytes.
+/// Zero current and zero speed: the state of a motor at 0 °C, at rest, at its zero point has the
+/// same bytes.
 #[test]
 fn all_zero_counts_as_a_reply() {
     for command in [0xA1, 0xA2, 0xA4, 0xA8] {
@@ -93,7 +95,8 @@ fn unknown_commands_are_matched_by_code() {
     assert_eq!(of([0x90, 0, 0, 0, 0, 0, 0, 0], [0x70, 0, 0, 0, 0, 0, 0, 1]), Answer::Unrelated);
 }
 
-/// RMD V3.6 §2.2.3, §2.3.3, §2.5.3, §2.9.3, §2.33.3: the answer is the request; other contents answer an earlier one.
+/// RMD V3.6 §2.2.3, §2.3.3, §2.5.3, §2.9.3, §2.33.3: the answer is the request; other contents
+/// answer an earlier one.
 #[test]
 fn writes_are_answered_by_their_echo_alone() {
     let writes = [
@@ -109,7 +112,10 @@ fn writes_are_answered_by_their_echo_alone() {
         other[4] ^= 1;
         assert_eq!(of(write, other), Answer::Unrelated, "{write:02X?}");
     }
-    assert_eq!(of([0x43, 2, 0, 0, 0x10, 0x27, 0, 0], [0x43, 3, 0, 0, 0x10, 0x27, 0, 0]), Answer::Unrelated);
+    assert_eq!(
+        of([0x43, 2, 0, 0, 0x10, 0x27, 0, 0], [0x43, 3, 0, 0, 0x10, 0x27, 0, 0]),
+        Answer::Unrelated
+    );
 }
 
 /// RMD V3.6 §2.25.3, §2.31.3: no reply to 0x76, a random one to 0xB4.
@@ -122,7 +128,8 @@ fn nothing_answers_a_reset_or_a_change_of_rate() {
     assert!(Request::Stop.is_answered());
 }
 
-/// RMD V3.6 §2.33.4 index 3: 0x9A every 100 ms while a fault stands; the answer to a 0x9A only while one is pending.
+/// RMD V3.6 §2.33.4 index 3: 0x9A every 100 ms while a fault stands; the answer to a 0x9A only
+/// while one is pending.
 #[test]
 fn fault_reports_and_notices_are_unsolicited() {
     let faulty = [0x9A, 0x32, 0, 0x01, 0xE5, 0x01, 0x04, 0x00];
@@ -169,7 +176,8 @@ fn motion_mode() {
     assert_eq!(answer(&Request::Unknown { data: [0; 8] }, &reply), Answer::Unrelated);
 }
 
-/// RMD V3.6 §7.4: both directions carry the same id on RS485, so our own stop looks like its confirmation.
+/// RMD V3.6 §7.4: both directions carry the same id on RS485, so our own stop looks like its
+/// confirmation.
 #[test]
 fn our_own_bytes_confirm_nothing() {
     assert_eq!(answer_on_line(&Request::Stop, &Reply::Stop, true), Answer::Echo);

@@ -72,7 +72,14 @@ pub struct MotionState {
 /// A motion-mode field, with the default range of `last` + 1 counts.
 const fn span(name: &'static str, unit: &'static str, span: Span, last: u16) -> FieldInfo {
     let counts_per_unit = (last as f64 + 1.0) / (span.max - span.min);
-    FieldInfo { name, unit, kind: FieldKind::Physical, min: span.min, max: span.max, counts_per_unit }
+    FieldInfo {
+        name,
+        unit,
+        kind: FieldKind::Physical,
+        min: span.min,
+        max: span.max,
+        counts_per_unit,
+    }
 }
 
 pub(super) const POSITION: FieldInfo =
@@ -81,12 +88,14 @@ pub(super) const VELOCITY: FieldInfo =
     span("velocity_rad_s", "rad/s", MotionRanges::DEFAULT.velocity_rad_s, RAW_12_MAX);
 pub(super) const KP: FieldInfo = span("kp", "N*m/rad", MotionRanges::DEFAULT.kp, RAW_12_MAX);
 pub(super) const KD: FieldInfo = span("kd", "N*m*s/rad", MotionRanges::DEFAULT.kd, RAW_12_MAX);
-pub(super) const TORQUE: FieldInfo = span("torque_nm", "N*m", MotionRanges::DEFAULT.torque_nm, RAW_12_MAX);
+pub(super) const TORQUE: FieldInfo =
+    span("torque_nm", "N*m", MotionRanges::DEFAULT.torque_nm, RAW_12_MAX);
 /// The motor's id as it stands in a reply.
 pub(super) const ID: FieldInfo = FieldInfo::integer("id", "", Node::MIN as i64, Node::MAX as i64);
 
 impl MotionTarget {
-    /// Not checked against the ranges of the table, which are the manual's: the caller's ranges decide.
+    /// Not checked against the ranges of the table, which are the manual's: the caller's ranges
+    /// decide.
     pub(crate) fn build(fields: &Fields<'_>) -> Result<MotionTarget, BuildError> {
         Ok(MotionTarget {
             position_rad: fields.any(&POSITION)?,
@@ -122,7 +131,8 @@ impl Span {
         Span { min, max }
     }
 
-    /// `round((value − min) · 2ⁿ / (max − min))`, the upper end as the highest word: reproduces the printed request.
+    /// `round((value − min) · 2ⁿ / (max − min))`, the upper end as the highest word: reproduces the
+    /// printed request.
     fn to_raw(self, field: &'static str, value: f64, last: u16) -> Result<u16, BuildError> {
         let Span { min, max } = self;
         let refused = BuildError::OutOfRange { field, value, min, max };
@@ -154,7 +164,11 @@ impl MotionRanges {
     pub fn command(&self, target: &MotionTarget) -> Result<MotionCommand, BuildError> {
         Ok(MotionCommand {
             position: self.position_rad.to_raw("position_rad", target.position_rad, RAW_16_MAX)?,
-            velocity: self.velocity_rad_s.to_raw("velocity_rad_s", target.velocity_rad_s, RAW_12_MAX)?,
+            velocity: self.velocity_rad_s.to_raw(
+                "velocity_rad_s",
+                target.velocity_rad_s,
+                RAW_12_MAX,
+            )?,
             kp: self.kp.to_raw("kp", target.kp, RAW_12_MAX)?,
             kd: self.kd.to_raw("kd", target.kd, RAW_12_MAX)?,
             torque: self.torque_nm.to_raw("torque_nm", target.torque_nm, RAW_12_MAX)?,
@@ -194,8 +208,13 @@ mod tests {
     use crate::request::Request;
 
     const RANGES: MotionRanges = MotionRanges::DEFAULT;
-    const PRINTED: MotionTarget =
-        MotionTarget { position_rad: 10.0, velocity_rad_s: 1.0, kp: 10.0, kd: 1.0, torque_nm: 10.0 };
+    const PRINTED: MotionTarget = MotionTarget {
+        position_rad: 10.0,
+        velocity_rad_s: 1.0,
+        kp: 10.0,
+        kd: 1.0,
+        torque_nm: 10.0,
+    };
 
     fn bytes(command: &MotionCommand) -> [u8; 8] {
         Request::MotionMode { command: *command }.encode().expect("words in their ranges")
@@ -211,8 +230,13 @@ mod tests {
     /// RMD V3.6 §5.4 prints 9.99, 1.021, 10.012, 1 and 10.004 for these words.
     #[test]
     fn the_printed_words_mean_the_printed_values() {
-        let target =
-            RANGES.target(&MotionCommand { position: 58982, velocity: 2094, kp: 82, kd: 819, torque: 2901 });
+        let target = RANGES.target(&MotionCommand {
+            position: 58982,
+            velocity: 2094,
+            kp: 82,
+            kd: 819,
+            torque: 2901,
+        });
         let near = |value: f64, printed: f64| (value - printed).abs() < 0.001;
         assert!(near(target.position_rad, 9.9998));
         assert!(near(target.velocity_rad_s, 1.021));
@@ -228,13 +252,29 @@ mod tests {
 
     #[test]
     fn the_ends_of_every_range() {
-        let low =
-            MotionTarget { position_rad: -12.5, velocity_rad_s: -45.0, kp: 0.0, kd: 0.0, torque_nm: -24.0 };
+        let low = MotionTarget {
+            position_rad: -12.5,
+            velocity_rad_s: -45.0,
+            kp: 0.0,
+            kd: 0.0,
+            torque_nm: -24.0,
+        };
         assert_eq!(RANGES.command(&low).map(|command| bytes(&command)), Ok([0; 8]));
-        let high =
-            MotionTarget { position_rad: 12.5, velocity_rad_s: 45.0, kp: 500.0, kd: 5.0, torque_nm: 24.0 };
+        let high = MotionTarget {
+            position_rad: 12.5,
+            velocity_rad_s: 45.0,
+            kp: 500.0,
+            kd: 5.0,
+            torque_nm: 24.0,
+        };
         assert_eq!(RANGES.command(&high).map(|command| bytes(&command)), Ok([0xFF; 8]));
-        let rest = MotionTarget { position_rad: 0.0, velocity_rad_s: 0.0, kp: 0.0, kd: 0.0, torque_nm: 0.0 };
+        let rest = MotionTarget {
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            kp: 0.0,
+            kd: 0.0,
+            torque_nm: 0.0,
+        };
         assert_eq!(RANGES.command(&rest), Ok(MotionCommand::NEUTRAL));
     }
 
@@ -242,7 +282,12 @@ mod tests {
     fn values_outside_their_range_are_refused_by_name() {
         assert_eq!(
             RANGES.command(&MotionTarget { position_rad: 12.6, ..PRINTED }),
-            Err(BuildError::OutOfRange { field: "position_rad", value: 12.6, min: -12.5, max: 12.5 })
+            Err(BuildError::OutOfRange {
+                field: "position_rad",
+                value: 12.6,
+                min: -12.5,
+                max: 12.5
+            })
         );
         assert_eq!(
             RANGES.command(&MotionTarget { kd: -0.1, ..PRINTED }),
@@ -260,7 +305,8 @@ mod tests {
     #[test]
     fn other_ranges() {
         let ranges = MotionRanges { torque_nm: Span::new(-240.0, 240.0), ..RANGES };
-        let command = ranges.command(&MotionTarget { torque_nm: 100.0, ..PRINTED }).expect("in range");
+        let command =
+            ranges.command(&MotionTarget { torque_nm: 100.0, ..PRINTED }).expect("in range");
         assert_eq!(bytes(&command), [0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]);
     }
 }

@@ -1,14 +1,15 @@
 use super::*;
 use crate::{
     Celsius, Centiamps, Centidegrees, Decivolts, Deciwatts, Degrees, DegreesPerSecond,
-    DegreesPerSecondSquared, EncoderPulses, Faults, Function, Milliseconds, Model, Motion, PidGains, Ramp,
-    RunMode, VersionDate,
+    DegreesPerSecondSquared, EncoderPulses, Faults, Function, Milliseconds, Model, Motion,
+    PidGains, Ramp, RunMode, VersionDate,
 };
 
 /// The single-motor commands of RMD V3.6 §2 that are answered, and the timeout notice.
 const COMMANDS: [u8; 33] = [
-    0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x77, 0x78, 0x80, 0x81,
-    0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8, 0xB1, 0xB2, 0xB3, 0xB4, 0xB5, 0xF1,
+    0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x77, 0x78, 0x80,
+    0x81, 0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8, 0xB1, 0xB2, 0xB3, 0xB4, 0xB5,
+    0xF1,
 ];
 
 #[track_caller]
@@ -33,8 +34,14 @@ const BACKWARD: Motion = Motion {
 /// RMD V3.6 §2.11.4: 360°; then a negative angle.
 #[test]
 fn multi_turn_angle() {
-    both_ways(Reply::MultiTurnAngle { angle: Centidegrees(36_000) }, [0x92, 0, 0, 0, 0xA0, 0x8C, 0x00, 0x00]);
-    both_ways(Reply::MultiTurnAngle { angle: Centidegrees(-1) }, [0x92, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]);
+    both_ways(
+        Reply::MultiTurnAngle { angle: Centidegrees(36_000) },
+        [0x92, 0, 0, 0, 0xA0, 0x8C, 0x00, 0x00],
+    );
+    both_ways(
+        Reply::MultiTurnAngle { angle: Centidegrees(-1) },
+        [0x92, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF],
+    );
 }
 
 /// RMD V3.6 §2.12.4: 50 °C, released, 48.5 V, low voltage.
@@ -65,8 +72,8 @@ fn unlisted_fault_bits_are_kept() {
     );
 }
 
-/// RMD V3.6 §2.12.3 lists 0 and 1; anything but 0 must not pass for a locked brake. Byte 2 is NULL there and a
-/// temperature in newer manuals.
+/// RMD V3.6 §2.12.3 lists 0 and 1; anything but 0 must not pass for a locked brake. Byte 2 is NULL
+/// there and a temperature in newer manuals.
 #[test]
 fn only_zero_is_a_locked_brake() {
     let reply = Reply::decode(&[0x9A, 0x32, 0x28, 0x02, 0xE5, 0x01, 0x00, 0x00]);
@@ -77,12 +84,30 @@ fn only_zero_is_a_locked_brake() {
 #[test]
 fn motion_replies() {
     both_ways(Reply::Status2 { motion: FORWARD }, [0x9C, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-    both_ways(Reply::TorqueCurrent { motion: FORWARD }, [0xA1, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-    both_ways(Reply::TorqueCurrent { motion: BACKWARD }, [0xA1, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF]);
-    both_ways(Reply::Velocity { motion: FORWARD }, [0xA2, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-    both_ways(Reply::Velocity { motion: BACKWARD }, [0xA2, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF]);
-    both_ways(Reply::AbsolutePosition { motion: FORWARD }, [0xA4, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
-    both_ways(Reply::AbsolutePosition { motion: BACKWARD }, [0xA4, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF]);
+    both_ways(
+        Reply::TorqueCurrent { motion: FORWARD },
+        [0xA1, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
+    );
+    both_ways(
+        Reply::TorqueCurrent { motion: BACKWARD },
+        [0xA1, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF],
+    );
+    both_ways(
+        Reply::Velocity { motion: FORWARD },
+        [0xA2, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
+    );
+    both_ways(
+        Reply::Velocity { motion: BACKWARD },
+        [0xA2, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF],
+    );
+    both_ways(
+        Reply::AbsolutePosition { motion: FORWARD },
+        [0xA4, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
+    );
+    both_ways(
+        Reply::AbsolutePosition { motion: BACKWARD },
+        [0xA4, 0x32, 0x9C, 0xFF, 0x0C, 0xFE, 0xD3, 0xFF],
+    );
 }
 
 /// RMD V3.6 §2.13.3: the angle ends at ±32767. Received, −32768 is reported as it is.
@@ -117,7 +142,10 @@ fn communication_timeout_echoed_or_zero() {
         Reply::CommunicationTimeout { timeout: Milliseconds(1000) },
         [0xB3, 0, 0, 0, 0xE8, 0x03, 0x00, 0x00],
     );
-    both_ways(Reply::CommunicationTimeout { timeout: Milliseconds(0) }, [0xB3, 0, 0, 0, 0, 0, 0, 0]);
+    both_ways(
+        Reply::CommunicationTimeout { timeout: Milliseconds(0) },
+        [0xB3, 0, 0, 0, 0, 0, 0, 0],
+    );
 }
 
 /// Observed on motors: the notice comes without data. No other reply may be short.
@@ -128,7 +156,8 @@ fn only_the_timeout_notice_may_be_short() {
     assert_eq!(bare.encode(), Ok([0xF1, 0, 0, 0, 0, 0, 0, 0]));
 
     let full = [0xF1, 1, 2, 3, 4, 5, 6, 7];
-    let reply = Reply::TimeoutNotice { raw: RawNotice::new(&[1, 2, 3, 4, 5, 6, 7]).expect("seven bytes") };
+    let reply =
+        Reply::TimeoutNotice { raw: RawNotice::new(&[1, 2, 3, 4, 5, 6, 7]).expect("seven bytes") };
     both_ways(reply, full);
 
     assert_eq!(Reply::decode(&[]), Err(DecodeError::Length { got: 0, expected: 8 }));
@@ -167,7 +196,10 @@ fn acceleration() {
     };
     both_ways(written, [0x43, 0x03, 0, 0, 0x10, 0x27, 0x00, 0x00]);
     assert_eq!(Reply::decode(&[0x42, 0, 0, 0, 0, 0, 0, 0x80]), Ok(read(0x8000_0000)));
-    assert!(matches!(read(99).encode(), Err(EncodeError::OutOfRange { field: "acceleration", .. })));
+    assert!(matches!(
+        read(99).encode(),
+        Err(EncodeError::OutOfRange { field: "acceleration", .. })
+    ));
 }
 
 /// RMD V3.6 §2.6.4 to §2.10.4, with all four bytes of the word.
@@ -175,11 +207,20 @@ fn acceleration() {
 fn encoder() {
     let pulses = EncoderPulses(0x1234_5678);
     both_ways(Reply::EncoderPosition { position: pulses }, [0x60, 0, 0, 0, 0x78, 0x56, 0x34, 0x12]);
-    both_ways(Reply::EncoderRawPosition { position: pulses }, [0x61, 0, 0, 0, 0x78, 0x56, 0x34, 0x12]);
+    both_ways(
+        Reply::EncoderRawPosition { position: pulses },
+        [0x61, 0, 0, 0, 0x78, 0x56, 0x34, 0x12],
+    );
     both_ways(Reply::EncoderOffset { offset: pulses }, [0x62, 0, 0, 0, 0x78, 0x56, 0x34, 0x12]);
-    both_ways(Reply::EncoderOffsetWritten { offset: pulses }, [0x63, 0, 0, 0, 0x78, 0x56, 0x34, 0x12]);
+    both_ways(
+        Reply::EncoderOffsetWritten { offset: pulses },
+        [0x63, 0, 0, 0, 0x78, 0x56, 0x34, 0x12],
+    );
     let pulses = EncoderPulses(-10_000);
-    both_ways(Reply::PositionWrittenAsZero { offset: pulses }, [0x64, 0, 0, 0, 0xF0, 0xD8, 0xFF, 0xFF]);
+    both_ways(
+        Reply::PositionWrittenAsZero { offset: pulses },
+        [0x64, 0, 0, 0, 0xF0, 0xD8, 0xFF, 0xFF],
+    );
 }
 
 /// RMD V3.6 §2.14.4: 50 °C, 30.1 A, −15.2 A, −16 A.
@@ -199,7 +240,10 @@ fn status_3() {
 /// RMD V3.6 §2.19.4, §2.21.4, §2.22.4.
 #[test]
 fn more_motion_replies() {
-    both_ways(Reply::PositionTracking { motion: FORWARD }, [0xA3, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00]);
+    both_ways(
+        Reply::PositionTracking { motion: FORWARD },
+        [0xA3, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
+    );
     both_ways(
         Reply::LimitedPositionTracking { motion: FORWARD },
         [0xA5, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00],
@@ -210,7 +254,8 @@ fn more_motion_replies() {
     );
 }
 
-/// RMD V3.6 §2.23.4 (position loop), §2.24.4 (200 W); the manual speaks of a fourth mode and lists three.
+/// RMD V3.6 §2.23.4 (position loop), §2.24.4 (200 W); the manual speaks of a fourth mode and lists
+/// three.
 #[test]
 fn run_mode_and_power() {
     both_ways(Reply::RunMode { mode: RunMode::Position }, [0x70, 0, 0, 0, 0, 0, 0, 0x03]);
@@ -221,13 +266,22 @@ fn run_mode_and_power() {
 /// RMD V3.6 §2.28.4, §2.29.4, §2.32.4; ten digits of a date were observed on motors.
 #[test]
 fn run_time_date_and_model() {
-    both_ways(Reply::RunTime { time: Milliseconds(0x1000_0000) }, [0xB1, 0, 0, 0, 0x00, 0x00, 0x00, 0x10]);
-    both_ways(Reply::VersionDate { date: VersionDate(20_220_206) }, [0xB2, 0, 0, 0, 0x2E, 0x89, 0x34, 0x01]);
+    both_ways(
+        Reply::RunTime { time: Milliseconds(0x1000_0000) },
+        [0xB1, 0, 0, 0, 0x00, 0x00, 0x00, 0x10],
+    );
+    both_ways(
+        Reply::VersionDate { date: VersionDate(20_220_206) },
+        [0xB2, 0, 0, 0, 0x2E, 0x89, 0x34, 0x01],
+    );
     both_ways(
         Reply::VersionDate { date: VersionDate(2_025_070_202) },
         [0xB2, 0, 0, 0, 0x7A, 0x1E, 0xB4, 0x78],
     );
-    both_ways(Reply::Model { model: Model(*b"X8S2V10") }, [0xB5, 0x58, 0x38, 0x53, 0x32, 0x56, 0x31, 0x30]);
+    both_ways(
+        Reply::Model { model: Model(*b"X8S2V10") },
+        [0xB5, 0x58, 0x38, 0x53, 0x32, 0x56, 0x31, 0x30],
+    );
 }
 
 /// RMD V3.6 §2.31.3: whatever comes back is kept.

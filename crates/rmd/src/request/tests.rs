@@ -1,13 +1,14 @@
 use super::*;
 use crate::{
-    BaudCode, Centiamps, Centidegrees, CentidegreesPerSecond, DegreesPerSecondSquared, EncoderPulses,
-    FineSpeedLimit, Milliseconds, PidGains, Ramp, SpeedLimit,
+    BaudCode, Centiamps, Centidegrees, CentidegreesPerSecond, DegreesPerSecondSquared,
+    EncoderPulses, FineSpeedLimit, Milliseconds, PidGains, Ramp, SpeedLimit,
 };
 
 /// The 33 single-motor commands of RMD V3.6 §2.
 const COMMANDS: [u8; 33] = [
-    0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x76, 0x77, 0x78, 0x80,
-    0x81, 0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8, 0xB1, 0xB2, 0xB3, 0xB4, 0xB5,
+    0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x76, 0x77, 0x78,
+    0x80, 0x81, 0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8, 0xB1, 0xB2, 0xB3, 0xB4,
+    0xB5,
 ];
 
 #[track_caller]
@@ -36,10 +37,22 @@ fn stops_and_brake() {
 /// RMD V3.6 §2.17.4: 1 A and −1 A; then the ends of the word.
 #[test]
 fn torque_current() {
-    both_ways(Request::TorqueCurrent { current: Centiamps(100) }, [0xA1, 0, 0, 0, 0x64, 0x00, 0, 0]);
-    both_ways(Request::TorqueCurrent { current: Centiamps(-100) }, [0xA1, 0, 0, 0, 0x9C, 0xFF, 0, 0]);
-    both_ways(Request::TorqueCurrent { current: Centiamps(i16::MAX) }, [0xA1, 0, 0, 0, 0xFF, 0x7F, 0, 0]);
-    both_ways(Request::TorqueCurrent { current: Centiamps(i16::MIN) }, [0xA1, 0, 0, 0, 0x00, 0x80, 0, 0]);
+    both_ways(
+        Request::TorqueCurrent { current: Centiamps(100) },
+        [0xA1, 0, 0, 0, 0x64, 0x00, 0, 0],
+    );
+    both_ways(
+        Request::TorqueCurrent { current: Centiamps(-100) },
+        [0xA1, 0, 0, 0, 0x9C, 0xFF, 0, 0],
+    );
+    both_ways(
+        Request::TorqueCurrent { current: Centiamps(i16::MAX) },
+        [0xA1, 0, 0, 0, 0xFF, 0x7F, 0, 0],
+    );
+    both_ways(
+        Request::TorqueCurrent { current: Centiamps(i16::MIN) },
+        [0xA1, 0, 0, 0, 0x00, 0x80, 0, 0],
+    );
 }
 
 /// RMD V3.6 §2.18.4: 100 and −100 degrees per second; then the ends of the word.
@@ -103,14 +116,16 @@ fn acceleration() {
     both_ways(write(2, 100), [0x43, 0x02, 0, 0, 0x64, 0x00, 0x00, 0x00]);
     both_ways(write(3, 60_000), [0x43, 0x03, 0, 0, 0x60, 0xEA, 0x00, 0x00]);
 
-    let out_of_range = |field, value, min, max| Err(EncodeError::OutOfRange { field, value, min, max });
+    let out_of_range =
+        |field, value, min, max| Err(EncodeError::OutOfRange { field, value, min, max });
     assert_eq!(write(4, 100).encode(), out_of_range("index", 4, 0, 3));
     assert_eq!(write(0, 99).encode(), out_of_range("acceleration", 99, 100, 60_000));
     assert_eq!(write(0, 60_001).encode(), out_of_range("acceleration", 60_001, 100, 60_000));
     assert_eq!(Request::decode(&[0x43, 0x07, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]), write(7, u32::MAX));
 }
 
-/// RMD V3.6 §2.6.4 to §2.10.4. The table of §2.9.2 shifts the last two bytes by 8; they are the upper half of the word.
+/// RMD V3.6 §2.6.4 to §2.10.4. The table of §2.9.2 shifts the last two bytes by 8; they are the
+/// upper half of the word.
 #[test]
 fn encoder() {
     both_ways(Request::ReadEncoderPosition, [0x60, 0, 0, 0, 0, 0, 0, 0]);
@@ -135,7 +150,8 @@ fn more_reads_and_reset() {
     both_ways(Request::ReadModel, [0xB5, 0, 0, 0, 0, 0, 0, 0]);
 }
 
-/// RMD V3.6 §2.19.4: 1°; §2.21.4: 1° at 50 degrees per second, 0.01 each; §2.22.4: ±360° at 500, 1 each.
+/// RMD V3.6 §2.19.4: 1°; §2.21.4: 1° at 50 degrees per second, 0.01 each; §2.22.4: ±360° at 500, 1
+/// each.
 #[test]
 fn tracking_and_incremental_position() {
     let angle = Centidegrees(100);
@@ -144,8 +160,10 @@ fn tracking_and_incremental_position() {
         Request::LimitedPositionTracking { max_speed: FineSpeedLimit(5000), angle },
         [0xA5, 0, 0x88, 0x13, 0x64, 0x00, 0x00, 0x00],
     );
-    let increment =
-        |angle| Request::IncrementalPosition { max_speed: SpeedLimit(500), angle: Centidegrees(angle) };
+    let increment = |angle| Request::IncrementalPosition {
+        max_speed: SpeedLimit(500),
+        angle: Centidegrees(angle),
+    };
     both_ways(increment(36_000), [0xA8, 0, 0xF4, 0x01, 0xA0, 0x8C, 0x00, 0x00]);
     both_ways(increment(-36_000), [0xA8, 0, 0xF4, 0x01, 0x60, 0x73, 0xFF, 0xFF]);
 }
@@ -174,21 +192,25 @@ fn functions() {
     both_ways(send(Function::MultiTurnSaving { enabled: true }), [0x20, 0x04, 0, 0, 1, 0, 0, 0]);
     let other = Request::decode(&[0x20, 0x03, 0, 0, 2, 0, 0, 0]);
     assert_eq!(other, send(Function::Other { index: 3, value: 2 }));
-    assert_eq!(other.encode(), Err(EncodeError::OutOfRange { field: "value", value: 2, min: 0, max: 1 }));
+    assert_eq!(
+        other.encode(),
+        Err(EncodeError::OutOfRange { field: "value", value: 2, min: 0, max: 1 })
+    );
 }
 
 /// RMD V3.6 §4.2, §7.2: ids 1 to 32.
 #[test]
 fn ids_beyond_the_range_are_refused() {
     for id in [0, 33] {
-        let refused = Err(EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 32 });
+        let refused =
+            Err(EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 32 });
         assert_eq!(Request::SetCanId { id }.encode(), refused);
         assert_eq!(Request::SetRs485Id { id }.encode(), refused);
     }
 }
 
-/// A command without a variant keeps every byte. 0x79 to a single motor is one: only under its own ids has it a meaning
-/// (RMD V3.6 §4.1, §7.1).
+/// A command without a variant keeps every byte. 0x79 to a single motor is one: only under its own
+/// ids has it a meaning (RMD V3.6 §4.1, §7.1).
 #[test]
 fn other_commands_keep_their_bytes() {
     for command in [0x00, 0x21, 0x79, 0x90, 0xA6, 0xF1] {
@@ -227,10 +249,14 @@ fn unknown_cannot_carry_a_known_command() {
 #[test]
 fn reading_is_told_from_the_rest_by_the_first_byte() {
     let only_reads = |first: u8| Request::decode(&[first, 0, 0, 0, 0, 0, 0, 0]).only_reads();
-    for first in [0x30, 0x42, 0x60, 0x61, 0x62, 0x70, 0x71, 0x90, 0x92, 0x9A, 0x9C, 0x9D, 0xB1, 0xB2, 0xB5] {
+    for first in
+        [0x30, 0x42, 0x60, 0x61, 0x62, 0x70, 0x71, 0x90, 0x92, 0x9A, 0x9C, 0x9D, 0xB1, 0xB2, 0xB5]
+    {
         assert_eq!(only_reads(first), first != 0x90, "{first:#04X}");
     }
-    for first in [0x20, 0x31, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x80, 0x81, 0xA1, 0xA8, 0xB3, 0xB4, 0xF1] {
+    for first in
+        [0x20, 0x31, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x80, 0x81, 0xA1, 0xA8, 0xB3, 0xB4, 0xF1]
+    {
         assert!(!only_reads(first), "{first:#04X}");
     }
 }

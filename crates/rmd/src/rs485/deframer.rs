@@ -6,12 +6,13 @@ use super::{FRAME_LEN, HEADER, LENGTH, check};
 
 /// Finds whole, checksummed frames in the bytes of an RS485 line.
 ///
-/// It keeps one window of 13 bytes. When what it holds cannot be a frame, it goes on with the next header byte inside
-/// the window, so no frame behind garbage is lost or comes late. The id is not looked at: a well-formed frame to an
-/// id outside 1..=32 is yielded and then refused by [`decode_request`](super::decode_request) and
-/// [`decode_reply`](super::decode_reply).
+/// It keeps one window of 13 bytes. When what it holds cannot be a frame, it goes on with the next
+/// header byte inside the window, so no frame behind garbage is lost or comes late. The id is not
+/// looked at: a well-formed frame to an id outside 1..=32 is yielded and then refused by
+/// [`decode_request`](super::decode_request) and [`decode_reply`](super::decode_reply).
 ///
-/// The older framing of the same vendor, `3E command id length sum`, has another length byte or fails the checksum.
+/// The older framing of the same vendor, `3E command id length sum`, has another length byte or
+/// fails the checksum.
 ///
 /// ```
 /// let mut deframer = rmd::rs485::Deframer::new();
@@ -46,7 +47,8 @@ mod tests {
 
     /// Proven frames: a 0x9C request and its reply.
     const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
-    const REPLY: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
+    const REPLY: [u8; 13] =
+        [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
 
     #[test]
     fn frames_are_found_whole_and_in_time() {
@@ -61,7 +63,8 @@ mod tests {
         assert_eq!(deframer.rejected(), 3);
     }
 
-    /// 0x3E as data: 62 centiamps, 62 degrees per second, 62 degrees. Checksum computed apart from this crate.
+    /// 0x3E as data: 62 centiamps, 62 degrees per second, 62 degrees. Checksum computed apart from
+    /// this crate.
     #[test]
     fn header_bytes_in_the_data() {
         let frame = [0x3E, 0x01, 0x08, 0x9C, 0x3E, 0x3E, 0x01, 0x08, 0x3E, 0x3E, 0x01, 0xA6, 0xE1];

@@ -6,8 +6,9 @@ use super::{FRAME_LEN, Rs485Framing};
 
 /// Cuts bytes into frames and garbage without copying them.
 ///
-/// It finds what a [`Deframer`](super::Deframer) finds in the same bytes. Where the bytes end inside what may still
-/// become a frame, it stops: [`rest`](Scan::rest), at most 12 bytes, belongs in front of the bytes that follow.
+/// It finds what a [`Deframer`](super::Deframer) finds in the same bytes. Where the bytes end
+/// inside what may still become a frame, it stops: [`rest`](Scan::rest), at most 12 bytes, belongs
+/// in front of the bytes that follow.
 ///
 /// ```
 /// use rmd::rs485::{Piece, Scan};
@@ -52,7 +53,8 @@ impl<'a> Iterator for Scan<'a> {
 
     fn next(&mut self) -> Option<Piece<'a>> {
         let bytes = self.rest;
-        let start = (0..=bytes.len()).find(|at| bytes.get(*at..).is_none_or(Rs485Framing::begins_frame))?;
+        let start =
+            (0..=bytes.len()).find(|at| bytes.get(*at..).is_none_or(Rs485Framing::begins_frame))?;
         let (garbage, rest) = bytes.split_at_checked(start)?;
         if !garbage.is_empty() {
             self.rest = rest;
@@ -70,7 +72,8 @@ mod tests {
 
     /// Proven frames: a 0x9C request and its reply.
     const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
-    const REPLY: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
+    const REPLY: [u8; 13] =
+        [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
 
     #[test]
     fn frames_and_garbage_lie_where_they_were() {

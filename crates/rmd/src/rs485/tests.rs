@@ -4,7 +4,8 @@ use crate::motion_mode::MotionCommand;
 use crate::units::{Celsius, Centiamps, Degrees, DegreesPerSecond};
 
 const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
-const REPLY: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
+const REPLY: [u8; 13] =
+    [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
 
 fn node(node: u8) -> Node {
     Node::new(node).expect("1..=32")
@@ -49,10 +50,14 @@ fn wrong_header_length_and_checksum() {
 #[test]
 fn the_checksum_has_its_low_byte_first() {
     let frame = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0x30, 0xF2];
-    assert_eq!(decode_request(&frame), Err(DecodeError::Checksum { got: 0xF230, expected: 0x30F2 }));
+    assert_eq!(
+        decode_request(&frame),
+        Err(DecodeError::Checksum { got: 0xF230, expected: 0x30F2 })
+    );
 }
 
-/// Broadcast and out-of-range ids with a valid checksum (computed apart from this crate) name no single motor.
+/// Broadcast and out-of-range ids with a valid checksum (computed apart from this crate) name no
+/// single motor.
 #[test]
 fn ids_outside_1_to_32() {
     let broadcast = [0x3E, 0xCD, 0x08, 0x80, 0, 0, 0, 0, 0, 0, 0, 0x36, 0x6A];
@@ -93,8 +98,9 @@ fn the_rs485_id() {
 /// RMD V3.6 §5 and §4 speak of CAN only.
 #[test]
 fn what_is_for_can_is_refused() {
-    let refused =
-        |value| Err(EncodeError::Forbidden { field: "command", value, reason: "this command is for CAN" });
+    let refused = |value| {
+        Err(EncodeError::Forbidden { field: "command", value, reason: "this command is for CAN" })
+    };
     let motion = Request::MotionMode { command: MotionCommand::NEUTRAL };
     assert_eq!(request(node(1), &motion), refused(0));
     assert_eq!(broadcast(&Request::ReadCanId), refused(0x79));

@@ -28,20 +28,21 @@ fn names_are_unique_and_in_snake_case() {
     assert_eq!(names.len(), COMMANDS.len());
     let fields = COMMANDS.iter().flat_map(|info| info.request.iter().chain(info.reply));
     for name in names.into_iter().chain(fields.map(|field| field.name)) {
-        let is_snake = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+        let is_snake =
+            |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
         assert!(name.bytes().all(is_snake), "{name}");
     }
 }
 
-/// The 33 commands of RMD V3.6 §2, where 0x20 has four functions; two id commands for each bus; motion mode; and the
-/// notice.
+/// The 33 commands of RMD V3.6 §2, where 0x20 has four functions; two id commands for each bus;
+/// motion mode; and the notice.
 #[test]
 fn every_command_of_the_manual_is_listed() {
     let codes: BTreeSet<_> = COMMANDS.iter().map(|info| info.code).collect();
     let expected = [
-        0x00, 0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x76, 0x77, 0x78,
-        0x79, 0x80, 0x81, 0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8, 0xB1, 0xB2, 0xB3, 0xB4,
-        0xB5, 0xF1,
+        0x00, 0x20, 0x30, 0x31, 0x32, 0x42, 0x43, 0x60, 0x61, 0x62, 0x63, 0x64, 0x70, 0x71, 0x76,
+        0x77, 0x78, 0x79, 0x80, 0x81, 0x92, 0x9A, 0x9C, 0x9D, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA8,
+        0xB1, 0xB2, 0xB3, 0xB4, 0xB5, 0xF1,
     ];
     assert_eq!(codes, BTreeSet::from(expected));
     assert_eq!(COMMANDS.len(), 33 + 3 + 4 + 1 + 1);
@@ -56,7 +57,10 @@ fn every_command_but_the_notice_can_be_built_and_shows_its_fields() {
             let mut shown = Vec::new();
             request.visit_fields(&mut |name, _| shown.push(name));
             shown.retain(|name| !name.ends_with("_name"));
-            assert!(shown.iter().copied().eq(info.request.iter().map(|field| field.name)), "{shown:?}");
+            assert!(
+                shown.iter().copied().eq(info.request.iter().map(|field| field.name)),
+                "{shown:?}"
+            );
         }
     }
     assert_eq!(Request::build(TIMEOUT_NOTICE.name, &none), Err(BuildError::UnknownCommand));

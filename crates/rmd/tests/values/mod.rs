@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use rmd::{
-    BaudCode, Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
-    DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, Faults, FineSpeedLimit, Function, Milliseconds,
-    Model, Motion, MotionCommand, MotionFeedback, Node, PidGains, Ramp, RawNotice, Reply, Request, RunMode,
-    SpeedLimit, VersionDate,
+    BaudCode, Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts,
+    Degrees, DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, Faults, FineSpeedLimit,
+    Function, Milliseconds, Model, Motion, MotionCommand, MotionFeedback, Node, PidGains, Ramp,
+    RawNotice, Reply, Request, RunMode, SpeedLimit, VersionDate,
 };
 
 pub fn node() -> impl Strategy<Value = Node> {
@@ -20,9 +20,16 @@ fn unknown() -> impl Strategy<Value = [u8; 8]> {
 }
 
 fn gains() -> impl Strategy<Value = PidGains> {
-    any::<[u8; 6]>().prop_map(|[current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki]| {
-        PidGains { current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki }
-    })
+    any::<[u8; 6]>().prop_map(
+        |[current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki]| PidGains {
+            current_kp,
+            current_ki,
+            speed_kp,
+            speed_ki,
+            position_kp,
+            position_ki,
+        },
+    )
 }
 
 fn ramp() -> impl Strategy<Value = Ramp> {
@@ -80,7 +87,8 @@ pub fn request() -> impl Strategy<Value = Request> {
         (ramp(), acceleration())
             .prop_map(|(ramp, acceleration)| Request::WriteAcceleration { ramp, acceleration }),
         pulses().prop_map(|offset| Request::WriteEncoderOffset { offset }),
-        any::<u32>().prop_map(|raw| Request::SetCommunicationTimeout { timeout: Milliseconds(raw) }),
+        any::<u32>()
+            .prop_map(|raw| Request::SetCommunicationTimeout { timeout: Milliseconds(raw) }),
         (0..=1_u8).prop_map(|code| Request::SetBaudRate { code: BaudCode(code) }),
         function().prop_map(|function| Request::Function { function }),
     ];
@@ -112,9 +120,13 @@ pub fn special_request() -> impl Strategy<Value = Request> {
         (1..=32_u8).prop_map(|id| Request::SetCanId { id }),
         Just(Request::ReadRs485Id),
         (1..=32_u8).prop_map(|id| Request::SetRs485Id { id }),
-        (any::<u16>(), word(), word(), word(), word()).prop_map(|(position, velocity, kp, kd, torque)| {
-            Request::MotionMode { command: MotionCommand { position, velocity, kp, kd, torque } }
-        }),
+        (any::<u16>(), word(), word(), word(), word()).prop_map(
+            |(position, velocity, kp, kd, torque)| {
+                Request::MotionMode {
+                    command: MotionCommand { position, velocity, kp, kd, torque },
+                }
+            }
+        ),
     ]
 }
 
@@ -132,7 +144,12 @@ fn state() -> impl Strategy<Value = Motion> {
 /// Replies under the id of a single motor, on either bus.
 pub fn reply() -> impl Strategy<Value = Reply> {
     let echoes = prop_oneof![
-        prop::sample::select(vec![Reply::Shutdown, Reply::Stop, Reply::BrakeReleased, Reply::BrakeLocked]),
+        prop::sample::select(vec![
+            Reply::Shutdown,
+            Reply::Stop,
+            Reply::BrakeReleased,
+            Reply::BrakeLocked
+        ]),
         gains().prop_map(|gains| Reply::PidRamWritten { gains }),
         gains().prop_map(|gains| Reply::PidRomWritten { gains }),
         (ramp(), acceleration())
@@ -142,8 +159,9 @@ pub fn reply() -> impl Strategy<Value = Reply> {
         any::<[u8; 7]>().prop_map(|raw| Reply::BaudRateSet { raw }),
         function().prop_map(|function| Reply::Function { function }),
         // On RS485 a notice always has eight bytes; shorter ones are covered beside the CAN code.
-        any::<[u8; 7]>()
-            .prop_map(|payload| Reply::TimeoutNotice { raw: RawNotice::new(&payload).expect("7 bytes") }),
+        any::<[u8; 7]>().prop_map(|payload| Reply::TimeoutNotice {
+            raw: RawNotice::new(&payload).expect("7 bytes")
+        }),
         unknown().prop_map(|data| Reply::Unknown { data }),
     ];
     let values = prop_oneof![
@@ -190,7 +208,10 @@ pub fn reply() -> impl Strategy<Value = Reply> {
 pub fn special_reply() -> impl Strategy<Value = (Node, Reply)> {
     let feedback = (node(), any::<u8>(), any::<u16>(), 0..=0xFFF_u16, 0..=0xFFF_u16).prop_map(
         |(node, id, position, velocity, torque)| {
-            (node, Reply::MotionMode { feedback: MotionFeedback { id, position, velocity, torque } })
+            (
+                node,
+                Reply::MotionMode { feedback: MotionFeedback { id, position, velocity, torque } },
+            )
         },
     );
     prop_oneof![

@@ -1,4 +1,5 @@
-//! Runs `host-tests/vectors/rmd-misprints.txt`: what must happen where the manual contradicts itself.
+//! Runs `host-tests/vectors/rmd-misprints.txt`: what must happen where the manual contradicts
+//! itself.
 
 use crate::vector::{Vector, vectors};
 
@@ -24,10 +25,18 @@ fn check(vector: &Vector) {
         let value = outcome.strip_prefix("is ").unwrap_or_else(|| panic!("{label}: no outcome"));
         let decoded = vector.decode().unwrap_or_else(|error| panic!("{label}: {error}"));
         if let Some((value, hex)) = value.split_once(" and becomes ") {
-            assert_eq!((decoded.debug.as_str(), decoded.encoded.as_deref()), (value, Ok(hex)), "{label}");
+            assert_eq!(
+                (decoded.debug.as_str(), decoded.encoded.as_deref()),
+                (value, Ok(hex)),
+                "{label}"
+            );
         } else if let Some((value, error)) = value.split_once(" and refused as ") {
             let refused = decoded.encoded.expect_err(label);
-            assert_eq!((decoded.debug.as_str(), format!("{refused:?}").as_str()), (value, error), "{label}");
+            assert_eq!(
+                (decoded.debug.as_str(), format!("{refused:?}").as_str()),
+                (value, error),
+                "{label}"
+            );
         } else {
             assert_eq!(
                 (decoded.debug.as_str(), decoded.encoded.as_deref()),

@@ -33,37 +33,47 @@ pub fn vectors(file: &str) -> impl Iterator<Item = Vector<'_>> {
 /// The meaning may itself hold `|`, so it is what the five other columns leave.
 fn parse(line: &str) -> Option<Vector<'_>> {
     let mut columns = line.splitn(5, " | ");
-    let (label, kind, bus, hex) = (columns.next()?, columns.next()?, columns.next()?, columns.next()?);
+    let (label, kind, bus, hex) =
+        (columns.next()?, columns.next()?, columns.next()?, columns.next()?);
     let (meaning, section) = columns.next()?.rsplit_once(" | ")?;
     Some(Vector { label, kind, bus, hex, meaning, section })
 }
 
 impl Vector<'_> {
-    /// Decodes in the stated direction and encodes again. On RS485 the bytes hold exactly one frame.
+    /// Decodes in the stated direction and encodes again. On RS485 the bytes hold exactly one
+    /// frame.
     pub fn decode(&self) -> Result<Decoded, DecodeError> {
         match (self.bus, self.kind) {
-            ("can", "request") => can::decode_any_request(&candump(self.hex)).map(|(target, request)| {
-                let frame = match target {
-                    Target::Node(node) => can::request(node, &request),
-                    Target::All => can::broadcast(&request),
-                };
-                Decoded::request(&request, frame.map(|frame| to_candump(&frame)))
-            }),
-            ("can", "reply" | "event") => can::decode_reply(&candump(self.hex)).map(|(node, reply)| {
-                self.check_kind(&reply);
-                Decoded::reply(&reply, can::reply(node, &reply).map(|frame| to_candump(&frame)))
-            }),
-            ("rs485", "request") => rs485::decode_any_request(&self.frame()).map(|(target, request)| {
-                let frame = match target {
-                    Target::Node(node) => rs485::request(node, &request),
-                    Target::All => rs485::broadcast(&request),
-                };
-                Decoded::request(&request, frame.map(|frame| hex(&frame)))
-            }),
-            ("rs485", "reply" | "event") => rs485::decode_reply(&self.frame()).map(|(node, reply)| {
-                self.check_kind(&reply);
-                Decoded::reply(&reply, rs485::reply(node, &reply).map(|frame| hex(&frame)))
-            }),
+            ("can", "request") => {
+                can::decode_any_request(&candump(self.hex)).map(|(target, request)| {
+                    let frame = match target {
+                        Target::Node(node) => can::request(node, &request),
+                        Target::All => can::broadcast(&request),
+                    };
+                    Decoded::request(&request, frame.map(|frame| to_candump(&frame)))
+                })
+            }
+            ("can", "reply" | "event") => {
+                can::decode_reply(&candump(self.hex)).map(|(node, reply)| {
+                    self.check_kind(&reply);
+                    Decoded::reply(&reply, can::reply(node, &reply).map(|frame| to_candump(&frame)))
+                })
+            }
+            ("rs485", "request") => {
+                rs485::decode_any_request(&self.frame()).map(|(target, request)| {
+                    let frame = match target {
+                        Target::Node(node) => rs485::request(node, &request),
+                        Target::All => rs485::broadcast(&request),
+                    };
+                    Decoded::request(&request, frame.map(|frame| hex(&frame)))
+                })
+            }
+            ("rs485", "reply" | "event") => {
+                rs485::decode_reply(&self.frame()).map(|(node, reply)| {
+                    self.check_kind(&reply);
+                    Decoded::reply(&reply, rs485::reply(node, &reply).map(|frame| hex(&frame)))
+                })
+            }
             (bus, kind) => panic!("{}: no {kind} on {bus}", self.label),
         }
     }
@@ -107,7 +117,10 @@ impl Decoded {
 
 fn bytes(hex: &str) -> Vec<u8> {
     assert!(hex.len().is_multiple_of(2), "{hex}: half a byte");
-    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex")).collect()
+    (0..hex.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex"))
+        .collect()
 }
 
 fn candump(hex: &str) -> CanFrame {

@@ -33,7 +33,8 @@ fn set_commands_can_be_refused() {
     }
 }
 
-/// Thruster manual §1.3 prints refusals of set commands only: −4370 rpm is a measured speed like any other.
+/// Thruster manual §1.3 prints refusals of set commands only: −4370 rpm is a measured speed like
+/// any other.
 #[test]
 fn queries_are_never_refused() {
     let bytes = [0x51, 0x56, 0x00, 0x00, 0x00, 0x00, 0xEE, 0xEE];
@@ -103,9 +104,10 @@ fn a_query_reply_without_data_is_refused() {
 /// Thruster manual §2.4, §2.5: reserved bits of an echo stay, they come from the device.
 #[test]
 fn echoes_keep_reserved_bits() {
-    for bytes in
-        [[0x56, 0x4D, 0x00, 0x00, 0x00, 0x00, 0x84, 0x09], [0x53, 0x52, 0x00, 0x00, 0x00, 0x81, 0x00, 0x64]]
-    {
+    for bytes in [
+        [0x56, 0x4D, 0x00, 0x00, 0x00, 0x00, 0x84, 0x09],
+        [0x53, 0x52, 0x00, 0x00, 0x00, 0x81, 0x00, 0x64],
+    ] {
         let reply = Reply::decode(&bytes).unwrap();
         assert_eq!(reply.encode(), Ok(Payload::Full(bytes)));
     }
@@ -114,7 +116,8 @@ fn echoes_keep_reserved_bits() {
 /// Thruster manual §4.1, §4.2: positions and limits.
 #[test]
 fn limits_are_two_words_and_positions_one_long() {
-    let limits = Reply::PositionLimits { reverse: LimitDecidegrees(-900), forward: LimitDecidegrees(455) };
+    let limits =
+        Reply::PositionLimits { reverse: LimitDecidegrees(-900), forward: LimitDecidegrees(455) };
     let bytes = [0x52, 0x50, 0x4C, 0x41, 0xFC, 0x7C, 0x01, 0xC7];
     assert_eq!(Reply::decode(&bytes), Ok(limits));
     assert_eq!(limits.encode(), Ok(Payload::Full(bytes)));
@@ -129,7 +132,8 @@ fn limits_are_two_words_and_positions_one_long() {
 /// Thruster manual §1.3: an echo must not look like a refusal; the value of RP may.
 #[test]
 fn echoes_do_not_look_like_refusals() {
-    let relative = Reply::RelativePosition { speed: RpmLimit(1), position: Decidegrees(61_166) }.encode();
+    let relative =
+        Reply::RelativePosition { speed: RpmLimit(1), position: Decidegrees(61_166) }.encode();
     assert!(matches!(relative, Err(EncodeError::Forbidden { field: "position", .. })));
     let set = Reply::ParameterSet { parameter: 0x4D01, data: [0, 0, 0xEE, 0xEE] }.encode();
     assert!(matches!(set, Err(EncodeError::Forbidden { field: "data", .. })));

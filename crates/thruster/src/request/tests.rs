@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::{
-    Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percent, ReturnFlags, ReturnFrames, Rpm, RpmLimit,
+    Decidegrees, Kilobits, LimitDecidegrees, Milliseconds, Percent, ReturnFlags, ReturnFrames, Rpm,
+    RpmLimit,
 };
 
 fn encoded(request: Request) -> Payload {
@@ -19,7 +20,8 @@ fn signal_has_a_zero_upper_half_even_when_negative() {
     assert_eq!(Request::decode(minus.as_slice()), Ok(Request::Signal { signal: Percent(-5) }));
 }
 
-/// Thruster manual §1.3 leaves the upper half open: a sign extension is accepted, anything else is named.
+/// Thruster manual §1.3 leaves the upper half open: a sign extension is accepted, anything else is
+/// named.
 #[test]
 fn upper_half_is_zero_or_a_sign_extension() {
     let extended = [0x54, 0x43, 0x00, 0x00, 0xFF, 0xFF, 0xFF, 0xFB];
@@ -46,8 +48,12 @@ fn timeout_is_off_or_within_its_range() {
     assert_eq!(encoded(Request::SetTimeout { timeout: Milliseconds(0) }), off);
     assert!(Request::SetTimeout { timeout: Milliseconds(100) }.encode().is_ok());
     for ms in [1, 99, 60_001, 0xEEEE, u16::MAX] {
-        let refused =
-            EncodeError::OutOfRange { field: "timeout", value: i64::from(ms), min: 100, max: 60_000 };
+        let refused = EncodeError::OutOfRange {
+            field: "timeout",
+            value: i64::from(ms),
+            min: 100,
+            max: 60_000,
+        };
         assert_eq!(Request::SetTimeout { timeout: Milliseconds(ms) }.encode(), Err(refused));
     }
 }
@@ -59,8 +65,12 @@ fn signal_beyond_full_is_refused() {
         assert!(Request::Signal { signal: Percent(signal) }.encode().is_ok());
     }
     for signal in [101, -101, i16::MAX, i16::MIN] {
-        let refused =
-            EncodeError::OutOfRange { field: "signal", value: i64::from(signal), min: -100, max: 100 };
+        let refused = EncodeError::OutOfRange {
+            field: "signal",
+            value: i64::from(signal),
+            min: -100,
+            max: 100,
+        };
         assert_eq!(Request::Signal { signal: Percent(signal) }.encode(), Err(refused));
     }
 }
@@ -87,9 +97,14 @@ fn absolute_position_has_speed_then_a_32_bit_position() {
     assert_eq!(encoded(request), Payload::Full(bytes));
     assert_eq!(Request::decode(&bytes), Ok(request));
     for position in [1800, -1800] {
-        let request = Request::AbsolutePosition { speed: RpmLimit(1), position: Decidegrees(position) };
-        let refused =
-            EncodeError::OutOfRange { field: "position", value: i64::from(position), min: -1799, max: 1799 };
+        let request =
+            Request::AbsolutePosition { speed: RpmLimit(1), position: Decidegrees(position) };
+        let refused = EncodeError::OutOfRange {
+            field: "position",
+            value: i64::from(position),
+            min: -1799,
+            max: 1799,
+        };
         assert_eq!(request.encode(), Err(refused));
     }
 }
@@ -158,7 +173,8 @@ fn id_and_bitrate() {
     assert_eq!(encoded(Request::SetId { id: 127 }), id);
     assert_eq!(Request::decode(id.as_slice()), Ok(Request::SetId { id: 127 }));
     for id in [0, 128, 0x37F, 0xEEEE] {
-        let refused = EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 127 };
+        let refused =
+            EncodeError::OutOfRange { field: "id", value: i64::from(id), min: 1, max: 127 };
         assert_eq!(Request::SetId { id }.encode(), Err(refused));
     }
     let bitrate = Payload::Full([0x43, 0x42, 0x00, 0x00, 0x00, 0x00, 0x03, 0xE8]);
@@ -180,10 +196,14 @@ fn return_format_follows_the_bit_table() {
     let reserved = Request::decode(&[0x56, 0x4D, 0x00, 0x00, 0x00, 0x00, 0x84, 0x01]).unwrap();
     let Request::ConfigureReturn { flags, .. } = reserved else { panic!("{reserved:?}") };
     assert_eq!(flags.bits(), 0x84);
-    assert!(matches!(reserved.encode(), Err(EncodeError::Forbidden { field: "flags", value: 0x84, .. })));
+    assert!(matches!(
+        reserved.encode(),
+        Err(EncodeError::Forbidden { field: "flags", value: 0x84, .. })
+    ));
 }
 
-/// Thruster manual §2.5: frames in byte 5, the interval in bytes 6–7. No frame and 61166 ms look like a refusal.
+/// Thruster manual §2.5: frames in byte 5, the interval in bytes 6–7. No frame and 61166 ms look
+/// like a refusal.
 #[test]
 fn stream_has_frames_and_an_interval() {
     let bytes = [0x53, 0x52, 0x00, 0x00, 0x00, 0x03, 0x13, 0x88];
@@ -193,9 +213,14 @@ fn stream_has_frames_and_an_interval() {
     assert_eq!(Request::decode(&bytes), Ok(request));
     let stray = Request::decode(&[0x53, 0x52, 0x00, 0x00, 0x01, 0x03, 0x13, 0x88]);
     assert_eq!(stray, Err(DecodeError::FixedByte { offset: 4, got: 1, expected: 0 }));
-    let off = Request::ConfigureStream { frames: ReturnFrames::empty(), interval: Milliseconds(61_166) };
-    assert!(matches!(off.encode(), Err(EncodeError::Forbidden { field: "interval", value: 61_166, .. })));
-    let on = Request::ConfigureStream { frames: ReturnFrames::MOTION, interval: Milliseconds(61_166) };
+    let off =
+        Request::ConfigureStream { frames: ReturnFrames::empty(), interval: Milliseconds(61_166) };
+    assert!(matches!(
+        off.encode(),
+        Err(EncodeError::Forbidden { field: "interval", value: 61_166, .. })
+    ));
+    let on =
+        Request::ConfigureStream { frames: ReturnFrames::MOTION, interval: Milliseconds(61_166) };
     assert_eq!(encoded(on), Payload::Full([0x53, 0x52, 0x00, 0x00, 0x00, 0x01, 0xEE, 0xEE]));
 }
 
@@ -212,19 +237,26 @@ fn parameters_are_raw_but_for_the_limits() {
     let refusal = Request::SetParameter { parameter: 0x4D01, data: [0, 0, 0xEE, 0xEE] }.encode();
     assert!(matches!(refusal, Err(EncodeError::Forbidden { field: "data", value: 61_166, .. })));
     let around = Request::SetParameter { parameter: 0x4C41, data: [0x7F, 0xFF, 0, 0] }.encode();
-    assert!(matches!(around, Err(EncodeError::Forbidden { field: "parameter", value: 0x4C41, .. })));
+    assert!(matches!(
+        around,
+        Err(EncodeError::Forbidden { field: "parameter", value: 0x4C41, .. })
+    ));
 
-    let limits =
-        Request::SetPositionLimits { reverse: LimitDecidegrees(-900), forward: LimitDecidegrees(455) };
+    let limits = Request::SetPositionLimits {
+        reverse: LimitDecidegrees(-900),
+        forward: LimitDecidegrees(455),
+    };
     let bytes = [0x53, 0x50, 0x4C, 0x41, 0xFC, 0x7C, 0x01, 0xC7];
     assert_eq!(encoded(limits), Payload::Full(bytes));
     assert_eq!(Request::decode(&bytes), Ok(limits));
     assert_eq!(encoded(Request::ReadPositionLimits), Payload::Short([0x52, 0x50, 0x4C, 0x41]));
     assert_eq!(Request::decode(&[0x52, 0x50, 0x4C, 0x41]), Ok(Request::ReadPositionLimits));
-    let swapped = Request::SetPositionLimits { reverse: LimitDecidegrees(1), forward: LimitDecidegrees(0) };
+    let swapped =
+        Request::SetPositionLimits { reverse: LimitDecidegrees(1), forward: LimitDecidegrees(0) };
     let refused = EncodeError::OutOfRange { field: "reverse", value: 1, min: -32_768, max: 0 };
     assert_eq!(swapped.encode(), Err(refused));
-    let swapped = Request::SetPositionLimits { reverse: LimitDecidegrees(0), forward: LimitDecidegrees(-1) };
+    let swapped =
+        Request::SetPositionLimits { reverse: LimitDecidegrees(0), forward: LimitDecidegrees(-1) };
     let refused = EncodeError::OutOfRange { field: "forward", value: -1, min: 0, max: 32_767 };
     assert_eq!(swapped.encode(), Err(refused));
 }
@@ -232,12 +264,17 @@ fn parameters_are_raw_but_for_the_limits() {
 /// Thruster manual §4.2; 61166 would be the bytes of a refusal, −4370 is not.
 #[test]
 fn relative_position_has_no_range_but_the_refusal() {
-    let request = Request::RelativePosition { speed: RpmLimit(300), position: Decidegrees(-36_000) };
+    let request =
+        Request::RelativePosition { speed: RpmLimit(300), position: Decidegrees(-36_000) };
     let bytes = [0x4C, 0x52, 0x01, 0x2C, 0xFF, 0xFF, 0x73, 0x60];
     assert_eq!(encoded(request), Payload::Full(bytes));
     assert_eq!(Request::decode(&bytes), Ok(request));
-    let refusal = Request::RelativePosition { speed: RpmLimit(300), position: Decidegrees(61_166) }.encode();
-    assert!(matches!(refusal, Err(EncodeError::Forbidden { field: "position", value: 61_166, .. })));
+    let refusal =
+        Request::RelativePosition { speed: RpmLimit(300), position: Decidegrees(61_166) }.encode();
+    assert!(matches!(
+        refusal,
+        Err(EncodeError::Forbidden { field: "position", value: 61_166, .. })
+    ));
     let negative = Request::RelativePosition { speed: RpmLimit(0), position: Decidegrees(-4370) };
     assert_eq!(encoded(negative), Payload::Full([0x4C, 0x52, 0x00, 0x00, 0xFF, 0xFF, 0xEE, 0xEE]));
 }
@@ -283,14 +320,19 @@ fn raw_bytes_do_not_go_around_the_checks() {
 #[test]
 fn reading_is_told_from_the_rest_by_its_letters() {
     let only_reads = |data: &[u8]| Request::decode(data).unwrap().only_reads();
-    for data in
-        [b"QV\0\0", b"QC\0\0", b"QP\0\0", b"QT\0\0", b"EQ\0\0", b"EF\0\0", b"FR\0\0", b"QA\0\0", b"QR\0\0"]
-    {
+    for data in [
+        b"QV\0\0", b"QC\0\0", b"QP\0\0", b"QT\0\0", b"EQ\0\0", b"EF\0\0", b"FR\0\0", b"QA\0\0",
+        b"QR\0\0",
+    ] {
         assert!(only_reads(data), "{data:02X?}");
     }
-    for data in
-        [b"TC\0\0\0\0\0\0", b"VC\0\0\0\0\0\0", b"CI\0\0\0\0\0\x0B", b"ST\0\0\0\0\0\0", b"XX\0\0\0\0\0\0"]
-    {
+    for data in [
+        b"TC\0\0\0\0\0\0",
+        b"VC\0\0\0\0\0\0",
+        b"CI\0\0\0\0\0\x0B",
+        b"ST\0\0\0\0\0\0",
+        b"XX\0\0\0\0\0\0",
+    ] {
         assert!(!only_reads(data), "{data:02X?}");
     }
     for data in [b"CF\0\0", b"MQ\0\0", b"ML\0\0", b"AZ\0\0", b"LS\0\0"] {

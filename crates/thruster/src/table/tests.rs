@@ -67,7 +67,8 @@ fn every_row_is_built_and_visited_alike() {
         assert_eq!((request.name(), request.command()), (info.name, info.code));
         let mut fields = info.request.iter();
         request.visit_fields(&mut |name, value| {
-            let field = fields.next().unwrap_or_else(|| panic!("{}: {name} is not listed", info.name));
+            let field =
+                fields.next().unwrap_or_else(|| panic!("{}: {name} is not listed", info.name));
             assert_eq!(field.name, name, "{}", info.name);
             let (number, kind) = match value {
                 FieldValue::Integer(value) => (value as f64, FieldKind::Integer),
@@ -89,7 +90,11 @@ fn every_row_is_built_and_visited_alike() {
 #[test]
 fn names_are_unique() {
     for (count, info) in COMMANDS.iter().enumerate() {
-        assert!(COMMANDS.iter().skip(count + 1).all(|other| other.name != info.name), "{}", info.name);
+        assert!(
+            COMMANDS.iter().skip(count + 1).all(|other| other.name != info.name),
+            "{}",
+            info.name
+        );
     }
 }
 
@@ -97,9 +102,13 @@ fn names_are_unique() {
 #[test]
 fn bad_values_are_refused_by_name() {
     let with = |name: &str, value: f64| Request::build(name, &|_| Some(value));
-    let refused = BuildError::OutOfRange { field: "signal_percent", value: 101.0, min: -100.0, max: 100.0 };
+    let refused =
+        BuildError::OutOfRange { field: "signal_percent", value: 101.0, min: -100.0, max: 100.0 };
     assert_eq!(with("signal", 101.0), Err(refused));
-    assert!(matches!(with("signal", f64::NAN), Err(BuildError::OutOfRange { field: "signal_percent", .. })));
+    assert!(matches!(
+        with("signal", f64::NAN),
+        Err(BuildError::OutOfRange { field: "signal_percent", .. })
+    ));
     assert_eq!(with("set_id", 1.5), Err(BuildError::NotAnInteger { field: "id", value: 1.5 }));
     assert!(matches!(with("speed", 29.0), Err(BuildError::Encode(_))));
     assert!(matches!(with("set_bitrate", 84.0), Err(BuildError::Encode(_))));
@@ -133,7 +142,9 @@ fn shown(bytes: [u8; 8], name: &str, expected: &[(&str, &str)]) {
         assert_eq!(name, *field);
         match shown {
             Ok(number) => assert_eq!(text.parse(), Ok(number), "{name}"),
-            Err(names) => assert!(names.iter().copied().filter(|name| !name.is_empty()).eq(text.split(' '))),
+            Err(names) => {
+                assert!(names.iter().copied().filter(|name| !name.is_empty()).eq(text.split(' ')))
+            }
         }
     });
     assert!(expected.next().is_none());
@@ -145,8 +156,16 @@ fn replies_are_shown_in_units() {
     shown([0x51, 0x56, 0, 0, 0, 0, 0xFA, 0x24], "read_speed", &[("speed_rpm", "-1500")]);
     shown([0x51, 0x43, 0, 0, 0, 0, 0x00, 0x7B], "read_current", &[("current_a", "12.3")]);
     shown([0x51, 0x50, 0, 0, 0, 0, 0x01, 0xE1], "read_voltage", &[("voltage_v", "48.1")]);
-    shown([0x51, 0x54, 0, 0, 0, 0, 0x00, 0x37], "read_motor_temperature", &[("temperature_c", "55")]);
-    shown([0x46, 0x52, 0, 0, 0, 0, 0x40, 0x12], "read_fault_record", &[("faults", "ee_data under_voltage")]);
+    shown(
+        [0x51, 0x54, 0, 0, 0, 0, 0x00, 0x37],
+        "read_motor_temperature",
+        &[("temperature_c", "55")],
+    );
+    shown(
+        [0x46, 0x52, 0, 0, 0, 0, 0x40, 0x12],
+        "read_fault_record",
+        &[("faults", "ee_data under_voltage")],
+    );
     shown([0x54, 0x43, 0, 0, 0, 0, 0xEE, 0xEE], "signal", &[("refused", "1")]);
     shown(
         [0x4C, 0x41, 0x01, 0x2C, 0, 0, 0xEE, 0xEE],

@@ -113,7 +113,8 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         Ask::ClearGateway,
         Ask::ClearUnreachable { axis: first },
         Ask::Ping,
-        // Configuration: to another bus, to another node, to that of the other axis, away; the bus itself.
+        // Configuration: to another bus, to another node, to that of the other axis, away; the bus
+        // itself.
         set(first, AxisParameter::Bus, elsewhere.into()),
         set(first, AxisParameter::Node, FREE_NODE),
         set(first, AxisParameter::Node, beside.node.into()),
@@ -139,7 +140,8 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     ];
     if motor.protocol == Protocol::D5 && beside.bus == bus {
         // To where the other motor hears motion.
-        let id = if beside.protocol == Protocol::Rmd { 0x400 } else { 0x300 } + u32::from(beside.node);
+        let id =
+            if beside.protocol == Protocol::Rmd { 0x400 } else { 0x300 } + u32::from(beside.node);
         asks.push(set(first, AxisParameter::D5RequestId, id));
     }
     if motor.protocol != Protocol::D5 {
@@ -245,6 +247,7 @@ fn of_board() -> [Action; 5] {
 
 /// An id that loses to the one motor's stop and beats the other's, where there is one.
 fn between(one: &Wired, other: &Wired) -> u32 {
-    let (low, high) = (request_id(one).min(request_id(other)), request_id(one).max(request_id(other)));
+    let (low, high) =
+        (request_id(one).min(request_id(other)), request_id(one).max(request_id(other)));
     if one.bus == other.bus && high - low > 1 { low + 1 } else { request_id(one) - 1 }
 }

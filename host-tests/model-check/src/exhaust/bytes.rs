@@ -8,7 +8,8 @@ use host_protocol::Protocol;
 /// RMD: frees the brake.
 pub const FREE_BRAKE: [u8; 8] = [0x77, 0, 0, 0, 0, 0, 0, 0];
 
-/// A relative move by the manual of an RMD motor, which must go out once; the setpoint of a thruster.
+/// A relative move by the manual of an RMD motor, which must go out once; the setpoint of a
+/// thruster.
 pub fn native(motor: &Wired) -> Vec<u8> {
     match motor.protocol {
         Protocol::Rmd => vec![0xA8, 0, 60, 0, 100, 0, 0, 0],
@@ -40,7 +41,8 @@ pub fn moves(motor: &Wired) -> Vec<u8> {
     }
 }
 
-/// A motion that a lenient motor obeys: with something in bytes that the manual does not use, or to all.
+/// A motion that a lenient motor obeys: with something in bytes that the manual does not use, or to
+/// all.
 pub fn moves_leniently(motor: &Wired) -> Vec<u8> {
     match motor.protocol {
         Protocol::Rmd => vec![0xA2, 7, 0, 0, 0x88, 0x13, 0, 0],

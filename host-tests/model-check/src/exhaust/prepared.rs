@@ -40,13 +40,15 @@ const LOOKS: u32 = 200;
 const PERIOD_US: u32 = 5_000;
 /// For so long a cable is cut, µs: idle motors that are watched are polled every 50 ms.
 const CUT_US: u64 = 100_000;
-/// And for so long still when the poll is on its way, µs: less than a frame may stay in a controller.
+/// And for so long still when the poll is on its way, µs: less than a frame may stay in a
+/// controller.
 const STILL_CUT_US: u64 = 10_000;
 /// The motors' own timeout, ms.
 const MOTOR_TIMEOUT_MS: u32 = 200;
 /// Reply window of the buses, µs.
 pub(super) const WINDOW_US: u32 = 2_000;
-/// How long both move before a sequence begins, µs: each motor has had its setpoint and has answered.
+/// How long both move before a sequence begins, µs: each motor has had its setpoint and has
+/// answered.
 const MOVING_US: u64 = 3_000;
 
 /// A world that is being prepared, and how.
@@ -59,7 +61,11 @@ struct Preparation {
 ///
 /// # Errors
 /// The axis that does not come into the state.
-pub fn prepare(start_us: u64, pair: &Pair, prepared: Prepared) -> Result<(World, Vec<Step>), String> {
+pub fn prepare(
+    start_us: u64,
+    pair: &Pair,
+    prepared: Prepared,
+) -> Result<(World, Vec<Step>), String> {
     let mut preparation = Preparation { world: World::new(start_us), steps: Vec::new() };
     preparation.configure(pair);
     let [first, second] = pair.axes;
@@ -96,13 +102,16 @@ pub fn prepare(start_us: u64, pair: &Pair, prepared: Prepared) -> Result<(World,
 
 impl Preparation {
     fn ask(&mut self, ask: Ask) {
-        let step =
-            Step { at_us: self.world.since_start_us() + REQUEST_US, action: Action::Ask { link: 0, ask } };
+        let step = Step {
+            at_us: self.world.since_start_us() + REQUEST_US,
+            action: Action::Ask { link: 0, ask },
+        };
         self.world.step(&step);
         self.steps.push(step);
     }
 
-    /// Has the axes polled, and cuts the cable of one of them, or its motor off, from before its poll until a little later.
+    /// Has the axes polled, and cuts the cable of one of them, or its motor off, from before its
+    /// poll until a little later.
     fn watch(&mut self, axis: u8) -> Result<(), String> {
         self.ask(Ask::Subscribe { axes: u32::MAX, period_us: PERIOD_US });
         self.cut(axis, CUT_US);

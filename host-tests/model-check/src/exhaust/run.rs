@@ -17,7 +17,8 @@ const THREADS: usize = 2;
 const PATIENCE: u32 = 4;
 /// The clock's low 32 bits wrap around soon after the preparation.
 const START_US: u64 = (1 << 32) - 250_000;
-/// After the last step of a counterexample, µs, and runs that the search for a shorter one may take.
+/// After the last step of a counterexample, µs, and runs that the search for a shorter one may
+/// take.
 const SETTLE_US: u64 = 400_000;
 const SHRINK_RUNS: u32 = 500;
 
@@ -41,7 +42,8 @@ struct Level {
     found: Vec<(Pair, Prepared, Found)>,
 }
 
-/// Searches until a limit is reached, and prints what it comes to. Whether enough was judged and nothing found.
+/// Searches until a limit is reached, and prints what it comes to. Whether enough was judged and
+/// nothing found.
 #[must_use]
 pub fn run(limits: Limits) -> bool {
     let begun = Instant::now();
@@ -51,7 +53,11 @@ pub fn run(limits: Limits) -> bool {
     let scenes: Vec<(Pair, Prepared)> =
         PAIRS.iter().flat_map(|pair| Prepared::ALL.map(|prepared| (*pair, prepared))).collect();
     let letters: usize = PAIRS.iter().map(|pair| alphabet(pair).len()).max().unwrap_or(0);
-    println!("{} pairs in {} prepared states, up to {letters} letters", PAIRS.len(), Prepared::ALL.len());
+    println!(
+        "{} pairs in {} prepared states, up to {letters} letters",
+        PAIRS.len(),
+        Prepared::ALL.len()
+    );
     for depth in 1..=limits.depth {
         // What is wanted is judged on a slow machine too.
         let missing = judged.load(Ordering::Relaxed) < WANTED;
@@ -95,7 +101,9 @@ fn search_all(
         let workers: Vec<_> = (0..THREADS)
             .map(|_| {
                 scope.spawn(|| {
-                    while let Some((pair, prepared)) = scenes.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    while let Some((pair, prepared)) =
+                        scenes.get(next.fetch_add(1, Ordering::Relaxed))
+                    {
                         let (world, _) = match prepare(START_US, pair, *prepared) {
                             Ok(ready) => ready,
                             Err(error) => panic!("{error}"),
@@ -110,7 +118,9 @@ fn search_all(
                         level.judged += search.judged;
                         level.states += states;
                         level.cut += search.cut;
-                        level.found.extend(search.found.into_iter().map(|found| (*pair, *prepared, found)));
+                        level.found.extend(
+                            search.found.into_iter().map(|found| (*pair, *prepared, found)),
+                        );
                     }
                 })
             })
@@ -129,7 +139,8 @@ fn search_all(
     level.into_inner().unwrap_or_default()
 }
 
-/// Prints one counterexample for each promise as a file that can be replayed, and where else there are some.
+/// Prints one counterexample for each promise as a file that can be replayed, and where else there
+/// are some.
 fn report_all(found: &[(Pair, Prepared, Found)]) {
     for (index, (pair, prepared, this)) in found.iter().enumerate() {
         println!("# {}, {prepared:?}: {:?}", pair.name, this.what);

@@ -52,7 +52,8 @@ fn what_is_found_is_replayed() {
     let mut search = Search::new(&letters, 2, &stop);
     search.run(&world, 1);
     // An expiry alone ends in a stop.
-    let found = search.found.iter().find(|found| found.letters == [Letter::Pause(100_000)]).unwrap();
+    let found =
+        search.found.iter().find(|found| found.letters == [Letter::Pause(100_000)]).unwrap();
     found.letters.iter().for_each(|letter| letter.happen(&mut world));
     assert_eq!(Some(&found.what), world.broken().cloned().map(What::Broken).as_ref());
 }

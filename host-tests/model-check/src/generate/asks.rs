@@ -26,14 +26,26 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
             let timeout_ms = dice.pick(&[0, 1, 99, 100, 300, 300, 60_000, 60_001, 4_233_600_000]);
             Ask::Provision { axis, timeout_ms }
         }
-        21 => Ask::Set { axis, parameter: dice.pick(&[6, 8, 9, 13]), value: Number::Unsigned(100_000) },
+        21 => Ask::Set {
+            axis,
+            parameter: dice.pick(&[6, 8, 9, 13]),
+            value: Number::Unsigned(100_000),
+        },
         22 => {
-            let (parameter, scale) =
-                dice.pick(&[(11, 0.2), (14, 20.0), (14, 0.1), (15, 5.0), (16, -9.0), (17, 9.0), (28, 3.0)]);
+            let (parameter, scale) = dice.pick(&[
+                (11, 0.2),
+                (14, 20.0),
+                (14, 0.1),
+                (15, 5.0),
+                (16, -9.0),
+                (17, 9.0),
+                (28, 3.0),
+            ]);
             Ask::Set { axis, parameter, value: Number::Float(dice.fraction() * scale) }
         }
         23 => {
-            let protocols = BUS_SETUP.get(usize::from(bus)).map_or(RMD_AND_THRUSTER, |(_, spoken)| *spoken);
+            let protocols =
+                BUS_SETUP.get(usize::from(bus)).map_or(RMD_AND_THRUSTER, |(_, spoken)| *spoken);
             let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
             let window_us = dice.pick(&[1_000, 3_000, 5_000]);
             Ask::Bus { bus, window_us, protocols, wholly_ours: dice.percent(50) }
@@ -83,7 +95,9 @@ pub(super) fn goal(dice: &mut Dice, axis: u8) -> Goal {
     let speed = dice.pick(&LIMITS);
     match MOTORS[usize::from(axis)].protocol {
         _ if dice.percent(3) => Goal::Current(value),
-        Protocol::Thruster if axis == POSITION_DEVICE && dice.percent(30) => Goal::Position(value, 10.0),
+        Protocol::Thruster if axis == POSITION_DEVICE && dice.percent(30) => {
+            Goal::Position(value, 10.0)
+        }
         Protocol::Thruster => dice.pick(&[Goal::Signal(value / 5.0), Goal::Velocity(value * 3.0)]),
         Protocol::D5 => Goal::Velocity(value),
         Protocol::Rmd => dice.pick(&[
@@ -103,13 +117,15 @@ pub(super) fn native(dice: &mut Dice, axis: u8) -> Ask {
         _ if dice.percent(5) => dice.bytes(9),
         Protocol::Rmd => {
             let command = dice.pick(&[
-                0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8, 0xA8,
+                0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8,
+                0xA8,
             ]);
             vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
         }
         Protocol::Thruster => {
-            let [a, b] =
-                *dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ", b"VM"]);
+            let [a, b] = *dice.pick(&[
+                b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LR", b"LS", b"ST", b"MQ", b"VM",
+            ]);
             let value = dice.pick(&[0, dice.clone().byte() / 3]);
             let long = vec![a, b, 0, 9, 0, 0, 0, value];
             dice.pick(&[long.clone(), long, vec![a, b, 0, 0]])

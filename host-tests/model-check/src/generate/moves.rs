@@ -1,4 +1,5 @@
-//! Axes that are moved to other motors: another bus, node, protocol, other ids, in any state and with requests under way.
+//! Axes that are moved to other motors: another bus, node, protocol, other ids, in any state and
+//! with requests under way.
 
 use super::Generator;
 use super::asks::native;
@@ -36,13 +37,19 @@ const D5_IDS: [u32; 22] = [
 ];
 
 impl Generator {
-    /// An axis is asked something, and moved before it has been answered; its old bus is loaded meanwhile, starts again, or goes off.
+    /// An axis is asked something, and moved before it has been answered; its old bus is loaded
+    /// meanwhile, starts again, or goes off.
     pub(super) fn moves(&mut self, world: &World) -> Action {
         if self.dice.percent(10) {
             return self.bares();
         }
-        let idle: Vec<u8> = (0..AXES).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
-        let axis = if idle.is_empty() || self.dice.percent(10) { self.axis() } else { self.dice.pick(&idle) };
+        let idle: Vec<u8> =
+            (0..AXES).filter(|axis| world.oracle().told(*axis) == Told::Idle).collect();
+        let axis = if idle.is_empty() || self.dice.percent(10) {
+            self.axis()
+        } else {
+            self.dice.pick(&idle)
+        };
         let old = MOTORS[usize::from(axis)].bus;
         let link = self.commander;
         let mut actions = Vec::new();
@@ -65,7 +72,11 @@ impl Generator {
         }
         for _ in 0..=self.dice.below(3) {
             let (parameter, value) = self.new_address(MOTORS[usize::from(axis)].protocol);
-            asks.push(Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) });
+            asks.push(Ask::Set {
+                axis,
+                parameter: parameter.number(),
+                value: Number::Unsigned(value),
+            });
         }
         actions.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
         if self.dice.percent(50) {
@@ -73,30 +84,43 @@ impl Generator {
                 let protocols = self.protocols[usize::from(old)];
                 Action::Ask {
                     link,
-                    ask: Ask::Bus { bus: old, window_us: 3_000, protocols, wholly_ours: self.starts },
+                    ask: Ask::Bus {
+                        bus: old,
+                        window_us: 3_000,
+                        protocols,
+                        wholly_ours: self.starts,
+                    },
                 }
             } else {
                 Action::Short { bus: old, for_us: self.dice.below(3_000) }
             });
         }
         if self.dice.percent(40) {
-            let ask =
-                self.dice.pick(&[Ask::StopAll, Ask::Stop { axis }, Ask::Stop { axis }, Ask::Arm { axis }]);
+            let ask = self.dice.pick(&[
+                Ask::StopAll,
+                Ask::Stop { axis },
+                Ask::Stop { axis },
+                Ask::Arm { axis },
+            ]);
             actions.push(Action::Ask { link, ask });
         }
         self.first.extend(actions);
         Action::Ask { link, ask: Ask::Ping }
     }
 
-    /// All axes of a bus are removed, it is opened for everything, and an axis comes back before or after that ends.
+    /// All axes of a bus are removed, it is opened for everything, and an axis comes back before or
+    /// after that ends.
     fn bares(&mut self) -> Action {
         let axis = self.axis();
         let bus = MOTORS[usize::from(axis)].bus;
         let here = (0..).zip(&MOTORS).filter(|(_, motor)| motor.bus == bus).map(|(axis, _)| axis);
         let mut asks: Vec<Ask> = here.map(|axis| Ask::Remove { axis }).collect();
         asks.extend(unsafe_access(&mut self.dice, bus));
-        let comes_back =
-            Ask::Set { axis, parameter: AxisParameter::Bus.number(), value: Number::Unsigned(bus.into()) };
+        let comes_back = Ask::Set {
+            axis,
+            parameter: AxisParameter::Bus.number(),
+            value: Number::Unsigned(bus.into()),
+        };
         let ends = [Ask::RawClose { bus }, Ask::EStop, comes_back.clone(), Ask::Ping];
         asks.extend([self.dice.pick(&ends), comes_back]);
         asks.extend([Ask::RawClose { bus }, Ask::ClearGateway]);
@@ -113,7 +137,10 @@ impl Generator {
             }
             0..3 => (AxisParameter::Bus, (self.dice.byte() % BUSES).into()),
             3 => (AxisParameter::Protocol, self.dice.pick(&[1, 2, 3])),
-            4 => (AxisParameter::Node, self.dice.pick(&[1, 2, 3, 4, 0x0E, 0x0F, 20, 0x26, 0x27, 0x28])),
+            4 => (
+                AxisParameter::Node,
+                self.dice.pick(&[1, 2, 3, 4, 0x0E, 0x0F, 20, 0x26, 0x27, 0x28]),
+            ),
             5 => (AxisParameter::StopAction, self.dice.pick(&[1, 2, 3])),
             6 => (AxisParameter::D5RequestId, self.dice.pick(&D5_IDS)),
             _ => (AxisParameter::D5ReplyId, self.dice.pick(&D5_IDS)),
@@ -124,7 +151,8 @@ impl Generator {
     pub(super) fn moves_back(&mut self, axis: u8) -> Action {
         let motor = &MOTORS[usize::from(axis)];
         let protocols = self.protocols[usize::from(motor.bus)];
-        let bus = Ask::Bus { bus: motor.bus, window_us: 3_000, protocols, wholly_ours: self.starts };
+        let bus =
+            Ask::Bus { bus: motor.bus, window_us: 3_000, protocols, wholly_ours: self.starts };
         let mut asks = vec![Ask::Remove { axis }, bus];
         for (parameter, value) in [
             (AxisParameter::Bus, motor.bus.into()),
@@ -132,7 +160,11 @@ impl Generator {
             (AxisParameter::Node, motor.node.into()),
             (AxisParameter::StopAction, motor.stop.number().into()),
         ] {
-            asks.push(Ask::Set { axis, parameter: parameter.number(), value: Number::Unsigned(value) });
+            asks.push(Ask::Set {
+                axis,
+                parameter: parameter.number(),
+                value: Number::Unsigned(value),
+            });
         }
         let allow = AxisParameter::AllowUnknownMotorTimeout.number();
         asks.push(Ask::Set { axis, parameter: allow, value: Number::Bool(true) });

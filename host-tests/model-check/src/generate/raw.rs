@@ -1,4 +1,5 @@
-//! Raw access to a bus in every state of its axes: frames and bytes that are harmless, that look so, and that are not.
+//! Raw access to a bus in every state of its axes: frames and bytes that are harmless, that look
+//! so, and that are not.
 
 use super::Generator;
 use super::asks::native;
@@ -11,11 +12,13 @@ use host_protocol::Protocol;
 use promise_model::{EXTENDED, Told};
 
 impl Generator {
-    /// What a host does on a bus whose axes are mostly at rest: it opens it for raw frames, and sends them.
+    /// What a host does on a bus whose axes are mostly at rest: it opens it for raw frames, and
+    /// sends them.
     pub(super) fn raw(&mut self, world: &World, axis: u8) -> Action {
         let bus = MOTORS[usize::from(axis)].bus;
         if bus == LINE && self.dice.percent(15) {
-            // What begins a frame that ends in the first bytes of the next request, in its checksum too.
+            // What begins a frame that ends in the first bytes of the next request, in its checksum
+            // too.
             let node = self.dice.pick(&[1, 2, 0xCD]);
             let next = frame(node, [0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]);
             let first = head(&mut self.dice, &next);
@@ -58,25 +61,32 @@ pub(super) fn raw_send(dice: &mut Dice, bus: u8) -> Ask {
     let motor = if here.is_empty() { MOTORS[0] } else { dice.pick(&here) };
     let node = u32::from(motor.node);
     let (id, mut data) = match motor.protocol {
-        _ if dice.percent(10) => {
-            (dice.pick(&[0x700, 0x7FF, 0x141, 0x30E, 0x26, 0x300, 0xFE, EXTENDED | 0x141]), dice.bytes(9))
-        }
+        _ if dice.percent(10) => (
+            dice.pick(&[0x700, 0x7FF, 0x141, 0x30E, 0x26, 0x300, 0xFE, EXTENDED | 0x141]),
+            dice.bytes(9),
+        ),
         Protocol::Rmd if dice.percent(10) => (0x400 + node, dice.bytes(9)),
-        Protocol::Rmd if dice.percent(10) => (0x300, vec![0x79, 0, dice.byte() % 2, 0, 0, 0, 0, motor.node]),
+        Protocol::Rmd if dice.percent(10) => {
+            (0x300, vec![0x79, 0, dice.byte() % 2, 0, 0, 0, 0, motor.node])
+        }
         Protocol::Rmd => {
-            let command =
-                dice.pick(&[0x9A, 0x9C, 0x92, 0x81, 0x80, 0x77, 0x78, 0x76, 0xA2, 0xA0, 0xB3, 0x43, 0x51]);
+            let command = dice.pick(&[
+                0x9A, 0x9C, 0x92, 0x81, 0x80, 0x77, 0x78, 0x76, 0xA2, 0xA0, 0xB3, 0x43, 0x51,
+            ]);
             let id = if dice.percent(10) { 0x280 } else { 0x140 + node };
             (id, vec![command, 0, 0, 0, dice.byte(), 0, 0, 0])
         }
         Protocol::Thruster => {
-            let [a, b] = *dice.pick(&[b"QV", b"EF", b"FR", b"TC", b"VC", b"LR", b"CI", b"ST", b"CF", b"XX"]);
+            let [a, b] =
+                *dice.pick(&[b"QV", b"EF", b"FR", b"TC", b"VC", b"LR", b"CI", b"ST", b"CF", b"XX"]);
             (0x300 + node, vec![a, b, 0, 0, 0, 0, 0, dice.pick(&[0, 9])])
         }
         Protocol::D5 => {
             let to = if dice.percent(30) { 0xFE } else { motor.node };
-            let (command, address) =
-                (dice.pick(&[1, 2, 2, 3, 4, 5, 6]), dice.pick(&[0x20, 0x21, 0x1F, 0x26, 0x10, 0x03]));
+            let (command, address) = (
+                dice.pick(&[1, 2, 2, 3, 4, 5, 6]),
+                dice.pick(&[0x20, 0x21, 0x1F, 0x26, 0x10, 0x03]),
+            );
             let body = [to, dice.pick(&[4, 5]), command, address, dice.pick(&[0, 30]), 0];
             let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
             let id = if dice.percent(20) { extended_id(motor.node) } else { node };
@@ -116,7 +126,8 @@ fn frame(node: u8, data: [u8; 8]) -> Vec<u8> {
     bytes
 }
 
-/// The beginning of a harmless frame whose end is the beginning of `next`: two of its data bytes are chosen so that the checksum fits.
+/// The beginning of a harmless frame whose end is the beginning of `next`: two of its data bytes
+/// are chosen so that the checksum fits.
 fn head(dice: &mut Dice, next: &[u8]) -> Vec<u8> {
     let length = 5 + usize::from(dice.byte() % 7);
     let mut whole = vec![0x3E, 1, 8, 0x9A];

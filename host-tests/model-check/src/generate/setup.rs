@@ -7,14 +7,19 @@ use crate::plant::{BUSES, MOTORS, POSITION_DEVICE, extended_id};
 use host_protocol::AxisParameter;
 use host_protocol::Protocol;
 
-/// Speeds, rad/s, that are no whole number of the unit of some motor: limits, and what is asked for.
+/// Speeds, rad/s, that are no whole number of the unit of some motor: limits, and what is asked
+/// for.
 pub(super) const LIMITS: [f32; 6] = [3.0, 0.009, 0.026_2, 1.234, 0.5, 2.0];
 
 /// What VM may be set to: bytes 6 and 7 (Thruster manual §2.4).
 pub(super) const RETURN_MODES: [u16; 8] = [0, 0x01, 0x02, 0x03, 0x07, 0x200, 0x203, 0x100];
 
 /// The steps of a host that finds nothing configured, and what the motors are then.
-pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], starts: bool) -> Vec<Action> {
+pub(super) fn configuration(
+    dice: &mut Dice,
+    protocols: [u8; BUSES as usize],
+    starts: bool,
+) -> Vec<Action> {
     let mut asks = vec![Ask::Hello, Ask::Silence { us: dice.pick(&[100_000, 250_000]) }];
     asks.extend((0..BUSES).zip(protocols).map(|(bus, protocols)| Ask::Bus {
         bus,
@@ -29,7 +34,8 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], st
     let returns = if dice.percent(35) { dice.pick(&RETURN_MODES) } else { 0 };
     let grouped = dice.percent(30);
     let provisioned = dice.percent(40);
-    // Where it is not provisioned either, the axis is not armed, unless its motor tells of its timeout by itself.
+    // Where it is not provisioned either, the axis is not armed, unless its motor tells of its
+    // timeout by itself.
     let known_only = dice.percent(if provisioned { 50 } else { 5 });
     for (axis, motor) in (0u8..).zip(&MOTORS) {
         let mut set = |parameter: AxisParameter, value: Number| {
@@ -90,7 +96,8 @@ pub(super) fn configuration(dice: &mut Dice, protocols: [u8; BUSES as usize], st
             asks.push(Ask::Provision { axis, timeout_ms: dice.pick(&[200, 500]) });
         }
     }
-    // Before there are axes a bus is opened for everything; while it is, none can be configured there.
+    // Before there are axes a bus is opened for everything; while it is, none can be configured
+    // there.
     if dice.percent(15) {
         let bus = dice.byte() % BUSES;
         let closes = match dice.percent(50) {

@@ -9,7 +9,8 @@ use host_protocol::Protocol;
 use promise_model::Told;
 
 impl Generator {
-    /// Whether a host that drives this axis now sets several in motion. One that moves by itself goes on mostly.
+    /// Whether a host that drives this axis now sets several in motion. One that moves by itself
+    /// goes on mostly.
     pub(super) fn starts_several(&mut self, axis: u8, told: Told) -> bool {
         let chance = match told {
             Told::Armed if self.starts => 90,
@@ -19,12 +20,14 @@ impl Generator {
         MOTORS[usize::from(axis)].protocol == Protocol::D5 && self.dice.percent(chance)
     }
 
-    /// Two or more of those that are armed start together, mostly; else a host waits until they are.
+    /// Two or more of those that are armed start together, mostly; else a host waits until they
+    /// are.
     pub(super) fn together(&mut self, world: &World, axis: u8) -> Action {
         let may_move = |axis: &u8| matches!(world.oracle().told(*axis), Told::Armed | Told::Active);
         let armed: Vec<u8> =
             D5_AXES.into_iter().filter(|axis| may_move(axis) || self.dice.percent(2)).collect();
-        let mut members: Vec<u8> = armed.iter().copied().filter(|_| self.dice.percent(85)).collect();
+        let mut members: Vec<u8> =
+            armed.iter().copied().filter(|_| self.dice.percent(85)).collect();
         // Beside one that is on its way to another state no start is taken.
         let unsettled = |axis: &u8| {
             let told = world.oracle().told(*axis);

@@ -61,7 +61,10 @@ impl Generator {
             5 => Action::Overflow { bus: self.dice.byte() % BUSES },
             6 => {
                 // Never the one that all depends on.
-                Action::Unread { link: self.dice.byte() % LISTENER, for_us: self.dice.below(50_000) }
+                Action::Unread {
+                    link: self.dice.byte() % LISTENER,
+                    for_us: self.dice.below(50_000),
+                }
             }
             7 if self.dice.percent(30) => Action::EStopInput { open: self.dice.percent(50) },
             7 if self.dice.percent(50) => self.start(),
@@ -113,7 +116,9 @@ impl Generator {
             7..9 => {
                 let mut data = self.dice.bytes(9);
                 match (MOTORS[usize::from(motor)].protocol, data.first_mut()) {
-                    (Protocol::Rmd, Some(first)) => *first = self.dice.pick(&[0x80, 0x81, 0x9A, 0x9C, 0x92]),
+                    (Protocol::Rmd, Some(first)) => {
+                        *first = self.dice.pick(&[0x80, 0x81, 0x9A, 0x9C, 0x92])
+                    }
                     (_, Some(first)) => *first = self.dice.pick(&[0x5D, b'Q', b'E', b'T']),
                     _ => {}
                 }
@@ -122,16 +127,25 @@ impl Generator {
             9..11 => Does::Refuses,
             11 => Does::Faults { word: self.dice.pick(&[0, 2, 4, 0x40, 0x1018, 0x1100]) },
             12 | 13 => Does::Faults { word: 0 },
-            14 => self.dice.pick(&[Does::Restarts, turns.clone(), turns, Does::Off { for_us: 1_500_000 }]),
+            14 => self.dice.pick(&[
+                Does::Restarts,
+                turns.clone(),
+                turns,
+                Does::Off { for_us: 1_500_000 },
+            ]),
             _ => Does::Disobeys { for_us: self.span() },
         }
     }
 
-    /// Other nodes load a CAN bus: with an id below all of ours, above, or between two of them, in frames of any length, with pauses or
-    /// without, one node or two.
+    /// Other nodes load a CAN bus: with an id below all of ours, above, or between two of them, in
+    /// frames of any length, with pauses or without, one node or two.
     fn load(&mut self, bus: u8) -> Action {
-        let mut ids: Vec<u32> =
-            MOTORS.iter().filter(|motor| motor.bus == bus).flat_map(ids_of).chain([0, 0x7FE]).collect();
+        let mut ids: Vec<u32> = MOTORS
+            .iter()
+            .filter(|motor| motor.bus == bus)
+            .flat_map(ids_of)
+            .chain([0, 0x7FE])
+            .collect();
         ids.sort_unstable();
         let beside: Vec<u32> = ids[..ids.len() - 1].to_vec();
         let id = self.dice.pick(&beside) + 1;

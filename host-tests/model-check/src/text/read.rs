@@ -71,9 +71,10 @@ impl Words<'_> {
             "overflow" => Action::Overflow { bus: self.number()? },
             "reset" => Action::Reset,
             "damaging-reset" => Action::DamagingReset { words: self.number()? },
-            "reset-while-saving" => {
-                Action::ResetWhileSaving { words: self.number()?, garbles: self.0.next()? == "garbled" }
-            }
+            "reset-while-saving" => Action::ResetWhileSaving {
+                words: self.number()?,
+                garbles: self.0.next()? == "garbled",
+            },
             "reset-after" => Action::ResetAfter { steps: self.number()? },
             "power-loss" => Action::PowerLoss,
             _ => return None,
@@ -101,7 +102,11 @@ impl Words<'_> {
     }
 
     fn permit(&mut self) -> Option<Permit> {
-        Some(Permit { axis: self.number()?, epoch: self.after("epoch")?, lead_us: self.after("lead")? })
+        Some(Permit {
+            axis: self.number()?,
+            epoch: self.after("epoch")?,
+            lead_us: self.after("lead")?,
+        })
     }
 
     fn ask(&mut self) -> Option<Ask> {
@@ -152,7 +157,11 @@ impl Words<'_> {
                 };
                 Ask::Setpoint { permit, goal }
             }
-            "move" => Ask::Move { permit: self.permit()?, distance: self.number()?, speed: self.number()? },
+            "move" => Ask::Move {
+                permit: self.permit()?,
+                distance: self.number()?,
+                speed: self.number()?,
+            },
             "native" => Ask::Native { permit: self.permit()?, data: self.hex()? },
             "together" => {
                 let (lead_us, mut members) = (self.number()?, Vec::new());
@@ -171,7 +180,9 @@ impl Words<'_> {
                 let (bus, access) = (self.number()?, self.0.next());
                 Ask::RawOpen { bus, unsafe_access: access == Some("unsafe") }
             }
-            "raw-send" => Ask::RawSend { bus: self.number()?, id: self.number()?, data: self.hex()? },
+            "raw-send" => {
+                Ask::RawSend { bus: self.number()?, id: self.number()?, data: self.hex()? }
+            }
             "raw-receive" => Ask::RawReceive { bus: self.number()? },
             "raw-close" => Ask::RawClose { bus: self.number()? },
             _ => return None,

@@ -28,7 +28,9 @@ fn action(action: &Action) -> String {
         Action::Again { link, back } => format!("again {link} {back}"),
         Action::Bytes { link, bytes } => format!("bytes {link} {}", hex(bytes)),
         Action::Unread { link, for_us } => format!("unread {link} {for_us}"),
-        Action::EStopInput { open } => format!("e-stop-input {}", if *open { "open" } else { "closed" }),
+        Action::EStopInput { open } => {
+            format!("e-stop-input {}", if *open { "open" } else { "closed" })
+        }
         Action::Motor { motor, does } => format!("motor {motor} {}", deed(does)),
         Action::Cut { bus, for_us } => format!("cut {bus} {for_us}"),
         Action::Short { bus, for_us } => format!("short {bus} {for_us}"),
@@ -115,10 +117,13 @@ fn asks(ask: &Ask) -> String {
             };
             format!("setpoint {} {goal}", permits(permit))
         }
-        Ask::Move { permit, distance, speed } => format!("move {} {distance:?} {speed:?}", permits(permit)),
+        Ask::Move { permit, distance, speed } => {
+            format!("move {} {distance:?} {speed:?}", permits(permit))
+        }
         Ask::Native { permit, data } => format!("native {} {}", permits(permit), hex(data)),
         Ask::Together { lead_us, members } => {
-            let member = |(axis, epoch, speed): &(u8, i32, f32)| format!(" {axis} {epoch} {speed:?}");
+            let member =
+                |(axis, epoch, speed): &(u8, i32, f32)| format!(" {axis} {epoch} {speed:?}");
             format!("together {lead_us}{}", members.iter().map(member).collect::<String>())
         }
         Ask::Read { axis } => format!("read {axis}"),

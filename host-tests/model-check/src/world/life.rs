@@ -12,7 +12,8 @@ const LINKS_OPEN_AFTER_US: u64 = 100_000;
 /// What is in memory that was never written.
 const NEVER_WRITTEN: u32 = 0xA5A5_A5A5;
 
-/// What the random generator gives at the first start, shortly before epochs wrap around, and from one start to the next.
+/// What the random generator gives at the first start, shortly before epochs wrap around, and from
+/// one start to the next.
 pub const FIRST_RANDOM_NUMBER: u32 = u32::MAX - 40;
 const RANDOM_STEP: u32 = 0x9E37_79B9;
 
@@ -73,7 +74,10 @@ impl Life {
             stored: _,
             latched,
         } = self;
-        write!(to, "{links_open_by:?} {random_number} {countdown:?} {is_suspended} {e_stop_open} {latched:?}")
+        write!(
+            to,
+            "{links_open_by:?} {random_number} {countdown:?} {is_suspended} {e_stop_open} {latched:?}"
+        )
     }
 
     pub fn links_open_by(&self) -> Option<u64> {
@@ -84,8 +88,8 @@ impl Life {
         self.countdown = Some(countdown);
     }
 
-    /// Whether a configuration was stored that nobody has been told of, the model cannot know: as long as one waits for its answer, no
-    /// reset interrupts it.
+    /// Whether a configuration was stored that nobody has been told of, the model cannot know: as
+    /// long as one waits for its answer, no reset interrupts it.
     pub fn suspend_reset(&mut self, is_configuring: bool) {
         self.is_suspended = is_configuring;
     }
@@ -93,7 +97,8 @@ impl Life {
     /// Puts words into the memory, each a step.
     pub fn store(&mut self) -> impl FnMut(usize, u32) {
         |index, word| {
-            let is_garbled = matches!(self.countdown, Some(Countdown::Words { left: 1, garbles: true }));
+            let is_garbled =
+                matches!(self.countdown, Some(Countdown::Words { left: 1, garbles: true }));
             if self.takes_step(true) {
                 self.stored.push(index);
                 self.memory[index] = if is_garbled && !self.is_suspended { !word } else { word };
@@ -101,8 +106,8 @@ impl Life {
         }
     }
 
-    /// Whether one of the steps that follow from an event is taken, in their order: a word stored, a frame handed over or asked back,
-    /// a host told. If not, the reset came first.
+    /// Whether one of the steps that follow from an event is taken, in their order: a word stored,
+    /// a frame handed over or asked back, a host told. If not, the reset came first.
     pub fn takes_step(&mut self, is_word: bool) -> bool {
         let left = match &mut self.countdown {
             Some(Countdown::Words { left, .. }) if is_word || *left == 0 => left,
@@ -119,8 +124,10 @@ impl Life {
 
     /// Whether the reset has come.
     pub fn is_reset(&self) -> bool {
-        let is_over =
-            matches!(self.countdown, Some(Countdown::Words { left: 0, .. } | Countdown::Steps { left: 0 }));
+        let is_over = matches!(
+            self.countdown,
+            Some(Countdown::Words { left: 0, .. } | Countdown::Steps { left: 0 })
+        );
         is_over && !self.is_suspended
     }
 
@@ -145,7 +152,8 @@ impl Life {
 }
 
 impl World {
-    /// The watchdog resets the gateway; `interrupted`: before it could say what it has taken in last.
+    /// The watchdog resets the gateway; `interrupted`: before it could say what it has taken in
+    /// last.
     pub(super) fn reset(&mut self, interrupted: bool) {
         self.note(|| "the watchdog resets the gateway".into());
         self.oracle.reset(self.now_us, interrupted);
@@ -188,16 +196,21 @@ impl World {
         self.feed(Input::Pin { open: self.life.e_stop_open });
     }
 
-    /// Opens the host links when the stops after a start have left, or could have: whether it did. The host that listens asks first how everything is.
+    /// Opens the host links when the stops after a start have left, or could have: whether it did.
+    /// The host that listens asks first how everything is.
     pub(super) fn open_links(&mut self) -> bool {
         let Some(by) = self.life.links_open_by else { return false };
         if self.gateway.stops_under_way() && self.now_us < by {
             return false;
         }
         self.life.links_open_by = None;
-        for ask in
-            [Ask::Hello, Ask::Status, Ask::List, Ask::Incidents { first: 0 }, Ask::Incidents { first: 8 }]
-        {
+        for ask in [
+            Ask::Hello,
+            Ask::Status,
+            Ask::List,
+            Ask::Incidents { first: 0 },
+            Ask::Incidents { first: 8 },
+        ] {
             self.act(&Action::Ask { link: LISTENER, ask });
         }
         true

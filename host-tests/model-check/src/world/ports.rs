@@ -119,7 +119,9 @@ impl World {
         let now = self.now_us;
         let mut out = [0; MAX_FRAME];
         for link in 0..LINKS {
-            if now < self.hosts[usize::from(link)].unread_until || self.life.links_open_by().is_some() {
+            if now < self.hosts[usize::from(link)].unread_until
+                || self.life.links_open_by().is_some()
+            {
                 continue;
             }
             let mut frames = 0;
@@ -221,11 +223,20 @@ fn told(bytes: &[u8]) -> String {
     for byte in bytes {
         let Some(Ok(frame)) = deframer.push(*byte) else { continue };
         said = match frame.kind {
-            Kind::Reply => format!("{} {:?}", frame.sequence, Reply::decode(frame.number, frame.body)),
-            Kind::Error => {
-                format!("{} {:?}", frame.sequence, host_protocol::Error::decode(frame.number, frame.body))
+            Kind::Reply => {
+                format!("{} {:?}", frame.sequence, Reply::decode(frame.number, frame.body))
             }
-            _ => format!("{:?}", EventMessage::decode(frame.number, frame.body).map(|message| message.event)),
+            Kind::Error => {
+                format!(
+                    "{} {:?}",
+                    frame.sequence,
+                    host_protocol::Error::decode(frame.number, frame.body)
+                )
+            }
+            _ => format!(
+                "{:?}",
+                EventMessage::decode(frame.number, frame.body).map(|message| message.event)
+            ),
         };
     }
     said

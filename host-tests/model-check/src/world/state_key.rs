@@ -5,7 +5,8 @@ use crate::plant::LINKS;
 use std::fmt::Write;
 
 impl World {
-    /// The key of the state, in which no axis from `axes` on was ever used. `text` is where it is made.
+    /// The key of the state, in which no axis from `axes` on was ever used. `text` is where it is
+    /// made.
     ///
     /// # Panics
     /// If somebody has something to read: it is no part of the key.
@@ -44,9 +45,9 @@ impl World {
         // Writing to a string does not fail.
         assert!(written.is_ok());
         let mut hash = Hash::new();
-        text.as_bytes()
-            .chunks(8)
-            .for_each(|chunk| hash.add(chunk.iter().fold(0, |word, byte| word << 8 | u64::from(*byte))));
+        text.as_bytes().chunks(8).for_each(|chunk| {
+            hash.add(chunk.iter().fold(0, |word, byte| word << 8 | u64::from(*byte)))
+        });
         life.memory().iter().for_each(|word| hash.add((*word).into()));
         hash.finish()
     }

@@ -15,8 +15,8 @@ impl World {
         match action {
             Action::Ask { link, ask } => {
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
-                // Whether bytes are a command, and take authority, the model learns from their result; whether a raw frame was accepted, too.
-                // That is read.
+                // Whether bytes are a command, and take authority, the model learns from their
+                // result; whether a raw frame was accepted, too. That is read.
                 if is_judged_by_its_result(ask) {
                     host.unread_until = now;
                 }
@@ -29,9 +29,13 @@ impl World {
                     self.feed(Input::Host { link: *link, bytes });
                 }
             }
-            Action::Bytes { link, bytes } => self.feed(Input::Host { link: *link, bytes: bytes.clone() }),
+            Action::Bytes { link, bytes } => {
+                self.feed(Input::Host { link: *link, bytes: bytes.clone() })
+            }
             Action::Unread { link, for_us } => {
-                if let Some(host) = self.hosts.get_mut(usize::from(*link)).filter(|_| *link != LISTENER) {
+                if let Some(host) =
+                    self.hosts.get_mut(usize::from(*link)).filter(|_| *link != LISTENER)
+                {
                     host.unread_until = now + for_us;
                 }
             }
@@ -55,14 +59,17 @@ impl World {
             Action::Foreign { bus, id, length, pause_us, for_us } => {
                 self.on_bus(*bus, |bus| bus.load(now, *id, *length, (*pause_us, *for_us)));
             }
-            Action::Stubborn { bus, for_us } => self.on_bus(*bus, |bus| bus.stubborn_until = now + for_us),
+            Action::Stubborn { bus, for_us } => {
+                self.on_bus(*bus, |bus| bus.stubborn_until = now + for_us)
+            }
             Action::Short { bus, for_us } => {
                 self.on_bus(*bus, |bus| bus.short_until = now + for_us);
                 if usize::from(*bus) < self.buses.len() {
                     self.feed(Input::State { bus: *bus, off: true });
                 }
             }
-            // Whether a configuration is kept that nobody has been told of, the model cannot know: a little later, then.
+            // Whether a configuration is kept that nobody has been told of, the model cannot know:
+            // a little later, then.
             Action::Reset if self.oracle.is_configuring() => {
                 self.life.reset_after(Countdown::Steps { left: 0 })
             }
@@ -73,9 +80,12 @@ impl World {
                 self.reset_damaged(damaged);
             }
             Action::ResetWhileSaving { words, garbles } => {
-                self.life.reset_after(Countdown::Words { left: (*words).max(1), garbles: *garbles });
+                self.life
+                    .reset_after(Countdown::Words { left: (*words).max(1), garbles: *garbles });
             }
-            Action::ResetAfter { steps } => self.life.reset_after(Countdown::Steps { left: *steps }),
+            Action::ResetAfter { steps } => {
+                self.life.reset_after(Countdown::Steps { left: *steps })
+            }
             Action::PowerLoss => self.lose_power(),
             Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
         }
@@ -100,5 +110,8 @@ impl World {
 }
 
 fn is_judged_by_its_result(ask: &Ask) -> bool {
-    matches!(ask, Ask::Native { .. } | Ask::RawOpen { .. } | Ask::RawSend { .. } | Ask::RawClose { .. })
+    matches!(
+        ask,
+        Ask::Native { .. } | Ask::RawOpen { .. } | Ask::RawSend { .. } | Ask::RawClose { .. }
+    )
 }

@@ -109,8 +109,8 @@ impl Axis {
         self.get(parameter::TTL_US).into()
     }
 
-    /// How often a setpoint is sent again at least (G2): as configured, 20 ms where the motor's timeout is not known, a third of it
-    /// where it is.
+    /// How often a setpoint is sent again at least (G2): as configured, 20 ms where the motor's
+    /// timeout is not known, a third of it where it is.
     pub fn refresh_us(&self) -> u64 {
         let known = |ms| u64::from(ms) * 1_000 / 3;
         let asked = self.motor_timeouts_asked.iter().copied().map(known);
@@ -147,7 +147,8 @@ impl Axis {
         f64::from(f32::from_bits(self.get((number, default.to_bits())))) * (1.0 + 1e-3) + 1e-6
     }
 
-    /// A threshold of standstill that is less than the motor can tell (G1). Allowance: it is an f32.
+    /// A threshold of standstill that is less than the motor can tell (G1). Allowance: it is an
+    /// f32.
     pub fn blind_standstill(&self) -> Option<f64> {
         let (number, default) = parameter::STANDSTILL;
         let threshold = self.float(number).unwrap_or(default.into());
@@ -162,13 +163,17 @@ impl Axis {
         (self.get(parameter::ALLOW_UNCOMMANDED) == 0).then_some(threshold * (1.0 + 1e-3) + 1e-6)
     }
 
-    /// Bits of the fault word that a thruster only reports (Thruster manual §3): over- and under-voltage, and its sensors of the
-    /// temperature where nothing limits that.
+    /// Bits of the fault word that a thruster only reports (Thruster manual §3): over- and
+    /// under-voltage, and its sensors of the temperature where nothing limits that.
     pub fn warning_bits(&self) -> u16 {
         let are_faults = self.get(parameter::WARNINGS_ARE_FAULTS) != 0;
         match self.protocol() {
             Some(Protocol::Thruster) if !are_faults => {
-                if self.parameters.contains_key(&parameter::TEMPERATURE_LIMIT) { 0x0018 } else { 0x3018 }
+                if self.parameters.contains_key(&parameter::TEMPERATURE_LIMIT) {
+                    0x0018
+                } else {
+                    0x3018
+                }
             }
             _ => 0,
         }
@@ -187,7 +192,8 @@ impl Axis {
     pub fn unmeasurable_limit(&self) -> Option<u16> {
         let torque = self.protocol()? != Protocol::Rmd;
         let current = self.protocol()? == Protocol::D5;
-        let position = self.protocol()? == Protocol::Thruster && self.get(parameter::POSITION_DEVICE) == 0;
+        let position =
+            self.protocol()? == Protocol::Thruster && self.get(parameter::POSITION_DEVICE) == 0;
         [
             (parameter::CURRENT_LIMIT, current),
             (parameter::POSITION_MIN, position),
@@ -195,12 +201,15 @@ impl Axis {
             (parameter::TORQUE_LIMIT, torque),
         ]
         .into_iter()
-        .find_map(|(number, blind)| (blind && self.parameters.contains_key(&number)).then_some(number))
+        .find_map(|(number, blind)| {
+            (blind && self.parameters.contains_key(&number)).then_some(number)
+        })
     }
 
     /// The limit that what is sent exceeds (G2). Allowance: limits are f32.
     pub fn limit_exceeded_by(&self, goal: &Goal) -> Option<u16> {
-        let sign = if self.parameters.get(&parameter::DIRECTION) == Some(&MINUS_ONE) { -1.0 } else { 1.0 };
+        let sign =
+            if self.parameters.get(&parameter::DIRECTION) == Some(&MINUS_ONE) { -1.0 } else { 1.0 };
         let position = goal.position.map(|position| position * sign);
         let lowest = self.float(parameter::POSITION_MIN).map(|limit| -limit);
         [
@@ -277,8 +286,8 @@ impl Axis {
             .map(|number| self.parameters.get(&number).and_then(|value| u8::try_from(*value).ok()))
     }
 
-    /// Whether a measured value is beyond a limit and its margin (G3; PROTOCOL.md, `limit_margin`). The torque of motion mode is not
-    /// looked at. Allowance: the gateway reckons in f32.
+    /// Whether a measured value is beyond a limit and its margin (G3; PROTOCOL.md, `limit_margin`).
+    /// The torque of motion mode is not looked at. Allowance: the gateway reckons in f32.
     pub fn is_exceeded_by(&self, reading: &Reading) -> bool {
         let float = |number| self.float(number);
         let margin = float(parameter::LIMIT_MARGIN.0).unwrap_or(parameter::LIMIT_MARGIN.1);
@@ -298,7 +307,8 @@ impl Axis {
         // A position has the margin of 1 rad at least.
         let slack = |limit: Option<f64>| limit.map_or(0.0, |limit| limit.abs().max(1.0) * margin);
         let is_turned_around = self.parameters.get(&parameter::DIRECTION) == Some(&MINUS_ONE);
-        let position = reading.position.map(|position| if is_turned_around { -position } else { position });
+        let position =
+            reading.position.map(|position| if is_turned_around { -position } else { position });
         beyond(reading.speed, velocity, of(velocity))
             || beyond(reading.current, current, of(current))
             || beyond(reading.temperature, hottest, 0.0)

@@ -16,15 +16,16 @@ pub(crate) struct Tally {
     pub received: u32,
     pub overflows: u32,
     pub missed: u32,
-    /// Allowance: frames that were dropped at the very instant at which nobody had acknowledged them for too long.
+    /// Allowance: frames that were dropped at the very instant at which nobody had acknowledged
+    /// them for too long.
     pub missed_or_not: u32,
     pub cancelled: u32,
     pub bus_offs: u32,
 }
 
 impl Bus {
-    /// The last instant at which a frame that is handed over now is acknowledged in time. One that takes the place of another has no more
-    /// time than that had.
+    /// The last instant at which a frame that is handed over now is acknowledged in time. One that
+    /// takes the place of another has no more time than that had.
     pub fn acknowledged_by(&self, now: u64, motion_within: Option<u64>) -> u64 {
         let within = ACKNOWLEDGE_US + self.can_frames_us(ACKNOWLEDGE_FRAMES);
         let by = now + within.min(motion_within.unwrap_or(within));

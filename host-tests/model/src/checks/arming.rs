@@ -3,8 +3,9 @@
 use crate::axis::Axis;
 use crate::motor::{Protocol, Question, Returns, Timeout};
 
-/// What an arming under way has asked and been told. Allowance: a reply answers every request that it can be the answer to, and one good
-/// answer is enough, whatever else comes: which of two identical requests a reply belongs to, nobody can tell.
+/// What an arming under way has asked and been told. Allowance: a reply answers every request that
+/// it can be the answer to, and one good answer is enough, whatever else comes: which of two
+/// identical requests a reply belongs to, nobody can tell.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Arming {
     since_us: u64,
@@ -26,7 +27,8 @@ pub(crate) struct Arming {
     overwritten: bool,
 }
 
-/// D5 registers: acknowledge level, switch of the timeout, whether the brake holds, whether an asynchronous write waits.
+/// D5 registers: acknowledge level, switch of the timeout, whether the brake holds, whether an
+/// asynchronous write waits.
 const ACK_LEVEL: u8 = 0x10;
 const TIMEOUT_SWITCH: u8 = 0x11;
 const BRAKE: u8 = 0x2B;
@@ -58,7 +60,8 @@ impl Arming {
         }
     }
 
-    /// The motor says something; `still` is the speed below which it stands, `warnings` are faults that bar nothing.
+    /// The motor says something; `still` is the speed below which it stands, `warnings` are faults
+    /// that bar nothing.
     pub fn answered(
         &mut self,
         protocol: Protocol,
@@ -71,7 +74,9 @@ impl Arming {
             let Some(reading) = protocol.answer(returns, asked, reply) else { continue };
             match protocol.question(asked) {
                 Some(Question::Stop) => self.stopped += u32::from(reading.stops),
-                Some(Question::Speed) => self.stands |= reading.speed.is_some_and(|speed| speed <= still),
+                Some(Question::Speed) => {
+                    self.stands |= reading.speed.is_some_and(|speed| speed <= still)
+                }
                 Some(Question::Faults) => {
                     self.faults_read = true;
                     self.brake_open |= reading.locked == Some(false);
@@ -112,7 +117,10 @@ impl Arming {
                 (axis.allows(axis.timeout), "the motor's timeout"),
             ],
             Protocol::D5 => &[
-                (level > 0 && read(ACK_LEVEL, &|value| u32::from(value) == level), "the acknowledge level"),
+                (
+                    level > 0 && read(ACK_LEVEL, &|value| u32::from(value) == level),
+                    "the acknowledge level",
+                ),
                 (read(TIMEOUT_SWITCH, &|_| true), "the switch of the timeout"),
                 (self.faultless, "no fault"),
                 (read(BRAKE, &|value| value == 0), "the brake"),

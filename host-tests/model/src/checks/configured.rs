@@ -26,7 +26,8 @@ impl Oracle {
         let blind = axis
             .unmeasurable_limit()
             .map(|parameter| format!("axis {index}, {:?}: parameter {parameter}", axis.protocol()));
-        let is_can = axis.bus().and_then(|bus| self.buses.get(bus)).is_some_and(crate::bus::Bus::is_can);
+        let is_can =
+            axis.bus().and_then(|bus| self.buses.get(bus)).is_some_and(crate::bus::Bus::is_can);
         let clash = self.axes.iter().enumerate().find_map(|(other_index, other)| {
             let beside = is_can
                 && other_index != index
@@ -48,8 +49,8 @@ impl Oracle {
     }
 }
 
-/// An id on which one axis is sent requests, and on which the other's motor acts or answers. Exempt: replies of D5 motors, which say whose
-/// they are.
+/// An id on which one axis is sent requests, and on which the other's motor acts or answers.
+/// Exempt: replies of D5 motors, which say whose they are.
 fn clash(one: &Axis, other: &Axis) -> Option<u32> {
     let requests = |axis: &Axis| {
         let node = u32::from(axis.node()?);

@@ -1,4 +1,5 @@
-//! What an armed axis is promised: its setpoints are sent, and its motor's faults read, or it trips (G2, G3).
+//! What an armed axis is promised: its setpoints are sent, and its motor's faults read, or it trips
+//! (G2, G3).
 
 use crate::axis::{Axis, Cause};
 use crate::motor::Question;
@@ -6,8 +7,9 @@ use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::Told;
 
-/// Allowance: how long after its time something is sent that is no stop. What goes before it in turn are exchanges with every axis of its bus;
-/// one whose motor does not answer takes two reply windows, and is asked again.
+/// Allowance: how long after its time something is sent that is no stop. What goes before it in
+/// turn are exchanges with every axis of its bus; one whose motor does not answer takes two reply
+/// windows, and is asked again.
 const TURN_US: u64 = 60_000;
 const TURN_WINDOWS: u64 = 4;
 /// G1: two readings, at least so far apart.
@@ -24,11 +26,13 @@ impl Oracle {
     pub(crate) fn check_delivery(&mut self, now: u64) {
         for index in 0..self.axes.len() {
             let axis = &self.axes[index];
-            let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)).filter(|_| axis.armed) else {
+            let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)).filter(|_| axis.armed)
+            else {
                 continue;
             };
             let outside = self.not_ours_us(now, axis);
-            let turn = TURN_US + TURN_WINDOWS * bus.window_us * self.axes_on(axis.bus().unwrap_or_default());
+            let turn = TURN_US
+                + TURN_WINDOWS * bus.window_us * self.axes_on(axis.bus().unwrap_or_default());
             let overdue = |(since, before): (u64, u64), within: u64| {
                 (now - since).saturating_sub(outside.saturating_sub(before)) > within + turn
             };
@@ -38,7 +42,10 @@ impl Oracle {
                 self.axes[index].undelivered = None;
                 self.broken(Check::NotDelivered, now, seen);
             } else if overdue(axis.faults_asked, axis.fault_poll_us()) {
-                let seen = format!("axis {index}: its faults were asked for at {} µs", axis.faults_asked.0);
+                let seen = format!(
+                    "axis {index}: its faults were asked for at {} µs",
+                    axis.faults_asked.0
+                );
                 self.axes[index].faults_asked = (now, outside);
                 self.broken(Check::FaultsUnread, now, seen);
             }

@@ -9,11 +9,12 @@ use crate::wire::Told;
 
 /// Missing replies that trip must span this (G3).
 const SILENT_SPAN_US: u64 = 50_000;
-/// Allowance: how far apart the requests are whose replies are missed. An armed axis is asked or refreshed every 20 ms where its
-/// motor's timeout is not known, and its state every 50 ms; each unanswered request takes two reply windows.
+/// Allowance: how far apart the requests are whose replies are missed. An armed axis is asked or
+/// refreshed every 20 ms where its motor's timeout is not known, and its state every 50 ms; each
+/// unanswered request takes two reply windows.
 const SILENT_STEP_US: u64 = 50_000;
-/// Allowance: how long a stop that was answered by nothing may take to be sent again, beside the rhythm of G4: the steps
-/// of the brake are slow ones.
+/// Allowance: how long a stop that was answered by nothing may take to be sent again, beside the
+/// rhythm of G4: the steps of the brake are slow ones.
 const REPEAT_SLACK_US: u64 = 400_000;
 /// However a request ends, it has ended by then.
 const RESULT_WITHIN_US: u64 = 4_000_000;
@@ -32,11 +33,13 @@ impl Oracle {
                 continue;
             }
             let axis = &mut self.axes[index];
-            let expired = |p: &&crate::axis::Permit| p.in_force && p.expires_us.is_some_and(|at| at <= now);
+            let expired =
+                |p: &&crate::axis::Permit| p.in_force && p.expires_us.is_some_and(|at| at <= now);
             let at = axis.permits.iter().find(expired).and_then(|p| p.expires_us);
             axis.permits.retain(|p| p.expires_us.is_none_or(|at| at > now));
             if let Some(at) = at {
-                // A host that does not read has not been told that its newer setpoint was taken: it may have been.
+                // A host that does not read has not been told that its newer setpoint was taken: it
+                // may have been.
                 match axis
                     .permits
                     .iter_mut()
@@ -57,12 +60,15 @@ impl Oracle {
     /// A motion frame that nobody acknowledges.
     fn watch_controller(&mut self, now: u64, index: usize) {
         let axis = &self.axes[index];
-        let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)).filter(|bus| bus.is_can()) else {
+        let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)).filter(|bus| bus.is_can())
+        else {
             return;
         };
         let number = u8::try_from(index).ok();
-        let Some(held) =
-            bus.held.iter().find(|h| h.is_motion && !h.prepares && h.axis == number && !h.asked_back)
+        let Some(held) = bus
+            .held
+            .iter()
+            .find(|h| h.is_motion && !h.prepares && h.axis == number && !h.asked_back)
         else {
             return;
         };
@@ -79,13 +85,15 @@ impl Oracle {
         let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)) else { return };
         let (heard_us, outside) = axis.heard;
         let silent = (now - heard_us).saturating_sub(bus.outside_us(now) - outside);
-        let within = SILENT_SPAN_US + (axis.missed_replies() + 1) * (SILENT_STEP_US + 2 * bus.window_us);
+        let within =
+            SILENT_SPAN_US + (axis.missed_replies() + 1) * (SILENT_STEP_US + 2 * bus.window_us);
         if silent > within {
             self.owe_stop(index, Cause::Silent, now);
         }
     }
 
-    /// Stops that should have left, motion that should have been asked back, results that should have come.
+    /// Stops that should have left, motion that should have been asked back, results that should
+    /// have come.
     pub(crate) fn check_due(&mut self, now: u64) {
         for index in 0..self.axes.len() {
             self.check_stop(now, index);
@@ -116,7 +124,8 @@ impl Oracle {
         let axes = self.axes_on(bus);
         let outside = self.not_ours_us(now, axis);
         let bus = &self.buses[bus];
-        let used = |from: u64, before: u64| (now - from).saturating_sub(outside.saturating_sub(before));
+        let used =
+            |from: u64, before: u64| (now - from).saturating_sub(outside.saturating_sub(before));
         let Some((last_us, outside_then)) = duty.last else {
             let used = used(duty.since_us, duty.outside_us);
             // What is on the wire now and goes before it is counted when it has ended.
@@ -125,8 +134,10 @@ impl Oracle {
             let on_the_wire = if handed { bus.frame_us() } else { 0 };
             let bound = bus.stop_bound_us(duty.k, axis.protocol(), axes) + on_the_wire;
             if used > bound && !duty.rests {
-                let seen =
-                    format!("axis {index}: no stop after {used} µs, {:?} at {}", duty.cause, duty.since_us);
+                let seen = format!(
+                    "axis {index}: no stop after {used} µs, {:?} at {}",
+                    duty.cause, duty.since_us
+                );
                 self.broken(Check::StopLate, now, seen);
                 self.forgive(index, now, outside);
             }
@@ -157,7 +168,8 @@ impl Oracle {
             if self.buses[index].off_noticed_us.take() != Some(now) || self.unlisted.is_some() {
                 continue;
             }
-            let may_move = |told| matches!(told, Told::Arming | Told::Armed | Told::Active | Told::Stopping);
+            let may_move =
+                |told| matches!(told, Told::Arming | Told::Armed | Told::Active | Told::Stopping);
             let on = |axis: &crate::axis::Axis| axis.bus() == Some(index) && may_move(axis.told);
             if let Some(axis) = self.axes.iter().position(on) {
                 let seen = format!("bus {index} is off, axis {axis} is {:?}", self.axes[axis].told);
@@ -171,8 +183,9 @@ impl Oracle {
         for index in 0..self.buses.len() {
             let opened = self.buses[index].raw_opened_us.take() == Some(now);
             if opened && self.buses[index].raw_open && !self.may_be_raw(index) {
-                let seen =
-                    format!("bus {index} is opened while an axis is not at rest, or the e-stop latched");
+                let seen = format!(
+                    "bus {index} is opened while an axis is not at rest, or the e-stop latched"
+                );
                 self.broken(Check::RawUnopened, now, seen);
             }
         }
@@ -183,11 +196,13 @@ impl Oracle {
         for bus in self.buses.iter_mut().filter(|bus| bus.is_can()) {
             for held in bus.held.iter_mut().filter(|held| held.is_motion && !held.asked_back) {
                 let started = held.start.as_ref().map_or(0, |start| start.members);
-                let moved = (0u8..)
-                    .zip(&self.axes)
-                    .filter(|(index, _)| Some(*index) == held.axis || started & bit_of(*index) != 0);
-                // A frame that has just been handed over may be on the wire as long as it takes to look.
-                let mut revoked = moved.filter_map(|(_, axis)| axis.revoked.filter(|_| !axis.armed));
+                let moved = (0u8..).zip(&self.axes).filter(|(index, _)| {
+                    Some(*index) == held.axis || started & bit_of(*index) != 0
+                });
+                // A frame that has just been handed over may be on the wire as long as it takes to
+                // look.
+                let mut revoked =
+                    moved.filter_map(|(_, axis)| axis.revoked.filter(|_| !axis.armed));
                 if revoked.any(|(_, at)| at + SOFTWARE_US < now) {
                     held.asked_back = true;
                     kept.push(format!("motion of axis {:?} waits after its stop", held.axis));

@@ -38,7 +38,8 @@ impl Oracle {
                     axis.unreachable = true;
                     if let Some(duty) = &mut axis.duty {
                         duty.confirmed = false;
-                        // Known as confirmed until now: what follows is silence, so that its own timeout can act.
+                        // Known as confirmed until now: what follows is silence, so that its own
+                        // timeout can act.
                         duty.rests = duty.since_us == now;
                         duty.left += duty.left_before;
                     }
@@ -85,9 +86,14 @@ impl Oracle {
         match (before, state) {
             (Told::Armed | Told::Active, Told::Armed | Told::Active) => {}
             (_, Told::Armed | Told::Active) => {
-                let missing = arming.map_or(Some("arming"), |arming| arming.missing(&self.axes[index]));
+                let missing =
+                    arming.map_or(Some("arming"), |arming| arming.missing(&self.axes[index]));
                 if let Some(missing) = missing {
-                    self.broken(Check::ArmedUnproved, now, format!("axis {index}, without {missing}"));
+                    self.broken(
+                        Check::ArmedUnproved,
+                        now,
+                        format!("axis {index}, without {missing}"),
+                    );
                 }
                 self.armed(now, index);
             }
@@ -111,7 +117,8 @@ impl Oracle {
                 self.confirmed(now, index);
                 self.axes[index].duty = None;
             }
-            // Allowance: it failed at the very instant at which it was to be stopped, and had nothing to stop.
+            // Allowance: it failed at the very instant at which it was to be stopped, and had
+            // nothing to stop.
             (Told::Arming, Told::Idle | Told::Holding) => {
                 axis.duty = axis.duty.take().filter(|duty| duty.since_us != now);
             }
@@ -139,7 +146,11 @@ impl Oracle {
         }
         let bus = self.axes[index].bus();
         if bus.and_then(|bus| self.buses.get(bus)).is_some_and(|bus| bus.raw_open) {
-            self.broken(Check::RawUnopened, now, format!("axis {index} is armed on a bus with raw access"));
+            self.broken(
+                Check::RawUnopened,
+                now,
+                format!("axis {index} is armed on a bus with raw access"),
+            );
         }
         let outside = bus.and_then(|bus| self.buses.get(bus)).map_or(0, |bus| bus.outside_us(now));
         let not_ours = self.not_ours_us(now, &self.axes[index]);
@@ -154,7 +165,8 @@ impl Oracle {
         axis.permits.clear();
         axis.duty = None;
         // The reply may have come before the event, on another link.
-        let arms = |r: &&crate::link::Record| r.request == Request::Arm(number) && r.result_us == now;
+        let arms =
+            |r: &&crate::link::Record| r.request == Request::Arm(number) && r.result_us == now;
         let replies = self.links.iter().flat_map(|link| link.records.iter().filter(arms));
         let is_reply = |bytes: &&Vec<u8>| bytes.first() == Some(&REPLY);
         if let Some(reply) = replies.filter_map(|r| r.result.as_ref()).find(is_reply) {
@@ -170,7 +182,8 @@ impl Oracle {
         let is_d5 = axis.protocol() == Some(Protocol::D5);
         let Some(duty) = &mut axis.duty else { return };
         let twice = duty.left >= 2;
-        // Allowance: after a reset nobody is told until the hosts are let in; the motor may have stood and turned again before.
+        // Allowance: after a reset nobody is told until the hosts are let in; the motor may have
+        // stood and turned again before.
         let stood = duty.still >= 2 || duty.cause == Cause::Reset && duty.stood;
         let stands = match action {
             Some(StopAction::Coast) => true,

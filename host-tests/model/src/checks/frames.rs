@@ -81,8 +81,8 @@ impl Oracle {
         held.is_motion = matches!(purpose, Purpose::Motion { .. });
         held.is_stop = purpose == Purpose::Stop;
         held.is_harmful = held.is_motion || purpose == Purpose::Change;
-        held.is_setpoint =
-            !held.prepares && matches!(purpose, Purpose::Motion { .. } | Purpose::Stop | Purpose::Rest);
+        held.is_setpoint = !held.prepares
+            && matches!(purpose, Purpose::Motion { .. } | Purpose::Stop | Purpose::Rest);
         match purpose {
             Purpose::Motion { .. } | Purpose::Rest if held.prepares => {
                 self.judge_prepared(now, axis, &data, frame)
@@ -93,16 +93,24 @@ impl Oracle {
                 self.judge_stop(now, axis, &data);
             }
             Purpose::Change if self.axes[axis].armed => {
-                self.broken(Check::ChangedWhileArmed, now, format!("axis {axis}: {}", frame.text()));
+                self.broken(
+                    Check::ChangedWhileArmed,
+                    now,
+                    format!("axis {axis}: {}", frame.text()),
+                );
             }
             Purpose::Change if self.axes[axis].arming.is_some() => {
-                let frees =
-                    self.axes[axis].protocol() == Some(Protocol::Rmd) && data.first() == Some(&FREE_BRAKE);
+                let frees = self.axes[axis].protocol() == Some(Protocol::Rmd)
+                    && data.first() == Some(&FREE_BRAKE);
                 // A thruster is told its timeout again, which it may have lost with its power.
                 let renews = self.axes[axis].protocol() == Some(Protocol::Thruster)
                     && self.axes[axis].timeouts_ms().any(|ms| data == set_timeout(ms));
                 if !renews && (!frees || !self.axes[axis].releases_brake()) {
-                    self.broken(Check::ChangedWhileArmed, now, format!("axis {axis} arms: {}", frame.text()));
+                    self.broken(
+                        Check::ChangedWhileArmed,
+                        now,
+                        format!("axis {axis} arms: {}", frame.text()),
+                    );
                 }
             }
             Purpose::Change if data.first() == Some(&LOCK_BRAKE) => {
@@ -111,9 +119,16 @@ impl Oracle {
                     held.is_step = true;
                 }
             }
-            // What changes a motor needs an axis at rest, or a confirmed stop that is being cleared.
-            Purpose::Change if self.axes[axis].duty.as_ref().is_some_and(|duty| !duty.confirmed) => {
-                self.broken(Check::ChangedWhileArmed, now, format!("axis {axis} stops: {}", frame.text()));
+            // What changes a motor needs an axis at rest, or a confirmed stop that is being
+            // cleared.
+            Purpose::Change
+                if self.axes[axis].duty.as_ref().is_some_and(|duty| !duty.confirmed) =>
+            {
+                self.broken(
+                    Check::ChangedWhileArmed,
+                    now,
+                    format!("axis {axis} stops: {}", frame.text()),
+                );
             }
             Purpose::Rest => held.is_step = self.axes[axis].duty.is_some(),
             _ => {}
@@ -129,7 +144,9 @@ impl Oracle {
         self.axes.iter().enumerate().filter(|(_, axis)| here(axis)).find_map(|(index, axis)| {
             let (protocol, node) = (axis.protocol()?, axis.node()?);
             let data = match frame {
-                Frame::Can(id, data) => protocol.request_to(node, axis.d5_request_id(), id, data)?,
+                Frame::Can(id, data) => {
+                    protocol.request_to(node, axis.d5_request_id(), id, data)?
+                }
                 Frame::Serial(bytes) => {
                     let (to, data) = serial_frame(bytes)?;
                     (to == node && protocol == Protocol::Rmd).then_some(data.to_vec())?
@@ -150,11 +167,14 @@ impl Oracle {
         place.is_some_and(|place| bus.raw.remove(place).is_some())
     }
 
-    /// A frame to no axis: a stop to all of them, where the bus is wholly ours, or the motor of an axis that was changed.
+    /// A frame to no axis: a stop to all of them, where the bus is wholly ours, or the motor of an
+    /// axis that was changed.
     fn judge_stray(&mut self, now: u64, bus: u8, frame: Frame<'_>, held: &mut Held) {
         let stops = match frame {
             Frame::Can(RMD_BROADCAST, data) => matches!(data.first(), Some(0x80 | 0x81)),
-            Frame::Serial([0x3E, RMD_SERIAL_BROADCAST, 8, first, ..]) => matches!(first, 0x80 | 0x81),
+            Frame::Serial([0x3E, RMD_SERIAL_BROADCAST, 8, first, ..]) => {
+                matches!(first, 0x80 | 0x81)
+            }
             _ => false,
         };
         held.is_stop = stops;
@@ -165,8 +185,8 @@ impl Oracle {
         }
     }
 
-    /// Nothing is started before a first stop that is due; once that has waited for four frames, what belongs to another stop is, and what
-    /// keeps a motor holding.
+    /// Nothing is started before a first stop that is due; once that has waited for four frames,
+    /// what belongs to another stop is, and what keeps a motor holding.
     fn judge_order(&mut self, now: u64, bus: u8, held: &Held, frame: Frame<'_>) {
         if held.is_stop || held.is_step {
             return;
@@ -181,7 +201,9 @@ impl Oracle {
             let duty = axis.duty.as_ref();
             axis.bus() == Some(usize::from(bus))
                 && duty.is_some_and(|d| {
-                    d.is_first_due() && d.since_us <= now && !(is_of_a_stop && d.since_us + held_up_us <= now)
+                    d.is_first_due()
+                        && d.since_us <= now
+                        && !(is_of_a_stop && d.since_us + held_up_us <= now)
                 })
         };
         if let Some(index) = self.axes.iter().position(due) {
@@ -197,7 +219,9 @@ impl Oracle {
         let seen = format!("axis {index}, {:?}: {}", axis.told, frame.text());
         if !axis.armed {
             let (check, why) = match axis.revoked {
-                Some((Cause::Expired, at)) => (Check::MotionExpired, format!("{seen}, expired at {at}")),
+                Some((Cause::Expired, at)) => {
+                    (Check::MotionExpired, format!("{seen}, expired at {at}"))
+                }
                 Some((cause, at)) => (Check::MotionAfterStop, format!("{seen}, {cause:?} at {at}")),
                 None => (Check::MotionUnarmed, seen),
             };
@@ -213,7 +237,8 @@ impl Oracle {
             return;
         }
         let fits = |p: &&mut crate::axis::Permit| {
-            let is_native = |native: &Vec<u8>| protocol.is_some_and(|p| p.same_command(native, data));
+            let is_native =
+                |native: &Vec<u8>| protocol.is_some_and(|p| p.same_command(native, data));
             p.once == once
                 && p.native.as_ref().is_none_or(is_native)
                 && p.data.as_ref().is_none_or(|d| d == data)
@@ -239,14 +264,16 @@ impl Oracle {
 
     pub(super) fn judge_limits(&mut self, now: u64, index: usize, data: &[u8], frame: Frame<'_>) {
         let axis = &self.axes[index];
-        let limit = axis.protocol().and_then(|protocol| axis.limit_exceeded_by(&protocol.goal(data)));
+        let limit =
+            axis.protocol().and_then(|protocol| axis.limit_exceeded_by(&protocol.goal(data)));
         if let Some(parameter) = limit {
             let seen = format!("axis {index}: {} exceeds parameter {parameter}", frame.text());
             self.broken(Check::LimitOnWire, now, seen);
         }
     }
 
-    /// The stop must be the configured one; what a native command asks of an axis at rest is its host's affair.
+    /// The stop must be the configured one; what a native command asks of an axis at rest is its
+    /// host's affair.
     fn judge_stop(&mut self, now: u64, index: usize, data: &[u8]) {
         let axis = &self.axes[index];
         let (Some(Protocol::Rmd), Some(first)) = (axis.protocol(), data.first()) else { return };
@@ -267,14 +294,16 @@ impl Oracle {
         }
     }
 
-    /// A frame of ours has left. One that stops another axis may have waited for it, if its own id is a higher one: behind 4 F a stop
-    /// does not keep the repeats and readings of others any more (G4).
+    /// A frame of ours has left. One that stops another axis may have waited for it, if its own id
+    /// is a higher one: behind 4 F a stop does not keep the repeats and readings of others any
+    /// more (G4).
     pub(crate) fn outrank_stops(&mut self, now: u64, bus: usize, held: &Held) {
         let (Some(id), Some(state)) = (held.id, self.buses.get(bus)) else { return };
         let (waits, length) =
             (PATIENCE_FRAMES * state.frame_us(), state.foreign_us(id, held.data.len().max(8)));
         for axis in self.axes.iter_mut().filter(|axis| axis.bus() == Some(bus)) {
-            let waits = axis.duty.as_ref().is_some_and(|d| d.is_first_due() && d.since_us + waits < now);
+            let waits =
+                axis.duty.as_ref().is_some_and(|d| d.is_first_due() && d.since_us + waits < now);
             if waits && axis.request_id().is_some_and(|own| rank(id) < rank(own)) {
                 axis.outranked_us += length;
             }
@@ -328,8 +357,10 @@ impl Oracle {
                 let used = (now - duty.since_us).saturating_sub(outside - duty.outside_us);
                 let bound = self.buses[bus].stop_bound_us(duty.k, protocol, axes);
                 if used > bound {
-                    let seen =
-                        format!("axis {index}: first stop after {used} µs of {bound}, {:?}", duty.cause);
+                    let seen = format!(
+                        "axis {index}: first stop after {used} µs of {bound}, {:?}",
+                        duty.cause
+                    );
                     self.broken(Check::StopLate, now, seen);
                 }
             }
@@ -339,18 +370,22 @@ impl Oracle {
 
 /// A first stop that has waited longer than so many frames bars only motion (G4).
 const PATIENCE_FRAMES: u64 = 4;
-/// A reply that takes its motor long may come so late, µs: freeing and locking a brake (PROTOCOL-NOTES R20).
+/// A reply that takes its motor long may come so late, µs: freeing and locking a brake
+/// (PROTOCOL-NOTES R20).
 const SLOW_US: u64 = 250_000;
 
 /// Whether a frame moves every motor that hears it.
 fn moves_all(frame: Frame<'_>) -> bool {
     match frame {
-        Frame::Can(RMD_BROADCAST, data) => matches!(Protocol::Rmd.purpose(data), Purpose::Motion { .. }),
+        Frame::Can(RMD_BROADCAST, data) => {
+            matches!(Protocol::Rmd.purpose(data), Purpose::Motion { .. })
+        }
         Frame::Can(_, data) if data.get(..2) == Some(&[0xD5, D5_BROADCAST]) => {
             matches!(Protocol::D5.purpose(data), Purpose::Motion { .. })
         }
         Frame::Serial(bytes) => serial_frame(bytes).is_some_and(|(node, data)| {
-            node == RMD_SERIAL_BROADCAST && matches!(Protocol::Rmd.purpose(&data), Purpose::Motion { .. })
+            node == RMD_SERIAL_BROADCAST
+                && matches!(Protocol::Rmd.purpose(&data), Purpose::Motion { .. })
         }),
         Frame::Can(..) => false,
     }

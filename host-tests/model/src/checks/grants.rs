@@ -41,11 +41,13 @@ impl Oracle {
                 let before = axis.bus();
                 let moved = axis.set(parameter, value);
                 let after = axis.bus();
-                let open =
-                    after.and_then(|bus| self.buses.get(bus)).filter(|bus| bus.raw_open && bus.raw_unsafe);
+                let open = after
+                    .and_then(|bus| self.buses.get(bus))
+                    .filter(|bus| bus.raw_open && bus.raw_unsafe);
                 if open.is_some() {
-                    let seen =
-                        format!("axis {index} is configured on bus {after:?}, which is open for everything");
+                    let seen = format!(
+                        "axis {index} is configured on bus {after:?}, which is open for everything"
+                    );
                     self.broken(Check::RawUnopened, now, seen);
                 }
                 self.close_raw(before, now);
@@ -65,7 +67,8 @@ impl Oracle {
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
-                    axis.motor_timeout_ms = (1..=60_000).contains(&timeout_ms).then_some(timeout_ms);
+                    axis.motor_timeout_ms =
+                        (1..=60_000).contains(&timeout_ms).then_some(timeout_ms);
                     axis.motor_timeouts_asked.clear();
                 }
             }
@@ -86,7 +89,8 @@ impl Oracle {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.cleared_us = Some(now);
                     if let Request::ClearUnreachable(_) = request {
-                        // Unsafe, and named so: nothing is owed any more but what became due since, its host having read late.
+                        // Unsafe, and named so: nothing is owed any more but what became due since,
+                        // its host having read late.
                         axis.duty = axis.duty.take().filter(|duty| duty.since_us > at);
                         axis.unreachable = false;
                         axis.timeout = Timeout::Unknown;
@@ -106,13 +110,18 @@ impl Oracle {
             Request::RawOpen { bus, unsafe_access } => {
                 let here = |axis: &&Axis| axis.bus() == Some(usize::from(bus));
                 if self.axes.iter().filter(here).any(|axis| axis.armed || unsafe_access) {
-                    self.broken(Check::RawUnopened, now, format!("bus {bus} is opened with an axis on it"));
+                    self.broken(
+                        Check::RawUnopened,
+                        now,
+                        format!("bus {bus} is opened with an axis on it"),
+                    );
                 }
-                // What closed it may have come before its host read that it was open. Allowance: what closed it at the instant of the request
-                // came before that.
+                // What closed it may have come before its host read that it was open. Allowance:
+                // what closed it at the instant of the request came before that.
                 let at = self.asked_us(link, sequence);
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-                    bus.raw_open = bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at >= closed));
+                    bus.raw_open =
+                        bus.raw_closed_us.is_none_or(|closed| at.is_some_and(|at| at >= closed));
                     bus.raw_unsafe = unsafe_access;
                     bus.raw_opened_us = Some(now);
                 }
@@ -133,7 +142,11 @@ impl Oracle {
 
     /// When a request was made.
     fn asked_us(&self, link: u8, sequence: u16) -> Option<u64> {
-        self.links[usize::from(link)].records.iter().find(|r| r.sequence == sequence).map(|r| r.at_us)
+        self.links[usize::from(link)]
+            .records
+            .iter()
+            .find(|r| r.sequence == sequence)
+            .map(|r| r.at_us)
     }
 
     /// No bus is open for raw frames any more.
@@ -144,7 +157,14 @@ impl Oracle {
     }
 
     /// A setpoint was accepted: it should not have been unless it was offered.
-    fn grant(&mut self, now: u64, link: u8, sequence: u16, index: u8, (epoch, expires_at_us): (u32, u32)) {
+    fn grant(
+        &mut self,
+        now: u64,
+        link: u8,
+        sequence: u16,
+        index: u8,
+        (epoch, expires_at_us): (u32, u32),
+    ) {
         let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
         let offered = axis.permits.iter().rposition(|p| (p.link, p.sequence) == (link, sequence));
         if let Some(offered) = offered {
@@ -165,21 +185,25 @@ impl Oracle {
             // Its host has not read yet which epoch it is.
             None => return,
         };
-        let seen = format!("axis {index} takes a setpoint of epoch {epoch} that expires at {expires_at_us}");
+        let seen = format!(
+            "axis {index} takes a setpoint of epoch {epoch} that expires at {expires_at_us}"
+        );
         self.broken(check, now, seen);
     }
 
     /// A permission whose result is there: in force if it was not before.
     fn fulfil(&mut self, now: u64, link: u8, sequence: u16, index: u8) {
         let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
-        let offered = |p: &crate::axis::Permit| (p.link, p.sequence) == (link, sequence) && !p.in_force;
+        let offered =
+            |p: &crate::axis::Permit| (p.link, p.sequence) == (link, sequence) && !p.in_force;
         if let Some(offered) = axis.permits.iter().rposition(offered) {
             in_force(axis, offered);
             self.deliver(now, index.into());
         }
     }
 
-    /// A request was refused: what it offered is void. A native motion that fails later trips its axis or was replaced.
+    /// A request was refused: what it offered is void. A native motion that fails later trips its
+    /// axis or was replaced.
     pub(super) fn refused(&mut self, link: u8, sequence: u16) {
         for axis in &mut self.axes {
             axis.permits.retain(|p| (p.link, p.sequence) != (link, sequence) || p.in_force);

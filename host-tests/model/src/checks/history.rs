@@ -71,7 +71,8 @@ impl History {
         self.news.push((axis, trip));
     }
 
-    /// An axis counts as unreachable: where it tripped for that, the trip says so in its last field.
+    /// An axis counts as unreachable: where it tripped for that, the trip says so in its last
+    /// field.
     pub fn unreachable(&mut self, axis: u8) {
         if let Some((_, trip)) = self.news.iter_mut().find(|(tripped, _)| *tripped == axis)
             && let Some(last) = trip.last_mut()
@@ -80,7 +81,8 @@ impl History {
         }
     }
 
-    /// The instant is over: what was read of it that is wrong. Allowance: a page that is read at the instant of a trip may have it or not.
+    /// The instant is over: what was read of it that is wrong. Allowance: a page that is read at
+    /// the instant of a trip may have it or not.
     pub fn settle(&mut self) -> Vec<String> {
         let read = std::mem::take(&mut self.read);
         if self.unread.is_some() {
@@ -94,7 +96,8 @@ impl History {
         };
         self.instant += u64::from(!self.news.is_empty());
         for (axis, trip) in self.news.drain(..) {
-            self.incidents.push_front((self.instant, Incident::Tripped { start: self.start, axis, trip }));
+            self.incidents
+                .push_front((self.instant, Incident::Tripped { start: self.start, axis, trip }));
         }
         // One instant has more of them than are remembered.
         self.incidents.truncate(KEPT);
@@ -107,10 +110,12 @@ impl History {
             self.incidents.iter().take(REMEMBERED).skip(*first).take(PAGE).collect();
         let goes_on = self.incidents.len().min(REMEMBERED) > first + PAGE;
         let is_next = next.map(usize::from) == goes_on.then_some(first + PAGE);
-        let each_once = incidents.iter().enumerate().all(|(at, told)| !incidents[..at].contains(told));
+        let each_once =
+            incidents.iter().enumerate().all(|(at, told)| !incidents[..at].contains(told));
         let fits = incidents.len() == wanted.len()
             && incidents.iter().zip(&wanted).all(|(told, (instant, _))| self.is_of(*instant, told));
-        (!is_next || !fits || !each_once).then(|| format!("{incidents:?}, {next:?}, not {wanted:?}"))
+        (!is_next || !fits || !each_once)
+            .then(|| format!("{incidents:?}, {next:?}, not {wanted:?}"))
     }
 
     /// Whether an incident is one of an instant: trips of one instant are remembered in any order.
@@ -132,7 +137,9 @@ impl History {
         if next.is_some() {
             return Ok(());
         }
-        let Some(Unread { read, interrupted, tripping }) = self.unread.take() else { return Ok(()) };
+        let Some(Unread { read, interrupted, tripping }) = self.unread.take() else {
+            return Ok(());
+        };
         let result = self.fits(&read, interrupted, &tripping);
         self.incidents = (0..).zip(read.into_iter().rev()).collect::<VecDeque<_>>();
         self.incidents.make_contiguous().reverse();
@@ -149,14 +156,17 @@ impl History {
             let of_it = |incident: &Incident| matches!(incident, Incident::Tripped { start, axis, .. } if *start == self.start && axis == wanted);
             since.iter().any(of_it)
         };
-        if let Some(axis) = tripping.iter().find(|axis| !has_tripped(axis)).filter(|_| !interrupted) {
+        if let Some(axis) = tripping.iter().find(|axis| !has_tripped(axis)).filter(|_| !interrupted)
+        {
             return Err(format!("axis {axis} has not tripped"));
         }
         let untold = if interrupted { before.len() } else { 0 };
         let is_the_end_of = |skipped: usize| {
             let known = before.get(skipped..).unwrap_or_default();
-            let wanted =
-                self.incidents.len().min(REMEMBERED - place - 1 - skipped.min(REMEMBERED - place - 1));
+            let wanted = self
+                .incidents
+                .len()
+                .min(REMEMBERED - place - 1 - skipped.min(REMEMBERED - place - 1));
             let is_of_its_instant =
                 |(told, (instant, _)): (&Incident, &(u64, Incident))| self.is_of(*instant, told);
             known.len() == wanted && known.iter().zip(&self.incidents).all(is_of_its_instant)

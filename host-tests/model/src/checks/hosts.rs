@@ -77,7 +77,11 @@ impl Oracle {
             }
             Request::ReleaseAuthority if in_command => self.lose_authority(now),
             Request::Setpoint { axis, epoch, expires_at_us } => {
-                self.offer(now, axis, epoch, expires_at_us, |permit| Permit { link, sequence, ..permit });
+                self.offer(now, axis, epoch, expires_at_us, |permit| Permit {
+                    link,
+                    sequence,
+                    ..permit
+                });
             }
             Request::MoveRelative { axis, epoch, expires_at_us } => {
                 let is_relative = true;
@@ -134,7 +138,8 @@ impl Oracle {
         }
     }
 
-    /// Whether a native command takes authority: by what its bytes do (PROTOCOL.md, Native commands).
+    /// Whether a native command takes authority: by what its bytes do (PROTOCOL.md, Native
+    /// commands).
     fn native_takes(&self, request: &Request) -> bool {
         let Request::Native { axis, epoch, data, .. } = request else { return false };
         let Some(axis) = self.axes.get(usize::from(*axis)) else { return false };
@@ -151,7 +156,8 @@ impl Oracle {
         }
     }
 
-    /// A permission to move that is in force once the gateway says so, if nothing known speaks against it.
+    /// A permission to move that is in force once the gateway says so, if nothing known speaks
+    /// against it.
     fn offer(
         &mut self,
         now: u64,
@@ -206,8 +212,10 @@ impl Oracle {
             let axis = &self.axes[index];
             let meant = one.is_none_or(|one| one == index);
             // On a bus that is off it is owed until the bus is back.
-            let runs = axis.bus().and_then(|bus| self.buses.get(bus)).is_some_and(|bus| bus.bitrate > 0);
-            // All of them: those at rest too, where something else may have set the motor in motion.
+            let runs =
+                axis.bus().and_then(|bus| self.buses.get(bus)).is_some_and(|bus| bus.bitrate > 0);
+            // All of them: those at rest too, where something else may have set the motor in
+            // motion.
             let at_rest = one.is_none() && axis.told.is_at_rest() && axis.is_complete() && runs;
             if meant && (axis.armed || axis.told == Told::Arming || at_rest) {
                 self.owe_stop(index, cause, now);

@@ -21,7 +21,10 @@ impl Oracle {
                     state.tally.received += 1;
                     state.saw_extended |= is_extended(id);
                 }
-                let length = self.buses.get(usize::from(bus)).map_or(0, |bus| bus.foreign_us(id, data.len()));
+                let length = self
+                    .buses
+                    .get(usize::from(bus))
+                    .map_or(0, |bus| bus.foreign_us(id, data.len()));
                 for index in 0..self.axes.len() {
                     let axis = &mut self.axes[index];
                     if axis.bus() != Some(usize::from(bus)) {
@@ -31,7 +34,9 @@ impl Oracle {
                     if axis.request_id().is_some_and(|own| rank(id) <= rank(own)) {
                         axis.outranked_us += length;
                     }
-                    let (Some(protocol), Some(node)) = (axis.protocol(), axis.node()) else { continue };
+                    let (Some(protocol), Some(node)) = (axis.protocol(), axis.node()) else {
+                        continue;
+                    };
                     if let Some(data) = protocol.reply_of(node, axis.d5_reply_id(), id, data) {
                         self.reply(now, index, protocol, &data);
                     }
@@ -46,7 +51,9 @@ impl Oracle {
         let mut foreign = 0;
         for byte in bytes {
             let Some(state) = self.buses.get_mut(usize::from(bus)) else { return };
-            if let (BusKind::Rs485 { echo: true }, Some(own)) = (state.kind, state.echo.front().copied()) {
+            if let (BusKind::Rs485 { echo: true }, Some(own)) =
+                (state.kind, state.echo.front().copied())
+            {
                 if own == *byte {
                     state.echo.pop_front();
                     continue;
@@ -76,8 +83,8 @@ impl Oracle {
         }
     }
 
-    /// A motor's frame: the answer to the oldest request that it can be the answer to. Allowance: one whose reply window has
-    /// passed is that only where there is no other.
+    /// A motor's frame: the answer to the oldest request that it can be the answer to. Allowance:
+    /// one whose reply window has passed is that only where there is no other.
     fn reply(&mut self, now: u64, index: usize, protocol: Protocol, data: &[u8]) {
         let bus = self.axes[index].bus().unwrap_or_default();
         let Some(bus) = self.buses.get(bus) else { return };
@@ -94,8 +101,9 @@ impl Oracle {
             arming.answered(protocol, returns, data, still, warnings);
         }
         let written = |asked: &Asked| {
-            let touched =
-                protocol.timeout_touched(&asked.data).filter(|touched| *touched != Timeout::Unknown);
+            let touched = protocol
+                .timeout_touched(&asked.data)
+                .filter(|touched| *touched != Timeout::Unknown);
             touched.filter(|_| protocol.answer(returns, &asked.data, data).is_some())
         };
         axis.timeout = axis.asked.iter().rev().find_map(written).unwrap_or(axis.timeout);
@@ -131,7 +139,9 @@ impl Oracle {
     fn read_for_stop(&mut self, now: u64, index: usize, asked: &Asked, reading: &Reading) {
         let axis = &mut self.axes[index];
         let still = axis.still();
-        let Some(duty) = axis.duty.as_mut().filter(|duty| asked.left_us >= duty.since_us) else { return };
+        let Some(duty) = axis.duty.as_mut().filter(|duty| asked.left_us >= duty.since_us) else {
+            return;
+        };
         if reading.stops {
             duty.acknowledged_us.get_or_insert(now);
         }

@@ -26,19 +26,23 @@ impl Oracle {
                         self.news(now, news);
                     }
                 }
-                Kind::Request => self.broken(Check::ResultUnasked, now, "a request of the gateway".into()),
+                Kind::Request => {
+                    self.broken(Check::ResultUnasked, now, "a request of the gateway".into())
+                }
             }
         }
     }
 
-    /// The host of a link has read all there is: what it asked and what was not refused has been accepted.
+    /// The host of a link has read all there is: what it asked and what was not refused has been
+    /// accepted.
     pub fn drained(&mut self, now: u64, link: u8) {
         let Some(port) = self.links.get_mut(usize::from(link)) else { return };
         port.drained_us = Some(now);
         // A repeated result whose bytes are not kept any more does not come.
         port.records.iter_mut().for_each(|record| record.again = false);
-        port.records
-            .retain(|record| record.result.is_some() || !record.may_be_dropped || record.at_us == now);
+        port.records.retain(|record| {
+            record.result.is_some() || !record.may_be_dropped || record.at_us == now
+        });
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             let accepted = |p: &crate::axis::Permit| {
@@ -56,11 +60,13 @@ impl Oracle {
         let port = &mut self.links[usize::from(link)];
         let of_it = |record: &&mut crate::link::Record| record.sequence == message.sequence;
         // A host may use a sequence twice: a reply says by its number which request it answers.
-        let fits = |r: &crate::link::Record| message.kind == Kind::Error || r.number == message.number;
+        let fits =
+            |r: &crate::link::Record| message.kind == Kind::Error || r.number == message.number;
         let open = |r: &crate::link::Record| r.sequence == sequence && r.result.is_none();
         // An error does not: most come at once.
         let at_once = port.records.iter().position(|r| open(r) && fits(r) && r.at_us == now);
-        // The same bytes again are the result that was asked for again, also where another request has the sequence.
+        // The same bytes again are the result that was asked for again, also where another request
+        // has the sequence.
         let repeats = |r: &&mut crate::link::Record| {
             r.again && r.sequence == sequence && r.result.as_ref() == Some(&message.bytes)
         };
@@ -80,16 +86,20 @@ impl Oracle {
             let has_started = record.has_started;
             if refused
                 && (is_reply
-                    || !READ_BEFORE_AUTHORITY.contains(&message.number) && message.number != NOT_IN_COMMAND)
+                    || !READ_BEFORE_AUTHORITY.contains(&message.number)
+                        && message.number != NOT_IN_COMMAND)
             {
-                let seen =
-                    format!("link {link} is not in command; {request:?} is answered {}", message.number);
+                let seen = format!(
+                    "link {link} is not in command; {request:?} is answered {}",
+                    message.number
+                );
                 self.broken(Check::AuthorityIgnored, now, seen);
             }
             if matches!(request, Request::StartTogether { .. })
                 && has_started.is_some_and(|has| has != is_reply)
             {
-                let seen = format!("{request:?} is answered {}, started: {has_started:?}", message.number);
+                let seen =
+                    format!("{request:?} is answered {}, started: {has_started:?}", message.number);
                 self.broken(Check::StartUnproved, now, seen);
             }
             if is_reply {
@@ -127,8 +137,8 @@ impl Oracle {
             return;
         }
         let seen = format!("link {link}: a second result for {sequence}");
-        // Allowance: a host chooses another sequence than those of its last requests (PROTOCOL.md). Where it does not, nobody can
-        // tell which of them a result is for.
+        // Allowance: a host chooses another sequence than those of its last requests (PROTOCOL.md).
+        // Where it does not, nobody can tell which of them a result is for.
         if port.records.iter().filter(|record| record.sequence == sequence).count() > 1 {
             return;
         }
@@ -136,14 +146,20 @@ impl Oracle {
             self.broken(Check::ResultUnasked, now, format!("link {link}: nobody asked {sequence}"));
             return;
         }
-        match port.records.iter_mut().filter(of_it).find(|r| r.result.as_ref() == Some(&message.bytes)) {
+        match port
+            .records
+            .iter_mut()
+            .filter(of_it)
+            .find(|r| r.result.as_ref() == Some(&message.bytes))
+        {
             Some(record) if record.again => record.again = false,
             Some(_) => self.broken(Check::ResultUnasked, now, seen),
             None => self.broken(Check::ResultChanged, now, seen),
         }
     }
 
-    /// Whether a request that was refused so has not taken authority: what cannot be read, and natives that are none.
+    /// Whether a request that was refused so has not taken authority: what cannot be read, and
+    /// natives that are none.
     fn untaken(&self, request: &Request, error: u16) -> bool {
         matches!(error, 1 | 2) || matches!(request, Request::Native { .. })
     }

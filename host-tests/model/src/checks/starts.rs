@@ -20,7 +20,8 @@ pub(crate) struct Unlisted {
 }
 
 impl Oracle {
-    /// Whether a request to configure something has not been answered: a reset now may keep the change or not.
+    /// Whether a request to configure something has not been answered: a reset now may keep the
+    /// change or not.
     #[must_use]
     pub fn is_configuring(&self) -> bool {
         let configures = |record: &Record| {
@@ -36,8 +37,9 @@ impl Oracle {
         self.links.iter().any(|link| link.records.iter().any(configures))
     }
 
-    /// The gateway is reset, has its memory back, and begins anew: a reset `interrupted` it before the change that the latest event
-    /// made was kept as a whole, and before it could tell anybody. Its hosts are heard when it says so, and the one that listens asks first for
+    /// The gateway is reset, has its memory back, and begins anew: a reset `interrupted` it before
+    /// the change that the latest event made was kept as a whole, and before it could tell
+    /// anybody. Its hosts are heard when it says so, and the one that listens asks first for
     /// the state of the gateway and a list of the axes.
     pub fn reset(&mut self, now: u64, interrupted: bool) {
         self.advance(now);
@@ -49,9 +51,11 @@ impl Oracle {
         let (mut moved, mut tripping) = (Vec::new(), Vec::new());
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
-            // What was interrupted may have been the end of it, and nobody has been told; nor what a start has led to so far.
+            // What was interrupted may have been the end of it, and nobody has been told; nor what
+            // a start has led to so far.
             let ends = axis.clearing > 0 || matches!(axis.told, Told::Stopping | Told::Arming);
-            let may_be_over = interrupted && ends || self.unlisted.is_some() && axis.told == Told::Stopping;
+            let may_be_over =
+                interrupted && ends || self.unlisted.is_some() && axis.told == Told::Stopping;
             let at_rest = axis.told == Told::Unconfigured || axis.told.is_at_rest();
             moved.push(!at_rest && !may_be_over);
             if moved[index] && !matches!(axis.told, Told::Tripped { .. }) {
@@ -59,7 +63,8 @@ impl Oracle {
             }
             *axis = axis.restarted();
             if axis.is_complete() {
-                axis.told = if moved[index] { Told::Tripped { confirmed: false } } else { Told::Stopping };
+                axis.told =
+                    if moved[index] { Told::Tripped { confirmed: false } } else { Told::Stopping };
                 self.owe_stop(index, Cause::Reset, now);
             }
         }
@@ -93,7 +98,8 @@ impl Oracle {
             (record.result.is_none() || record.at_us == now)
                 && record.request == Request::Clear(Clears::Gateway)
         };
-        self.e_stop_asked_us == Some(now) || self.links.iter().any(|link| link.records.iter().any(clears))
+        self.e_stop_asked_us == Some(now)
+            || self.links.iter().any(|link| link.records.iter().any(clears))
     }
 
     /// The gateway says how it is.
@@ -106,7 +112,8 @@ impl Oracle {
                     self.e_stopped = e_stopped;
                 }
                 if starts != self.starts || self.e_stopped && !e_stopped {
-                    let seen = format!("{report:?}, {} starts, e-stop {}", self.starts, self.e_stopped);
+                    let seen =
+                        format!("{report:?}, {} starts, e-stop {}", self.starts, self.e_stopped);
                     self.broken(Check::ResetForgot, now, seen);
                 }
             }

@@ -1,4 +1,5 @@
-//! D5 motors that are set in motion several at once (G2, G10; PROTOCOL.md, Started together; D5 manual, quick start 3, 4 and 7).
+//! D5 motors that are set in motion several at once (G2, G10; PROTOCOL.md, Started together; D5
+//! manual, quick start 3, 4 and 7).
 
 use crate::axis::{Asked, Axis, Permit, Start, Waiting};
 use crate::bus::Held;
@@ -29,7 +30,9 @@ pub(crate) struct Started {
 }
 
 fn is_d5_on(axis: &Axis, bus: u8) -> bool {
-    axis.bus() == Some(usize::from(bus)) && axis.is_complete() && axis.protocol() == Some(Protocol::D5)
+    axis.bus() == Some(usize::from(bus))
+        && axis.is_complete()
+        && axis.protocol() == Some(Protocol::D5)
 }
 
 /// The bit of an axis in a set of them.
@@ -38,8 +41,8 @@ pub(super) fn bit_of(axis: u8) -> u32 {
 }
 
 impl Axis {
-    /// The starts that it is named for and that have not come. One is under way at a time; the others were refused, and their host has
-    /// not read that yet.
+    /// The starts that it is named for and that have not come. One is under way at a time; the
+    /// others were refused, and their host has not read that yet.
     fn starts_to_come(&mut self, now: u64) -> impl Iterator<Item = (Request, &mut Start)> {
         let lives = move |p: &&mut Permit| p.expires_us.is_none_or(|at| now < at);
         let permits = self.permits.iter_mut().filter(lives);
@@ -49,7 +52,8 @@ impl Axis {
         })
     }
 
-    /// What a request does: to start a speed of 0 is no motion. Where a host wants a start of its own it is one.
+    /// What a request does: to start a speed of 0 is no motion. Where a host wants a start of its
+    /// own it is one.
     pub(super) fn purpose_as_it_waits(&self, purpose: Purpose, data: &[u8]) -> Purpose {
         let starts = self.protocol() == Some(Protocol::D5) && data.get(3) == Some(&EXECUTE);
         let is_native = self.permits.iter().any(|permit| permit.native.is_some() && permit.once);
@@ -61,7 +65,8 @@ impl Axis {
     pub(super) fn has_sent_native(&mut self, data: &[u8]) {
         let protocol = self.protocol();
         let is_it = |native: &Vec<u8>| protocol.is_some_and(|p| p.same_command(native, data));
-        let natives = self.permits.iter_mut().filter(|permit| permit.native.as_ref().is_some_and(is_it));
+        let natives =
+            self.permits.iter_mut().filter(|permit| permit.native.as_ref().is_some_and(is_it));
         natives.for_each(|permit| permit.sent = true);
     }
 
@@ -72,7 +77,8 @@ impl Axis {
         }
     }
 
-    /// Its motor has answered. Which of two identical requests a reply belongs to, nobody can tell: the later, for all that is known.
+    /// Its motor has answered. Which of two identical requests a reply belongs to, nobody can tell:
+    /// the later, for all that is known.
     pub(super) fn has_said_what_waits(&mut self, asked: &Asked, reading: &Reading) {
         let at = asked.handed_us;
         match self.protocol().filter(|p| *p == Protocol::D5).and_then(|p| p.question(&asked.data)) {
@@ -107,7 +113,10 @@ impl Oracle {
         let sets_speed =
             is_d5 && matches!(Protocol::D5.purpose(data), Purpose::Motion { .. } | Purpose::Rest);
         let native = axis.permits.iter().any(|permit| permit.native.is_some() && !permit.sent);
-        sets_speed && data.get(3) == Some(&WAITS) && !native && axis.starts_to_come(now).next().is_some()
+        sets_speed
+            && data.get(3) == Some(&WAITS)
+            && !native
+            && axis.starts_to_come(now).next().is_some()
     }
 
     /// A speed that is to wait: of an axis that may move, always the same, within its limits.
@@ -131,8 +140,15 @@ impl Oracle {
         self.judge_limits(now, index, data, frame);
     }
 
-    /// A frame that starts whatever waits in the motors of a bus, if that is what it is: whether it was judged so.
-    pub(super) fn judge_start(&mut self, now: u64, bus: u8, frame: Frame<'_>, held: &mut Held) -> bool {
+    /// A frame that starts whatever waits in the motors of a bus, if that is what it is: whether it
+    /// was judged so.
+    pub(super) fn judge_start(
+        &mut self,
+        now: u64,
+        bus: u8,
+        frame: Frame<'_>,
+        held: &mut Held,
+    ) -> bool {
         let Frame::Can(id, &[0xD5, ALL, 5, EXECUTE, ..]) = frame else { return false };
         let on_bus = |axis: &Axis| is_d5_on(axis, bus);
         let mut named: Vec<(Request, Start)> = Vec::new();
@@ -146,7 +162,8 @@ impl Oracle {
                 (request, start, self.missing_for_a_start(now, (bus, id), request, &start))
             })
             .collect();
-        let Some((request, start, wrong)) = judged.iter().min_by_key(|(.., wrong)| wrong.len()) else {
+        let Some((request, start, wrong)) = judged.iter().min_by_key(|(.., wrong)| wrong.len())
+        else {
             return false;
         };
         self.motions += 1;
@@ -192,11 +209,13 @@ impl Oracle {
         for (index, axis) in (0u8..).zip(&mut self.axes) {
             let is_here = on_bus(axis);
             let is_named = start.members & bit_of(index) != 0;
-            let waits = axis.starts_to_come(now).find(|(of, _)| *of == request).map(|(_, start)| *start);
+            let waits =
+                axis.starts_to_come(now).find(|(of, _)| *of == request).map(|(_, start)| *start);
             if is_named && !(is_here && axis.armed && waits.is_some_and(|start| start.waits)) {
                 wrong.push(format!("axis {index} is named, {waits:?}"));
             }
-            if is_named && axis.request_id().is_some_and(|own| is_extended(own) != is_extended(id)) {
+            if is_named && axis.request_id().is_some_and(|own| is_extended(own) != is_extended(id))
+            {
                 wrong.push(format!("axis {index} does not hear {id:X}"));
             }
             let is_empty = matches!(axis.waiting, Waiting::Nothing(at) if at >= start.asked_us);
@@ -214,7 +233,8 @@ impl Oracle {
         let outcome = may_be.is_empty().then_some(true);
         for (link, sequence) in may_be.into_iter().chain([request]) {
             let mut records = self.links[usize::from(link)].records.iter_mut();
-            let of_it = |record: &&mut Record| record.sequence == sequence && record.result.is_none();
+            let of_it =
+                |record: &&mut Record| record.sequence == sequence && record.result.is_none();
             if let Some(record) = records.find(of_it) {
                 record.has_started = outcome;
             }

@@ -11,8 +11,8 @@ const SLACK_US: u64 = 5_000;
 const SLACK_WINDOWS: u64 = 4;
 
 impl Oracle {
-    /// An axis that was not at rest and whose stop has not left for so long is unreachable, and somebody has been told. Allowance: what a start
-    /// has led to is told to nobody.
+    /// An axis that was not at rest and whose stop has not left for so long is unreachable, and
+    /// somebody has been told. Allowance: what a start has led to is told to nobody.
     pub(super) fn check_unsent(&mut self, now: u64, index: usize) {
         let axis = &self.axes[index];
         let (Some(duty), Some(bus)) = (&axis.duty, axis.bus()) else { return };
@@ -24,11 +24,14 @@ impl Oracle {
             return;
         }
         let axes = self.axes_on(bus);
-        let bound =
-            state.stop_bound_us(axes, axis.protocol(), axes) + SLACK_US + SLACK_WINDOWS * state.window_us;
+        let bound = state.stop_bound_us(axes, axis.protocol(), axes)
+            + SLACK_US
+            + SLACK_WINDOWS * state.window_us;
         if now - duty.since_us > bound + UNSENT_US {
-            let seen =
-                format!("axis {index}: its stop of {} µs has not left, and nobody is told", duty.since_us);
+            let seen = format!(
+                "axis {index}: its stop of {} µs has not left, and nobody is told",
+                duty.since_us
+            );
             self.broken(Check::UnsentUntold, now, seen);
             if let Some(duty) = &mut self.axes[index].duty {
                 duty.unsent_seen = true;
@@ -36,10 +39,12 @@ impl Oracle {
         }
     }
 
-    /// An axis is told to be unreachable: because its stops came to nothing, or because none could be sent.
+    /// An axis is told to be unreachable: because its stops came to nothing, or because none could
+    /// be sent.
     pub(super) fn judge_unreachable(&mut self, now: u64, index: usize, stop_sent: bool) {
         let Some(duty) = self.axes.get(index).and_then(|axis| axis.duty.as_ref()) else { return };
-        // What is owed since this very instant is not what came to nothing: that of before was, and somebody has just cleared it.
+        // What is owed since this very instant is not what came to nothing: that of before was, and
+        // somebody has just cleared it.
         if duty.cause == Cause::Reset || duty.since_us >= now {
             return;
         }

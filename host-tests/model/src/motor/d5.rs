@@ -72,7 +72,10 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         (0x02, BOARD_TEMPERATURE | MOTOR_TEMPERATURE) => {
             // Bit 7 is the sign.
             let magnitude = f64::from(low & 0x7F);
-            Reading { temperature: Some(if low & 0x80 == 0 { magnitude } else { -magnitude }), ..none }
+            Reading {
+                temperature: Some(if low & 0x80 == 0 { magnitude } else { -magnitude }),
+                ..none
+            }
         }
         (0x02, _) => Reading { register: Some(low), ..none },
         _ => none,
@@ -86,9 +89,18 @@ mod tests {
     #[test]
     fn the_manuals_examples() {
         assert_eq!(purpose(&[0xD5, 0x0B, 5, 3, 0x20, 0, 0, 0x33]), Purpose::Stop);
-        assert_eq!(purpose(&[0xD5, 0x0A, 5, 3, 0x20, 0x1E, 0, 0x50]), Purpose::Motion { once: false });
-        assert_eq!(purpose(&[0xD5, 0x0B, 5, 4, 0x20, 0xB0, 4, 0xE8]), Purpose::Motion { once: true });
-        assert_eq!(purpose(&[0xD5, 0x0B, 4, 4, 0x21, 0x84, 0, 0xB8]), Purpose::Motion { once: true });
+        assert_eq!(
+            purpose(&[0xD5, 0x0A, 5, 3, 0x20, 0x1E, 0, 0x50]),
+            Purpose::Motion { once: false }
+        );
+        assert_eq!(
+            purpose(&[0xD5, 0x0B, 5, 4, 0x20, 0xB0, 4, 0xE8]),
+            Purpose::Motion { once: true }
+        );
+        assert_eq!(
+            purpose(&[0xD5, 0x0B, 4, 4, 0x21, 0x84, 0, 0xB8]),
+            Purpose::Motion { once: true }
+        );
         assert_eq!(purpose(&[0xD5, 0x0B, 5, 5, 0, 0, 0, 0x15]), Purpose::Motion { once: true });
         assert_eq!(purpose(&[0xD5, 0x0B, 5, 2, 0x15, 0, 0, 0x27]), Purpose::Read);
         assert_eq!(purpose(&[0xD5, 0x0B, 4, 3, 0x05, 0x22, 0, 0x39]), Purpose::Change);

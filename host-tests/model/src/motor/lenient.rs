@@ -1,6 +1,7 @@
-//! What a motor might obey that reads leniently: bytes that a command does not use may be anything, data may be as short as what it
-//! carries allows, what is missing counts as zero, and nothing is checked but what tells motors apart. A motor of this kind is
-//! the one that the gateway must reckon with.
+//! What a motor might obey that reads leniently: bytes that a command does not use may be anything,
+//! data may be as short as what it carries allows, what is missing counts as zero, and nothing is
+//! checked but what tells motors apart. A motor of this kind is the one that the gateway must
+//! reckon with.
 
 use super::Protocol;
 use crate::can_id::EXTENDED;
@@ -27,7 +28,8 @@ const D5_ALL: u8 = 0xFE;
 const SPEED: [u8; 2] = [0x20, 0x21];
 
 impl Protocol {
-    /// What a CAN frame makes a motor do that is listening: `d5_id` where a D5 motor has not the usual one.
+    /// What a CAN frame makes a motor do that is listening: `d5_id` where a D5 motor has not the
+    /// usual one.
     pub fn obeys(self, node: u8, d5_id: Option<u32>, id: u32, data: &[u8]) -> Option<Deed> {
         let node_id = u32::from(node);
         match self {

@@ -134,7 +134,9 @@ impl Protocol {
         let node_id = u32::from(node);
         match self {
             Self::Rmd if id == 0x240 + node_id => Some(data.to_vec()),
-            Self::Rmd if id == 0x500 + node_id && data.first() == Some(&node) => Some(rmd::motion_mode(data)),
+            Self::Rmd if id == 0x500 + node_id && data.first() == Some(&node) => {
+                Some(rmd::motion_mode(data))
+            }
             Self::Thruster if id == 0x280 + node_id => Some(data.to_vec()),
             Self::D5 if d5_id.is_none_or(|wanted| wanted == id) && d5::is_from(node, data) => {
                 Some(data.to_vec())
@@ -143,8 +145,8 @@ impl Protocol {
         }
     }
 
-    /// The least speed that a reading can tell from none, rad/s: 1 degree a second (RMD V3.6 §2.13; D5 manual, register 0x26), 1 rpm
-    /// (Thruster manual §2.1).
+    /// The least speed that a reading can tell from none, rad/s: 1 degree a second (RMD V3.6 §2.13;
+    /// D5 manual, register 0x26), 1 rpm (Thruster manual §2.1).
     pub fn speed_unit_rad_s(self) -> f64 {
         match self {
             Self::Rmd | Self::D5 => PI / 180.0,
@@ -181,8 +183,8 @@ impl Protocol {
         }
     }
 
-    /// What a native command is by the rules for hosts (PROTOCOL.md, Native commands): a zero is a setpoint or a stop, LS a
-    /// stop, and what only prepares a D5 motor is a motion.
+    /// What a native command is by the rules for hosts (PROTOCOL.md, Native commands): a zero is a
+    /// setpoint or a stop, LS a stop, and what only prepares a D5 motor is a motion.
     pub fn asked_by_host(self, data: &[u8]) -> Purpose {
         match (self, self.purpose(data), data) {
             (Self::Thruster, _, [b'L', b'S', ..]) => Purpose::Stop,
@@ -200,8 +202,8 @@ impl Protocol {
         }
     }
 
-    /// Whether two requests are the same command of the manual, whatever their values. Bytes that the command does not use
-    /// are not sent as the host gave them.
+    /// Whether two requests are the same command of the manual, whatever their values. Bytes that
+    /// the command does not use are not sent as the host gave them.
     pub fn same_command(self, one: &[u8], other: &[u8]) -> bool {
         let command = |data: &[u8]| match self {
             Self::Rmd => data.get(..1).map(<[u8]>::to_vec),
@@ -221,7 +223,8 @@ impl Protocol {
         self == Self::D5 && d5::is_objection(reply)
     }
 
-    /// What a reply tells as the answer to a request; `None` where it cannot be its answer. `returns`: of a thruster.
+    /// What a reply tells as the answer to a request; `None` where it cannot be its answer.
+    /// `returns`: of a thruster.
     pub fn answer(self, returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
         match self {
             Self::Rmd => rmd::answer(request, reply),

@@ -3,7 +3,8 @@
 use super::{Purpose, Question, Reading, Timeout};
 use std::f64::consts::PI;
 
-/// Put before the data of motion mode, whose CAN ids say what it is (§5): no command of §2 has this number.
+/// Put before the data of motion mode, whose CAN ids say what it is (§5): no command of §2 has this
+/// number.
 const MOTION_MODE: u8 = 0x00;
 
 pub(super) fn motion_mode(data: &[u8]) -> Vec<u8> {
@@ -19,8 +20,8 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
         Some(0x80 | 0x81) => Purpose::Stop,
         // §2.1, §2.5, §2.7 to §2.9, §2.11 to §2.14, §2.23, §2.24, §2.28, §2.29, §2.31
         Some(
-            0x30 | 0x42 | 0x60 | 0x61 | 0x62 | 0x70 | 0x71 | 0x90 | 0x92 | 0x94 | 0x9A | 0x9C | 0x9D | 0xB1
-            | 0xB2 | 0xB5,
+            0x30 | 0x42 | 0x60 | 0x61 | 0x62 | 0x70 | 0x71 | 0x90 | 0x92 | 0x94 | 0x9A | 0x9C
+            | 0x9D | 0xB1 | 0xB2 | 0xB5,
         ) => Purpose::Read,
         _ => Purpose::Change,
     }
@@ -34,7 +35,8 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     }
 }
 
-/// §2.30 (0xB3) with its milliseconds; another id, another baud rate. A restart (§2.25) does not lose what is in ROM.
+/// §2.30 (0xB3) with its milliseconds; another id, another baud rate. A restart (§2.25) does not
+/// lose what is in ROM.
 pub(super) fn timeout_touched(data: &[u8]) -> Option<Timeout> {
     match data.first()? {
         0xB3 => Some(Timeout::of_ms(u32::from_le_bytes(data.get(4..8)?.try_into().ok()?))),
@@ -60,7 +62,8 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
             temperature: Some(reply.get(1)?.cast_signed().into()),
             ..none
         },
-        // Thrown back: received, and not carried out. All zero may be that too (PROTOCOL-NOTES R30).
+        // Thrown back: received, and not carried out. All zero may be that too (PROTOCOL-NOTES
+        // R30).
         0xA1 | 0xA2 | 0xA4 if request == reply || reply[1..].iter().all(|byte| *byte == 0) => none,
         // §2.13, §2.17, §2.18, §2.20: 1 °C, 0.01 A, 1 degree a second
         0x9C | 0xA1 | 0xA2 | 0xA4 => {
@@ -91,12 +94,9 @@ pub fn serial_frame(bytes: &[u8]) -> Option<(u8, [u8; 8])> {
 /// CRC-16/MODBUS (PROTOCOL-NOTES R1).
 fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |sum, byte| {
-        (0..8).fold(
-            sum ^ u16::from(*byte),
-            |sum, _| {
-                if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 }
-            },
-        )
+        (0..8).fold(sum ^ u16::from(*byte), |sum, _| {
+            if sum & 1 == 1 { (sum >> 1) ^ 0xA001 } else { sum >> 1 }
+        })
     })
 }
 
@@ -108,7 +108,10 @@ mod tests {
     fn the_checksums_of_two_known_frames() {
         assert_eq!(crc16(&[0x3E, 1, 8, 0x9C, 0, 0, 0, 0, 0, 0, 0]).to_le_bytes(), [0xF2, 0x30]);
         let reply = [0x3E, 1, 8, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
-        assert_eq!(serial_frame(&reply), Some((1, [0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56])));
+        assert_eq!(
+            serial_frame(&reply),
+            Some((1, [0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56]))
+        );
         assert_eq!(serial_frame(&reply[1..]), None);
     }
 

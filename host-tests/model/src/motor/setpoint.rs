@@ -1,4 +1,5 @@
-//! What a motion frame asks for, in SI units: what the motor makes of its bytes, not what the host had asked.
+//! What a motion frame asks for, in SI units: what the motor makes of its bytes, not what the host
+//! had asked.
 
 use super::Protocol;
 use std::f64::consts::PI;
@@ -31,7 +32,8 @@ impl Protocol {
     }
 }
 
-/// §2.17 to §2.20, §2.22: 0.01 A, 0.01 degrees a second, 0.01 degrees, and 1 degree a second where it limits a move.
+/// §2.17 to §2.20, §2.22: 0.01 A, 0.01 degrees a second, 0.01 degrees, and 1 degree a second where
+/// it limits a move.
 fn rmd(data: &[u8]) -> Option<Goal> {
     let none = Goal::default();
     let word = |at: usize| Some(u16::from_le_bytes([*data.get(at)?, *data.get(at + 1)?]));
@@ -39,7 +41,11 @@ fn rmd(data: &[u8]) -> Option<Goal> {
     Some(match data.first()? {
         0xA1 => Goal { current: Some(f64::from(word(4)?.cast_signed()).abs() / 100.0), ..none },
         0xA2 => Goal { speed: Some(long()?.abs() * DEGREE), ..none },
-        0xA4 => Goal { speed: Some(f64::from(word(2)?) * DEGREE), position: Some(long()? * DEGREE), ..none },
+        0xA4 => Goal {
+            speed: Some(f64::from(word(2)?) * DEGREE),
+            position: Some(long()? * DEGREE),
+            ..none
+        },
         0xA8 => Goal { speed: Some(f64::from(word(2)?) * DEGREE), ..none },
         _ => none,
     })
@@ -54,7 +60,11 @@ fn thruster(data: &[u8]) -> Option<Goal> {
     Some(match data.get(..2)? {
         b"TC" => Goal { signal: Some(value()? / 100.0), ..none },
         b"VC" => Goal { speed: Some(value()? * RPM), ..none },
-        b"LA" => Goal { speed: Some(f64::from(word(2)?) * RPM), position: Some(long()? * DEGREE), ..none },
+        b"LA" => Goal {
+            speed: Some(f64::from(word(2)?) * RPM),
+            position: Some(long()? * DEGREE),
+            ..none
+        },
         b"LR" => Goal { speed: Some(f64::from(word(2)?) * RPM), ..none },
         _ => none,
     })
@@ -80,6 +90,9 @@ mod tests {
         assert!(near(moved.speed, 500.0 * DEGREE) && near(moved.position, 360.0 * DEGREE));
         assert!(near(Protocol::Thruster.goal(&[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]).signal, 0.05));
         assert!(near(Protocol::Thruster.goal(&[0x56, 0x43, 0, 0, 0, 0, 1, 0x2C]).speed, 10.0 * PI));
-        assert!(near(Protocol::D5.goal(&[0xD5, 0x0A, 5, 3, 0x20, 0x58, 0x82, 0]).speed, 600.0 * DEGREE));
+        assert!(near(
+            Protocol::D5.goal(&[0xD5, 0x0A, 5, 3, 0x20, 0x58, 0x82, 0]).speed,
+            600.0 * DEGREE
+        ));
     }
 }

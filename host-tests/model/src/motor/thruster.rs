@@ -17,7 +17,9 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
         Some(b"LA") => Purpose::Motion { once: false },
         Some(b"LR") => Purpose::Motion { once: true },
         Some(b"LS") => Purpose::Rest,
-        Some(b"QV" | b"QC" | b"QP" | b"QT" | b"EQ" | b"EF" | b"FR" | b"QA" | b"QR" | b"RP") => Purpose::Read,
+        Some(b"QV" | b"QC" | b"QP" | b"QT" | b"EQ" | b"EF" | b"FR" | b"QA" | b"QR" | b"RP") => {
+            Purpose::Read
+        }
         _ => Purpose::Change,
     }
 }
@@ -46,7 +48,8 @@ pub enum Returns {
     /// The echo.
     #[default]
     Echo,
-    /// Frames with a header, of which this one acknowledges: with several for one command the others could be taken for those of the next.
+    /// Frames with a header, of which this one acknowledges: with several for one command the
+    /// others could be taken for those of the next.
     Frame(u8),
     /// One frame without a header.
     Headerless,
@@ -66,7 +69,8 @@ impl Returns {
     }
 }
 
-/// What a thruster returns for a signal or a speed in the place of the echo. That does not say which value it has taken.
+/// What a thruster returns for a signal or a speed in the place of the echo. That does not say
+/// which value it has taken.
 fn returned(returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
     let (b"TC" | b"VC", Purpose::Stop | Purpose::Rest | Purpose::Motion { .. }) =
         (request.get(..2)?, purpose(request))
@@ -74,7 +78,8 @@ fn returned(returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
         return None;
     };
     let stops = purpose(request) == Purpose::Stop;
-    let word = |place: usize| Some(i16::from_be_bytes([*reply.get(place)?, *reply.get(place + 1)?]));
+    let word =
+        |place: usize| Some(i16::from_be_bytes([*reply.get(place)?, *reply.get(place + 1)?]));
     // 1 rpm, 0.1 A
     let moved = |at: usize| {
         let speed = Some((f64::from(word(at)?) * PI / 30.0).abs());
@@ -91,7 +96,12 @@ fn returned(returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
             2 => {
                 let hottest = word(4)?.max(word(6)?);
                 let faults = Some(word(2)?.cast_unsigned());
-                Some(Reading { faults, temperature: Some(hottest.into()), stops, ..Reading::default() })
+                Some(Reading {
+                    faults,
+                    temperature: Some(hottest.into()),
+                    stops,
+                    ..Reading::default()
+                })
             }
             _ => Some(Reading { stops, ..Reading::default() }),
         },
@@ -105,7 +115,8 @@ fn returned(returns: Returns, request: &[u8], reply: &[u8]) -> Option<Reading> {
 /// The commands of the manual, two letters each.
 const COMMANDS: &[u8] = b"TCVCQVQCQPQTEQEFFRCFSTMQMLMMCICBVMSRSPRPLALRLSAZRZRCQAQR";
 
-/// Whether a reply begins as those with a header do: with a command, or with a letter and the number of a returned frame.
+/// Whether a reply begins as those with a header do: with a command, or with a letter and the
+/// number of a returned frame.
 fn has_header(reply: &[u8]) -> bool {
     let is_command = COMMANDS.chunks(2).any(|command| reply.starts_with(command));
     is_command || matches!(reply, [b'A' | b'T' | b'V', 1..=3, ..])
@@ -136,7 +147,9 @@ pub(super) fn answer(returns: Returns, request: &[u8], reply: &[u8]) -> Option<R
         b"QC" => Reading { current: Some((value()? / 10.0).abs()), ..none },
         b"QT" | b"EQ" => Reading { temperature: Some(value()?), ..none },
         // 1 rpm
-        b"QV" => Reading { speed: Some((f64::from(word()?.cast_signed()) * PI / 30.0).abs()), ..none },
+        b"QV" => {
+            Reading { speed: Some((f64::from(word()?.cast_signed()) * PI / 30.0).abs()), ..none }
+        }
         _ => none,
     })
 }
@@ -160,7 +173,8 @@ mod tests {
         assert!(answer(Returns::Echo, &zero, &zero).unwrap().stops);
         let refused = answer(Returns::Echo, &zero, &[0x54, 0x43, 0, 0, 0, 0, 0xEE, 0xEE]).unwrap();
         assert!(refused.refused && !refused.stops);
-        let faults = answer(Returns::Echo, b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x08, 0]).unwrap().faults;
+        let faults =
+            answer(Returns::Echo, b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x08, 0]).unwrap().faults;
         assert_eq!(faults, Some(0x0800));
     }
 }

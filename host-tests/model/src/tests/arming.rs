@@ -4,7 +4,8 @@ use super::*;
 
 type Exchange = (&'static [u8], &'static [u8]);
 
-const ASKED: [Exchange; 4] = [(STOP, STOP), (STOP, STOP), (READ_SPEED, STILL), (READ_FAULTS, FAULTLESS)];
+const ASKED: [Exchange; 4] =
+    [(STOP, STOP), (STOP, STOP), (READ_SPEED, STILL), (READ_FAULTS, FAULTLESS)];
 /// 10 degrees a second; 0.1 rad/s are 5.7.
 const TURNS: &[u8] = &[0x9C, 30, 0, 0, 10, 0, 0, 0];
 const FAULT: &[u8] = &[0x9A, 30, 0, 1, 0xE5, 1, 4, 0];
@@ -33,8 +34,10 @@ pub fn each_question_left_out() {
 #[test]
 fn a_motor_that_turns_or_has_a_fault() {
     let [first, second, speed, faults] = ASKED;
-    armed_after(Trace::new(HOLD), &[first, second, (READ_SPEED, TURNS), faults]).breaks(Check::ArmedUnproved);
-    armed_after(Trace::new(HOLD), &[first, second, speed, (READ_FAULTS, FAULT)]).breaks(Check::ArmedUnproved);
+    armed_after(Trace::new(HOLD), &[first, second, (READ_SPEED, TURNS), faults])
+        .breaks(Check::ArmedUnproved);
+    armed_after(Trace::new(HOLD), &[first, second, speed, (READ_FAULTS, FAULT)])
+        .breaks(Check::ArmedUnproved);
 }
 
 #[test]
@@ -108,7 +111,8 @@ fn a_thruster_is_told_again_a_timeout_whose_provisioning_nobody_saw_end() {
         trace.ask(0, 0x01, &[1, 0, 1]);
         trace.begin_to_arm(0);
         trace.hand(&[b'S', b'T', 0, 0, 0, 0, 0, ms]);
-        let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+        let broken: Vec<Check> =
+            trace.oracle.violations().iter().map(|violation| violation.check).collect();
         assert_eq!(broken, if is_broken { vec![Check::ChangedWhileArmed] } else { vec![] });
     }
 }
@@ -124,9 +128,11 @@ fn a_thruster_each_of_whose_questions_is_left_out() {
     let fault: Exchange = (b"EF\0\0", &[0x45, 0x46, 0, 0, 0, 0, 0x10, 0x40]);
     armed_after(thruster(), &[warns, record, stop, warns, speed]).breaks_nothing();
     armed_after(thruster(), &[fault, record, stop, fault, speed]).breaks(Check::ArmedUnproved);
-    for left_out in
-        [&[record, stop, speed][..], &[faults, stop, faults, speed], &[faults, record, faults, speed]]
-    {
+    for left_out in [
+        &[record, stop, speed][..],
+        &[faults, stop, faults, speed],
+        &[faults, record, faults, speed],
+    ] {
         armed_after(thruster(), left_out).breaks(Check::ArmedUnproved);
     }
     armed_after(thruster(), &[faults, record, stop, speed]).breaks(Check::ArmedUnproved);

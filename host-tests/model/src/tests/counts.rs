@@ -17,11 +17,18 @@ impl Trace {
         let mut counters = [0; 9];
         counts.iter().for_each(|(place, count)| counters[*place] = *count);
         let sequence = self.ask(2, BUS_STATUS, &[0]);
-        self.answer(2, sequence, 2, BUS_STATUS, &[&[0, 1, 0, 0], counters.as_slice(), &[0]].concat());
+        self.answer(
+            2,
+            sequence,
+            2,
+            BUS_STATUS,
+            &[&[0, 1, 0, 0], counters.as_slice(), &[0]].concat(),
+        );
     }
 }
 
-/// Two frames, of which one is answered, one that is given back, and one that was lost on its way in.
+/// Two frames, of which one is answered, one that is given back, and one that was lost on its way
+/// in.
 fn busy() -> Trace {
     let mut trace = Trace::new(HOLD);
     trace.exchange(READ_SPEED, STILL);

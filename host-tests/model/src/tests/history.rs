@@ -21,7 +21,13 @@ impl Trace {
     fn remembered(&mut self, first: u8, incidents: &[&[u8]]) {
         let sequence = self.ask(2, READ, &[first]);
         let count = u8::try_from(incidents.len()).unwrap();
-        self.answer(2, sequence, 2, READ, &[&[count], incidents.concat().as_slice(), &[0]].concat());
+        self.answer(
+            2,
+            sequence,
+            2,
+            READ,
+            &[&[count], incidents.concat().as_slice(), &[0]].concat(),
+        );
         self.settle();
     }
 }
@@ -91,7 +97,8 @@ fn what_a_reset_must_not_lose() {
     let trip = tripped(1, 3, SILENT);
     after_reset(false, &[&trip, STARTED]).breaks(Check::HistoryWrong);
     after_reset(true, &[STARTED_AGAIN, STARTED]).breaks(Check::HistoryWrong);
-    after_reset(false, &[STARTED_AGAIN, &tripped(1, 0, BEYOND), &trip, STARTED]).breaks(Check::HistoryWrong);
+    after_reset(false, &[STARTED_AGAIN, &tripped(1, 0, BEYOND), &trip, STARTED])
+        .breaks(Check::HistoryWrong);
 }
 
 #[test]

@@ -71,5 +71,9 @@ fn a_position_beyond_its_limits_in_the_sense_of_the_axis() {
 #[test]
 fn a_temperature_above_its_limit() {
     trips(limited(TEMPERATURE_LIMIT, 60.0, false), READ_FAULTS, &[0x9A, 61, 0, 1, 0xE5, 1, 0, 0]);
-    does_not(limited(TEMPERATURE_LIMIT, 60.0, false), READ_FAULTS, &[0x9A, 60, 0, 1, 0xE5, 1, 0, 0]);
+    does_not(
+        limited(TEMPERATURE_LIMIT, 60.0, false),
+        READ_FAULTS,
+        &[0x9A, 60, 0, 1, 0xE5, 1, 0, 0],
+    );
 }

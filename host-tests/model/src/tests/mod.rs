@@ -1,7 +1,7 @@
 //! Each promise, broken once on purpose: traces written by hand, with literal bytes.
 //!
-//! The gateway has an RMD motor, node 1, on CAN bus 0 at 1 Mbit/s, as axis 0 with stop action hold. Host 0 commands, host 1
-//! is another, host 2 listens.
+//! The gateway has an RMD motor, node 1, on CAN bus 0 at 1 Mbit/s, as axis 0 with stop action hold.
+//! Host 0 commands, host 1 is another, host 2 listens.
 
 mod arming;
 mod counts;
@@ -96,7 +96,9 @@ impl Trace {
     /// What an RMD motor is asked before motion is allowed.
     fn asks_to_arm(&mut self) {
         let stop = if self.action == COAST { OFF } else { STOP };
-        for (request, reply) in [(stop, stop), (stop, stop), (READ_SPEED, STILL), (READ_FAULTS, FAULTLESS)] {
+        for (request, reply) in
+            [(stop, stop), (stop, stop), (READ_SPEED, STILL), (READ_FAULTS, FAULTLESS)]
+        {
             self.exchange(request, reply);
         }
     }
@@ -202,7 +204,8 @@ impl Trace {
 
     #[track_caller]
     fn breaks(&self, check: Check) {
-        let broken: Vec<Check> = self.oracle.violations().iter().map(|violation| violation.check).collect();
+        let broken: Vec<Check> =
+            self.oracle.violations().iter().map(|violation| violation.check).collect();
         assert_eq!(broken, [check], "{:?}", self.oracle.violations());
     }
 

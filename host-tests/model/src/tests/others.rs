@@ -60,7 +60,8 @@ fn the_stop_of_one_axis_that_sets_another_motor_in_motion() {
     let mut trace = Trace::new(HOLD);
     trace.other(1, 3, 0x26, HOLD, Some(0x401));
     trace.oracle.handed(trace.now, 0, 1, Frame::Can(0x401, D5_STOP));
-    let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+    let broken: Vec<Check> =
+        trace.oracle.violations().iter().map(|violation| violation.check).collect();
     assert_eq!(broken, [Check::IdShared, Check::MotionUnarmed]);
 }
 
@@ -68,7 +69,8 @@ fn the_stop_of_one_axis_that_sets_another_motor_in_motion() {
 pub fn a_frame_to_no_axis_that_frees_the_brake_of_one() {
     let mut trace = Trace::new(HOLD);
     trace.oracle.handed(trace.now, 0, 0, Frame::Can(0x280, &[0x77, 0, 0, 0, 0, 0, 0, 0]));
-    let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+    let broken: Vec<Check> =
+        trace.oracle.violations().iter().map(|violation| violation.check).collect();
     assert_eq!(broken, [Check::WrongMotor, Check::RawUnopened]);
 }
 
@@ -131,7 +133,9 @@ fn a_frame_of_an_access_for_everything_that_leaves_when_that_has_ended() {
         trace.now += after;
         trace.oracle.left(trace.now, 0, 0);
         assert_eq!(trace.oracle.violations().len(), usize::from(is_broken));
-        assert!(trace.oracle.violations().iter().all(|violation| violation.check == Check::RawUnopened));
+        assert!(
+            trace.oracle.violations().iter().all(|violation| violation.check == Check::RawUnopened)
+        );
     }
 }
 
@@ -295,7 +299,8 @@ fn a_foreign_load_counts_against_a_stop_only_where_its_id_is_lower() {
             trace.oracle.received(trace.now, 0, Frame::Can(id, THRUSTER_ZERO));
             trace.settle();
         }
-        let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+        let broken: Vec<Check> =
+            trace.oracle.violations().iter().map(|violation| violation.check).collect();
         assert_eq!(broken, if late { vec![Check::StopLate] } else { vec![] }, "{id:03X}");
     }
 }

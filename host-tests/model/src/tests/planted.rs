@@ -35,7 +35,9 @@ fn planted(check: Check) -> fn() {
         Check::WrongMotor => others::a_frame_to_no_axis_that_frees_the_brake_of_one,
         Check::IdShared => others::a_request_id_on_which_another_motor_acts,
         Check::BusShared => others::a_bus_that_d5_motors_share_or_that_is_too_fast_for_them,
-        Check::LeftBehind => others::a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor,
+        Check::LeftBehind => {
+            others::a_change_that_is_sent_when_its_axis_has_been_moved_to_another_motor
+        }
         Check::NotDelivered => others::a_setpoint_that_is_accepted_and_never_sent,
         Check::FaultsUnread => others::faults_that_are_not_read,
         Check::LimitOnWire => others::a_limit_that_is_exceeded_by_rounding,

@@ -45,7 +45,8 @@ fn the_frame_that_acknowledges_a_stop() {
     ] {
         let mut trace = Trace::of_thruster(return_mode, false);
         trace.is_stopped(reply);
-        let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+        let broken: Vec<Check> =
+            trace.oracle.violations().iter().map(|violation| violation.check).collect();
         let wanted = if proved { vec![] } else { vec![Check::ConfirmedUnproved] };
         assert_eq!(broken, wanted, "{return_mode}: {reply:02X?}");
     }

@@ -1,5 +1,6 @@
-//! Several D5 motors that are set in motion by one frame, and what they say to requests that are for others (D5 manual, quick start 3, 4
-//! and 7, table row 5). Axes 1 to 3 have the nodes 0x0A, 0x0B and 0x0C.
+//! Several D5 motors that are set in motion by one frame, and what they say to requests that are
+//! for others (D5 manual, quick start 3, 4 and 7, table row 5). Axes 1 to 3 have the nodes 0x0A,
+//! 0x0B and 0x0C.
 
 use super::*;
 use crate::wire::Told;
@@ -205,7 +206,8 @@ fn a_start_that_waits_in_the_controller_when_one_of_them_is_stopped() {
     trace.breaks(Check::MotionKept);
 }
 
-/// One that stands is set to a speed of 0, and so is what waits in it; that may be started, and nothing else.
+/// One that stands is set to a speed of 0, and so is what waits in it; that may be started, and
+/// nothing else.
 #[test]
 fn what_starts_in_a_motor_that_is_at_rest() {
     let mut trace = Trace::of_d5(1);
@@ -239,7 +241,8 @@ fn a_stop_that_leaves_a_speed_waiting() {
             trace.asks(&d5(0x0A, 2, 0x26, 0), 0);
         }
         trace.event(0x8003, &[1, 7]);
-        let broken: Vec<Check> = trace.oracle.violations().iter().map(|violation| violation.check).collect();
+        let broken: Vec<Check> =
+            trace.oracle.violations().iter().map(|violation| violation.check).collect();
         assert_eq!(broken, if proved { vec![] } else { vec![Check::ConfirmedUnproved] });
     }
 }

@@ -1,4 +1,5 @@
-//! Frames of the host protocol: COBS between zeros, a header of five bytes, CRC-32C (PROTOCOL.md, Frames).
+//! Frames of the host protocol: COBS between zeros, a header of five bytes, CRC-32C (PROTOCOL.md,
+//! Frames).
 
 /// Most bytes of a message.
 const MAX_MESSAGE: usize = 512;

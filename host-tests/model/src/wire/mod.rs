@@ -1,4 +1,5 @@
-//! The host protocol as PROTOCOL.md has it, read anew: frames, bodies, and the messages that the promises speak of.
+//! The host protocol as PROTOCOL.md has it, read anew: frames, bodies, and the messages that the
+//! promises speak of.
 
 mod body;
 mod frame;

@@ -85,7 +85,8 @@ pub fn report(message: &Message) -> Option<Report> {
 
 fn listed(body: &mut Body<'_>) -> Option<Listed> {
     let axis = body.byte()?;
-    let wiring = [body.optional(Body::byte)?, body.optional(Body::byte)?, body.optional(Body::byte)?];
+    let wiring =
+        [body.optional(Body::byte)?, body.optional(Body::byte)?, body.optional(Body::byte)?];
     let state = state(body)?;
     body.optional(Body::u16)?;
     Some(Listed { axis, wiring, state })

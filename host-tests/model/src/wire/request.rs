@@ -110,7 +110,9 @@ impl Request {
                 wholly_ours: b.bool()?,
                 reply_window_us: b.u32()?,
             },
-            0x0020 => Self::ConfigureAxis { axis: b.byte()?, parameter: b.u16()?, value: value(b)? },
+            0x0020 => {
+                Self::ConfigureAxis { axis: b.byte()?, parameter: b.u16()?, value: value(b)? }
+            }
             0x0023 => Self::RemoveAxis(b.byte()?),
             0x0024 => Self::Provision { axis: b.byte()?, timeout_ms: b.u32()? },
             0x0030 => Self::Arm(b.byte()?),
@@ -153,7 +155,8 @@ impl Request {
             }
             0x0045 => {
                 let expires_at_us = b.u32()?;
-                let count = usize::try_from(b.varint(64)?).ok().filter(|count| *count <= MAX_MEMBERS)?;
+                let count =
+                    usize::try_from(b.varint(64)?).ok().filter(|count| *count <= MAX_MEMBERS)?;
                 let mut members = Vec::new();
                 for _ in 0..count {
                     let (axis, epoch, _velocity) = (b.byte()?, b.u32()?, b.f32()?);
@@ -182,7 +185,8 @@ impl Request {
         if request == Self::Other { Some(request) } else { body.end(request) }
     }
 
-    /// Whether it takes authority, or is refused where another link has it. A native command does by what its bytes do.
+    /// Whether it takes authority, or is refused where another link has it. A native command does
+    /// by what its bytes do.
     pub fn takes_authority(&self) -> bool {
         match self {
             Self::Takes

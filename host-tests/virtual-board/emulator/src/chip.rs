@@ -20,7 +20,8 @@ use crate::usb::host::Host;
 /// From one port's registers to the next, on both chips (RM0433 §2.3, stm32-metapac 21).
 const PORT_BYTES: u64 = 0x400;
 
-/// A chip with every model. It dereferences to what rigless runs, an [`Mcu`]: so `read`, `write` and `bus` are its own too.
+/// A chip with every model. It dereferences to what rigless runs, an [`Mcu`]: so `read`, `write`
+/// and `bus` are its own too.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "it lies in a box")]
 pub enum Chip {
@@ -117,8 +118,8 @@ impl Chip {
         }
     }
 
-    /// The clock on the HSE pins stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the
-    /// NMI, which is up to the caller.
+    /// The clock on the HSE pins stops. Whether the clock security system was on: it then moves the
+    /// system to the HSI, and raises the NMI, which is up to the caller.
     pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
         either!(self, part => part.lose_hse(at))
     }
@@ -193,9 +194,10 @@ impl Chip {
     /// Drives a pin from outside from `at` on; `None` lets go of it.
     pub fn drive_pin(&mut self, pin: Pin, level: Option<Level>, at: VirtualNanos) {
         let number = number(pin);
-        let drive = |gpio: &mut Gpio, registers: &mut RegisterFile, context: &mut DeviceContext<'_>| {
-            gpio.drive(number, level, registers, context);
-        };
+        let drive =
+            |gpio: &mut Gpio, registers: &mut RegisterFile, context: &mut DeviceContext<'_>| {
+                gpio.drive(number, level, registers, context);
+            };
         either!(self, part => part.drive_port(pin.port(), at, drive));
     }
 

@@ -1,5 +1,5 @@
-//! The clock recovery system as far as a firmware sets it up: CFGR keeps what it holds while CEN is set (RM0433, CRS chapter). It
-//! trims nothing: the emulator's HSI48 is exact.
+//! The clock recovery system as far as a firmware sets it up: CFGR keeps what it holds while CEN is
+//! set (RM0433, CRS chapter). It trims nothing: the emulator's HSI48 is exact.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::snapshot::store;

@@ -1,12 +1,14 @@
 //! A model of the FDCAN controller of the STM32H743 (Bosch M_CAN), for classic CAN, with its bus.
 //!
-//! Sources, as the reference manual itself cannot be read here: the registers and their fields in stm32-metapac 21
-//! (`can_fdcan_h7`) and in the emulator's table of the SVD file; what embassy-stm32 0.6.0 (`can/fd`) relies on; the
-//! descriptions of the same M_CAN core by Microchip (onlinedocs.microchip.com, chapters MCAN: software initialization, PSR,
-//! TXBCF, Tx FIFO, Tx event handling) and by TI (SPRUJ52); the way back from bus-off also after TI's SPRUHX5; issue 68953
-//! of Zephyr for what a controller keeps while it is bus-off; frames and error counters after ISO 11898-1, which could not
-//! be read either, as the emulator's CAN seam and its models cite it. Where these say nothing of a bit, the model follows
-//! what is generally known of the M_CAN, and a board has the last word.
+//! Sources, as the reference manual itself cannot be read here: the registers and their fields in
+//! stm32-metapac 21 (`can_fdcan_h7`) and in the emulator's table of the SVD file; what
+//! embassy-stm32 0.6.0 (`can/fd`) relies on; the descriptions of the same M_CAN core by Microchip
+//! (onlinedocs.microchip.com, chapters MCAN: software initialization, PSR, TXBCF, Tx FIFO, Tx event
+//! handling) and by TI (SPRUJ52); the way back from bus-off also after TI's SPRUHX5; issue 68953 of
+//! Zephyr for what a controller keeps while it is bus-off; frames and error counters after ISO
+//! 11898-1, which could not be read either, as the emulator's CAN seam and its models cite it.
+//! Where these say nothing of a bit, the model follows what is generally known of the M_CAN, and a
+//! board has the last word.
 //!
 //! | Feature | Behaviour |
 //! |---|---|
@@ -19,8 +21,9 @@
 //! | bus-off | INIT set, requests stay pending; back after INIT is cleared and 129 × 11 recessive bits |
 //! | not modelled, and told | CAN FD, TTCAN, test modes, restricted operation, timeout counter, RAM watchdog, external timestamps, debug messages |
 //!
-//! Choices where no source says: INIT, TXBAR and TXBCR act at once instead of after a few clocks; TEC stays at its last
-//! value when the controller goes bus-off; a cancellation while INIT is set is carried out at once.
+//! Choices where no source says: INIT, TXBAR and TXBCR act at once instead of after a few clocks;
+//! TEC stays at its last value when the controller goes bus-off; a cancellation while INIT is set
+//! is carried out at once.
 
 mod bit_time;
 mod controller;
@@ -75,7 +78,12 @@ impl Fdcan {
     /// Out of reset, with nobody else on its bus, over the message RAM.
     #[must_use]
     pub fn new(ram: MessageRam) -> Self {
-        Self { controller: Controller::new(ram), wire: Wire::new(), driven: [false; LINES], fixed: None }
+        Self {
+            controller: Controller::new(ram),
+            wire: Wire::new(),
+            driven: [false; LINES],
+            fixed: None,
+        }
     }
 
     /// The same of an STM32G4, with its part of the message RAM.
@@ -85,8 +93,8 @@ impl Fdcan {
         fdcan
     }
 
-    /// Hangs a node on the bus. `bitrate`: bits per second at which it runs, `None` for the controller's own.
-    /// Returns its index.
+    /// Hangs a node on the bus. `bitrate`: bits per second at which it runs, `None` for the
+    /// controller's own. Returns its index.
     pub fn attach(&mut self, peer: impl can::Peer, bitrate: Option<u32>) -> usize {
         self.wire.nodes.push(Node::new(Box::new(peer), bitrate));
         self.wire.nodes.len() - 1
@@ -102,7 +110,8 @@ impl Fdcan {
         self.wire.set_wiring(wiring);
     }
 
-    /// Every frame that was on the line since the last [`Fdcan::take_log`], failed ones too; at least the last 100 000 of them.
+    /// Every frame that was on the line since the last [`Fdcan::take_log`], failed ones too; at
+    /// least the last 100 000 of them.
     #[must_use]
     pub fn log(&self) -> &[FrameRecord] {
         self.wire.log()
@@ -119,7 +128,8 @@ impl Fdcan {
         self.controller.bit()
     }
 
-    /// Whether the controller takes part in the bus: INIT is clear, and the line has been recessive for long enough.
+    /// Whether the controller takes part in the bus: INIT is clear, and the line has been recessive
+    /// for long enough.
     #[must_use]
     pub fn is_on_bus(&self) -> bool {
         self.controller.is_on()
@@ -162,7 +172,11 @@ impl Fdcan {
             let joined = self.controller.count_recessive(recessive);
             let stopped = self.controller.stop_clock(self.wire.is_free());
             if !joined && !stopped {
-                break [next, self.controller.next_sequence(recessive), self.controller.pass_time(now)];
+                break [
+                    next,
+                    self.controller.next_sequence(recessive),
+                    self.controller.pass_time(now),
+                ];
             }
         };
         for instant in next.into_iter().flatten() {
@@ -173,7 +187,11 @@ impl Fdcan {
 
     fn drive(&mut self, context: &mut DeviceContext<'_>) {
         let lines = self.controller.lines();
-        edges::follow(&mut self.driven, |line| lines[line], |line, level| context.interrupt(line, level));
+        edges::follow(
+            &mut self.driven,
+            |line| lines[line],
+            |line, level| context.interrupt(line, level),
+        );
     }
 }
 
@@ -184,7 +202,12 @@ impl Device for Fdcan {
         self.fixed.map_or(Register::REGISTERS, |fixed| fixed.table)
     }
 
-    fn read(&mut self, row: Row, _: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64> {
+    fn read(
+        &mut self,
+        row: Row,
+        _: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
         if context.access_width() != Some(Width::W32) {
             context.tell("FDCAN", "a register read otherwise than as a word");
         }
@@ -204,9 +227,17 @@ impl Device for Fdcan {
         Some(value.into())
     }
 
-    fn write(&mut self, row: Row, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        _: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         match u32::try_from(value) {
-            Ok(value) if context.access_width() == Some(Width::W32) => self.write_word(row, value, context),
+            Ok(value) if context.access_width() == Some(Width::W32) => {
+                self.write_word(row, value, context)
+            }
             _ => context.tell("FDCAN", "a register written otherwise than as a word"),
         }
         self.advance(context);

@@ -1,13 +1,17 @@
-//! What a processor waits for its instructions: the cache before its flash, fed with a trace of program counters.
+//! What a processor waits for its instructions: the cache before its flash, fed with a trace of
+//! program counters.
 //!
-//! rigless executes as many instructions a second as it is told; this says afterwards how many more cycles the same instructions take for
-//! being read from flash. Sources: Arm DDI 0489, Cortex-M7 TRM, L1 caches (lines of 32 bytes, the instruction cache in two ways); RM0433,
-//! 16 KiB of it, FLASH_ACR and the 256-bit words of the flash; RM0440 §3.3.4, FLASH_ACR and the accelerator's instruction cache, 32 lines
-//! of four 64-bit words.
+//! rigless executes as many instructions a second as it is told; this says afterwards how many more
+//! cycles the same instructions take for being read from flash. Sources: Arm DDI 0489, Cortex-M7
+//! TRM, L1 caches (lines of 32 bytes, the instruction cache in two ways); RM0433, 16 KiB of it,
+//! FLASH_ACR and the 256-bit words of the flash; RM0440 §3.3.4, FLASH_ACR and the accelerator's
+//! instruction cache, 32 lines of four 64-bit words.
 //!
-//! Not counted: constants, which are read from flash without a cache on the STM32H743; what arbitration adds on the way to the flash;
-//! prefetching, two instructions in a cycle, and a fill that the processor does not wait for, which save cycles; instructions that take
-//! more than one cycle, branches too. Among the lines of a set the one used longest ago goes; the Cortex-M7 picks one by chance.
+//! Not counted: constants, which are read from flash without a cache on the STM32H743; what
+//! arbitration adds on the way to the flash; prefetching, two instructions in a cycle, and a fill
+//! that the processor does not wait for, which save cycles; instructions that take more than one
+//! cycle, branches too. Among the lines of a set the one used longest ago goes; the Cortex-M7 picks
+//! one by chance.
 
 use rigless::mcu::Operate;
 use rigless::soc::Width;
@@ -15,7 +19,8 @@ use rigless::time::VirtualNanos;
 
 use crate::Chip;
 
-/// Where the registers lie on the STM32H743 (RM0433 §2.3): the flash's access control, and RCC_D1CFGR.
+/// Where the registers lie on the STM32H743 (RM0433 §2.3): the flash's access control, and
+/// RCC_D1CFGR.
 const H743_FLASH_ACR: u64 = 0x5200_2000;
 const H743_RCC_D1CFGR: u64 = 0x5802_4418;
 /// FLASH_ACR of the STM32G474 (RM0440 §2.2).
@@ -54,8 +59,8 @@ impl Geometry {
     }
 }
 
-/// Cycles of the processor that one read of the flash costs beside the instruction's own, by the wait states and clocks that the firmware
-/// has set by then.
+/// Cycles of the processor that one read of the flash costs beside the instruction's own, by the
+/// wait states and clocks that the firmware has set by then.
 ///
 /// # Panics
 ///
@@ -67,7 +72,8 @@ pub fn read_cycles(chip: &mut Chip, at: VirtualNanos) -> u64 {
         return read(G474_FLASH_ACR) & LATENCY;
     }
     let wait_states = read(H743_FLASH_ACR) & LATENCY;
-    // The flash runs at the clock behind HPRE, the processor at the one before it: 0xxx is 1, 1000 is 2, 1001 is 4, 1010 is 8.
+    // The flash runs at the clock behind HPRE, the processor at the one before it: 0xxx is 1, 1000
+    // is 2, 1001 is 4, 1010 is 8.
     let divider = match read(H743_RCC_D1CFGR) & 0xF {
         hpre @ 0b1000..=0b1010 => 2 << (hpre & 0b11),
         hpre if hpre < 0b1000 => 1,
@@ -192,7 +198,8 @@ mod tests {
         assert_eq!(reads(&mut cache, [0]), 1);
     }
 
-    /// Out of reset: 7 wait states at the processor's own clock (RM0433, FLASH_ACR); and none on the STM32G474.
+    /// Out of reset: 7 wait states at the processor's own clock (RM0433, FLASH_ACR); and none on
+    /// the STM32G474.
     #[test]
     fn a_read_costs_what_the_registers_say() {
         let mut chip = Chip::new_h743().unwrap();

@@ -1,8 +1,10 @@
-//! The STM32G474, which rigless does not know: its memory, its registers, and a model for each peripheral that counts.
+//! The STM32G474, which rigless does not know: its memory, its registers, and a model for each
+//! peripheral that counts.
 //!
-//! The registers come from the metadata of stm32-metapac ([`tables`]). Where a peripheral is the same as in the STM32H743 the
-//! emulator's model of that answers for it, with the table it was written for: GPIO, TIM2, RNG, the serial ports, IWDG. A test compares
-//! these tables with the metadata. A register that no model has keeps what is written, and the session reports it.
+//! The registers come from the metadata of stm32-metapac ([`tables`]). Where a peripheral is the
+//! same as in the STM32H743 the emulator's model of that answers for it, with the table it was
+//! written for: GPIO, TIM2, RNG, the serial ports, IWDG. A test compares these tables with the
+//! metadata. A register that no model has keeps what is written, and the session reports it.
 
 pub mod clocks;
 pub mod crs;
@@ -24,7 +26,8 @@ use rigless::soc::stm32h743::peripherals::gpio::Gpio;
 use rigless::soc::stm32h743::peripherals::rng::{self, Rng};
 use rigless::soc::stm32h743::peripherals::tim::{General, TIMERS, Tim};
 use rigless::soc::{
-    Access, Bus, Cpu, Endian, Error, FieldSpec, Gate, Peripheral, Region, RegisterSpec, Window, WriteModify,
+    Access, Bus, Cpu, Endian, Error, FieldSpec, Gate, Peripheral, Region, RegisterSpec, Window,
+    WriteModify,
 };
 use rigless::time::VirtualNanos;
 
@@ -51,9 +54,11 @@ pub(crate) const FIRST_PORT: u64 = 0x4800_0000;
 pub const SERIAL_NAMES: [&str; 6] = ["LPUART1", "USART1", "USART2", "USART3", "UART4", "UART5"];
 /// The controllers for CAN.
 const FDCAN_NAMES: [&str; 3] = ["FDCAN1", "FDCAN2", "FDCAN3"];
-/// The first word of the FDCANs' message RAM, as the processor finds it (stm32-metapac 21, FDCANRAM1), and its size in bytes.
+/// The first word of the FDCANs' message RAM, as the processor finds it (stm32-metapac 21,
+/// FDCANRAM1), and its size in bytes.
 const MESSAGE_RAM: u64 = 0x4000_A400;
-const MESSAGE_RAM_BYTES: NonZeroU64 = NonZeroU64::new(3 * 4 * fixed_layout::WORDS as u64).expect("not empty");
+const MESSAGE_RAM_BYTES: NonZeroU64 =
+    NonZeroU64::new(3 * 4 * fixed_layout::WORDS as u64).expect("not empty");
 /// Bits 16 to 19 of BRR, which only the LPUART has.
 static LPUART_DIVIDER: FieldSpec = FieldSpec::new("BRR_16_19", 16, 4, Access::ReadWrite);
 /// The timer that the firmware counts time with.
@@ -63,8 +68,8 @@ const RESET_CORE_HZ: u64 = 16_000_000;
 /// External interrupts of the core: 0 to 101.
 const INTERRUPT_LINES: u16 = 102;
 
-/// The memory (stm32-metapac 21; the system memory at the top of the code area after AN2606). The second address of the CCM SRAM,
-/// 0x2001_8000, is not there: the firmware uses the first.
+/// The memory (stm32-metapac 21; the system memory at the top of the code area after AN2606). The
+/// second address of the CCM SRAM, 0x2001_8000, is not there: the firmware uses the first.
 static MEMORY: [Region; 5] = [
     Region::flash("flash", 0x0800_0000, 512 << 10).erased_to(0xFF).programmed_by(flash::NAME),
     Region::ram("ccm", 0x1000_0000, 32 << 10),
@@ -73,8 +78,8 @@ static MEMORY: [Region; 5] = [
     Region::ram("sram2", 0x2001_4000, 16 << 10),
 ];
 
-/// Reset values that are not 0, of what the firmware reads or an emulator's model starts from (stm32g4 0.16): MODER, OSPEEDR and
-/// PUPDR of the ports.
+/// Reset values that are not 0, of what the firmware reads or an emulator's model starts from
+/// (stm32g4 0.16): MODER, OSPEEDR and PUPDR of the ports.
 const PORT_RESETS: [(&str, [u64; 3]); 7] = [
     ("GPIOA", [0xABFF_FFFF, 0x0C00_0000, 0x6400_0000]),
     ("GPIOB", [0xFFFF_FEBF, 0x0000_00C0, 0x0000_0100]),
@@ -84,7 +89,8 @@ const PORT_RESETS: [(&str, [u64; 3]); 7] = [
     ("GPIOF", [0xFFFF_FFFF, 0, 0]),
     ("GPIOG", [0xFFFF_FFFF, 0, 0]),
 ];
-/// FLASH_OPTR as delivered (RM0440, option bytes), but nSWBOOT0 = 0: PB8 then decides nothing, which a board can use for a bus.
+/// FLASH_OPTR as delivered (RM0440, option bytes), but nSWBOOT0 = 0: PB8 then decides nothing,
+/// which a board can use for a bus.
 const OPTIONS: u64 = 0xFFEF_F8AA & !(1 << 26);
 /// PWR_CR1: range 1; PWR_CR5: not boosted (stm32g4 0.16).
 const PWR_CR1: u64 = 0x0000_0200;
@@ -251,7 +257,9 @@ fn bus() -> Result<Bus, Error> {
     for (instance, clock) in clocks::clocked() {
         builder = builder.clocked_by(instance, clock);
     }
-    for reader in [clocks::NAME, crs::NAME, external_interrupts::NAME, multiplexer::NAME, "DMA1", "DMA2"] {
+    for reader in
+        [clocks::NAME, crs::NAME, external_interrupts::NAME, multiplexer::NAME, "DMA1", "DMA2"]
+    {
         builder = builder.reads_requests(reader);
     }
     builder.build()
@@ -266,7 +274,8 @@ impl Stm32g474 {
     pub fn new() -> Result<Self, Error> {
         let mut bus = bus()?;
         let enabled = Gate::by(clocks::NAME, "APB1ENR1", "FDCANEN");
-        let window = Window::new(crate::message_ram::NAME, MESSAGE_RAM, MESSAGE_RAM_BYTES).gated(enabled);
+        let window =
+            Window::new(crate::message_ram::NAME, MESSAGE_RAM, MESSAGE_RAM_BYTES).gated(enabled);
         let window = bus.add_window(window)?;
         let layout = bus.slots()[window].peripheral().registers;
         let message_ram = MessageRam::new();
@@ -332,7 +341,8 @@ impl Stm32g474 {
         call(&mut self.serial[port], registers, &mut context)
     }
 
-    /// Whether the main regulator gives what more than 150 MHz need (RM0440, PWR_CR5: R1MODE, bit 8, is cleared).
+    /// Whether the main regulator gives what more than 150 MHz need (RM0440, PWR_CR5: R1MODE, bit
+    /// 8, is cleared).
     #[must_use]
     pub fn is_boosted(&self) -> bool {
         const R1MODE: u64 = 1 << 8;
@@ -345,8 +355,8 @@ impl Stm32g474 {
         self.bus.registers(PORTS[port]).expect("it is there")
     }
 
-    /// The crystal stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the NMI, which is
-    /// up to the caller.
+    /// The crystal stops. Whether the clock security system was on: it then moves the system to the
+    /// HSI, and raises the NMI, which is up to the caller.
     pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
         let slot = self.bus.slot(clocks::NAME).expect("it is there");
         let (registers, mut context) = self.bus.drive(at, slot);
@@ -407,26 +417,26 @@ impl Mcu for Stm32g474 {
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
         // What a board has added lies behind the part's own slots.
-        let model: Option<&mut dyn ErasedDevice> = match self.wiring.get(slot).copied().unwrap_or(Field::None)
-        {
-            Field::None => None,
-            Field::Clocks => Some(&mut self.clocks),
-            Field::Gpio(port) => Some(&mut self.gpio[port]),
-            Field::Fdcan(number) => Some(&mut self.fdcan[number]),
-            Field::Serial(port) => Some(&mut self.serial[port]),
-            Field::Watchdog => Some(&mut self.iwdg),
-            Field::MessageRam => Some(&mut self.window),
-            Field::Crs => Some(&mut self.crs),
-            Field::Usb => Some(&mut self.usb),
-            Field::Packets => Some(&mut self.packets),
-            Field::ExternalInterrupts => Some(&mut self.external_interrupts),
-            Field::Flash => Some(&mut self.flash),
-            Field::Dma(number) => Some(&mut self.dma[number]),
-            Field::Multiplexer => Some(&mut self.multiplexer),
-            Field::Timer => Some(&mut self.timer),
-            Field::Rng => Some(&mut self.rng),
-            Field::Cycles => Some(&mut self.cycles),
-        };
+        let model: Option<&mut dyn ErasedDevice> =
+            match self.wiring.get(slot).copied().unwrap_or(Field::None) {
+                Field::None => None,
+                Field::Clocks => Some(&mut self.clocks),
+                Field::Gpio(port) => Some(&mut self.gpio[port]),
+                Field::Fdcan(number) => Some(&mut self.fdcan[number]),
+                Field::Serial(port) => Some(&mut self.serial[port]),
+                Field::Watchdog => Some(&mut self.iwdg),
+                Field::MessageRam => Some(&mut self.window),
+                Field::Crs => Some(&mut self.crs),
+                Field::Usb => Some(&mut self.usb),
+                Field::Packets => Some(&mut self.packets),
+                Field::ExternalInterrupts => Some(&mut self.external_interrupts),
+                Field::Flash => Some(&mut self.flash),
+                Field::Dma(number) => Some(&mut self.dma[number]),
+                Field::Multiplexer => Some(&mut self.multiplexer),
+                Field::Timer => Some(&mut self.timer),
+                Field::Rng => Some(&mut self.rng),
+                Field::Cycles => Some(&mut self.cycles),
+            };
         (&mut self.bus, model)
     }
 }

@@ -133,13 +133,15 @@ impl Stm32h743 {
         })
     }
 
-    /// Makes the chip one of that revision; `pretended` is what it says of itself, where that is not true.
+    /// Makes the chip one of that revision; `pretended` is what it says of itself, where that is
+    /// not true.
     pub fn set_revision(&mut self, revision: Revision, pretended: Option<Revision>) {
         (self.revision, self.pretended) = (revision, pretended);
         self.identify();
     }
 
-    /// Puts a clock of `hz` on the HSE input; none where it is 0. A firmware that waits for it finds it ready.
+    /// Puts a clock of `hz` on the HSE input; none where it is 0. A firmware that waits for it
+    /// finds it ready.
     pub fn attach_hse(&mut self, hz: u64) {
         let (clocks, registers) = self.stm32.clocks();
         clocks.attach_crystals(hz, 0);
@@ -148,8 +150,8 @@ impl Stm32h743 {
         registers.set(ClockRegister::Cr, cr::HSERDY.set(control, ready.into()));
     }
 
-    /// The clock on the HSE input stops. Whether the clock security system was on: it then moves the system to the HSI, and raises the
-    /// NMI, which is up to the caller.
+    /// The clock on the HSE input stops. Whether the clock security system was on: it then moves
+    /// the system to the HSI, and raises the NMI, which is up to the caller.
     pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {
         let slot = self.slots.clocks;
         let mut clocks = std::mem::take(&mut self.stm32.rcc);
@@ -163,7 +165,11 @@ impl Stm32h743 {
 
     fn identify(&mut self) {
         let identity = self.pretended.unwrap_or(self.revision).identity();
-        self.stm32.bus_mut().slot_mut(self.slots.debug).registers_mut().set(DebugRegister::Idc, identity);
+        self.stm32
+            .bus_mut()
+            .slot_mut(self.slots.debug)
+            .registers_mut()
+            .set(DebugRegister::Idc, identity);
     }
 
     /// The registers of a port of pins, of which A is 0.
@@ -266,7 +272,8 @@ impl Mcu for Stm32h743 {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let disturbs = self.revision.disturbs_message_ram() && self.fdcan.iter().all(Fdcan::is_on_bus);
+        let disturbs =
+            self.revision.disturbs_message_ram() && self.fdcan.iter().all(Fdcan::is_on_bus);
         let Self {
             stm32,
             fdcan: [first, second],
@@ -293,7 +300,8 @@ impl Mcu for Stm32h743 {
             slot if slot == slots.clocks && stm32.rcc.crystals().0 == 0 => {
                 // The emulator has an oscillator ready without anything on its pins.
                 let (_, registers) = stm32.clocks();
-                registers.set(ClockRegister::Cr, cr::HSERDY.set(registers.get(ClockRegister::Cr), 0));
+                registers
+                    .set(ClockRegister::Cr, cr::HSERDY.set(registers.get(ClockRegister::Cr), 0));
                 return stm32.split(slot);
             }
             slot if let Some(block) = usb_windows.block(slot) => {

@@ -1,8 +1,9 @@
 //! A model of the independent watchdog of the STM32H743: it resets the part unless it is fed.
 //!
-//! Sources: the registers in the emulator's table of the SVD file and in stm32-metapac 21 (`iwdg_v2`), the keys and their
-//! order in embassy-stm32 0.6.0 (`wdg`); the crossing of five cycles after the emulator's model of the same watchdog in the
-//! STM32F427, which cites its manual. The clock is the LSI, which starting the watchdog switches on.
+//! Sources: the registers in the emulator's table of the SVD file and in stm32-metapac 21
+//! (`iwdg_v2`), the keys and their order in embassy-stm32 0.6.0 (`wdg`); the crossing of five
+//! cycles after the emulator's model of the same watchdog in the STM32F427, which cites its manual.
+//! The clock is the LSI, which starting the watchdog switches on.
 //!
 //! | Register | Behaviour |
 //! |---|---|
@@ -10,7 +11,8 @@
 //! | PR, RLR, WINR | reach the counter five LSI cycles after they were written; SR says so; until then they read as before |
 //! | counter | 0xFFF at the start; at 0 the part is reset; fed above the window too |
 //!
-//! Not modelled: the option bytes that start it by hardware or stop it in standby, and the debug freeze bits.
+//! Not modelled: the option bytes that start it by hardware or stop it in standby, and the debug
+//! freeze bits.
 
 #[cfg(test)]
 mod tests;
@@ -117,7 +119,8 @@ impl Iwdg {
 
     fn after_cycles(&self, start: VirtualNanos, cycles: u64) -> Option<VirtualNanos> {
         let nanos = u128::from(cycles) * u128::from(NANOS_PER_SECOND) / u128::from(self.hz.max(1));
-        (self.hz > 0).then(|| VirtualNanos(start.0.saturating_add(u64::try_from(nanos).unwrap_or(u64::MAX))))
+        (self.hz > 0)
+            .then(|| VirtualNanos(start.0.saturating_add(u64::try_from(nanos).unwrap_or(u64::MAX))))
     }
 
     /// The counter at an instant.
@@ -130,7 +133,9 @@ impl Iwdg {
 
     /// When the part is reset: the count after 0.
     fn expiry(&self) -> Option<VirtualNanos> {
-        self.started.then(|| self.after_cycles(self.since, (self.count + 1) * self.divider())).flatten()
+        self.started
+            .then(|| self.after_cycles(self.since, (self.count + 1) * self.divider()))
+            .flatten()
     }
 
     fn load(&mut self, now: VirtualNanos) {
@@ -155,7 +160,9 @@ impl Iwdg {
 
     fn status(&self) -> u64 {
         let on_its_way = |setting: &Setting, bit| if setting.crossing.is_some() { bit } else { 0 };
-        on_its_way(&self.prescaler, PVU) | on_its_way(&self.reload, RVU) | on_its_way(&self.window, WVU)
+        on_its_way(&self.prescaler, PVU)
+            | on_its_way(&self.reload, RVU)
+            | on_its_way(&self.window, WVU)
     }
 
     /// Carries out what is due, and schedules what comes.
@@ -175,7 +182,8 @@ impl Iwdg {
             context.request_reset();
             return;
         }
-        let crossings = [self.prescaler, self.reload, self.window].map(|setting| setting.crossing.flatten());
+        let crossings =
+            [self.prescaler, self.reload, self.window].map(|setting| setting.crossing.flatten());
         for instant in crossings.into_iter().chain([self.expiry()]).flatten() {
             context.schedule(instant);
         }

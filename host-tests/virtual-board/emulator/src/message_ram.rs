@@ -1,10 +1,11 @@
 //! The message RAM that the FDCAN controllers share: 2560 words at 0x4000_AC00.
 //!
-//! Source: stm32-metapac 21 (`FDCANRAM` at 0x4000_AC00) and RM0433's 10 Kbyte. The controllers reach the same words
-//! through a clone of [`MessageRam`]; the processor reaches them through [`MessageRamWindow`].
+//! Source: stm32-metapac 21 (`FDCANRAM` at 0x4000_AC00) and RM0433's 10 Kbyte. The controllers
+//! reach the same words through a clone of [`MessageRam`]; the processor reaches them through
+//! [`MessageRamWindow`].
 //!
-//! On revision Y the processor can read wrong words while both controllers run (ES0392). How often, and what, no source says: here
-//! it is every seventh word, which reads as the one before it.
+//! On revision Y the processor can read wrong words while both controllers run (ES0392). How often,
+//! and what, no source says: here it is every seventh word, which reads as the one before it.
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -70,7 +71,8 @@ impl Store for MessageRam {
     }
 }
 
-/// Of so many words that the processor reads while it is disturbed, one is wrong. Prime to the words of a frame.
+/// Of so many words that the processor reads while it is disturbed, one is wrong. Prime to the
+/// words of a frame.
 const DISTURBED_PERIOD: u64 = 7;
 
 /// What two controllers do to the reads of the processor.
@@ -139,7 +141,10 @@ impl MessageRamWindow {
     }
 
     fn word_at(&self, offset: u64) -> u32 {
-        usize::try_from(offset / WORD_BYTES).ok().and_then(|index| self.words.word(index)).unwrap_or(0)
+        usize::try_from(offset / WORD_BYTES)
+            .ok()
+            .and_then(|index| self.words.word(index))
+            .unwrap_or(0)
     }
 }
 
@@ -177,7 +182,13 @@ impl ErasedDevice for MessageRamWindow {
         u64::from(word) >> (offset % WORD_BYTES * 8)
     }
 
-    fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {
+    fn write_window(
+        &mut self,
+        offset: u64,
+        width: Width,
+        value: u64,
+        context: &mut DeviceContext<'_>,
+    ) {
         let word = usize::try_from(offset / WORD_BYTES).ok().zip(u32::try_from(value).ok());
         match (width, word) {
             (Width::W32, Some((index, value))) if self.words.set_word(index, value) => {}

@@ -50,7 +50,8 @@ impl Pin {
     }
 }
 
-/// What the firmware drives on the pins of a port that it has made general-purpose outputs: one bit for each pin.
+/// What the firmware drives on the pins of a port that it has made general-purpose outputs: one bit
+/// for each pin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Driven {
     /// The outputs; an open drain that is released is none.

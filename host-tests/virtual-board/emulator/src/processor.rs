@@ -1,6 +1,7 @@
 //! The processor cores of the chips, for rigless to run.
 //!
-//! The properties of the Cortex-M7 are those of rigless's own board with an STM32H743, which cites the manuals.
+//! The properties of the Cortex-M7 are those of rigless's own board with an STM32H743, which cites
+//! the manuals.
 
 use std::num::{NonZeroU32, NonZeroU64};
 
@@ -21,7 +22,8 @@ const PRIORITY_BITS: u8 = 4;
 const CPUID_M7: u32 = 0x411F_C271;
 const CPUID_M4: u32 = 0x410F_C241;
 /// 16 KiB each of instruction and data cache.
-const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
+const CACHES: Caches =
+    Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
 /// The access control registers of the Cortex-M7 (PM0253): offset, reset value, writable bits.
 const ACCESS_CONTROL: [(u64, u32, u32); 6] = [
     (0xF90, 0x0000_0038, 0x0000_0007), // ITCMCR: 64 KiB
@@ -35,15 +37,17 @@ const ACCESS_CONTROL: [(u64, u32, u32); 6] = [
 /// How a core runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pace {
-    /// The core clock that the firmware sets, in hertz: it drives the core's own SysTick and cycle counter.
+    /// The core clock that the firmware sets, in hertz: it drives the core's own SysTick and cycle
+    /// counter.
     pub clock_hz: NonZeroU64,
     /// How many instructions it executes in a second of virtual time.
     pub instructions_per_second: NonZeroU64,
 }
 
 impl Chip {
-    /// Its core, with the vector table at `vector_table` at reset: a Cortex-M7 with double-precision floating point and caches, or a
-    /// Cortex-M4 with FPv4-SP and eight MPU regions (PM0214).
+    /// Its core, with the vector table at `vector_table` at reset: a Cortex-M7 with
+    /// double-precision floating point and caches, or a Cortex-M4 with FPv4-SP and eight MPU
+    /// regions (PM0214).
     #[must_use]
     pub fn core(&self, pace: Pace, vector_table: u32) -> Config {
         let lines = u32::from(self.cpu().interrupt_lines);
@@ -68,7 +72,11 @@ impl Chip {
                 config.caches = Some(CACHES);
                 config.branch_prediction = BranchPrediction::Always;
                 config.implementation_registers = ACCESS_CONTROL
-                    .map(|(offset, reset, writable)| ImplementationRegister { offset, reset, writable })
+                    .map(|(offset, reset, writable)| ImplementationRegister {
+                        offset,
+                        reset,
+                        writable,
+                    })
                     .to_vec();
             }
             Self::G474(_) => {

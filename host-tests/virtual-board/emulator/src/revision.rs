@@ -1,7 +1,8 @@
 //! The revisions of the STM32H743, and what differs between them as far as the firmware must know.
 //!
-//! Sources: REV_ID in ST's stm32h7xx_hal.h; the errata sheet ES0392 as ST's forum, mbed-os (issue 11303) and Zephyr (issue 38933) quote
-//! it; the write to the interconnect in ST's system_stm32h7xx.c.
+//! Sources: REV_ID in ST's stm32h7xx_hal.h; the errata sheet ES0392 as ST's forum, mbed-os (issue
+//! 11303) and Zephyr (issue 38933) quote it; the write to the interconnect in ST's
+//! system_stm32h7xx.c.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::snapshot::store;
@@ -42,7 +43,8 @@ impl Revision {
     }
 }
 
-/// The AXI interconnect: a register file that knows when the setting for the AXI SRAM of revision Y was written.
+/// The AXI interconnect: a register file that knows when the setting for the AXI SRAM of revision Y
+/// was written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interconnect {
     sram_set: Option<VirtualNanos>,

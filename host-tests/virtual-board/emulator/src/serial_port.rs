@@ -1,12 +1,13 @@
 //! A serial port of the part, with what the emulator's model of it leaves out.
 //!
-//! The emulator's [`Usart`] moves whole words at the right times. Added here, after the register descriptions in
-//! stm32-metapac (`usart_v4`) and the driver of embassy-stm32:
+//! The emulator's [`Usart`] moves whole words at the right times. Added here, after the register
+//! descriptions in stm32-metapac (`usart_v4`) and the driver of embassy-stm32:
 //!
-//! - character match: CMF and CMIE, with the character in CR2.ADD, cleared by ICR.CMCF. The firmware wakes on the
-//!   delimiter of the host protocol with it. It is raised as the word leaves RDR; where the receiver's DMA takes it, as
-//!   in the firmware, that is the instant it arrives.
-//! - [`Settings`]: the far end learns the port's bit time and whether its driver-enable output is on.
+//! - character match: CMF and CMIE, with the character in CR2.ADD, cleared by ICR.CMCF. The
+//!   firmware wakes on the delimiter of the host protocol with it. It is raised as the word leaves
+//!   RDR; where the receiver's DMA takes it, as in the firmware, that is the instant it arrives.
+//! - [`Settings`]: the far end learns the port's bit time and whether its driver-enable output is
+//!   on.
 //! - a framing error in a word of the far end's choice ([`FarEnd::damages`]).
 //! - the far end's events survive a reset of the port alone, as by a bit in the RCC.
 
@@ -188,7 +189,8 @@ impl SerialPort {
     }
 }
 
-/// Whether the model holds the interrupt up, from its flags and enables (RM0433 rev 9 table 410, as the model has it).
+/// Whether the model holds the interrupt up, from its flags and enables (RM0433 rev 9 table 410, as
+/// the model has it).
 fn raised_by_model(registers: &RegisterFile) -> bool {
     let control = registers.get(Register::Cr1);
     let control_3 = registers.get(Register::Cr3);
@@ -207,7 +209,8 @@ fn raised_by_model(registers: &RegisterFile) -> bool {
         (cr3::TXFTIE.is_set(control_3), isr::TXFT.mask()),
         (cr3::RXFTIE.is_set(control_3), isr::RXFT.mask()),
     ];
-    cr1::UE.is_set(control) && sources.iter().any(|(enabled, sources)| *enabled && flags & sources != 0)
+    cr1::UE.is_set(control)
+        && sources.iter().any(|(enabled, sources)| *enabled && flags & sources != 0)
 }
 
 /// The character that CMF waits for.
@@ -287,11 +290,17 @@ impl Device for SerialPort {
         self.refresh(registers, context);
     }
 
-    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let damaged = self.hooks.is_some_and(|hooks| (hooks.damages)(&mut self.usart));
         let usual = self.usart.errors_mut().framing;
         if damaged {
-            self.usart.errors_mut().framing = Rate { name: DAMAGED_WORD, per_million: Rate::EVERY_WORD };
+            self.usart.errors_mut().framing =
+                Rate { name: DAMAGED_WORD, per_million: Rate::EVERY_WORD };
         }
         self.usart.on_event(event, registers, context);
         self.usart.errors_mut().framing = usual;

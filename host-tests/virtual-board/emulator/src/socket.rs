@@ -41,7 +41,8 @@ impl Socket {
         self.chip.as_mut().expect("the emulation stands still while the chip is lent")
     }
 
-    /// Lends the chip, to another thread for example: to be taken back before the emulation goes on.
+    /// Lends the chip, to another thread for example: to be taken back before the emulation goes
+    /// on.
     #[must_use]
     pub fn lend(&mut self) -> Box<Chip> {
         self.chip.take().expect("lent once at a time")

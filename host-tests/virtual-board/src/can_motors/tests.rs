@@ -18,8 +18,11 @@ fn ms(ms: u64) -> Duration {
 }
 
 fn rmd() -> CanMotor {
-    CanMotor::new(MotorWiring { bus: 0, protocol: Protocol::Rmd, node: 1, bitrate: MBIT, can_id: None }, 3)
-        .unwrap()
+    CanMotor::new(
+        MotorWiring { bus: 0, protocol: Protocol::Rmd, node: 1, bitrate: MBIT, can_id: None },
+        3,
+    )
+    .unwrap()
 }
 
 fn to_rmd(data: [u8; 8]) -> CanFrame {
@@ -50,9 +53,13 @@ fn a_request_is_answered_in_the_motors_time() {
     let [Entry { start, outcome, .. }] = bus.log() else { panic!("one answer: {:?}", bus.log()) };
     assert_eq!(frames(&bus), ["241#9C19000000000000"]);
     assert_eq!(*outcome, Outcome::Delivered);
-    let asked = ms(1) + Duration::from_micros(u64::from(to_bus(&to_rmd(STATUS_2)).bits_until_valid()));
+    let asked =
+        ms(1) + Duration::from_micros(u64::from(to_bus(&to_rmd(STATUS_2)).bits_until_valid()));
     let thought = *start - asked;
-    assert!((Duration::from_micros(100)..=Duration::from_micros(200)).contains(&thought), "{thought:?}");
+    assert!(
+        (Duration::from_micros(100)..=Duration::from_micros(200)).contains(&thought),
+        "{thought:?}"
+    );
 }
 
 #[test]
@@ -64,7 +71,8 @@ fn a_commanded_shaft_turns_while_nobody_looks() {
     bus.send(ms(1_001), &to_rmd(STOP));
     bus.run_until(ms(2_000));
     assert_eq!(speed(&mut bus), 0.0);
-    let log: Vec<_> = bus.peer::<CanMotor>(0).motor().log().entries().map(|e| e.what.to_string()).collect();
+    let log: Vec<_> =
+        bus.peer::<CanMotor>(0).motor().log().entries().map(|e| e.what.to_string()).collect();
     assert_eq!(log[0], "command 0xA2 velocity");
     assert!(log.last().unwrap().starts_with("stopped"));
 }
@@ -76,7 +84,8 @@ fn its_own_timeout_strikes_at_its_time_and_it_says_so() {
     bus.run_until(ms(2_500));
     assert_eq!(frames(&bus), ["241#B3000000E8030000", "241#F1"]);
     let log = bus.peer::<CanMotor>(0).motor().log();
-    let strike = log.entries().find(|entry| entry.what.to_string().starts_with("own timeout")).unwrap();
+    let strike =
+        log.entries().find(|entry| entry.what.to_string().starts_with("own timeout")).unwrap();
     assert!((1_001_000..1_001_200).contains(&strike.time_us), "{strike:?}");
 }
 
@@ -134,7 +143,9 @@ fn a_fault_bit_acts_at_once_and_a_power_cycle_takes_what_was_to_be_sent() {
     let mut bus = bus();
     bus.send(ms(1), &to_rmd(SPEED_100));
     bus.run_until(ms(500));
-    bus.drive(0, |motor: &mut CanMotor, timeline| motor.inject(Injection::FaultBits(0x0004), timeline));
+    bus.drive(0, |motor: &mut CanMotor, timeline| {
+        motor.inject(Injection::FaultBits(0x0004), timeline)
+    });
     assert_eq!(bus.peer::<CanMotor>(0).motor().fault_word(), 0x0004);
     bus.run_until(ms(2_500));
     assert_eq!(speed(&mut bus), 0.0);

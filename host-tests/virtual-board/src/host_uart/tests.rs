@@ -67,7 +67,10 @@ fn a_cut_line_loses_both_directions() {
     host(&mut bench).send(&[1, 2]);
     bench.write(Register::Tdr, 0xA5);
     bench.run(5 * BYTE_NS);
-    assert_eq!((bench.take_words(), host(&mut bench).unsent(), host(&mut bench).take()), (vec![], 0, vec![]));
+    assert_eq!(
+        (bench.take_words(), host(&mut bench).unsent(), host(&mut bench).take()),
+        (vec![], 0, vec![])
+    );
     bench.part.model.silence(false);
     host(&mut bench).send(&[3]);
     bench.run(BYTE_NS);

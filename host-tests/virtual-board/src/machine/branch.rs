@@ -1,7 +1,8 @@
-//! A branch of a run: the process is forked where the board stands, and the child runs on from there and says what came of it.
+//! A branch of a run: the process is forked where the board stands, and the child runs on from
+//! there and says what came of it.
 //!
-//! It is as good as a run from a snapshot, and takes a twentieth of its time: the child has the code that the emulator has
-//! translated so far.
+//! It is as good as a run from a snapshot, and takes a twentieth of its time: the child has the
+//! code that the emulator has translated so far.
 
 use std::io::{PipeWriter, Read as _, Write as _};
 use std::time::Duration;
@@ -30,7 +31,8 @@ impl Script {
         self.act.as_ref().map_or(self.end, |(at, _)| *at)
     }
 
-    /// Does what is due with the part, which stands at that instant. At the end it is the end of the process.
+    /// Does what is due with the part, which stands at that instant. At the end it is the end of
+    /// the process.
     pub(super) fn play(mut self, part: &mut Chip, now: VirtualNanos) -> Self {
         if let Some((_, act)) = self.act.take_if(|(at, _)| *at <= now) {
             act(part, now);
@@ -42,15 +44,17 @@ impl Script {
         let length = u64::try_from(report.len()).unwrap_or_default().to_le_bytes();
         // The parent complains if it misses something.
         let _ = self.to.write_all(&length).and_then(|()| self.to.write_all(&report));
-        // Safety: ends the process at once; nobody else lives in it whose destructors would have to run.
+        // Safety: ends the process at once; nobody else lives in it whose destructors would have to
+        // run.
         unsafe { libc::_exit(0) }
     }
 }
 
 /// Forks the process: true in the child, of which only the calling thread lives on.
 pub(super) fn fork() -> Fork {
-    // Safety: the child goes on in this thread alone. It takes no lock that another thread may have held, but for the
-    // allocator's, which the C library frees for it; and it ends with `_exit`.
+    // Safety: the child goes on in this thread alone. It takes no lock that another thread may have
+    // held, but for the allocator's, which the C library frees for it; and it ends with
+    // `_exit`.
     match unsafe { libc::fork() } {
         0 => Fork::Child,
         -1 => panic!("no process for a branch: {}", std::io::Error::last_os_error()),
@@ -67,8 +71,9 @@ pub(super) enum Fork {
 }
 
 impl Machine {
-    /// Runs a branch of this run: `act` is done `after` a while, and `report` is made `span` after that. The board itself
-    /// stays where it stands, and never knows. One thread of a process is to do so at a time with one board.
+    /// Runs a branch of this run: `act` is done `after` a while, and `report` is made `span` after
+    /// that. The board itself stays where it stands, and never knows. One thread of a process
+    /// is to do so at a time with one board.
     ///
     /// # Panics
     ///
@@ -83,8 +88,12 @@ impl Machine {
         let at = VirtualNanos(self.reached.0 + nanos(after));
         let (mut from, to) = std::io::pipe().unwrap_or_else(|error| panic!("no pipe: {error}"));
         let end = VirtualNanos(at.0 + nanos(span));
-        let child =
-            self.core.branch(Script { act: Some((at, Box::new(act))), end, report: Box::new(report), to });
+        let child = self.core.branch(Script {
+            act: Some((at, Box::new(act))),
+            end,
+            report: Box::new(report),
+            to,
+        });
         let mut length = [0; 8];
         let mut bytes = Vec::new();
         let read = from.read_exact(&mut length).and_then(|()| {

@@ -23,7 +23,8 @@ use virtual_stm32::revision::Revision;
 use virtual_stm32::serial_port::FarEnd;
 use virtual_stm32::socket::Socket;
 
-/// The vector table at reset: BOOT_ADD0 of the STM32H743 as delivered, and the flash of the STM32G474.
+/// The vector table at reset: BOOT_ADD0 of the STM32H743 as delivered, and the flash of the
+/// STM32G474.
 const FLASH: u32 = 0x0800_0000;
 /// Where the firmware's logger keeps its control block.
 const RTT_SYMBOL: &str = "_SEGGER_RTT";
@@ -46,7 +47,10 @@ impl fmt::Display for ImageError {
             Self::Unreadable(path, error) => write!(formatter, "{}: {error}", path.display())?,
             Self::Unusable(path, error) => write!(formatter, "{}: {error}", path.display())?,
         }
-        write!(formatter, ". `.ci/virtual-board` in the repository's root builds the images and names them")
+        write!(
+            formatter,
+            ". `.ci/virtual-board` in the repository's root builds the images and names them"
+        )
     }
 }
 
@@ -90,8 +94,10 @@ impl Builder {
     ///
     /// If the file is none.
     pub fn of(board: Board, image: &Path) -> Result<Self, ImageError> {
-        let bytes = fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
-        let unusable = |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
+        let bytes =
+            fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
+        let unusable =
+            |error: &dyn fmt::Display| ImageError::Unusable(image.to_owned(), error.to_string());
         let symbols = Symbols::read(&bytes, code_address).map_err(|error| unusable(&error))?;
         let names = Names::read(&bytes).map_err(|error| unusable(&error))?;
         let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
@@ -136,22 +142,24 @@ impl Builder {
         self
     }
 
-    /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector table still in place, as after an
-    /// update over USB (DFU `:leave`, AN3156).
+    /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector
+    /// table still in place, as after an update over USB (DFU `:leave`, AN3156).
     #[must_use]
     pub fn started_by_rom(mut self) -> Self {
         self.started_by_rom = true;
         self
     }
 
-    /// Puts a bootloader where the firmware starts it: it waits at [`bootloader_entry`](super::bootloader_entry).
+    /// Puts a bootloader where the firmware starts it: it waits at
+    /// [`bootloader_entry`](super::bootloader_entry).
     #[must_use]
     pub fn with_bootloader(mut self) -> Self {
         self.bootloader = true;
         self
     }
 
-    /// How fast the core is; unless set, 250 million instructions a second for an STM32H743 and 168 for an STM32G474.
+    /// How fast the core is; unless set, 250 million instructions a second for an STM32H743 and 168
+    /// for an STM32G474.
     ///
     /// # Panics
     ///
@@ -162,9 +170,15 @@ impl Builder {
         self
     }
 
-    /// Hangs a node on a CAN bus. `bitrate`: the bits per second at which it runs, `None` for whatever the controller
-    /// runs at. Two nodes at rates that differ destroy each other's frames.
-    pub fn can_node<P: can::Peer>(&mut self, port: CanPort, peer: P, bitrate: Option<u32>) -> CanNode<P> {
+    /// Hangs a node on a CAN bus. `bitrate`: the bits per second at which it runs, `None` for
+    /// whatever the controller runs at. Two nodes at rates that differ destroy each other's
+    /// frames.
+    pub fn can_node<P: can::Peer>(
+        &mut self,
+        port: CanPort,
+        peer: P,
+        bitrate: Option<u32>,
+    ) -> CanNode<P> {
         CanNode::new(port, self.part.fdcan_mut(port.index()).attach(peer, bitrate))
     }
 
@@ -180,14 +194,23 @@ impl Builder {
         self.start(None)
     }
 
-    /// Goes on from where the snapshot was taken, with the same image and the same peers in the same places.
+    /// Goes on from where the snapshot was taken, with the same image and the same peers in the
+    /// same places.
     #[must_use]
     pub fn resume(self, snapshot: &Snapshot) -> Machine {
         self.start(Some(snapshot.clone()))
     }
 
     fn start(self, from: Option<Snapshot>) -> Machine {
-        let Self { part, image, started_by_rom, bootloader, symbols, names, instructions_per_second } = self;
+        let Self {
+            part,
+            image,
+            started_by_rom,
+            bootloader,
+            symbols,
+            names,
+            instructions_per_second,
+        } = self;
         let (vector_table, rom) = match started_by_rom {
             true => {
                 let (at, image) = rom_bootloader(Board::of(&part));
@@ -200,7 +223,8 @@ impl Builder {
         let images: Vec<Image> = [Some(image), rom, bootloader].into_iter().flatten().collect();
         let firmware = digest(&images, None);
         let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board);
-        let board = Socket::new(board.name(), part, board.pace(instructions_per_second), vector_table);
+        let board =
+            Socket::new(board.name(), part, board.pace(instructions_per_second), vector_table);
         let reached = from.as_ref().map_or(VirtualNanos(0), Snapshot::reached);
         let core = CoreThread::start(PoweredOff { board, images, firmware, recorder }, from);
         Machine { core, firmware, symbols, names, planted: None, reached }

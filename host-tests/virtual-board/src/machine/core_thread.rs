@@ -1,7 +1,8 @@
 //! The emulation on a thread of its own, which stands still while the test thinks.
 //!
-//! The emulator calls its driver at every stop. At the instant to which it was ordered to run, the driver hands the
-//! part over to the test's thread and waits for the next order, with which the part comes back.
+//! The emulator calls its driver at every stop. At the instant to which it was ordered to run, the
+//! driver hands the part over to the test's thread and waits for the next order, with which the
+//! part comes back.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -60,7 +61,8 @@ pub struct CoreThread {
 }
 
 impl CoreThread {
-    /// Starts it: from reset, standing before the first instruction, or where the snapshot was taken.
+    /// Starts it: from reset, standing before the first instruction, or where the snapshot was
+    /// taken.
     pub fn start(powered_off: PoweredOff, from: Option<Snapshot>) -> Self {
         let (orders, orders_out) = channel();
         let (stops_in, stops) = channel();
@@ -165,7 +167,8 @@ fn run(
     let PoweredOff { board, images, firmware, recorder } = powered_off;
     let retained = Board::of(board.chip()).retained_ram();
     // Asked to reach instant 0: it stops before the first instruction.
-    let mut session = Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
+    let mut session =
+        Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));
     session.watch(Retention::watch(retained));
     let mut recorder = recorder;
     let resume = from.map(|snapshot| {
@@ -209,7 +212,8 @@ struct Rendezvous {
     begin: Begin,
 }
 
-/// Where a run starts; [`Begin::Here`] once it has, [`Begin::Ended`] once nobody gives orders any more.
+/// Where a run starts; [`Begin::Here`] once it has, [`Begin::Ended`] once nobody gives orders any
+/// more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Begin {
     PowerOn,
@@ -320,6 +324,10 @@ impl Driver<Socket> for Rendezvous {
         if self.script.is_some() {
             return Some(self.next_stop());
         }
-        if stop.at >= self.target { self.stand(session, host, stop) } else { Some(self.next_stop()) }
+        if stop.at >= self.target {
+            self.stand(session, host, stop)
+        } else {
+            Some(self.next_stop())
+        }
     }
 }

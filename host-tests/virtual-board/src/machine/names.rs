@@ -27,13 +27,15 @@ impl Names {
             // The compiler's own tables begin with a dot.
             let has_a_place = |name: &&str| symbol.size() > 0 && !name.starts_with('.');
             let name = symbol.name().ok().filter(has_a_place)?.to_owned();
-            // The lowest bit of a function's address says that it is Thumb code; no static here is odd.
+            // The lowest bit of a function's address says that it is Thumb code; no static here is
+            // odd.
             Some((name, Named { address: symbol.address() & !1, size: symbol.size() }))
         };
         Ok(Self(file.symbols().filter_map(named).collect()))
     }
 
-    /// What has that path: `motor_gateway::tasks::can::can::POOL`. A name that is not mangled is its own path.
+    /// What has that path: `motor_gateway::tasks::can::can::POOL`. A name that is not mangled is
+    /// its own path.
     ///
     /// # Panics
     ///
@@ -53,7 +55,8 @@ impl Names {
     pub(crate) fn all(&self, path: &str) -> Vec<Named> {
         let mangled = mangled(path);
         let is = |name: &str| {
-            // In the mangling of old a hash of seventeen characters follows, and then the end; in the new one anything.
+            // In the mangling of old a hash of seventeen characters follows, and then the end; in
+            // the new one anything.
             name == path
                 || name.split_once(&mangled).is_some_and(|(_, rest)| {
                     !rest.starts_with(|c: char| c.is_ascii_digit()) || rest.starts_with("17h")
@@ -77,7 +80,10 @@ mod tests {
         let named = |address| Named { address, size: 4 };
         let names = Names(vec![
             ("_ZN13motor_gateway5tasks3can3can4POOL17h0123456789abcdefE".to_owned(), named(4)),
-            ("_ZN13motor_gateway5tasks3can3can4POOL6nested17h0123456789abcdefE".to_owned(), named(8)),
+            (
+                "_ZN13motor_gateway5tasks3can3can4POOL6nested17h0123456789abcdefE".to_owned(),
+                named(8),
+            ),
             ("_RNvNtNtCs123_13motor_gateway5tasks4host4POOL".to_owned(), named(12)),
             ("HardFault".to_owned(), named(16)),
         ]);

@@ -71,7 +71,8 @@ impl PinProbe<'_> {
         self.changes().last().map(|change| change.at)
     }
 
-    /// Every change of what the firmware drives, since the board was switched on: to the nanosecond of the access.
+    /// Every change of what the firmware drives, since the board was switched on: to the nanosecond
+    /// of the access.
     #[must_use]
     pub fn changes(self) -> Vec<Change> {
         let Self { machine, pin } = self;

@@ -1,5 +1,5 @@
-//! Faults planted in the unmodified image while it runs: a few instructions in flash that the image leaves free, and a
-//! branch there from a function, or from one task in place of its own code.
+//! Faults planted in the unmodified image while it runs: a few instructions in flash that the image
+//! leaves free, and a branch there from a function, or from one task in place of its own code.
 
 use std::time::Duration;
 
@@ -10,7 +10,8 @@ use super::Machine;
 use super::names::Named;
 use crate::nodes::since_start;
 
-/// `NOP`, then `B .`, a loop of one instruction (ARMv7-M, A7.7.88 and A7.7.12): the core comes by the first of them once.
+/// `NOP`, then `B .`, a loop of one instruction (ARMv7-M, A7.7.88 and A7.7.12): the core comes by
+/// the first of them once.
 const HANG: [u16; 2] = [0xBF00, 0xE7FE];
 /// `UDF #0`: undefined for ever (A7.7.194).
 const UNDEFINED: u16 = 0xDE00;
@@ -45,13 +46,14 @@ pub enum Fault {
 pub enum Place<'a> {
     /// When this function is called next: its path, as in `gateway::gateway::Gateway::handle`.
     Function(&'a str),
-    /// When this task is polled next: the path of the task's function, and which of its tasks, in the order of their
-    /// spawning.
+    /// When this task is polled next: the path of the task's function, and which of its tasks, in
+    /// the order of their spawning.
     Task(&'a str, usize),
 }
 
 impl Machine {
-    /// Plants a fault in the running image. A reset leaves it there; [`Machine::heal`] takes it away.
+    /// Plants a fault in the running image. A reset leaves it there; [`Machine::heal`] takes it
+    /// away.
     ///
     /// # Panics
     ///
@@ -106,11 +108,17 @@ impl Machine {
         let polls: Vec<u64> = self.names.all(POLL).iter().map(|poll| poll.address).collect();
         let length = usize::try_from(size).expect("memory of the part");
         let words = self.read_memory(address, length);
-        let words =
-            words.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-        let mut entries =
-            (address..).step_by(4).zip(words).filter(|(_, word)| polls.contains(&u64::from(word & !1)));
-        entries.nth(index).unwrap_or_else(|| panic!("{path} has no task {index} that was spawned")).0
+        let words = words
+            .chunks_exact(4)
+            .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+        let mut entries = (address..)
+            .step_by(4)
+            .zip(words)
+            .filter(|(_, word)| polls.contains(&u64::from(word & !1)));
+        entries
+            .nth(index)
+            .unwrap_or_else(|| panic!("{path} has no task {index} that was spawned"))
+            .0
     }
 
     /// A call that no code of the image makes: of what a wrong index calls.
@@ -122,7 +130,8 @@ impl Machine {
         let mut code = vec![0x4802, 0x4903, 0x4A03, 0xF8DF, 0xF010, 0xBF00];
         let word = |address: u64| u32::try_from(address).expect("32 bits");
         let length = u32::try_from(FILE.len()).expect("short");
-        // What the call takes, where it leads, and a `core::panic::Location`; a zero follows the name of its file.
+        // What the call takes, where it leads, and a `core::panic::Location`; a zero follows the
+        // name of its file.
         for word in [INDEX, LENGTH, word(location), word(panic), word(file), length, LINE, COLUMN] {
             code.extend(halves(word));
         }
@@ -142,7 +151,8 @@ impl Machine {
         let code = code.to_vec();
         self.core.order(move |_, host, _, _| {
             for (at, halfword) in (address..).step_by(2).zip(code) {
-                host.program(at, Width::W16, halfword.into()).unwrap_or_else(|error| panic!("{error}"));
+                host.program(at, Width::W16, halfword.into())
+                    .unwrap_or_else(|error| panic!("{error}"));
             }
         });
     }
@@ -159,7 +169,9 @@ fn branch(from: u64, to: u64) -> [u16; 2] {
     let offset = u32::try_from(to - (from + 4)).expect("forwards");
     assert!(offset < 1 << 24, "a branch reaches 16 MiB");
     let bit = |place: u32| u16::try_from(offset >> place & 1).expect("a bit");
-    let field = |place: u32, bits: u32| u16::try_from(offset >> place & ((1 << bits) - 1)).expect("a field");
+    let field = |place: u32, bits: u32| {
+        u16::try_from(offset >> place & ((1 << bits) - 1)).expect("a field")
+    };
     // Forwards the sign is 0, and J1 and J2 are the complements of the offset's bits 23 and 22.
     [0xF000 | field(12, 10), 0x9000 | (1 - bit(23)) << 13 | (1 - bit(22)) << 11 | field(1, 11)]
 }

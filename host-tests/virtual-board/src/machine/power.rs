@@ -6,8 +6,8 @@ use super::Machine;
 use crate::nodes::instant;
 
 impl Machine {
-    /// Cuts the board's supply for a while, and gives it back: the part starts as from power-on, its RAM holds anything,
-    /// and what hangs on its ports never noticed.
+    /// Cuts the board's supply for a while, and gives it back: the part starts as from power-on,
+    /// its RAM holds anything, and what hangs on its ports never noticed.
     pub fn power_cycle(&mut self, off: Duration) {
         let at = instant(self.now());
         self.part_mut().supply(at, false);

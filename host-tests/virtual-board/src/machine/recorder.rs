@@ -1,5 +1,5 @@
-//! What the emulation's thread keeps for the test: the log, a digest of all accesses, hits, the outputs, and what the
-//! retained RAM will hold after a reset.
+//! What the emulation's thread keeps for the test: the log, a digest of all accesses, hits, the
+//! outputs, and what the retained RAM will hold after a reset.
 
 use rigless::emulator::{Access, AccessKind, Hit, HitKind, Host};
 use rigless::snapshot::store;
@@ -12,13 +12,15 @@ use crate::board::Board;
 use crate::pins::OutputLog;
 use virtual_stm32::Chip;
 
-/// How often the RTT channel is drained; on an absolute grid, so that no order of the test changes the run.
+/// How often the RTT channel is drained; on an absolute grid, so that no order of the test changes
+/// the run.
 const DRAIN_PERIOD: u64 = 1_000_000;
 /// FNV-1a, 64 bits.
 const FNV_OFFSET: u64 = 0xCBF2_9CE4_8422_2325;
 const FNV_PRIME: u64 = 0x0000_0100_0000_01B3;
 
-/// SEGGER's RTT control block: the identifier, then the number of channels each way, then the channels.
+/// SEGGER's RTT control block: the identifier, then the number of channels each way, then the
+/// channels.
 const RTT_IDENTIFIER: [u8; 16] = *b"SEGGER RTT\0\0\0\0\0\0";
 const RTT_UP_CHANNEL: u64 = 24;
 /// Offsets in a channel.
@@ -75,15 +77,20 @@ impl Recorder {
             AccessKind::Write => 1,
         };
         let width = u64::from(access.width.bits());
-        for word in [access.instruction_count, access.virtual_time.0, kind, width, access.address, value] {
+        for word in
+            [access.instruction_count, access.virtual_time.0, kind, width, access.address, value]
+        {
             self.digest = (self.digest ^ word).wrapping_mul(FNV_PRIME);
         }
     }
 
-    /// A hit of a watch. Stores into the retained RAM and planted faults are always watched, and no test's.
+    /// A hit of a watch. Stores into the retained RAM and planted faults are always watched, and no
+    /// test's.
     pub fn hit(&mut self, hit: Hit, host: &mut dyn Host) {
         match hit.kind {
-            HitKind::Write if self.retention.holds(hit.address) => self.retention.written(hit.address, host),
+            HitKind::Write if self.retention.holds(hit.address) => {
+                self.retention.written(hit.address, host)
+            }
             HitKind::Instruction if hit.address == self.planted_at => {
                 self.strike.get_or_insert(hit.at);
             }
@@ -103,7 +110,8 @@ impl Recorder {
 
     /// The part was reset, or is held in reset.
     pub fn reset(&mut self, part: &Chip, at: VirtualNanos, host: &mut dyn Host) {
-        // Start-up code sets the log's memory up anew: take what is in it before the core starts again.
+        // Start-up code sets the log's memory up anew: take what is in it before the core starts
+        // again.
         self.drain(host);
         self.retention.reset(host);
         self.outputs.look_at_all(part, at);
@@ -134,8 +142,8 @@ impl Recorder {
         std::mem::take(&mut self.rtt)
     }
 
-    /// Takes what the firmware has written to up channel 0, as a debug probe does. Nothing before start-up code has
-    /// set the control block up.
+    /// Takes what the firmware has written to up channel 0, as a debug probe does. Nothing before
+    /// start-up code has set the control block up.
     pub fn drain(&mut self, host: &mut dyn Host) {
         let Some(block) = self.rtt_block else { return };
         if self.drain_channel(host, block).is_none() {

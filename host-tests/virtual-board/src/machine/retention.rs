@@ -1,8 +1,9 @@
 //! What the RAM that start-up leaves alone holds after a reset: everything but the last write.
 //!
-//! The RAM of this part computes its check bits when it is written, and a write waits for the next one to the same RAM
-//! before it is carried out: one that a reset overtakes is lost (RM0433 §2.4 says so of incomplete words). The model is
-//! stricter than the part, and loses a whole word as well. After power-on the RAM holds anything.
+//! The RAM of this part computes its check bits when it is written, and a write waits for the next
+//! one to the same RAM before it is carried out: one that a reset overtakes is lost (RM0433 §2.4
+//! says so of incomplete words). The model is stricter than the part, and loses a whole word as
+//! well. After power-on the RAM holds anything.
 
 use rigless::emulator::{Host, Watch};
 use rigless::soc::Width;

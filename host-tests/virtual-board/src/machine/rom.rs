@@ -1,4 +1,5 @@
-//! ROM bootloaders that do one thing each: leave for the image in the flash, with their own vector table still in place, or wait.
+//! ROM bootloaders that do one thing each: leave for the image in the flash, with their own vector
+//! table still in place, or wait.
 
 use std::path::Path;
 
@@ -26,7 +27,8 @@ const LEAVE: [u16; 9] = [
     0xE7FE, // b .
 ];
 
-/// The bootloader of a board's chip, to be placed beside an image, and its address: the first system memory (AN2606).
+/// The bootloader of a board's chip, to be placed beside an image, and its address: the first
+/// system memory (AN2606).
 pub fn rom_bootloader(board: Board) -> (u32, Image) {
     // Its stack begins at the end of the DTCM or of SRAM1.
     let (rom, stack) = match board {
@@ -65,7 +67,9 @@ const WAIT: u32 = 8;
 /// That bootloader, to be placed beside an image: it waits for an update that does not come.
 pub fn waiting_bootloader(board: Board) -> Image {
     let place = started_at(board);
-    let mut bytes: Vec<u8> = [STACK, place + WAIT + THUMB].into_iter().flat_map(u32::to_le_bytes).collect();
+    let mut bytes: Vec<u8> =
+        [STACK, place + WAIT + THUMB].into_iter().flat_map(u32::to_le_bytes).collect();
     bytes.extend(0xE7FE_u16.to_le_bytes()); // b .
-    Image::new(Path::new("ROM bootloader"), bytes, Some(place.into())).expect("no ELF file, and placed")
+    Image::new(Path::new("ROM bootloader"), bytes, Some(place.into()))
+        .expect("no ELF file, and placed")
 }

@@ -21,8 +21,8 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// Of the bytes that the emulator has made. It reads them back from a file only, so they take that way once; and
-    /// it keeps them for the rest of the process.
+    /// Of the bytes that the emulator has made. It reads them back from a file only, so they take
+    /// that way once; and it keeps them for the rest of the process.
     pub(super) fn keep(file: &[u8], reached: VirtualNanos) -> Self {
         let path = temporary_path();
         std::fs::write(&path, file).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,8 +1,8 @@
 //! A board with eight motors, and a computer at host link 0 that speaks the bytes of the protocol.
 //!
-//! Everything happens on an absolute grid of virtual time: how long an answer takes, or how long the build id in it is,
-//! moves nothing that comes later. So a run can be repeated with a look at the instruction count at instants that the
-//! first run has found.
+//! Everything happens on an absolute grid of virtual time: how long an answer takes, or how long
+//! the build id in it is, moves nothing that comes later. So a run can be repeated with a look at
+//! the instruction count at instants that the first run has found.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -93,8 +93,13 @@ pub(super) const fn place(axis: u8) -> (u8, u8) {
 }
 
 impl Bench {
-    /// Switches a board on and lets it start; paints its stack. Looks at the instruction count at `marks`, which are in order.
-    pub(super) fn power_on(board: Builder, instructions_per_second: u64, marks: Vec<Duration>) -> Self {
+    /// Switches a board on and lets it start; paints its stack. Looks at the instruction count at
+    /// `marks`, which are in order.
+    pub(super) fn power_on(
+        board: Builder,
+        instructions_per_second: u64,
+        marks: Vec<Duration>,
+    ) -> Self {
         let mut board = board.instructions_per_second(instructions_per_second);
         let motors: Vec<MotorWiring> = (0..AXES)
             .map(|axis| {
@@ -158,24 +163,32 @@ impl Bench {
         }
     }
 
-    /// Sends requests at an instant, one right behind the other, and gives the board until `end` to answer them.
+    /// Sends requests at an instant, one right behind the other, and gives the board until `end` to
+    /// answer them.
     ///
     /// # Panics
     ///
     /// If one of them is refused or not answered.
-    pub(super) fn exchange(&mut self, at: Duration, end: Duration, requests: &[Request]) -> Exchange {
+    pub(super) fn exchange(
+        &mut self,
+        at: Duration,
+        end: Duration,
+        requests: &[Request],
+    ) -> Exchange {
         self.run_to(at);
         let begin = self.now();
         let host = self.machine.line(self.host);
         let bit_ps = host.settings().bit_ps;
-        let lasts = |bytes: usize| Duration::from_nanos(bit_ps * BITS_PER_BYTE * bytes as u64 / 1_000);
+        let lasts =
+            |bytes: usize| Duration::from_nanos(bit_ps * BITS_PER_BYTE * bytes as u64 / 1_000);
         self.inbox.read(&host.take_timed(), lasts(1));
         let first = self.sequence;
         let mut sent = 0;
         let mut asked = Vec::new();
         for request in requests {
             let mut frame = [0; MAX_FRAME];
-            let length = request.encode_frame(self.sequence, &mut frame).expect("a request of the table");
+            let length =
+                request.encode_frame(self.sequence, &mut frame).expect("a request of the table");
             host.send(&frame[..length]);
             sent += length;
             asked.push(begin + lasts(sent));
@@ -185,13 +198,15 @@ impl Bench {
         self.run_to(end);
         let received = self.machine.line(self.host).take_timed();
         let mut answers = self.inbox.read(&received, lasts(1));
-        let answers = asked.into_iter().zip(first..).zip(requests).map(|((asked, sequence), request)| {
-            let at = answers.iter().position(|answer| answer.sequence == sequence);
-            let reply = answers.swap_remove(at.unwrap_or_else(|| panic!("{request:?} is not answered")));
-            let Reading { first_bit, end, reply, .. } = reply;
-            let reply = reply.unwrap_or_else(|error| panic!("{request:?} is refused: {error}"));
-            Answer { asked, first_bit, end, reply }
-        });
+        let answers =
+            asked.into_iter().zip(first..).zip(requests).map(|((asked, sequence), request)| {
+                let at = answers.iter().position(|answer| answer.sequence == sequence);
+                let reply = answers
+                    .swap_remove(at.unwrap_or_else(|| panic!("{request:?} is not answered")));
+                let Reading { first_bit, end, reply, .. } = reply;
+                let reply = reply.unwrap_or_else(|error| panic!("{request:?} is refused: {error}"));
+                Answer { asked, first_bit, end, reply }
+            });
         Exchange { begin, answers: answers.collect(), frames: self.take_frames() }
     }
 
@@ -226,11 +241,20 @@ impl Inbox {
             self.opened = None;
             let frame = frame.expect("a sound frame");
             let reply = match frame.kind {
-                Kind::Reply => Ok(Reply::decode(frame.number, frame.body).expect("a reply of the table")),
-                Kind::Error => Err(Error::decode(frame.number, frame.body).expect("an error of the table")),
+                Kind::Reply => {
+                    Ok(Reply::decode(frame.number, frame.body).expect("a reply of the table"))
+                }
+                Kind::Error => {
+                    Err(Error::decode(frame.number, frame.body).expect("an error of the table"))
+                }
                 Kind::Request | Kind::Event => continue,
             };
-            readings.push(Reading { sequence: frame.sequence, first_bit: opened - byte, end: *at, reply });
+            readings.push(Reading {
+                sequence: frame.sequence,
+                first_bit: opened - byte,
+                end: *at,
+                reply,
+            });
         }
         readings
     }
@@ -247,17 +271,22 @@ mod tests {
         Duration::from_millis(ms)
     }
 
-    /// The 12 bytes of a ping, 10 bits each; the port's divider makes 1.09 µs of a bit, 109 cycles of 100 MHz.
+    /// The 12 bytes of a ping, 10 bits each; the port's divider makes 1.09 µs of a bit, 109 cycles
+    /// of 100 MHz.
     #[test]
     fn a_request_has_arrived_when_its_last_stop_bit_ends() {
         let mut bench = Bench::power_on(Machine::builder(), RATE, Vec::new());
         let exchange = bench.exchange(ms(20), ms(30), &[Ping {}.into()]);
-        let [Answer { asked, first_bit, end, reply: Reply::Ping(_) }] = &exchange.answers[..] else {
+        let [Answer { asked, first_bit, end, reply: Reply::Ping(_) }] = &exchange.answers[..]
+        else {
             panic!("{exchange:?}")
         };
         let took = *asked - ms(20);
         assert_eq!(took, Duration::from_nanos(120 * 1_090));
-        assert!(first_bit > asked && *end > *first_bit + Duration::from_micros(100), "{exchange:?}");
+        assert!(
+            first_bit > asked && *end > *first_bit + Duration::from_micros(100),
+            "{exchange:?}"
+        );
         // The last byte has been on its way for all its ten bits then, not for one more or less.
         let host = bench.host;
         bench.exchange(ms(40), ms(40), &[]);

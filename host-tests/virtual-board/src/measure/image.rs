@@ -46,7 +46,8 @@ impl ImageFacts {
     }
 }
 
-/// Every Rust compiler that is named; different ones may have built the program and the core library.
+/// Every Rust compiler that is named; different ones may have built the program and the core
+/// library.
 fn compiler(file: &object::File<'_>) -> Result<String, String> {
     let missing = || "the image names no Rust compiler".to_owned();
     let section = file.section_by_name(NAMES).ok_or_else(missing)?;

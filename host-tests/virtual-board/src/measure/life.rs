@@ -6,8 +6,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use host_protocol::{
-    AxisParameter, Bytes, ClearTarget, Protocol, ProtocolSet, RawFrame, Setpoint, StateFields, StopAction,
-    StopTarget, Value,
+    AxisParameter, Bytes, ClearTarget, Protocol, ProtocolSet, RawFrame, Setpoint, StateFields,
+    StopAction, StopTarget, Value,
 };
 use mgw_client::{Client, ClientError, Hold, Transport};
 
@@ -86,7 +86,8 @@ fn live(
     // Before a motor holds.
     let line = Board::chosen().rs485_bus();
     client.raw_open(line)?;
-    client.raw_send(line, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
+    client
+        .raw_send(line, RawFrame::Serial(Bytes::from_slice(&READ_STATUS_RS485).expect("short")))?;
     stay(client, TTL)?;
     client.raw_receive(line)?;
     client.raw_close(line)?;

@@ -1,14 +1,15 @@
-//! The operations that are measured, each over and over at other phases of the firmware's own timers.
+//! The operations that are measured, each over and over at other phases of the firmware's own
+//! timers.
 
 use std::time::Duration;
 
 use host_protocol::requests::{
-    Arm, ConfigureAxis, ConfigureBus, ConfigureGateway, Hello, Ping, ProvisionMotorTimeout, ReadState,
-    ReleaseAuthority, Setpoint, Stop,
+    Arm, ConfigureAxis, ConfigureBus, ConfigureGateway, Hello, Ping, ProvisionMotorTimeout,
+    ReadState, ReleaseAuthority, Setpoint, Stop,
 };
 use host_protocol::{
-    AxisParameter, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request,
-    Setpoint as Target, StopAction, StopTarget, Value,
+    AxisParameter, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply,
+    Request, Setpoint as Target, StopAction, StopTarget, Value,
 };
 
 use super::bench::{AXES, Answer, BITRATE, Bench, Exchange, Span, place};
@@ -17,9 +18,11 @@ use virtual_stm32::fdcan::{FrameRecord, Sender};
 
 /// How often each operation is repeated.
 pub(super) const PHASES: u32 = 100;
-/// How much later each repetition is, seen from the firmware's own periods of 10 ms and 20 ms: all of them is covered.
+/// How much later each repetition is, seen from the firmware's own periods of 10 ms and 20 ms: all
+/// of them is covered.
 const PHASE: Duration = Duration::from_micros(201);
-/// Between the repetitions of what leaves the motors turning: between two refreshes of the setpoint, which come every 20 ms.
+/// Between the repetitions of what leaves the motors turning: between two refreshes of the
+/// setpoint, which come every 20 ms.
 const PERIOD: Duration = Duration::from_millis(30);
 /// What the gateway and its motors have to do within it is done by then.
 const WINDOW: Duration = Duration::from_millis(20);
@@ -67,7 +70,8 @@ impl Session {
     /// Says hello to a board that starts.
     pub(super) fn open(bench: &mut Bench) -> Self {
         let mut session = Self { clock_lead: Duration::ZERO, free: START };
-        let hello = Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session: 1 };
+        let hello =
+            Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session: 1 };
         session.ask(bench, hello);
         let Answer { asked, reply, .. } = session.ask(bench, Ping {});
         let Reply::Ping(pong) = reply else { unreachable!("the reply of a ping") };
@@ -86,7 +90,13 @@ impl Session {
             let reply_window_us = micros(REPLY_WINDOW);
             self.ask(
                 bench,
-                ConfigureBus { bus, bitrate: BITRATE, protocols, wholly_ours: false, reply_window_us },
+                ConfigureBus {
+                    bus,
+                    bitrate: BITRATE,
+                    protocols,
+                    wholly_ours: false,
+                    reply_window_us,
+                },
             );
         }
         for axis in 0..AXES {
@@ -143,7 +153,8 @@ impl Session {
         axes.into_iter().map(turn).collect()
     }
 
-    /// When the repetitions of what leaves the motors turning begin. The session goes on behind the last.
+    /// When the repetitions of what leaves the motors turning begin. The session goes on behind the
+    /// last.
     fn repetitions(&mut self) -> impl Iterator<Item = Duration> + use<> {
         let first = self.free;
         self.free += (PERIOD + PHASE) * PHASES;
@@ -178,7 +189,8 @@ impl Turning {
     /// A setpoint that is sent at an instant and differs from the one before.
     fn faster(&mut self, at: Duration) -> Request {
         self.velocity += VELOCITY_STEP_RAD_S;
-        // Only the low 32 bits are sent. A little less than what is allowed, as the request takes a while.
+        // Only the low 32 bits are sent. A little less than what is allowed, as the request takes a
+        // while.
         let expires = (at + self.clock_lead + TTL * 9 / 10).as_micros() % (1 << 32);
         let expires_at_us = u32::try_from(expires).expect("32 bits");
         let setpoint = Target::Velocity { velocity_rad_s: self.velocity };
@@ -207,8 +219,9 @@ impl Turning {
 
     /// The frame that tells the motor of its new setpoint, and those behind it.
     fn new_setpoint<'e>(&mut self, exchange: &'e Exchange) -> (&'e FrameRecord, &'e [FrameRecord]) {
-        let found = self
-            .frame_to(exchange, |payload| payload[0] == VELOCITY_COMMAND && payload != self.told.as_slice());
+        let found = self.frame_to(exchange, |payload| {
+            payload[0] == VELOCITY_COMMAND && payload != self.told.as_slice()
+        });
         self.told = found.0.frame.payload().to_vec();
         found
     }
@@ -216,7 +229,8 @@ impl Turning {
     /// When frames from the motor among these were valid at the board.
     fn replies<'e>(&self, frames: &'e [FrameRecord]) -> impl Iterator<Item = (Duration, &'e [u8])> {
         let from_it = |record: &&FrameRecord| {
-            matches!(record.sender, Sender::Node(_)) && record.frame.id.value() == REPLY_ID + self.node
+            matches!(record.sender, Sender::Node(_))
+                && record.frame.id.value() == REPLY_ID + self.node
         };
         frames
             .iter()
@@ -234,7 +248,8 @@ pub(super) fn idle_second(bench: &mut Bench, session: &mut Session) -> Vec<Span>
     vec![Span { from, to }]
 }
 
-/// A setpoint for a motor that turns: from the last bit of the request to the first bit of its CAN frame.
+/// A setpoint for a motor that turns: from the last bit of the request to the first bit of its CAN
+/// frame.
 pub(super) fn setpoint(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let mut axes = session.turn(bench, [0]);
     let axis = &mut axes[0];
@@ -249,7 +264,8 @@ pub(super) fn setpoint(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     spans
 }
 
-/// A stop of a motor that turns: from the last bit of the request to the first bit of its CAN frame.
+/// A stop of a motor that turns: from the last bit of the request to the first bit of its CAN
+/// frame.
 pub(super) fn stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let first = session.free;
     let repeat = |phase: u32| {
@@ -266,13 +282,14 @@ pub(super) fn stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     spans
 }
 
-/// The state of a motor that turns: from the validity of the motor's last reply at the board to the first bit of the
-/// answer on the host UART.
+/// The state of a motor that turns: from the validity of the motor's last reply at the board to the
+/// first bit of the answer on the host UART.
 pub(super) fn state(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let axes = session.turn(bench, [0]);
     let axis = &axes[0];
     let repeat = |begin: Duration| {
-        let exchange = bench.exchange(begin, begin + WINDOW, &[ReadState { axis: axis.axis }.into()]);
+        let exchange =
+            bench.exchange(begin, begin + WINDOW, &[ReadState { axis: axis.axis }.into()]);
         let Answer { asked, first_bit, .. } = exchange.answers[0];
         let replies = axis.replies(&exchange.frames[axis.bus]).map(|(valid, _)| valid);
         let reply = replies.take_while(|valid| *valid < first_bit).last();
@@ -284,8 +301,9 @@ pub(super) fn state(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     spans
 }
 
-/// A setpoint for each of eight motors that turn, sent one right behind the other: from the first bit of the first
-/// request until all are acknowledged to the host and each motor's reply to its setpoint is valid at the board.
+/// A setpoint for each of eight motors that turn, sent one right behind the other: from the first
+/// bit of the first request until all are acknowledged to the host and each motor's reply to its
+/// setpoint is valid at the board.
 pub(super) fn round(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let mut axes = session.turn(bench, 0..AXES);
     let repeat = |begin: Duration| {
@@ -294,7 +312,8 @@ pub(super) fn round(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
         let mut to = exchange.answers.iter().map(|answer| answer.end).max().expect("eight answers");
         for axis in &mut axes {
             let (_, behind) = axis.new_setpoint(&exchange);
-            let mut replies = axis.replies(behind).filter(|(_, payload)| payload[0] == VELOCITY_COMMAND);
+            let mut replies =
+                axis.replies(behind).filter(|(_, payload)| payload[0] == VELOCITY_COMMAND);
             let (valid, _) = replies.next().expect("each motor replies");
             to = to.max(valid);
         }

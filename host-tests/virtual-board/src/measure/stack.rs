@@ -4,10 +4,12 @@ use crate::machine::Machine;
 
 /// What is painted. A stack that ends in such bytes looks that much shorter.
 const PAINT: u8 = 0xA5;
-/// Symbols of cortex-m-rt's linker script: the end of the static memory, and where the stack begins.
+/// Symbols of cortex-m-rt's linker script: the end of the static memory, and where the stack
+/// begins.
 const LIMIT: &str = "_stack_end";
 const BEGIN: &str = "_stack_start";
-/// More than the stack holds while the firmware waits: the executor and its caller. The tasks are static.
+/// More than the stack holds while the firmware waits: the executor and its caller. The tasks are
+/// static.
 const WAITING: usize = 1024;
 
 /// Paints all memory that the stack may take. For a board that has not run yet.

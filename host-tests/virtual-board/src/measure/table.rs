@@ -4,8 +4,8 @@ use std::fmt;
 
 /// By how much a value may grow before the table must be renewed: a twentieth.
 const TOLERANCE: u64 = 20;
-/// Ends the unit of a row that is shown and not compared: whether something else the firmware does falls together with one
-/// of the repetitions is chance, and moves the greatest value by half.
+/// Ends the unit of a row that is shown and not compared: whether something else the firmware does
+/// falls together with one of the repetitions is chance, and moves the greatest value by half.
 const NOT_COMPARED: &str = "worst";
 /// Ends the unit of a row that is worked out from a trace, when the table is renewed.
 const OF_A_TRACE: &str = "last";
@@ -80,7 +80,8 @@ impl Row {
     }
 
     fn is_of(&self, other: &Self) -> bool {
-        (&self.what, &self.unit, self.values.len()) == (&other.what, &other.unit, other.values.len())
+        (&self.what, &self.unit, self.values.len())
+            == (&other.what, &other.unit, other.values.len())
     }
 }
 
@@ -129,10 +130,9 @@ impl Table {
                 None => complaints.push(Complaint::NotCommitted(row.name())),
             }
         }
-        let gone = committed
-            .rows
-            .iter()
-            .filter(|row| !row.unit.ends_with(OF_A_TRACE) && !self.rows.iter().any(|other| row.is_of(other)));
+        let gone = committed.rows.iter().filter(|row| {
+            !row.unit.ends_with(OF_A_TRACE) && !self.rows.iter().any(|other| row.is_of(other))
+        });
         complaints.extend(gone.map(|row| Complaint::NotMeasured(row.name())));
         complaints
     }
@@ -141,7 +141,8 @@ impl Table {
 fn growth(row: &Row, committed: &Row) -> impl Iterator<Item = Complaint> {
     let compared = !row.unit.ends_with(NOT_COMPARED);
     let pairs = row.values.iter().zip(&committed.values).filter(move |_| compared);
-    let grown = pairs.filter(|(measured, committed)| *measured * TOLERANCE > *committed * (TOLERANCE + 1));
+    let grown =
+        pairs.filter(|(measured, committed)| *measured * TOLERANCE > *committed * (TOLERANCE + 1));
     grown.map(|(measured, committed)| Complaint::Grown {
         row: row.name(),
         committed: *committed,
@@ -177,7 +178,9 @@ impl fmt::Display for Complaint {
                 write!(f, "{row}: grown by more than 5 %, from {committed} to {measured}")
             }
             Self::NotCommitted(row) => write!(f, "{row}: the table has no such row: renew it"),
-            Self::NotMeasured(row) => write!(f, "{row}: is in the table, but is measured no more: renew it"),
+            Self::NotMeasured(row) => {
+                write!(f, "{row}: is in the table, but is measured no more: renew it")
+            }
         }
     }
 }
@@ -240,8 +243,10 @@ image   | flash, bytes         |     100000
 
     #[test]
     fn the_worst_of_several_is_not_compared() {
-        let worst =
-            |value| Table { compiler: String::new(), rows: vec![Row::new("stop in", "ns, worst", &[value])] };
+        let worst = |value| Table {
+            compiler: String::new(),
+            rows: vec![Row::new("stop in", "ns, worst", &[value])],
+        };
         assert_eq!(worst(1000).complaints(&worst(500)), []);
     }
 
@@ -263,7 +268,11 @@ image   | flash, bytes         |     100000
         let found = complaints("flash", "fridge");
         let (flash, fridge) = ("image, flash, bytes".to_owned(), "image, fridge, bytes".to_owned());
         assert_eq!(found, [Complaint::NotCommitted(flash), Complaint::NotMeasured(fridge)]);
-        assert_eq!(complaints("1000 |       1000", "1000").len(), 2, "a row with one value is another row");
+        assert_eq!(
+            complaints("1000 |       1000", "1000").len(),
+            2,
+            "a row with one value is another row"
+        );
     }
 
     #[test]

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::instant;
 
-/// When a peer wants to be called next. The emulator cannot cancel an event, so one that is no longer wanted passes.
+/// When a peer wants to be called next. The emulator cannot cancel an event, so one that is no
+/// longer wanted passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(crate) struct Alarm(Option<(VirtualNanos, EventId)>);
 

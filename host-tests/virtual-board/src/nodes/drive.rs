@@ -1,4 +1,5 @@
-//! Changing a peer between two runs where it has to know the time: what it does next may come earlier by that.
+//! Changing a peer between two runs where it has to know the time: what it does next may come
+//! earlier by that.
 
 use rigless::chip::{Timeline, can};
 
@@ -34,9 +35,9 @@ impl Machine {
         change: impl FnOnce(&mut P, &mut Timeline<'_, '_>) -> T,
     ) -> T {
         let (at, name) = (instant(self.now()), self.board().serial_name(line.port()));
-        let answer = self
-            .part_mut()
-            .drive_serial(name, at, |port, registers, context| port.drive(registers, context, change));
+        let answer = self.part_mut().drive_serial(name, at, |port, registers, context| {
+            port.drive(registers, context, change)
+        });
         answer.expect("the far end that was hung here")
     }
 }

@@ -1,4 +1,5 @@
-//! A node for tests: writes down what it hears, sends what it is given, and breaks frames when asked to.
+//! A node for tests: writes down what it hears, sends what it is given, and breaks frames when
+//! asked to.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -39,7 +40,8 @@ struct Waiting {
     damaged: bool,
 }
 
-/// A well-behaved node without a will of its own. Like every node it acknowledges frames while it is not silenced.
+/// A well-behaved node without a will of its own. Like every node it acknowledges frames while it
+/// is not silenced.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Probe {
     heard: Vec<Heard>,
@@ -68,9 +70,14 @@ impl Probe {
         self.heard.clear();
     }
 
-    /// Sends a frame as soon as the bus is free after `at`, and after those that it has to send already.
+    /// Sends a frame as soon as the bus is free after `at`, and after those that it has to send
+    /// already.
     pub fn send(&mut self, at: Duration, frame: &CanFrame) {
-        self.waiting.push_back(Waiting { since: instant(at), frame: to_bus(frame), damaged: false });
+        self.waiting.push_back(Waiting {
+            since: instant(at),
+            frame: to_bus(frame),
+            damaged: false,
+        });
     }
 
     /// The same with a wrong checksum, once: everybody else destroys it.
@@ -95,7 +102,8 @@ impl Probe {
         self.waiting.len()
     }
 
-    /// Destroys the next `frames` frames of the controller with an error flag; `u32::MAX` for every one from now on.
+    /// Destroys the next `frames` frames of the controller with an error flag; `u32::MAX` for every
+    /// one from now on.
     pub fn disturb_next(&mut self, frames: u32) {
         self.disturb = frames;
     }
@@ -141,7 +149,8 @@ mod tests {
         CanFrame::standard(id, data).unwrap()
     }
 
-    /// 52 stuffed bits and 9 more until it is valid, counted apart from this crate: 61 µs at 1 Mbit/s.
+    /// 52 stuffed bits and 9 more until it is valid, counted apart from this crate: 61 µs at 1
+    /// Mbit/s.
     #[test]
     fn it_knows_when_the_first_bit_of_a_frame_was_sent() {
         let mut bus = TestBus::new(1_000_000);
@@ -164,7 +173,10 @@ mod tests {
         let [(first, a), (second, b)] = sent[..] else { panic!("two frames: {sent:?}") };
         assert_eq!((first, a, b), (us(500), frame(0x200, &[]), frame(0x100, &[])));
         assert!(second > us(540), "after the first");
-        assert_eq!((bus.peer::<Probe>(probe).delivered(), bus.peer::<Probe>(probe).unsent()), (2, 0));
+        assert_eq!(
+            (bus.peer::<Probe>(probe).delivered(), bus.peer::<Probe>(probe).unsent()),
+            (2, 0)
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! A CAN bus for the unit tests of nodes: the test plays the controller, which acknowledges everything.
+//! A CAN bus for the unit tests of nodes: the test plays the controller, which acknowledges
+//! everything.
 
 use std::any::Any;
 use std::time::Duration;
@@ -67,14 +68,18 @@ impl Medium {
             return;
         }
         let now = context.now();
-        let offers = || self.peers.iter().enumerate().filter_map(|(nth, peer)| Some((nth, peer.offer()?)));
-        let Some(start) = offers().map(|(_, offer)| offer.since.max(self.free_at)).min() else { return };
+        let offers =
+            || self.peers.iter().enumerate().filter_map(|(nth, peer)| Some((nth, peer.offer()?)));
+        let Some(start) = offers().map(|(_, offer)| offer.since.max(self.free_at)).min() else {
+            return;
+        };
         if start > now {
             context.schedule(start);
             return;
         }
         let ready = offers().filter(|(_, offer)| offer.since <= now);
-        let Some((nth, offer)) = ready.min_by(|(_, one), (_, other)| one.frame.arbitrates(&other.frame))
+        let Some((nth, offer)) =
+            ready.min_by(|(_, one), (_, other)| one.frame.arbitrates(&other.frame))
         else {
             return;
         };
@@ -92,7 +97,12 @@ impl Medium {
 impl Device for Medium {
     type Register = Register;
 
-    fn on_event(&mut self, event: EventId, _registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_event(
+        &mut self,
+        event: EventId,
+        _registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         if let Some(flight) = self.flight.take_if(|flight| flight.end == event) {
             let acknowledged = flight.entry.outcome == Outcome::Delivered;
             self.log.push(flight.entry);
@@ -118,8 +128,13 @@ pub(crate) struct TestBus {
 
 impl TestBus {
     pub(crate) fn new(bitrate: u64) -> Self {
-        let medium =
-            Medium { peers: Vec::new(), bitrate, flight: None, free_at: VirtualNanos(0), log: Vec::new() };
+        let medium = Medium {
+            peers: Vec::new(),
+            bitrate,
+            flight: None,
+            free_at: VirtualNanos(0),
+            log: Vec::new(),
+        };
         let part = Single::new(builder(), "FDCAN1", medium).expect("the part has the controller");
         Self { part, now: Duration::ZERO }
     }
@@ -137,7 +152,11 @@ impl TestBus {
     }
 
     /// Changes a node now.
-    pub(crate) fn drive<P: Peer>(&mut self, nth: usize, change: impl FnOnce(&mut P, &mut Timeline<'_, '_>)) {
+    pub(crate) fn drive<P: Peer>(
+        &mut self,
+        nth: usize,
+        change: impl FnOnce(&mut P, &mut Timeline<'_, '_>),
+    ) {
         self.part.drive(instant(self.now), |medium, _, context| {
             let peer: &mut dyn Any = &mut *medium.peers[nth];
             let peer = peer.downcast_mut().expect("a node of this type");
@@ -173,7 +192,8 @@ impl TestBus {
         let frame = to_bus(frame);
         let medium = &mut self.part.model;
         // Every node sees the frame.
-        let disturbed = medium.peers.iter_mut().fold(false, |any, peer| peer.disturbs(&frame) | any);
+        let disturbed =
+            medium.peers.iter_mut().fold(false, |any, peer| peer.disturbs(&frame) | any);
         let valid = medium.after(instant(at), frame.bits_until_valid());
         medium.free_at = medium.after(instant(at), frame.bits_on_the_wire() + INTERMISSION_BITS);
         self.part.advance_to(valid);

@@ -62,7 +62,9 @@ impl Rig {
     fn motor_answers(&mut self, axis: u8) -> bool {
         match AXES[usize::from(axis)].1 {
             Protocol::D5 => self.client.arm(axis).is_ok(),
-            Protocol::Rmd | Protocol::Thruster => self.client.provision_motor_timeout(axis, 1_000).is_ok(),
+            Protocol::Rmd | Protocol::Thruster => {
+                self.client.provision_motor_timeout(axis, 1_000).is_ok()
+            }
         }
     }
 
@@ -80,12 +82,19 @@ impl Rig {
 
     fn speeds(&self) -> Vec<f64> {
         let mut machine = self.machine.borrow_mut();
-        (0..self.outside.motors()).map(|at| self.outside.motor(&mut machine, at).speed_rad_s()).collect()
+        (0..self.outside.motors())
+            .map(|at| self.outside.motor(&mut machine, at).speed_rad_s())
+            .collect()
     }
 
     fn commands(&self, motor: usize) -> Vec<String> {
         let mut machine = self.machine.borrow_mut();
-        self.outside.motor(&mut machine, motor).log().entries().map(|entry| entry.what.to_string()).collect()
+        self.outside
+            .motor(&mut machine, motor)
+            .log()
+            .entries()
+            .map(|entry| entry.what.to_string())
+            .collect()
     }
 }
 
@@ -93,7 +102,9 @@ impl Rig {
 fn four_motors_turn_and_stop_when_the_host_falls_silent() {
     let mut rig = Rig::new(&Wiring::four_motors().motors);
     let holds: Vec<Hold> = (0..4).map(|axis| rig.arm(axis)).collect();
-    rig.client.hold_setpoints(&holds, Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    rig.client
+        .hold_setpoints(&holds, Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     let speeds = rig.speeds();
     assert!(speeds.iter().all(|speed| *speed > 1.9), "{speeds:?}");
 
@@ -107,13 +118,16 @@ fn four_motors_turn_and_stop_when_the_host_falls_silent() {
     }
 }
 
-/// From a snapshot in mid-motion on, run in one piece and run with a look every 137 µs: the same accesses of the core, the
-/// same frames at the same times, the same shafts to the last bit, as in the original.
+/// From a snapshot in mid-motion on, run in one piece and run with a look every 137 µs: the same
+/// accesses of the core, the same frames at the same times, the same shafts to the last bit, as in
+/// the original.
 #[test]
 fn boards_resumed_from_one_snapshot_live_alike_however_they_are_looked_at() {
     let mut rig = Rig::new(&Wiring::four_motors().motors);
     let holds: Vec<Hold> = (0..4).map(|axis| rig.arm(axis)).collect();
-    rig.client.hold_setpoints(&holds, Duration::from_millis(200), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    rig.client
+        .hold_setpoints(&holds, Duration::from_millis(200), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     let life = |machine: &mut Machine, outside: &Outside, piece: Duration| {
         const SPAN: Duration = Duration::from_millis(600);
         let end = machine.now() + SPAN;
@@ -171,7 +185,8 @@ fn a_motor_that_is_unplugged_and_alone_leaves_the_bus_without_acknowledgement() 
     assert_eq!(status.state, host_protocol::BusState::Passive);
 }
 
-/// Half the rate of the bus: it destroys the gateway's frames until it is error passive, and acknowledges none.
+/// Half the rate of the bus: it destroys the gateway's frames until it is error passive, and
+/// acknowledges none.
 #[test]
 fn a_motor_at_another_rate_answers_nothing_and_breaks_frames() {
     let motor = MotorWiring { bitrate: 500_000, ..Wiring::four_motors().motors[0] };
@@ -190,10 +205,12 @@ fn a_motor_at_another_rate_answers_nothing_and_breaks_frames() {
 #[test]
 fn a_wiring_that_cannot_be_is_refused() {
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 3, protocol: Protocol::Rmd, node: 1, bitrate: 1_000_000, can_id: None };
+    let motor =
+        MotorWiring { bus: 3, protocol: Protocol::Rmd, node: 1, bitrate: 1_000_000, can_id: None };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::Bus { bus: 3, buses: 3 }));
-    let motor = MotorWiring { bus: 2, protocol: Protocol::D5, node: 11, bitrate: 115_200, can_id: None };
+    let motor =
+        MotorWiring { bus: 2, protocol: Protocol::D5, node: 11, bitrate: 115_200, can_id: None };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::NotOnSerial { protocol: Protocol::D5 }));
 }

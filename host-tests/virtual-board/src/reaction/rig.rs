@@ -1,7 +1,8 @@
 //! A situation, set up once; every reaction is a branch of the run that has led there.
 //!
-//! One board serves all situations of its bus: between two of them it is switched off and on, and so are the motors. What the emulator
-//! has translated stays, which takes most of the time of a new board.
+//! One board serves all situations of its bus: between two of them it is switched off and on, and
+//! so are the motors. What the emulator has translated stays, which takes most of the time of a new
+//! board.
 
 use std::cell::RefCell;
 use std::ops::{ControlFlow, Range};
@@ -10,8 +11,8 @@ use std::time::Duration;
 
 use host_protocol::requests::Ping;
 use host_protocol::{
-    AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol, ProtocolSet,
-    Setpoint, StopAction, StopTarget, Value, encode,
+    AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol,
+    ProtocolSet, Setpoint, StopAction, StopTarget, Value, encode,
 };
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
@@ -43,7 +44,8 @@ const SETTLED: Duration = Duration::from_millis(300);
 const STOPPED: Duration = Duration::from_secs(2);
 /// A situation lasts for so long at least behind where it begins.
 const LASTS: Duration = Duration::from_millis(400);
-/// How long after a bound a branch ends if its stops have come: the last has to be at its end to count.
+/// How long after a bound a branch ends if its stops have come: the last has to be at its end to
+/// count.
 const SOON: Duration = Duration::from_millis(2);
 /// How long after a bound a stop that is late is still waited for.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -96,7 +98,8 @@ fn wired(board: &dyn Fn() -> Builder, bus: Bus) -> (Builder, Outside, [CanNode<P
     let motors: Vec<MotorWiring> = (0..bus.axes()).map(|axis| motor(bus.node(axis))).collect();
     let mut board = board();
     let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
-    let probes = [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
+    let probes =
+        [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
     (board, outside, probes)
 }
 
@@ -125,7 +128,8 @@ impl Stand {
         };
         let mut client = connect(0, 1);
         let build_id = client.hello().build_id.to_string();
-        let rehearsed = |client: &mut _| if is_first { rehearse(client, situation) } else { Ok(()) };
+        let rehearsed =
+            |client: &mut _| if is_first { rehearse(client, situation) } else { Ok(()) };
         configure(&mut client, situation)
             .and_then(|()| rehearsed(&mut client))
             .and_then(|()| arm(&mut client, situation))
@@ -139,11 +143,14 @@ impl Stand {
                 Load::Foreign(Place::BehindAll) => {
                     self.babble(&mut machine, &[self.bus.index()], situation, now)
                 }
-                Load::All => self.babble(&mut machine, &[self.bus.index(), FLOODED_CAN.0], situation, now),
+                Load::All => {
+                    self.babble(&mut machine, &[self.bus.index(), FLOODED_CAN.0], situation, now)
+                }
                 Load::Quiet | Load::Own | Load::Foreign(_) | Load::Hosts(_) => {}
             }
             if let Some(of) = situation.load.flood() {
-                // So that branches find translated what serves it; it is over long before they begin.
+                // So that branches find translated what serves it; it is over long before they
+                // begin.
                 for host in self.outside.hosts {
                     machine.line(host).send(&flood(of, REHEARSED));
                 }
@@ -155,11 +162,13 @@ impl Stand {
             machine.line(self.outside.rs485).clear_sent();
             if situation.load == Load::All {
                 let bytes = garbage(NOISE, FLOODED_BAUD);
-                machine
-                    .drive_line(self.outside.rs485, |line, timeline| line.disturb(&bytes, false, timeline));
+                machine.drive_line(self.outside.rs485, |line, timeline| {
+                    line.disturb(&bytes, false, timeline)
+                });
             }
         }
-        let mut rig = Rig { situation, machine: Rc::clone(&self.machine), begin: Duration::ZERO, build_id };
+        let mut rig =
+            Rig { situation, machine: Rc::clone(&self.machine), begin: Duration::ZERO, build_id };
         match situation.load {
             Load::Own | Load::Foreign(Place::BehindAll) | Load::All => {}
             Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
@@ -209,9 +218,10 @@ impl Rig {
         &self.build_id
     }
 
-    /// Sends a command on the second host link, so long after the begin of the situation, in a branch of the run. From its
-    /// last bit to the first stop of each of these axes. Most branches end soon after the bound; one whose stops have not all
-    /// come by then is run once more, for longer.
+    /// Sends a command on the second host link, so long after the begin of the situation, in a
+    /// branch of the run. From its last bit to the first stop of each of these axes. Most
+    /// branches end soon after the bound; one whose stops have not all come by then is run once
+    /// more, for longer.
     pub(super) fn react<C: Call>(
         &self,
         after: Duration,
@@ -219,7 +229,8 @@ impl Rig {
         bound: Duration,
         axes: Range<u8>,
     ) -> Vec<Option<Duration>> {
-        let among = |stops: FirstStops| stops[usize::from(axes.start)..usize::from(axes.end)].to_vec();
+        let among =
+            |stops: FirstStops| stops[usize::from(axes.start)..usize::from(axes.end)].to_vec();
         let soon = among(self.first_stops_within(after, command, bound + SOON));
         if soon.iter().all(Option::is_some) {
             return soon;
@@ -227,7 +238,12 @@ impl Rig {
         among(self.first_stops_within(after, command, bound + PATIENCE))
     }
 
-    fn first_stops_within<C: Call>(&self, after: Duration, command: &C, within: Duration) -> FirstStops {
+    fn first_stops_within<C: Call>(
+        &self,
+        after: Duration,
+        command: &C,
+        within: Duration,
+    ) -> FirstStops {
         let bus = self.situation.bus;
         let found = self.branch(after, command, within, move |part, since| {
             let stops = first_stops(part, bus, since);
@@ -246,14 +262,16 @@ impl Rig {
     /// The same; what the bus carried meanwhile, as text.
     pub(super) fn trace<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> String {
         let bus = self.situation.bus;
-        let found = self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
-            _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since).into_bytes(),
-            bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
-        });
+        let found =
+            self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
+                _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since).into_bytes(),
+                bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
+            });
         String::from_utf8(found).expect("it was text")
     }
 
-    /// Sends a command in a branch of the run, and has a report made of the part and the end of the command's last bit.
+    /// Sends a command in a branch of the run, and has a report made of the part and the end of the
+    /// command's last bit.
     fn branch<C: Call>(
         &self,
         after: Duration,
@@ -275,7 +293,11 @@ impl Rig {
         let send = move |part: &mut Chip, _| {
             computer(part, UartPort::Host0).send(&[&before[..], &behind[..]].concat());
             let host = computer(part, UartPort::Host1);
-            assert_eq!(host.settings().bit_ps, Board::chosen().host_1_bit_ps(), "as fast as it should be");
+            assert_eq!(
+                host.settings().bit_ps,
+                Board::chosen().host_1_bit_ps(),
+                "as fast as it should be"
+            );
             host.send(&[&before[..], &command[..], &behind[..]].concat());
         };
         machine.branch(begin, send, takes + within, move |part| report(part, since))
@@ -288,18 +310,25 @@ impl Rig {
         let ends = move |part: &mut Chip| {
             let ends: Vec<Duration> = match bus.index() {
                 _ if !bus.is_can() => line(part).sent().iter().map(|sent| sent.end).collect(),
-                bus => {
-                    part.fdcan(usize::from(bus)).log().iter().map(|record| since_start(record.end)).collect()
-                }
+                bus => part
+                    .fdcan(usize::from(bus))
+                    .log()
+                    .iter()
+                    .map(|record| since_start(record.end))
+                    .collect(),
             };
-            ends.iter().flat_map(|end| u64::try_from(end.as_nanos()).expect("short").to_le_bytes()).collect()
+            ends.iter()
+                .flat_map(|end| u64::try_from(end.as_nanos()).expect("short").to_le_bytes())
+                .collect()
         };
         let found = machine.branch(Duration::ZERO, |_, _| {}, LASTS, ends);
         let mut busy: Vec<Duration> = words(&found).map(Duration::from_nanos).collect();
         busy.insert(0, begin);
         busy.push(begin + LASTS);
-        let spell =
-            busy.windows(2).max_by_key(|pair| pair[1].saturating_sub(pair[0])).expect("a begin and an end");
+        let spell = busy
+            .windows(2)
+            .max_by_key(|pair| pair[1].saturating_sub(pair[0]))
+            .expect("a begin and an end");
         let (from, to) = (spell[0] + REPLY_WINDOW, spell[1]);
         assert!(to > from + bus.frame() * 2 + REPLY_WINDOW, "{}: never quiet", self.situation);
         from - begin
@@ -335,7 +364,13 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
     )?;
     if load == Load::All {
         for (bus, bitrate) in [FLOODED_CAN, (Board::chosen().rs485_bus(), FLOODED_BAUD)] {
-            client.configure_bus(bus, bitrate, ProtocolSet::of(&[Protocol::Rmd]), false, REPLY_WINDOW)?;
+            client.configure_bus(
+                bus,
+                bitrate,
+                ProtocolSet::of(&[Protocol::Rmd]),
+                false,
+                REPLY_WINDOW,
+            )?;
         }
     }
     let (refresh_us, poll_us) =
@@ -371,7 +406,10 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
 }
 
 /// Arms all axes; they move if they are the load.
-fn arm(client: &mut Client<BoardTransport>, Situation { bus, load }: Situation) -> Result<(), ClientError> {
+fn arm(
+    client: &mut Client<BoardTransport>,
+    Situation { bus, load }: Situation,
+) -> Result<(), ClientError> {
     for axis in 0..bus.axes() {
         let epoch = client.arm(axis)?.epoch;
         if load == Load::Own {
@@ -381,7 +419,8 @@ fn arm(client: &mut Client<BoardTransport>, Situation { bus, load }: Situation) 
     Ok(())
 }
 
-/// Once before it counts: from then on the emulator has translated what runs, and branches need not do that again.
+/// Once before it counts: from then on the emulator has translated what runs, and branches need not
+/// do that again.
 fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result<(), ClientError> {
     arm(client, situation)?;
     client.stop(StopTarget::Axis(0))?;
@@ -394,7 +433,8 @@ fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result
     Ok(())
 }
 
-/// So many bytes as a line carries in that time: any, the delimiter among them, and the same in each run.
+/// So many bytes as a line carries in that time: any, the delimiter among them, and the same in
+/// each run.
 fn garbage(duration: Duration, bits_per_second: u32) -> Vec<u8> {
     let bits = duration.as_micros() * u128::from(bits_per_second) / 1_000_000;
     let bytes = usize::try_from(bits / u128::from(BITS_PER_BYTE)).expect("a second or so");
@@ -467,7 +507,8 @@ mod tests {
         }
     }
 
-    /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries them.
+    /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries
+    /// them.
     fn told(rig: &Rig, within: Duration) -> Vec<Event> {
         let bytes = rig.branch(Duration::ZERO, &EStop {}, within, |part, _| {
             serial_port(part, UartPort::Host1).peer_mut::<HostUart>().expect("a computer").take()
@@ -478,15 +519,16 @@ mod tests {
             if let Some(Ok(frame)) = deframer.push(byte)
                 && frame.kind == Kind::Event
             {
-                let message = EventMessage::decode(frame.number, frame.body).expect("an event of the table");
+                let message =
+                    EventMessage::decode(frame.number, frame.body).expect("an event of the table");
                 events.push(message.event);
             }
         }
         events
     }
 
-    /// A stop with an id behind that of a load that leaves no pause has no bound. It is reported, and its axis counts as unreachable; the
-    /// others are stopped in time.
+    /// A stop with an id behind that of a load that leaves no pause has no bound. It is reported,
+    /// and its axis counts as unreachable; the others are stopped in time.
     #[test]
     fn stops_that_lose_to_a_load_are_reported_and_the_others_leave_in_time() {
         let situation = Situation { bus: Bus::Can, load: Load::Foreign(Place::Middle) };
@@ -494,11 +536,18 @@ mod tests {
         let (winners, axes) = (situation.winners(), situation.bus.axes());
         let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(winners), 0..axes);
         for (k, stop) in (1..=winners).zip(&stops) {
-            assert!(stop.is_some_and(|at| at <= situation.bound(k)), "{situation}: stop {k}: {stop:?}");
+            assert!(
+                stop.is_some_and(|at| at <= situation.bound(k)),
+                "{situation}: stop {k}: {stop:?}"
+            );
         }
-        assert!(stops[usize::from(winners)..].iter().all(Option::is_none), "{situation}: {stops:?}");
+        assert!(
+            stops[usize::from(winners)..].iter().all(Option::is_none),
+            "{situation}: {stops:?}"
+        );
         let events = told(&rig, situation.bound(axes) + PATIENCE * 2);
-        let named = |name: fn(&Event) -> Option<u8>| events.iter().filter_map(name).collect::<Vec<_>>();
+        let named =
+            |name: fn(&Event) -> Option<u8>| events.iter().filter_map(name).collect::<Vec<_>>();
         let unsent = named(|event| match event {
             Event::AxisUnreachable { axis, stop_sent: false } => Some(*axis),
             _ => None,

@@ -52,7 +52,8 @@ pub(super) enum Load {
     Foreign(Place),
     /// Nothing; but both computers send without a pause.
     Hosts(Flood),
-    /// Both CAN buses carry foreign frames and the RS485 line noise, and both computers send requests, all without a pause.
+    /// Both CAN buses carry foreign frames and the RS485 line noise, and both computers send
+    /// requests, all without a pause.
     All,
 }
 
@@ -79,7 +80,8 @@ pub(super) enum Place {
 }
 
 impl Load {
-    const FLOODS: [Self; 3] = [Self::Hosts(Flood::Requests), Self::Hosts(Flood::Garbage), Self::All];
+    const FLOODS: [Self; 3] =
+        [Self::Hosts(Flood::Requests), Self::Hosts(Flood::Garbage), Self::All];
 
     /// What the computers send.
     pub(super) fn flood(self) -> Option<Flood> {
@@ -177,7 +179,8 @@ impl Situation {
             let places: &[Place] = if bus.is_can() { &Place::ALL } else { &[] };
             let foreign = places.iter().map(|place| Load::Foreign(*place));
             let floods: &[Load] = if bus == Bus::Can { &Load::FLOODS } else { &[] };
-            let loads = [Load::Quiet, Load::Own].into_iter().chain(foreign).chain(floods.iter().copied());
+            let loads =
+                [Load::Quiet, Load::Own].into_iter().chain(foreign).chain(floods.iter().copied());
             loads.map(move |load| Self { bus, load })
         };
         Bus::ALL.into_iter().flat_map(loads).collect()
@@ -208,12 +211,16 @@ impl Situation {
             Load::Foreign(Place::BehindLowest) => 1,
             Load::Foreign(Place::Middle) => axes / 2,
             Load::Foreign(Place::BeforeHighest) => axes - 1,
-            Load::Quiet | Load::Own | Load::Foreign(Place::BehindAll) | Load::Hosts(_) | Load::All => axes,
+            Load::Quiet
+            | Load::Own
+            | Load::Foreign(Place::BehindAll)
+            | Load::Hosts(_)
+            | Load::All => axes,
         }
     }
 
-    /// How many phases are looked at where others have so many: a branch under a flood takes the emulator ten times as long. They are
-    /// the first ones of always the same.
+    /// How many phases are looked at where others have so many: a branch under a flood takes the
+    /// emulator ten times as long. They are the first ones of always the same.
     pub(super) fn phases(self, phases: u32) -> u32 {
         if self.load.flood().is_some() { (phases / 8).clamp(1, FLOOD_PHASES) } else { phases }
     }
@@ -241,7 +248,9 @@ impl Situation {
                 within + self.bus.frame() * FRAMES_APART * (phase % PERIODS)
             }
             // The load begins shortly before: an axis that it keeps from its motor trips by itself.
-            Load::Foreign(_) => within + self.bus.frame() * FRAMES_APART * (1 + phase % FEW_PERIODS),
+            Load::Foreign(_) => {
+                within + self.bus.frame() * FRAMES_APART * (1 + phase % FEW_PERIODS)
+            }
         }
     }
 }
@@ -313,7 +322,10 @@ mod tests {
     #[test]
     fn the_phases_are_spread_over_a_frame() {
         let quiet = Situation { bus: Bus::Can, load: Load::Quiet };
-        assert_eq!([0, 25, 49].map(|phase| quiet.offset(phase, 50)), [us(0.0), us(67.5), us(132.3)]);
+        assert_eq!(
+            [0, 25, 49].map(|phase| quiet.offset(phase, 50)),
+            [us(0.0), us(67.5), us(132.3)]
+        );
         let own = Situation { bus: Bus::Can, load: Load::Own };
         assert_eq!(own.offset(17, 50), us(45.9) + us(945.0));
         let flood = Situation { bus: Bus::Can, load: Load::All };

@@ -9,7 +9,8 @@ use crate::nodes::since_start;
 use crate::rs485_line::SentByte;
 use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 
-/// When the first stop of each axis began since an instant; the node of axis n is n + 1 on RS485, and 2n + 1 on CAN.
+/// When the first stop of each axis began since an instant; the node of axis n is n + 1 on RS485,
+/// and 2n + 1 on CAN.
 pub(super) type FirstStops = [Option<Duration>; MOST_AXES as usize];
 
 /// RMD V3.6 §2.15: 0x81 at 0x140 plus the node.
@@ -63,7 +64,8 @@ pub(super) fn among_frames(frames: &[FrameRecord], since: Duration) -> FirstStop
 
 /// Among the bytes on RS485: those without a pause between them are a message.
 pub(super) fn among_bytes(sent: &[SentByte], since: Duration) -> FirstStops {
-    let joined = |one: &SentByte, next: &SentByte| next.first_bit < one.end + (one.end - one.first_bit) / 2;
+    let joined =
+        |one: &SentByte, next: &SentByte| next.first_bit < one.end + (one.end - one.first_bit) / 2;
     let messages = sent.chunk_by(joined).filter(|message| message.iter().all(|sent| sent.driven));
     let stops = messages.map(|message| {
         let bytes: Vec<u8> = message.iter().map(|sent| sent.byte).collect();
@@ -88,7 +90,11 @@ mod tests {
         assert_eq!(on_can(&frame(0x142, RMD_STOP)), None, "between two axes");
         assert_eq!(on_can(&frame(0x141, [0x9C, 0, 0, 0, 0, 0, 0, 0])), None);
         assert_eq!(on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0, 0, 0x33])), Some(5));
-        assert_eq!(on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0x73, 0, 0xA6])), None, "a speed");
+        assert_eq!(
+            on_can(&frame(0x00B, [0xD5, 0x0B, 0x05, 0x03, 0x20, 0x73, 0, 0xA6])),
+            None,
+            "a speed"
+        );
         let stop = [0x3E, 1, 8, 0x81, 0, 0, 0, 0, 0, 0, 0, 0x32, 0xA5];
         assert_eq!(on_rs485(&stop), Some(0));
         assert_eq!(on_rs485(&stop[..12]), None);
@@ -97,8 +103,13 @@ mod tests {
     #[test]
     fn the_first_of_each_axis_counts() {
         let at = Duration::from_micros;
-        let found =
-            [(at(5), Some(1)), (at(20), Some(1)), (at(30), None), (at(40), Some(1)), (at(50), Some(0))];
+        let found = [
+            (at(5), Some(1)),
+            (at(20), Some(1)),
+            (at(30), None),
+            (at(40), Some(1)),
+            (at(50), Some(0)),
+        ];
         let stops = first(found.into_iter(), at(10));
         assert_eq!((stops[0], stops[1], stops[2]), (Some(at(40)), Some(at(10)), None));
     }

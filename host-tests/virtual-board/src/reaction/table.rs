@@ -6,8 +6,8 @@ use std::time::Duration;
 use crate::board::Board;
 use crate::measure::SPEEDS;
 
-/// By how much the worst may be worse than the committed worst: a twentieth, and 20 µs. The committed table has looked at more
-/// phases, so what is beyond that is the software's.
+/// By how much the worst may be worse than the committed worst: a twentieth, and 20 µs. The
+/// committed table has looked at more phases, so what is beyond that is the software's.
 const TOLERANCE: u64 = 20;
 const TOLERANCE_NS: u64 = 20_000;
 /// Between the columns.
@@ -98,7 +98,8 @@ pub struct Malformed {
 }
 
 impl Times {
-    /// Of all phases, rounded up to tenths of a microsecond, as the table has them; `None`: no stop came.
+    /// Of all phases, rounded up to tenths of a microsecond, as the table has them; `None`: no stop
+    /// came.
     ///
     /// # Panics
     ///
@@ -197,12 +198,14 @@ impl Table {
         for row in &self.rows {
             match committed.rows.iter().find(|other| other.what == row.what) {
                 None => complaints.push(Complaint::NotCommitted(row.what.clone())),
-                Some(other) => {
-                    complaints.extend((0..SPEEDS.len()).filter_map(|speed| worse(row, other, speed)))
-                }
+                Some(other) => complaints
+                    .extend((0..SPEEDS.len()).filter_map(|speed| worse(row, other, speed))),
             }
         }
-        let gone = committed.rows.iter().filter(|row| !self.rows.iter().any(|other| other.what == row.what));
+        let gone = committed
+            .rows
+            .iter()
+            .filter(|row| !self.rows.iter().any(|other| other.what == row.what));
         complaints.extend(gone.map(|row| Complaint::NotMeasured(row.what.clone())));
         complaints
     }
@@ -215,7 +218,12 @@ fn worse(row: &Row, committed: &Row, at: usize) -> Option<Complaint> {
     if row.is_over(at) && !committed.is_over(at) {
         return Some(Complaint::OverBound { what, speed, measured, bound: row.bound });
     }
-    (measured > tolerated(before)).then_some(Complaint::Slower { what, speed, measured, committed: before })
+    (measured > tolerated(before)).then_some(Complaint::Slower {
+        what,
+        speed,
+        measured,
+        committed: before,
+    })
 }
 
 fn tolerated(worst: u64) -> u64 {
@@ -242,11 +250,26 @@ impl fmt::Display for Table {
         writeln!(f, "{PHASES} {SEPARATOR} {fast} {SEPARATOR} {slow}")?;
         let width = self.rows.iter().map(|row| row.what.chars().count()).max().unwrap_or_default();
         let million = Board::chosen().speeds().map(|speed| format!("{} M:", speed / 1_000_000));
-        let head = [&million[0], "", "", &million[1], "", ""].map(|speed| format!(" {SEPARATOR} {speed:>9}"));
-        writeln!(f, "{COMMENT}{:1$}{2} {SEPARATOR} {3:>9}", "", width.saturating_sub(1), head.concat(), "")?;
-        let times = ["best us", "median us", "worst us"].map(|column| format!(" {SEPARATOR} {column:>9}"));
+        let head = [&million[0], "", "", &million[1], "", ""]
+            .map(|speed| format!(" {SEPARATOR} {speed:>9}"));
+        writeln!(
+            f,
+            "{COMMENT}{:1$}{2} {SEPARATOR} {3:>9}",
+            "",
+            width.saturating_sub(1),
+            head.concat(),
+            ""
+        )?;
+        let times =
+            ["best us", "median us", "worst us"].map(|column| format!(" {SEPARATOR} {column:>9}"));
         let times = times.concat().repeat(SPEEDS.len());
-        writeln!(f, "{COMMENT}{:1$}{times} {SEPARATOR} {2:>9}", "", width.saturating_sub(1), "bound us")?;
+        writeln!(
+            f,
+            "{COMMENT}{:1$}{times} {SEPARATOR} {2:>9}",
+            "",
+            width.saturating_sub(1),
+            "bound us"
+        )?;
         for row in &self.rows {
             write!(f, "{:width$}", row.what)?;
             let times = row.times.iter().flat_map(|times| [times.best, times.median, times.worst]);
@@ -265,14 +288,19 @@ impl fmt::Display for Complaint {
         match self {
             Self::Slower { what, speed, measured, committed } => {
                 let (measured, committed) = (Tenths(*measured), Tenths(*committed));
-                write!(f, "{what}, at {speed} a second: {measured} us, the table has {committed} us")
+                write!(
+                    f,
+                    "{what}, at {speed} a second: {measured} us, the table has {committed} us"
+                )
             }
             Self::OverBound { what, speed, measured, bound } => {
                 let (measured, bound) = (Tenths(*measured), Tenths(*bound));
                 write!(f, "{what}, at {speed} a second: {measured} us, and the bound is {bound} us")
             }
             Self::NotCommitted(row) => write!(f, "{row}: the table has no such row: renew it"),
-            Self::NotMeasured(row) => write!(f, "{row}: is in the table, but is measured no more: renew it"),
+            Self::NotMeasured(row) => {
+                write!(f, "{row}: is in the table, but is measured no more: renew it")
+            }
         }
     }
 }
@@ -314,10 +342,16 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |
     #[test]
     fn a_table_is_read_as_it_was_written() {
         assert_eq!((table().image.as_str(), table().phases), ("0123456789ab", [1000, 500]));
-        assert_eq!((table().rows[0].times[0].median, table().rows[2].times[1].worst), (150_500, 6_000_000));
+        assert_eq!(
+            (table().rows[0].times[0].median, table().rows[2].times[1].worst),
+            (150_500, 6_000_000)
+        );
         let written = table().to_string();
         assert_eq!(Table::parse(&written).unwrap(), table());
-        assert!(written.contains("| over at 100 M\n") && written.ends_with("| over\n"), "{written}");
+        assert!(
+            written.contains("| over at 100 M\n") && written.ends_with("| over\n"),
+            "{written}"
+        );
     }
 
     #[test]
@@ -344,7 +378,10 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |
     fn slower_is_noticed_above_the_tolerance_at_each_speed() {
         assert_eq!(complaints("5000.0", "5270.0"), []);
         let found = complaints("5000.0", "5270.1");
-        assert!(matches!(&found[..], [Complaint::Slower { committed: 5_000_000, .. }]), "{found:?}");
+        assert!(
+            matches!(&found[..], [Complaint::Slower { committed: 5_000_000, .. }]),
+            "{found:?}"
+        );
         let found = complaints("6000.0", "6320.1");
         assert!(matches!(&found[..], [Complaint::Slower { speed: 100_000_000, .. }]), "{found:?}");
     }
@@ -356,9 +393,15 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |
             "180.0 |     101.0 |     151.5 |     190.0 |     200.0 |",
             "200.1 | 1.0 | 1.0 | 1.0 | 200.0 | over",
         );
-        assert!(matches!(&found[..], [Complaint::OverBound { measured: 200_100, .. }]), "{found:?}");
+        assert!(
+            matches!(&found[..], [Complaint::OverBound { measured: 200_100, .. }]),
+            "{found:?}"
+        );
         let found = complaints("190.0 |     200.0 |", "200.1 |     200.0 | over at 100 M");
-        assert!(matches!(&found[..], [Complaint::OverBound { speed: 100_000_000, .. }]), "{found:?}");
+        assert!(
+            matches!(&found[..], [Complaint::OverBound { speed: 100_000_000, .. }]),
+            "{found:?}"
+        );
     }
 
     #[test]

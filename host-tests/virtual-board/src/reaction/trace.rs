@@ -1,4 +1,5 @@
-//! What a bus carried about a command, as text: for the eyes of who looks for the cause of a late stop.
+//! What a bus carried about a command, as text: for the eyes of who looks for the cause of a late
+//! stop.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -25,7 +26,8 @@ fn frame_text(frame: &Frame) -> String {
     frame.payload().iter().fold(id + "#", |text, byte| text + &format!("{byte:02X}"))
 }
 
-/// A line for each frame: begin and end from the command's last bit on, µs; sender; frame; how it ended.
+/// A line for each frame: begin and end from the command's last bit on, µs; sender; frame; how it
+/// ended.
 pub(super) fn of_frames(frames: &[FrameRecord], since: Duration) -> String {
     let mut text = String::new();
     for record in frames.iter().filter(|record| since_start(record.start) + BEFORE >= since) {
@@ -35,12 +37,14 @@ pub(super) fn of_frames(frames: &[FrameRecord], since: Duration) -> String {
             Sender::Node(index) => format!("node {index}"),
         };
         let frame = frame_text(&record.frame);
-        let _ = writeln!(text, "{start:10.1} {end:10.1}  {sender:<8} {frame:<21} {:?}", record.outcome);
+        let _ =
+            writeln!(text, "{start:10.1} {end:10.1}  {sender:<8} {frame:<21} {:?}", record.outcome);
     }
     text
 }
 
-/// A line for each byte that the port has sent: begin and end from the command's last bit on, µs; the byte.
+/// A line for each byte that the port has sent: begin and end from the command's last bit on, µs;
+/// the byte.
 pub(super) fn of_bytes(sent: &[SentByte], since: Duration) -> String {
     let mut text = String::new();
     for byte in sent.iter().filter(|sent| sent.first_bit + BEFORE >= since) {
@@ -61,7 +65,8 @@ mod tests {
 
     #[test]
     fn frames_are_shown_from_5_ms_before_the_command_on() {
-        let frame = crate::nodes::to_bus(&host_protocol::CanFrame::standard(0x00B, &[0xD5, 0x0B]).unwrap());
+        let frame =
+            crate::nodes::to_bus(&host_protocol::CanFrame::standard(0x00B, &[0xD5, 0x0B]).unwrap());
         let record = |start, end, sender, outcome| FrameRecord {
             start: VirtualNanos(start),
             end: VirtualNanos(end),
@@ -82,7 +87,8 @@ mod tests {
     #[test]
     fn bytes_that_nobody_heard_are_marked() {
         let us = Duration::from_micros;
-        let byte = |at, driven| SentByte { first_bit: us(at), end: us(at + 87), byte: 0x3E, driven };
+        let byte =
+            |at, driven| SentByte { first_bit: us(at), end: us(at + 87), byte: 0x3E, driven };
         let expected = "       0.0       87.0  3E\n     100.0      187.0  3E  not driven\n";
         assert_eq!(of_bytes(&[byte(10_000, true), byte(10_100, false)], us(10_000)), expected);
     }

@@ -1,5 +1,5 @@
-//! A UART receiver that looks at the levels of a line: what it makes of a sender at another rate is garbage, as on a
-//! real line.
+//! A UART receiver that looks at the levels of a line: what it makes of a sender at another rate is
+//! garbage, as on a real line.
 
 use serde::{Deserialize, Serialize};
 
@@ -43,8 +43,9 @@ impl Sampler {
         Self { bit_ps, seen_ps: 0, state: State::Idle }
     }
 
-    /// The line rests up to `start_ps`, then a byte is on it whose bits last `bit_ps` each. What the receiver completes
-    /// goes to `out`. A byte that begins in the past, beside another one, is seen from now on.
+    /// The line rests up to `start_ps`, then a byte is on it whose bits last `bit_ps` each. What
+    /// the receiver completes goes to `out`. A byte that begins in the past, beside another
+    /// one, is seen from now on.
     pub(super) fn hear(&mut self, start_ps: u64, bit_ps: u64, byte: u8, out: &mut Vec<Sampled>) {
         self.rest(start_ps, out);
         let frame = u64::from(byte) << 1 | 1 << (BITS_PER_BYTE - 1);
@@ -77,7 +78,11 @@ impl Sampler {
                     }
                     from_ps = from_ps.max(look_ps);
                     self.state = if taken < DATA_BITS {
-                        State::Byte { start_ps, taken: taken + 1, byte: byte | u8::from(high) << taken }
+                        State::Byte {
+                            start_ps,
+                            taken: taken + 1,
+                            byte: byte | u8::from(high) << taken,
+                        }
                     } else {
                         out.push(Sampled { start_ps, byte, damaged: !high });
                         if high { State::Idle } else { State::Low }
@@ -115,7 +120,8 @@ mod tests {
         assert_eq!(heard(BIT_115200, BIT_115200 * 97 / 100, &all), expected);
     }
 
-    /// 4.34 bits of the receiver fit into one of the sender: start bit and 0x00 are nine low bits, 39 of the receiver.
+    /// 4.34 bits of the receiver fit into one of the sender: start bit and 0x00 are nine low bits,
+    /// 39 of the receiver.
     #[test]
     fn a_slower_sender_is_zeros_without_a_stop_bit() {
         assert_eq!(heard(BIT_500000, BIT_115200, &[0x00]), [(0x00, true)]);
@@ -123,10 +129,15 @@ mod tests {
         assert_eq!(heard(BIT_500000, BIT_115200, &[0xFF]), [(0xF8, false)]);
     }
 
-    /// A byte of the sender lasts 2.3 bits of the receiver, whose looks fall 1.5, 2.5, … bits after the first edge.
+    /// A byte of the sender lasts 2.3 bits of the receiver, whose looks fall 1.5, 2.5, … bits after
+    /// the first edge.
     #[test]
     fn a_faster_sender_is_garbage() {
-        let bytes = heard(BIT_115200, BIT_500000, &[0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30]);
+        let bytes = heard(
+            BIT_115200,
+            BIT_500000,
+            &[0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30],
+        );
         assert!(bytes.len() < 5, "{bytes:02X?}");
         assert!(bytes.iter().all(|(byte, _)| *byte != 0x3E), "{bytes:02X?}");
     }

@@ -16,7 +16,8 @@ const STATUS_2: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0
 fn line_with(bitrates: &[u32]) -> Rs485Line {
     let mut line = Rs485Line::new();
     for (bitrate, node) in bitrates.iter().zip(1..) {
-        let wiring = MotorWiring { bus: 2, protocol: Protocol::Rmd, node, bitrate: *bitrate, can_id: None };
+        let wiring =
+            MotorWiring { bus: 2, protocol: Protocol::Rmd, node, bitrate: *bitrate, can_id: None };
         line.connect(wiring, u64::from(node)).unwrap();
     }
     line
@@ -141,7 +142,10 @@ fn a_motor_at_another_rate_is_heard_as_garbage() {
     send(&mut bench, &timeout_1000(), 5 * MS);
     bench.write(Register::Cr1, 0);
     bench.write(Register::Brr, 200);
-    bench.write(Register::Cr1, cr1::UE.mask() | cr1::TE.mask() | cr1::RE.mask() | cr1::FIFOEN.mask());
+    bench.write(
+        Register::Cr1,
+        cr1::UE.mask() | cr1::TE.mask() | cr1::RE.mask() | cr1::FIFOEN.mask(),
+    );
     let words = send(&mut bench, &[], 2_500 * MS);
     assert!(words.iter().any(|(_, damaged)| *damaged), "{words:02X?}");
     assert!(words.len() > 5 && words.iter().all(|(byte, _)| *byte != 0x3E), "{words:02X?}");
@@ -152,7 +156,10 @@ fn without_driver_enable_nobody_hears_the_port() {
     let mut bench = bench(line_with(&[115_200]));
     bench.write(Register::Cr1, 0);
     bench.write(Register::Cr3, 0);
-    bench.write(Register::Cr1, cr1::UE.mask() | cr1::TE.mask() | cr1::RE.mask() | cr1::FIFOEN.mask());
+    bench.write(
+        Register::Cr1,
+        cr1::UE.mask() | cr1::TE.mask() | cr1::RE.mask() | cr1::FIFOEN.mask(),
+    );
     bench.run(MS);
     assert_eq!(send(&mut bench, &speed_100(), 20 * MS), []);
     assert_eq!(log(&mut bench, 0), [""; 0]);
@@ -184,8 +191,9 @@ fn noise_arrives_with_and_without_stop_bits() {
     });
     assert_eq!(clean(&send(&mut bench, &[], MS)), [0x11, 0x22]);
     bench.drive(|port, registers, context| {
-        let noise =
-            |line: &mut Rs485Line, timeline: &mut Timeline<'_, '_>| line.disturb(&[0x33], true, timeline);
+        let noise = |line: &mut Rs485Line, timeline: &mut Timeline<'_, '_>| {
+            line.disturb(&[0x33], true, timeline)
+        };
         port.drive(registers, context, noise).unwrap();
     });
     let words = send(&mut bench, &[], MS);

@@ -86,7 +86,9 @@ fn a_uart_has_one_client_at_a_time() {
     assert!(line.ends_with("refused: host link 0 is in use"), "{line}");
     assert_eq!(second.read(&mut [0; 1]).unwrap_or(0), 0, "closed");
     drop(first);
-    rig.turn_until(|log| log.last().is_some_and(|line| line.ends_with("has left: host link 0 is free")));
+    rig.turn_until(|log| {
+        log.last().is_some_and(|line| line.ends_with("has left: host link 0 is free"))
+    });
     let (mut third, line) = rig.connect(0);
     assert!(line.ends_with("connected to host link 0"), "{line}");
     rig.ping(&mut third);
@@ -100,7 +102,8 @@ fn the_board_keeps_pace_and_gives_up_on_a_long_pause() {
     let now = |rig: &mut Rig| rig.server.machine().now() - start;
     rig.turn_until(|log| log.is_empty());
     // A look may end an instruction early or late.
-    let near = |time: Duration, expected: Duration| time.abs_diff(expected) < Duration::from_micros(1);
+    let near =
+        |time: Duration, expected: Duration| time.abs_diff(expected) < Duration::from_micros(1);
     assert!(near(now(&mut rig), Duration::from_millis(1)));
     rig.elapsed = Duration::from_millis(9);
     rig.turn_until(|_| true);
@@ -119,7 +122,8 @@ fn a_computer_that_is_too_slow_says_so() {
     rig.elapsed += Duration::from_millis(300);
     rig.turn_until(|log| !log.is_empty());
     // The pause, the millisecond of the turn, less the 10 ms that it made up for.
-    let line = "this computer was 291 ms too slow for one second of the board: setpoints may expire";
+    let line =
+        "this computer was 291 ms too slow for one second of the board: setpoints may expire";
     assert_eq!(rig.log, [line]);
     rig.log.clear();
     let later = rig.elapsed + Duration::from_secs(2);
@@ -129,7 +133,8 @@ fn a_computer_that_is_too_slow_says_so() {
     assert_eq!(rig.log, [] as [String; 0], "once");
 }
 
-/// The firmware logs to RTT, and polls nothing that has not been configured: what is left is the log of a second.
+/// The firmware logs to RTT, and polls nothing that has not been configured: what is left is the
+/// log of a second.
 #[test]
 fn records_that_nobody_reads_are_thrown_away() {
     let mut rig = Rig::new();

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use host_protocol::requests::Ping;
 use host_protocol::{
-    AxisParameter, Call, Kind, MAX_FRAME, Protocol, ProtocolSet, Setpoint, StopAction, StopTarget, Value,
-    encode,
+    AxisParameter, Call, Kind, MAX_FRAME, Protocol, ProtocolSet, Setpoint, StopAction, StopTarget,
+    Value, encode,
 };
 use mgw_client::{Client, Hold};
 use mgw_sim::MotorWiring;
@@ -24,7 +24,11 @@ fn board(bitrate: u32) -> (Rc<RefCell<Machine>>, Outside) {
     (Rc::new(RefCell::new(builder.power_on())), outside)
 }
 
-fn client(machine: &Rc<RefCell<Machine>>, outside: &Outside, link: usize) -> Client<BoardTransport> {
+fn client(
+    machine: &Rc<RefCell<Machine>>,
+    outside: &Outside,
+    link: usize,
+) -> Client<BoardTransport> {
     let session = u32::try_from(link).unwrap();
     Client::connect_as(BoardTransport::new(machine, outside.hosts[link]), session, 1).unwrap()
 }
@@ -75,8 +79,11 @@ fn a_motor_on_rs485_is_moved_and_stopped() {
     configure(&mut client);
     client.provision_motor_timeout(0, 1_000).unwrap();
     let epoch = client.arm(0).unwrap().epoch;
-    let hold = Hold { axis: 0, epoch, setpoint: Setpoint::Velocity { velocity_rad_s: 2.0 }, ttl: TTL };
-    client.hold_setpoints(&[hold], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    let hold =
+        Hold { axis: 0, epoch, setpoint: Setpoint::Velocity { velocity_rad_s: 2.0 }, ttl: TTL };
+    client
+        .hold_setpoints(&[hold], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     let speed = outside.motor(&mut machine.borrow_mut(), 0).speed_rad_s();
     assert!((speed - 2.0).abs() < 0.05, "{speed} rad/s");
     client.stop(StopTarget::Axis(0)).unwrap();
@@ -94,8 +101,9 @@ fn a_motor_at_another_rate_is_no_motor() {
     assert_eq!(outside.motor(&mut machine.borrow_mut(), 0).log().entries().count(), 0);
 }
 
-/// The delimiter wakes the firmware in the middle of a stream: without the character match it would wait for a pause of
-/// the line, or for half its ring of 256 bytes, which the rounds reach at different places.
+/// The delimiter wakes the firmware in the middle of a stream: without the character match it would
+/// wait for a pause of the line, or for half its ring of 256 bytes, which the rounds reach at
+/// different places.
 #[test]
 fn a_request_inside_a_stream_is_answered_at_once() {
     let (machine, outside) = board(115_200);
@@ -105,7 +113,10 @@ fn a_request_inside_a_stream_is_answered_at_once() {
     for round in 0..4 {
         machine.line(host).send(&ping_frame(0x7000 + round));
         machine.line(host).send(&[b'x'; 100]);
-        assert!(machine.run_until(Duration::from_millis(5), |machine| machine.line(host).has_received()));
+        assert!(
+            machine
+                .run_until(Duration::from_millis(5), |machine| machine.line(host).has_received())
+        );
         assert!(machine.line(host).unsent() > 50, "round {round}: the stream has only begun");
         machine.run_for(Duration::from_millis(5));
         machine.line(host).clear();
@@ -150,10 +161,15 @@ fn a_board_and_its_motor_go_on_from_a_snapshot() {
         (log, position, machine.line(outside.rs485).sent().to_vec(), machine.access_digest())
     };
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate: 115_200, can_id: None };
+    let motor =
+        MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate: 115_200, can_id: None };
     let other = Outside::connect(&mut builder, &[motor], 1).unwrap();
     let copy = life(&mut builder.resume(&snapshot), &other);
     let original = life(&mut machine.borrow_mut(), &outside);
-    assert!(original.0.iter().any(|entry| entry.what.to_string().starts_with("stopped")), "{:?}", original.0);
+    assert!(
+        original.0.iter().any(|entry| entry.what.to_string().starts_with("stopped")),
+        "{:?}",
+        original.0
+    );
     assert!(copy == original);
 }

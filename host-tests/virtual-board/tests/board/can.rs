@@ -1,4 +1,5 @@
-//! The image and its two CAN controllers: it starts them, sends, receives, and survives a bus that fails.
+//! The image and its two CAN controllers: it starts them, sends, receives, and survives a bus that
+//! fails.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -43,7 +44,9 @@ impl Lab {
 
     fn configure(&mut self, bus: u8, bitrate: u32) {
         let protocols = ProtocolSet::of(&[Protocol::Rmd]);
-        self.client.configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW).expect("configured");
+        self.client
+            .configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW)
+            .expect("configured");
     }
 
     fn run_for(&mut self, duration: Duration) {
@@ -119,16 +122,26 @@ fn a_raw_frame_goes_out_and_its_answer_comes_in() {
     lab.run_for(Duration::from_millis(1));
     {
         let mut machine = lab.machine.borrow_mut();
-        assert_eq!(machine.node(node).heard()[0].1, data_frame(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]));
+        assert_eq!(
+            machine.node(node).heard()[0].1,
+            data_frame(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0])
+        );
         let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
-        machine.node(node).queue(Offer { since, frame: data_frame(0x241, &[1, 2, 3]), fault: None });
+        machine.node(node).queue(Offer {
+            since,
+            frame: data_frame(0x241, &[1, 2, 3]),
+            fault: None,
+        });
     }
     lab.run_for(Duration::from_millis(1));
     let received = lab.client.raw_receive(0).expect("frames").frames;
     let frames: Vec<RawFrame> = received.iter().map(|received| received.frame.clone()).collect();
     assert_eq!(frames, [RawFrame::Can(CanFrame::standard(0x241, &[1, 2, 3]).expect("a frame"))]);
     let status = lab.status();
-    assert_eq!((status.state, status.transmit_errors, status.receive_errors), (BusState::Active, 0, 0));
+    assert_eq!(
+        (status.state, status.transmit_errors, status.receive_errors),
+        (BusState::Active, 0, 0)
+    );
     assert_eq!((status.counters.sent, status.counters.received), (1, 1));
     let log = lab.machine.borrow_mut().can_mut(CanPort::Bus0).take_log();
     assert_eq!(
@@ -153,7 +166,8 @@ fn a_frame_leaves_on_each_bus() {
         lab.client.raw_send(bus, RawFrame::Can(frame)).expect("taken over");
         lab.run_for(Duration::from_millis(2));
         let machine = lab.machine.borrow();
-        let record = machine.can(*port).log().last().unwrap_or_else(|| panic!("nothing on bus {bus}"));
+        let record =
+            machine.can(*port).log().last().unwrap_or_else(|| panic!("nothing on bus {bus}"));
         assert_eq!(record.outcome, FrameEnd::Acknowledged, "bus {bus}");
         assert_eq!(record.frame, data_frame(0x123, &data), "bus {bus}");
     }
@@ -208,9 +222,9 @@ fn a_short_puts_the_bus_off_until_it_is_mended() {
     lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Connected);
     let machine = Rc::clone(&lab.machine);
     assert!(
-        machine
-            .borrow_mut()
-            .run_until(Duration::from_secs(2), |machine| { machine.can(CanPort::Bus0).is_on_bus() })
+        machine.borrow_mut().run_until(Duration::from_secs(2), |machine| {
+            machine.can(CanPort::Bus0).is_on_bus()
+        })
     );
     lab.run_for(Duration::from_millis(20));
     lab.send(0x142, &[2]);
@@ -290,7 +304,8 @@ fn a_reset_in_mid_frame_breaks_the_frame_off_and_leaves_the_nodes_alone() {
     assert!(machine.can(CanPort::Bus0).is_sending());
     machine.reset_by_pin();
     machine.run_for(Duration::from_millis(20));
-    let ends: Vec<FrameEnd> = machine.can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect();
+    let ends: Vec<FrameEnd> =
+        machine.can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect();
     assert_eq!(ends, [FrameEnd::Destroyed]);
     assert!(machine.can(CanPort::Bus0).is_on_bus(), "configured as before");
     assert_eq!(machine.node(node).heard(), []);

@@ -68,14 +68,19 @@ fn an_unlisted_register_is_noticed() {
 fn an_entry_that_no_longer_occurs_is_noticed() {
     let lab = Lab::configured();
     let met = gaps::met(&mut lab.machine.borrow_mut());
-    let gone =
-        Known { kind: Kind::Unimplemented, address: 0x4000_0000, register: "TIM2.CR1", reason: "none" };
+    let gone = Known {
+        kind: Kind::Unimplemented,
+        address: 0x4000_0000,
+        register: "TIM2.CR1",
+        reason: "none",
+    };
     let longer = [known(), &[gone]].concat();
     let error = gaps::check_met(&met, &longer).unwrap_err();
     assert!(error.contains("0x40000000 TIM2.CR1"), "{error}");
 }
 
-/// The addresses of the list are those of the registers that it names; where it names none there is none.
+/// The addresses of the list are those of the registers that it names; where it names none there is
+/// none.
 #[test]
 fn the_list_names_registers_at_their_addresses() {
     let lab = Lab::configured();
@@ -83,7 +88,8 @@ fn the_list_names_registers_at_their_addresses() {
     for Known { kind, address, register, .. } in known() {
         let (instance, name) = register.split_once('.').unwrap_or((register, ""));
         let mut peripherals = machine.part().bus().slots().iter().map(|slot| slot.peripheral());
-        let peripheral = peripherals.find(|peripheral| peripheral.name == instance).expect(instance);
+        let peripheral =
+            peripherals.find(|peripheral| peripheral.name == instance).expect(instance);
         if *kind == Kind::Undefined {
             let offset = address - peripheral.base;
             let is_one = peripheral.registers.iter().any(|spec| u64::from(spec.offset) == offset);

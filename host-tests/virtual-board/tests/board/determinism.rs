@@ -35,7 +35,8 @@ fn life(seed: u64) -> Record {
     lab.machine.borrow_mut().line(host).send(b"\0noise\0");
     lab.stay(Duration::from_millis(300));
     assert_eq!(trips(&lab.events()).len(), AXES.len(), "the fault struck");
-    let motors = AXES.map(|axis| lab.motor(axis, |motor| motor.log().entries().copied().collect())).to_vec();
+    let motors =
+        AXES.map(|axis| lab.motor(axis, |motor| motor.log().entries().copied().collect())).to_vec();
     let mut machine = lab.machine.borrow_mut();
     Record {
         can: [CanPort::Bus0, CanPort::Bus1].map(|port| machine.can(port).log().to_vec()),

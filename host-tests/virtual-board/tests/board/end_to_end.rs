@@ -3,16 +3,16 @@
 use std::time::Duration;
 
 use host_protocol::{
-    AxisState, BootReason, BusKind, CanFrame, Event, MotorTimeout, RawFrame, Reading, Setpoint, StopTarget,
-    TripReason,
+    AxisState, BootReason, BusKind, CanFrame, Event, MotorTimeout, RawFrame, Reading, Setpoint,
+    StopTarget, TripReason,
 };
 use mgw_client::Hold;
 use mgw_sim::{Motor, MotorEvent};
 use virtual_board::board::Board;
 
 use crate::lab::{
-    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, SEED, SPEEDS_RAD_S, STOPS, THRUSTER,
-    TTL, bus_of, bus_rs485, trips,
+    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, SEED, SPEEDS_RAD_S, STOPS,
+    THRUSTER, TTL, bus_of, bus_rs485, trips,
 };
 use crate::reaction::stop_within;
 use crate::wire;
@@ -37,8 +37,8 @@ fn hello_names_the_board_the_build_and_the_buses() {
     assert!((60_000..1_000_000).contains(&hello.time_us), "{} µs", hello.time_us);
 }
 
-/// RMD V3.6 §2.17.4 (current 1 A), thruster manual §1.3 (signal −5 %), D5 manual, common commands 2 (600 °/s), and RMD V3.6
-/// §2.13.4 over RS485 (read status 2).
+/// RMD V3.6 §2.17.4 (current 1 A), thruster manual §1.3 (signal −5 %), D5 manual, common commands 2
+/// (600 °/s), and RMD V3.6 §2.13.4 over RS485 (read status 2).
 #[test]
 fn the_manuals_bytes_are_on_the_wires() {
     let mut lab = Lab::configured();
@@ -62,7 +62,9 @@ fn the_manuals_bytes_are_on_the_wires() {
         (BUS_D5, "00B#D50B05032058028D"),
         (bus_rs485(), "3E01089C00000000000000F230"),
     ];
-    for (bus, text) in expected.into_iter().chain(AXES.map(|axis| (bus_of(axis), STOPS[usize::from(axis)]))) {
+    for (bus, text) in
+        expected.into_iter().chain(AXES.map(|axis| (bus_of(axis), STOPS[usize::from(axis)])))
+    {
         lab.first(bus, since, text);
     }
 }
@@ -76,13 +78,19 @@ fn a_frame_takes_the_time_of_its_bits() {
     let request = lab.first(BUS_RMD_AND_THRUSTER, since, "141#9C00000000000000");
     let heard = {
         let mut machine = lab.machine.borrow_mut();
-        let heard = machine.node(lab.probes[0]).heard().iter().find(|heard| heard.valid_at > since).copied();
+        let heard = machine
+            .node(lab.probes[0])
+            .heard()
+            .iter()
+            .find(|heard| heard.valid_at > since)
+            .copied();
         heard.expect("the probe hears it too")
     };
     assert_eq!(heard.first_bit(1e6), request.first_bit);
     // Valid one bit before its end.
     assert_eq!(heard.valid_at + Duration::from_micros(1), request.end);
-    // 108 bits of frame (8 bytes, 11-bit id), and 13 stuff bits: 64 bits of data, nearly all zeros, get one for every four.
+    // 108 bits of frame (8 bytes, 11-bit id), and 13 stuff bits: 64 bits of data, nearly all zeros,
+    // get one for every four.
     assert_eq!(request.end - request.first_bit, Duration::from_micros(108 + 13));
 }
 
@@ -105,10 +113,14 @@ fn states_are_told_in_si_units() {
     for (axis, name) in AXES.into_iter().zip(NAMES) {
         lab.keep(&holds, Duration::from_millis(40));
         let report = lab.report(axis);
-        let (speed, position) = lab.motor(axis, |motor| (motor.speed_rad_s(), motor.position_rad()));
+        let (speed, position) =
+            lab.motor(axis, |motor| (motor.speed_rad_s(), motor.position_rad()));
         let told = |reading: Option<Reading>| f64::from(reading.expect("it was read").value);
         // D5 tells whole degrees per second, the thruster whole revolutions per minute.
-        assert!((told(report.velocity_rad_s) - speed).abs() < 0.15, "{name}: {report:?}, really {speed}");
+        assert!(
+            (told(report.velocity_rad_s) - speed).abs() < 0.15,
+            "{name}: {report:?}, really {speed}"
+        );
         if axis != THRUSTER {
             // As far as it turned while the answer was on its way.
             let turned = (SPEEDS_RAD_S[usize::from(axis)] * 0.02).abs();
@@ -119,8 +131,11 @@ fn states_are_told_in_si_units() {
         }
         assert_eq!(report.faults.expect("it was read").word, 0, "{name}");
         assert_eq!(report.trip, None);
-        let timeout =
-            if axis == D5 { MotorTimeout::Verified } else { MotorTimeout::Written { timeout_ms: 1_000 } };
+        let timeout = if axis == D5 {
+            MotorTimeout::Verified
+        } else {
+            MotorTimeout::Written { timeout_ms: 1_000 }
+        };
         assert_eq!(report.motor_timeout, timeout, "{name}");
     }
     let report = lab.report(RMD);
@@ -142,7 +157,8 @@ fn a_position_is_reached_and_held() {
     }
     lab.keep(&holds, Duration::from_secs(1));
     for axis in [RMD, RMD_RS485] {
-        let (position, speed) = lab.motor(axis, |motor| (motor.position_rad(), motor.speed_rad_s()));
+        let (position, speed) =
+            lab.motor(axis, |motor| (motor.position_rad(), motor.speed_rad_s()));
         assert!((position - f64::from(TARGET_RAD)).abs() < 0.02, "axis {axis}: {position} rad");
         assert!(speed.abs() < 0.01, "axis {axis}: {speed} rad/s");
     }
@@ -193,7 +209,8 @@ fn raw_frames_pass_both_ways_on_rs485() {
         let RawFrame::Serial(bytes) = frame.frame else { panic!("{:?}", frame.frame) };
         received.extend_from_slice(&bytes);
     }
-    // Head, command, 25 °C, no current, speed and angle 0, and a checksum. The port hears itself, but tells only of others.
+    // Head, command, 25 °C, no current, speed and angle 0, and a checksum. The port hears itself,
+    // but tells only of others.
     assert_eq!(wire::hex(&received), "3E01089C190000000000007AF1");
 }
 

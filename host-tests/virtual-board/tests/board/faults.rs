@@ -1,4 +1,5 @@
-//! Faults, each in mid-motion, and what GUARANTEES promises: the end state, and the time until the stop.
+//! Faults, each in mid-motion, and what GUARANTEES promises: the end state, and the time until the
+//! stop.
 
 mod can_bus;
 mod host_link;

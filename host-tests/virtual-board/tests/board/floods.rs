@@ -12,8 +12,8 @@ use crate::wire;
 
 /// Pings of one round of the flood, after an e-stop.
 const PINGS: u16 = 9;
-/// The core does nothing else for 4.2 million instructions: `MOVW r3, #0xFFFF`, `LSLS r3, r3, #5`, `SUBS r3, #1`, `BNE` to it, `BX lr`.
-/// The rings hold 2.8 ms.
+/// The core does nothing else for 4.2 million instructions: `MOVW r3, #0xFFFF`, `LSLS r3, r3, #5`,
+/// `SUBS r3, #1`, `BNE` to it, `BX lr`. The rings hold 2.8 ms.
 const STALL: [u16; 6] = [0xF64F, 0x73FF, 0x015B, 0x3B01, 0xD1FD, 0x4770];
 /// At 250 and 168 million a second 17 and 25 ms.
 fn stalled() -> Duration {
@@ -27,7 +27,10 @@ fn stalled() -> Duration {
 fn stall(machine: &mut Machine) {
     let handle = Place::Function("gateway::gateway::Gateway::handle");
     machine.plant(handle, &Fault::Code(STALL.to_vec()));
-    assert!(machine.run_until(Duration::from_millis(50), |machine| machine.struck().is_some()), "stalled");
+    assert!(
+        machine.run_until(Duration::from_millis(50), |machine| machine.struck().is_some()),
+        "stalled"
+    );
     machine.heal();
     machine.run_for(stalled());
 }
@@ -81,7 +84,10 @@ fn what_comes_after_an_overflow_is_received_right() {
         machine.run_for(Duration::from_millis(30));
         machine.line(lab.outside.hosts[1]).take();
         let lines = log::take(&mut machine);
-        assert!(lines.iter().any(|line| line == "WARN host link 1: 1 overflows so far"), "{lines:?}");
+        assert!(
+            lines.iter().any(|line| line == "WARN host link 1: 1 overflows so far"),
+            "{lines:?}"
+        );
     }
     for _ in 0..20 {
         second.gateway_status().expect("a status");
@@ -89,17 +95,21 @@ fn what_comes_after_an_overflow_is_received_right() {
     assert_eq!(lab.report(RMD).trip, None);
 }
 
-/// From the last bit of a stop to the first of its first frame (GUARANTEES G5), and what the bytes before it may take.
+/// From the last bit of a stop to the first of its first frame (GUARANTEES G5), and what the bytes
+/// before it may take.
 const WITHIN: Duration = Duration::from_micros(300);
 
-/// The receiver takes 128 bytes at once, and may wait a millisecond for the end of a frame: not where it has come already.
+/// The receiver takes 128 bytes at once, and may wait a millisecond for the end of a frame: not
+/// where it has come already.
 #[test]
 fn a_stop_behind_a_backlog_of_any_length_acts_at_once() {
     let lab = Lab::configured();
     let host = lab.outside.hosts[1];
     let stop = Request::Stop(requests::Stop { target: StopTarget::All });
     let mut machine = lab.machine.borrow_mut();
-    for (backlog, sequence) in [0, 1, 100, 105, 110, 127, 128, 129, 140, 200, 230].into_iter().zip(1..) {
+    for (backlog, sequence) in
+        [0, 1, 100, 105, 110, 127, 128, 129, 140, 200, 230].into_iter().zip(1..)
+    {
         let mut bytes = vec![1; backlog];
         bytes.push(0);
         bytes.extend(frame(&stop, sequence));

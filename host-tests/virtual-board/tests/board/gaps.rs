@@ -1,5 +1,6 @@
-//! Where the emulator does not do what the part would: every place that the image may reach, with its reason. A gap that
-//! is not here fails the test that meets it, and so does an entry that a whole life of the board no longer meets.
+//! Where the emulator does not do what the part would: every place that the image may reach, with
+//! its reason. A gap that is not here fails the test that meets it, and so does an entry that a
+//! whole life of the board no longer meets.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -123,10 +124,13 @@ pub fn met(machine: &mut Machine) -> BTreeSet<Met> {
     met
 }
 
-/// Where a register is; an instance's first address where it has no register of that name, 0 without the instance.
+/// Where a register is; an instance's first address where it has no register of that name, 0
+/// without the instance.
 fn address_of(bus: &Bus, told: &Told) -> u64 {
     let mut peripherals = bus.slots().iter().map(|slot| slot.peripheral());
-    let Some(peripheral) = peripherals.find(|peripheral| peripheral.name == told.instance) else { return 0 };
+    let Some(peripheral) = peripherals.find(|peripheral| peripheral.name == told.instance) else {
+        return 0;
+    };
     let register = peripheral.registers.iter().find(|register| register.name == told.register);
     peripheral.base + register.map_or(0, |register| u64::from(register.offset))
 }
@@ -148,7 +152,10 @@ pub fn check_known(met: &BTreeSet<Met>, known: &[Known]) -> Result<(), String> {
         return Ok(());
     }
     let lines: Vec<_> = new.iter().map(ToString::to_string).collect();
-    Err(format!("the emulator has gaps that tests/board/gaps.rs does not list:\n{}", lines.join("\n")))
+    Err(format!(
+        "the emulator has gaps that tests/board/gaps.rs does not list:\n{}",
+        lines.join("\n")
+    ))
 }
 
 /// Every entry of the list was met.

@@ -1,4 +1,5 @@
-//! The clock of the board, from the ST-LINK or a crystal: missing at the start, late, and lost while motors turn.
+//! The clock of the board, from the ST-LINK or a crystal: missing at the start, late, and lost
+//! while motors turn.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -25,9 +26,11 @@ fn no_clock() -> &'static str {
 
 const ON_CAN: [u8; 3] = [RMD, THRUSTER, D5];
 
-/// How many buses the board offers, whether the last one, which is RS485, is among them, and why not all.
+/// How many buses the board offers, whether the last one, which is RS485, is among them, and why
+/// not all.
 fn offered(client: &mut Client<BoardTransport>) -> (usize, bool, Option<BusLimit>) {
-    let offered: Vec<bool> = client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
+    let offered: Vec<bool> =
+        client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
     let limit = client.gateway_status().expect("a status").bus_limit;
     (offered.iter().filter(|offered| **offered).count(), offered.last() == Some(&true), limit)
 }
@@ -99,5 +102,8 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     for axis in AXES {
         assert_eq!(lab.report(axis).state, AxisState::Tripped { confirmed: true }, "axis {axis}");
     }
-    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(), Some(Level::High));
+    assert_eq!(
+        lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(),
+        Some(Level::High)
+    );
 }

@@ -1,4 +1,5 @@
-//! A board with the simulator's four motors, a probe on each CAN bus, and a computer at each host link.
+//! A board with the simulator's four motors, a probe on each CAN bus, and a computer at each host
+//! link.
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -8,8 +9,8 @@ use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event, Protocol, ProtocolSet, Setpoint, StopAction, Trip, TripReason,
-    Value,
+    AxisParameter, AxisState, Error, Event, Protocol, ProtocolSet, Setpoint, StopAction, Trip,
+    TripReason, Value,
 };
 use mgw_client::{Client, ClientError, Hold, Transport};
 use mgw_sim::{Motor, MotorEvent};
@@ -47,9 +48,14 @@ const WIRING: [(Protocol, u32, StopAction); 4] = [
     (Protocol::Rmd, 0x01, StopAction::Hold),
 ];
 
-/// What stops each motor: 0x81 (RMD V3.6 §2.16), TC 0 (thruster manual §1.3), speed 0 (D5 manual, quick start 5).
-pub const STOPS: [&str; 4] =
-    ["141#8100000000000000", "30B#5443000000000000", "00B#D50B050320000033", "3E0108810000000000000032A5"];
+/// What stops each motor: 0x81 (RMD V3.6 §2.16), TC 0 (thruster manual §1.3), speed 0 (D5 manual,
+/// quick start 5).
+pub const STOPS: [&str; 4] = [
+    "141#8100000000000000",
+    "30B#5443000000000000",
+    "00B#D50B050320000033",
+    "3E0108810000000000000032A5",
+];
 
 /// Validity of a setpoint, the default of an axis.
 pub const TTL: Duration = Duration::from_millis(100);
@@ -62,7 +68,8 @@ const RENEWAL: Duration = Duration::from_millis(20);
 /// The seed of everything random outside the board.
 pub const SEED: u64 = 1;
 
-/// A board with its buses and axes configured. Every lab starts there; switched on once in a process.
+/// A board with its buses and axes configured. Every lab starts there; switched on once in a
+/// process.
 static CONFIGURED: LazyLock<Snapshot> = LazyLock::new(|| {
     let mut lab = Lab::power_on(SEED);
     lab.configure();
@@ -83,7 +90,8 @@ pub struct Lab {
 pub fn wired(seed: u64) -> (Builder, Outside, [CanNode<Probe>; 2]) {
     let mut board = Machine::builder();
     let outside = Outside::four_motors(&mut board, seed);
-    let probes = [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
+    let probes =
+        [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
     (board, outside, probes)
 }
 
@@ -114,7 +122,9 @@ impl Lab {
 
     /// Configures the buses and the axes, and the own timeouts of the motors that can be told.
     pub fn configure(&mut self) {
-        [BUS_RMD_AND_THRUSTER, BUS_D5, bus_rs485()].into_iter().for_each(|bus| self.configure_bus(bus));
+        [BUS_RMD_AND_THRUSTER, BUS_D5, bus_rs485()]
+            .into_iter()
+            .for_each(|bus| self.configure_bus(bus));
         AXES.into_iter().for_each(|axis| self.configure_axis(axis));
     }
 
@@ -126,7 +136,9 @@ impl Lab {
             _ => (115_200, &[Protocol::Rmd]),
         };
         let window = Duration::from_millis(5);
-        self.client.configure_bus(bus, bitrate, ProtocolSet::of(protocols), false, window).expect("a bus");
+        self.client
+            .configure_bus(bus, bitrate, ProtocolSet::of(protocols), false, window)
+            .expect("a bus");
     }
 
     /// Configures an axis, and the own timeout of its motor if that can be told.
@@ -140,7 +152,9 @@ impl Lab {
             (AxisParameter::StopAction, stop_action.into()),
         ];
         for (parameter, value) in values {
-            self.client.configure_axis(axis, parameter, Value::Unsigned(value)).expect("a parameter");
+            self.client
+                .configure_axis(axis, parameter, Value::Unsigned(value))
+                .expect("a parameter");
         }
         if protocol != Protocol::D5 {
             self.provision_timeout(axis);
@@ -187,11 +201,13 @@ impl Lab {
     /// Asserts that a motor turns as fast as it was told to.
     #[track_caller]
     pub fn assert_turning(&self, axis: u8) {
-        let (speed, wanted) = (self.motor(axis, Motor::speed_rad_s), SPEEDS_RAD_S[usize::from(axis)]);
+        let (speed, wanted) =
+            (self.motor(axis, Motor::speed_rad_s), SPEEDS_RAD_S[usize::from(axis)]);
         assert!((speed - wanted).abs() < 0.05 * wanted, "axis {axis}: {speed} rad/s");
     }
 
-    /// Goes on telling the axes what to do. One that trips meanwhile refuses, and the others are told all the same.
+    /// Goes on telling the axes what to do. One that trips meanwhile refuses, and the others are
+    /// told all the same.
     pub fn keep(&mut self, holds: &[Hold], duration: Duration) {
         let end = self.now() + duration;
         while self.now() < end {
@@ -234,7 +250,9 @@ impl Lab {
 
     /// What the gateway has told since the last time.
     pub fn events(&mut self) -> Vec<Event> {
-        let next = |_| self.client.poll_event(Duration::ZERO).expect("the link").map(|message| message.event);
+        let next = |_| {
+            self.client.poll_event(Duration::ZERO).expect("the link").map(|message| message.event)
+        };
         (0..).map_while(next).collect()
     }
 
@@ -248,16 +266,21 @@ impl Lab {
         let since = since.as_micros();
         self.motor(axis, |motor| {
             let entries = motor.log().entries();
-            entries.filter(|entry| u128::from(entry.time_us) >= since).map(|entry| entry.what).collect()
+            entries
+                .filter(|entry| u128::from(entry.time_us) >= since)
+                .map(|entry| entry.what)
+                .collect()
         })
     }
 
-    /// Asserts that a motor came to rest since an instant and stands, and that its own timeout did not strike before that.
+    /// Asserts that a motor came to rest since an instant and stands, and that its own timeout did
+    /// not strike before that.
     #[track_caller]
     pub fn assert_stopped_by_gateway(&self, axis: u8, since: Duration) {
         let log = self.motor_log(axis, since);
-        let first =
-            log.iter().find(|event| matches!(event, MotorEvent::Stopped { .. } | MotorEvent::Timeout { .. }));
+        let first = log
+            .iter()
+            .find(|event| matches!(event, MotorEvent::Stopped { .. } | MotorEvent::Timeout { .. }));
         assert!(matches!(first, Some(MotorEvent::Stopped { .. })), "axis {axis}: {log:?}");
         self.assert_standing(axis);
     }
@@ -277,7 +300,9 @@ impl Lab {
     /// The first frame on its bus since an instant that reads like this and arrived.
     #[track_caller]
     pub fn first(&self, bus: u8, since: Duration, text: &str) -> OnWire {
-        wire::find(&self.wire(bus, since), text).unwrap_or_else(|error| panic!("bus {bus}: {error}")).clone()
+        wire::find(&self.wire(bus, since), text)
+            .unwrap_or_else(|error| panic!("bus {bus}: {error}"))
+            .clone()
     }
 
     /// The first stop of an axis since an instant.
@@ -300,7 +325,8 @@ impl Drop for Lab {
 fn connect(machine: &Rc<RefCell<Machine>>, outside: &Outside, link: u8) -> Client<BoardTransport> {
     let transport = BoardTransport::new(machine, outside.hosts[usize::from(link)]);
     // Any number that differs from that of the session before.
-    let session = u32::try_from(transport.now().as_micros()).expect("within an hour") + u32::from(link);
+    let session =
+        u32::try_from(transport.now().as_micros()).expect("within an hour") + u32::from(link);
     Client::connect_as(transport, session, 1).expect("hello")
 }
 
@@ -316,7 +342,11 @@ pub fn wire_of(machine: &mut Machine, outside: &Outside, bus: u8, since: Duratio
         }
     };
     let records = machine.can(port).log();
-    records.iter().map(|record| wire::of_can(bus, record)).filter(|sent| sent.first_bit >= since).collect()
+    records
+        .iter()
+        .map(|record| wire::of_can(bus, record))
+        .filter(|sent| sent.first_bit >= since)
+        .collect()
 }
 
 /// The bus of an axis.

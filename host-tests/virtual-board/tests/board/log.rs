@@ -22,10 +22,12 @@ fn beginning<'a>(lines: &'a [String], begin: &str) -> Vec<&'a str> {
 #[test]
 fn the_start_and_the_buses_are_logged() {
     let lab = Lab::configured();
-    let (firmware, build) = (lab.client.hello().firmware.clone(), lab.client.hello().build_id.clone());
+    let (firmware, build) =
+        (lab.client.hello().firmware.clone(), lab.client.hello().build_id.clone());
     let lines = take(&mut lab.machine.borrow_mut());
     let board = Board::chosen().name();
-    let boot = format!("INFO motor gateway {firmware}, build {build}, on {board}, started by PowerOn");
+    let boot =
+        format!("INFO motor gateway {firmware}, build {build}, on {board}, started by PowerOn");
     assert_eq!(lines[0], boot, "{lines:?}");
     for (bus, text) in [
         (BUS_RMD_AND_THRUSTER, "CAN at 1000000 bit/s"),

@@ -1,5 +1,6 @@
-//! The unmodified image, end to end and under faults: commands go in through the public client library, what comes out
-//! is read on the virtual wires and in the motors' own logs. All of it in virtual time.
+//! The unmodified image, end to end and under faults: commands go in through the public client
+//! library, what comes out is read on the virtual wires and in the motors' own logs. All of it in
+//! virtual time.
 
 mod can;
 mod checkers;

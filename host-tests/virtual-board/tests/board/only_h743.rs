@@ -1,4 +1,5 @@
-//! What only the STM32H743 has: revisions, a RAM that DMA does not reach, a USB controller with two ways out.
+//! What only the STM32H743 has: revisions, a RAM that DMA does not reach, a USB controller with two
+//! ways out.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -59,9 +60,13 @@ impl Bench {
 #[test]
 fn revision_y_offers_one_can_bus_and_says_why() {
     let mut bench = Bench::of(Machine::builder().revision(Revision::Y));
-    let offered: Vec<bool> = bench.client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
+    let offered: Vec<bool> =
+        bench.client.hello().buses.iter().map(|bus| !bus.bitrates.is_empty()).collect();
     assert_eq!(offered, [true, false, true]);
-    assert_eq!(bench.client.gateway_status().expect("a status").bus_limit, Some(BusLimit::ChipRevision));
+    assert_eq!(
+        bench.client.gateway_status().expect("a status").bus_limit,
+        Some(BusLimit::ChipRevision)
+    );
     bench.configure(0).expect("bus 0 runs");
     assert!(matches!(bench.configure(1), Err(ClientError::Gateway(_))), "bus 1 is refused");
     assert_eq!(bench.wrong_frames(), 0);
@@ -103,7 +108,12 @@ fn the_ram_of_revision_y_is_set_before_it_is_used_after_every_reset() {
         machine.watch(AXI_SRAM);
         machine.run_for(START);
         machine.unwatch(AXI_SRAM);
-        let set = machine.part().h743().interconnect.sram_set().unwrap_or_else(|| panic!("{start}: not set"));
+        let set = machine
+            .part()
+            .h743()
+            .interconnect
+            .sram_set()
+            .unwrap_or_else(|| panic!("{start}: not set"));
         let used = machine.take_hits().first().unwrap_or_else(|| panic!("{start}: not used")).at;
         assert!(set < used, "{start}: set at {set:?}, used at {used:?}");
         machine.reset_by_pin();
@@ -118,7 +128,8 @@ fn the_ram_of_revision_v_is_left_as_it_is() {
     assert_eq!(machine.part().h743().interconnect.sram_set(), None);
 }
 
-/// DMA1 and DMA2 do not reach the DTCM (RM0433 2.1.6), and the driver panics at their error: a buffer in the wrong place ends the run.
+/// DMA1 and DMA2 do not reach the DTCM (RM0433 2.1.6), and the driver panics at their error: a
+/// buffer in the wrong place ends the run.
 #[test]
 fn a_message_in_memory_that_dma_does_not_reach_ends_the_run() {
     let mut bench = Bench::of(Machine::builder());
@@ -143,7 +154,10 @@ fn usb_starts_without_the_clock_of_an_external_transceiver() {
     let mut machine = Machine::builder().power_on();
     machine.run_for(START);
     let lines = log::take(&mut machine);
-    assert!(lines.iter().any(|line| line.starts_with("INFO host link 2: USB, serial number")), "{lines:?}");
+    assert!(
+        lines.iter().any(|line| line.starts_with("INFO host link 2: USB, serial number")),
+        "{lines:?}"
+    );
     let clocks = machine.part().bus().registers("RCC").expect("the part has one");
     assert!(!ahb1enr::USB2OTGHSULPIEN.is_set(clocks.get(Clocks::Ahb1enr)));
     assert!(!ahb1lpenr::USB2OTGHSULPILPEN.is_set(clocks.get(Clocks::Ahb1lpenr)));

@@ -17,16 +17,17 @@ const IDLE: Duration = Duration::from_micros(174);
 /// What a stop waits of a reply window (W), at most.
 const WINDOW: Duration = Duration::from_millis(1);
 
-/// From the decision to stop all four axes to the first bit of the stop of this one, while the buses carry their ordinary
-/// traffic (GUARANTEES G5).
+/// From the decision to stop all four axes to the first bit of the stop of this one, while the
+/// buses carry their ordinary traffic (GUARANTEES G5).
 pub fn stop_within(axis: u8) -> Duration {
     match axis {
         // Its bus has two, whose turn it may be; no reply outranks it: g + F(2k − 1), k = 2.
         RMD => SOFTWARE + FRAME_1M * 3,
         // The second, and the reply of the RMD outranks it: g + F(2k − 1 + m), k = 2, m = 1.
         THRUSTER => SOFTWARE + FRAME_1M * 4,
-        // A reply that is due has its id, so it waits for that: g + W + F(2k − 1), k = 1. G5 allows another F for a reply that begins
-        // at the end of W; the motors here begin within 0.4 ms, and what is later is our own delay.
+        // A reply that is due has its id, so it waits for that: g + W + F(2k − 1), k = 1. G5 allows
+        // another F for a reply that begins at the end of W; the motors here begin within
+        // 0.4 ms, and what is later is our own delay.
         D5 => SOFTWARE + WINDOW + FRAME_210K,
         // g + 2C + W + 20 / baud.
         _ => SOFTWARE + MESSAGE * 2 + WINDOW + IDLE,

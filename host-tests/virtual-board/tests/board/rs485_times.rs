@@ -1,5 +1,5 @@
-//! When a frame has left the RS485 line, at every baud rate: the reply window begins with its last stop bit, and nothing of ours lies
-//! over a motor's reply.
+//! When a frame has left the RS485 line, at every baud rate: the reply window begins with its last
+//! stop bit, and nothing of ours lies over a motor's reply.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -31,12 +31,17 @@ struct Bench {
 impl Bench {
     fn at(baud: u32) -> Self {
         let mut board = Machine::builder();
-        let motor =
-            MotorWiring { bus: bus_rs485(), protocol: Protocol::Rmd, node: 1, bitrate: baud, can_id: None };
+        let motor = MotorWiring {
+            bus: bus_rs485(),
+            protocol: Protocol::Rmd,
+            node: 1,
+            bitrate: baud,
+            can_id: None,
+        };
         let outside = Outside::connect(&mut board, &[motor], SEED).expect("a sound wiring");
         let machine = Rc::new(RefCell::new(board.power_on()));
-        let client =
-            Client::connect_as(BoardTransport::new(&machine, outside.hosts[0]), 1, 1).expect("hello");
+        let client = Client::connect_as(BoardTransport::new(&machine, outside.hosts[0]), 1, 1)
+            .expect("hello");
         let mut bench = Self { machine, outside, client };
         let protocols = ProtocolSet::of(&[Protocol::Rmd]);
         bench.client.configure_bus(bus_rs485(), baud, protocols, false, WINDOW).expect("a bus");
@@ -46,7 +51,10 @@ impl Bench {
             (AxisParameter::Node, 1),
             (AxisParameter::StopAction, StopAction::Hold.into()),
         ] {
-            bench.client.configure_axis(AXIS, parameter, Value::Unsigned(value)).expect("a parameter");
+            bench
+                .client
+                .configure_axis(AXIS, parameter, Value::Unsigned(value))
+                .expect("a parameter");
         }
         bench
     }
@@ -95,7 +103,8 @@ fn the_reply_window_begins_with_the_last_stop_bit() {
         let mut bench = Bench::at(baud);
         bench.client.read_state(AXIS).expect("a report");
         let usual = bench.reply_time();
-        // The reply, 13 bytes, ends just inside the window; it is known a byte later, when the line is idle. The motor's time varies.
+        // The reply, 13 bytes, ends just inside the window; it is known a byte later, when the line
+        // is idle. The motor's time varies.
         let reply = Duration::from_secs_f64(130.0 / f64::from(baud));
         let end = WINDOW - reply.mul_f64(2.0 / 13.0) - Duration::from_micros(70);
         bench.answer_after(end - reply - usual);

@@ -1,5 +1,5 @@
-//! How the firmware has set its three serial ports up: read from the registers, as the port's far end sees them, and in
-//! the configuration of the pins.
+//! How the firmware has set its three serial ports up: read from the registers, as the port's far
+//! end sees them, and in the configuration of the pins.
 
 use rigless::mcu::Operate;
 use rigless::soc::Width;
@@ -18,7 +18,8 @@ const MODER: u64 = 0x00;
 const AFRL: u64 = 0x20;
 /// Two bits of MODER: alternate function.
 const ALTERNATE: u32 = 0b10;
-/// PD4 to PD6 as USART2 (DS12110), PB10, PB11 and PB14 as USART3 (DS12288): tables of alternate functions.
+/// PD4 to PD6 as USART2 (DS12110), PB10, PB11 and PB14 as USART3 (DS12288): tables of alternate
+/// functions.
 const AF_USART: u32 = 7;
 
 /// What the RS485 port of the board is to be.
@@ -62,7 +63,8 @@ fn register(machine: &mut Machine, address: u64) -> u32 {
     u32::try_from(value).expect("32 bits")
 }
 
-/// Within half a per cent of 921600, where two per cent are allowed: 100 MHz / 109; 256 × 168 MHz / 46667 and 168 MHz / 182.
+/// Within half a per cent of 921600, where two per cent are allowed: 100 MHz / 109; 256 × 168 MHz /
+/// 46667 and 168 MHz / 182.
 #[test]
 fn both_host_links_run_at_921600_baud() {
     let lab = Lab::configured();
@@ -110,7 +112,8 @@ fn the_pins_of_the_rs485_port_belong_to_the_usart() {
     }
 }
 
-/// Each bitrate that the board offers is what the port then runs at, within the two per cent that a byte survives.
+/// Each bitrate that the board offers is what the port then runs at, within the two per cent that a
+/// byte survives.
 #[test]
 fn every_bitrate_of_the_rs485_port_is_what_it_says() {
     use host_protocol::{Protocol, ProtocolSet};
@@ -118,7 +121,9 @@ fn every_bitrate_of_the_rs485_port_is_what_it_says() {
     for bitrate in [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000] {
         let window = std::time::Duration::from_millis(5);
         let rmd = ProtocolSet::of(&[Protocol::Rmd]);
-        lab.client.configure_bus(crate::lab::bus_rs485(), bitrate, rmd, false, window).expect("configured");
+        lab.client
+            .configure_bus(crate::lab::bus_rs485(), bitrate, rmd, false, window)
+            .expect("configured");
         lab.run_for(std::time::Duration::from_millis(1));
         let line = lab.outside.rs485;
         let real = lab.machine.borrow_mut().line(line).settings().bits_per_second();

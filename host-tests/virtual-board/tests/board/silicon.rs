@@ -1,4 +1,5 @@
-//! What an emulated chip hides unless it is asked for: starts by the ROM, rings that lock, frames without a pause, faults at every start.
+//! What an emulated chip hides unless it is asked for: starts by the ROM, rings that lock, frames
+//! without a pause, faults at every start.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -53,8 +54,8 @@ fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
     assert!(resets.is_empty(), "{resets:?}");
 }
 
-/// The control registers of DMA1 that take what host link 1 and the RS485 line hear: streams 2 and 4 of the STM32H743, channels 3 and 5
-/// of the STM32G474. Bit 0 enables each.
+/// The control registers of DMA1 that take what host link 1 and the RS485 line hear: streams 2 and
+/// 4 of the STM32H743, channels 3 and 5 of the STM32G474. Bit 0 enables each.
 fn host_1_stream() -> u64 {
     match Board::chosen() {
         Board::NucleoH743zi => 0x4002_0040,
@@ -75,7 +76,8 @@ fn runs(machine: &mut Machine, stream: u64) -> bool {
     machine.part_mut().read(at, stream, Width::W32).expect("a register") & 1 == 1
 }
 
-/// Has a DMA stream take nothing any more, as one of revision Y can lock (ES0392, "DMA stream locked…").
+/// Has a DMA stream take nothing any more, as one of revision Y can lock (ES0392, "DMA stream
+/// locked…").
 fn lock(machine: &mut Machine, stream: u64) {
     let at = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
     let part = machine.part_mut();
@@ -136,15 +138,19 @@ fn frames_that_come_back_to_back_are_all_taken() {
     assert_eq!((status.counters.received, status.counters.receive_overflows), (30, 0));
 }
 
-/// Behind bus-off a controller joins again when the line has been recessive for 129 times 11 bits, whether the block was reset with
-/// it or not, as while the other bus runs: the pause before the restart is longer at every bitrate.
+/// Behind bus-off a controller joins again when the line has been recessive for 129 times 11 bits,
+/// whether the block was reset with it or not, as while the other bus runs: the pause before the
+/// restart is longer at every bitrate.
 #[test]
 fn a_bus_that_was_off_stays_away_for_129_times_11_bits_whatever_the_other_does() {
     for other_runs in [false, true] {
         let mut bench = Bench::of(Machine::builder());
         let protocols = ProtocolSet::of(&[Protocol::Rmd]);
         let slow = 50_000;
-        bench.client.configure_bus(0, slow, protocols, false, Duration::from_millis(5)).expect("bus 0 runs");
+        bench
+            .client
+            .configure_bus(0, slow, protocols, false, Duration::from_millis(5))
+            .expect("bus 0 runs");
         if other_runs {
             bench.configure(1).expect("bus 1 runs");
         }
@@ -179,13 +185,19 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
         machine.reset_by_pin();
         machine.run_for(Duration::from_millis(500));
         assert_eq!(machine.reports().resets.len(), 1 + FAILED_STARTS);
-        assert_eq!(machine.enable_output().driven(), Some(Level::Low), "whoever may turn is not known");
+        assert_eq!(
+            machine.enable_output().driven(),
+            Some(Level::Low),
+            "whoever may turn is not known"
+        );
     }
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.list_axes().expect("a list"), []);
     let words = lab.client.last_words().expect("a text");
     assert!(
-        words.starts_with("started without configuration, as start after start has failed: hard fault at"),
+        words.starts_with(
+            "started without configuration, as start after start has failed: hard fault at"
+        ),
         "{words}"
     );
     // The pin starts the count anew; what was configured is gone.

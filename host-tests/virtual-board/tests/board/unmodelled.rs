@@ -1,4 +1,5 @@
-//! The report of what the emulator does not model, after everything that the firmware can do with its peripherals.
+//! The report of what the emulator does not model, after everything that the firmware can do with
+//! its peripherals.
 
 use std::time::Duration;
 
@@ -8,7 +9,8 @@ use virtual_stm32::fdcan::Wiring;
 use crate::gaps;
 use crate::lab::{AXES, Lab, SEED};
 
-/// Start, configuration, motion on every bus, bus-off and return, line errors, a reset, and all of the start again.
+/// Start, configuration, motion on every bus, bus-off and return, line errors, a reset, and all of
+/// the start again.
 #[test]
 fn a_whole_life_meets_the_listed_gaps_and_no_others() {
     let mut lab = Lab::power_on(SEED);

@@ -1,4 +1,5 @@
-//! What was on the motor buses, as text: `141#A100000064000000` on CAN, `3E01089C00000000000000F230` on RS485.
+//! What was on the motor buses, as text: `141#A100000064000000` on CAN,
+//! `3E01089C00000000000000F230` on RS485.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -46,9 +47,11 @@ fn can_text(frame: &Frame) -> String {
     format!("{id}#{remote}{}", hex(frame.payload()))
 }
 
-/// The messages among the bytes that the gateway has sent on RS485: bytes without a pause between them.
+/// The messages among the bytes that the gateway has sent on RS485: bytes without a pause between
+/// them.
 pub fn of_rs485(bus: u8, sent: &[SentByte]) -> Vec<OnWire> {
-    let joined = |one: &SentByte, next: &SentByte| next.first_bit < one.end + (one.end - one.first_bit) / 2;
+    let joined =
+        |one: &SentByte, next: &SentByte| next.first_bit < one.end + (one.end - one.first_bit) / 2;
     sent.chunk_by(joined)
         .filter_map(|message| {
             let bytes: Vec<u8> = message.iter().map(|sent| sent.byte).collect();

@@ -21,7 +21,8 @@ const STARTED: Duration = Duration::from_millis(20);
 const EXPECTED_TOLD: [(&str, &str, &str); 2] = [
     // embassy-stm32 writes RTCSEL whatever stands there.
     ("RCC", "BDCR", "RTCSEL"),
-    // embassy-stm32 sets the dividers of PLL2 and PLL3 in the register in which PLL1's stands already.
+    // embassy-stm32 sets the dividers of PLL2 and PLL3 in the register in which PLL1's stands
+    // already.
     ("RCC", "PLLCKSELR", "PLL"),
 ];
 
@@ -106,11 +107,12 @@ fn a_branch_runs_as_the_board_does_which_never_knows() {
         format!("{:?}", part.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
     };
     let before = (machine.now(), machine.access_digest());
-    let branched =
-        [(); 2].map(|()| machine.branch(after, open, span, move |part| registers(part).into_bytes()));
+    let branched = [(); 2]
+        .map(|()| machine.branch(after, open, span, move |part| registers(part).into_bytes()));
     assert_eq!(branched[0], branched[1]);
     assert_eq!((machine.now(), machine.access_digest()), before);
-    let untouched = machine.branch(after, |_, _| {}, span, move |part| registers(part).into_bytes());
+    let untouched =
+        machine.branch(after, |_, _| {}, span, move |part| registers(part).into_bytes());
     assert!(untouched != branched[0], "the input was opened in the others");
     machine.run_for(after);
     machine.open_e_stop(true);
@@ -122,7 +124,12 @@ fn a_branch_runs_as_the_board_does_which_never_knows() {
 #[test]
 #[should_panic(expected = "the branch failed")]
 fn a_branch_that_panics_is_told() {
-    started().branch(Duration::ZERO, |_, _| panic!("in the branch"), Duration::ZERO, |_| Vec::new());
+    started().branch(
+        Duration::ZERO,
+        |_, _| panic!("in the branch"),
+        Duration::ZERO,
+        |_| Vec::new(),
+    );
 }
 
 #[test]
@@ -151,7 +158,8 @@ fn the_reset_pin_starts_it_again() {
     assert_ne!(second_log, first_log, "it was started by the pin this time");
 }
 
-/// RCC_RSR and its flag of the watchdog (RM0433 §8.7.39), which the firmware reads before it clears it.
+/// RCC_RSR and its flag of the watchdog (RM0433 §8.7.39), which the firmware reads before it clears
+/// it.
 #[test]
 fn the_watchdog_resets_the_part_when_nobody_feeds_it() {
     let mut machine = started();
@@ -159,7 +167,10 @@ fn the_watchdog_resets_the_part_when_nobody_feeds_it() {
     assert_eq!(machine.reports().resets, [], "it is fed");
     assert!(machine.part().watchdog_is_started());
     machine.plant(Place::Task("motor_gateway::tasks::supervisor::supervisor", 0), &Fault::Hang);
-    assert!(machine.run_until(Duration::from_millis(100), |machine| !machine.reports().resets.is_empty()));
+    assert!(
+        machine
+            .run_until(Duration::from_millis(100), |machine| !machine.reports().resets.is_empty())
+    );
     let resets = machine.reports().resets;
     assert_eq!(resets[0].cause, ResetCause::Model("IWDG"));
     let (hung, reset) = (machine.struck().unwrap(), since_start(resets[0].at));
@@ -197,7 +208,8 @@ fn a_watch_sees_each_write() {
 
 #[test]
 fn without_image_it_says_how_to_build_one() {
-    let missing = virtual_board::machine::Builder::new("/nowhere/motor-gateway".as_ref()).unwrap_err();
+    let missing =
+        virtual_board::machine::Builder::new("/nowhere/motor-gateway".as_ref()).unwrap_err();
     let message = missing.to_string();
     assert!(
         message.contains("/nowhere/motor-gateway") && message.contains("`.ci/virtual-board`"),

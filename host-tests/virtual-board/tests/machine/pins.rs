@@ -34,7 +34,9 @@ fn an_output_is_logged_to_the_access_that_changed_it() {
     machine.run_for(Duration::from_millis(1_700));
     let changes = machine.light().changes();
     assert!(changes.len() >= 3, "it blinks: {changes:?}");
-    assert!(changes.windows(2).all(|pair| pair[0].at <= pair[1].at && pair[0].level != pair[1].level));
+    assert!(
+        changes.windows(2).all(|pair| pair[0].at <= pair[1].at && pair[0].level != pair[1].level)
+    );
     let on: Vec<_> = changes.iter().filter(|change| change.level == Some(Level::High)).collect();
     assert!(!on.is_empty(), "{changes:?}");
     let last = *changes.last().unwrap();

@@ -36,8 +36,10 @@ fn a_panic_in_a_task_starts_the_part_again() {
 #[test]
 fn a_hard_fault_in_a_function_starts_the_part_again_and_again_until_it_is_healed() {
     let mut machine = started();
-    machine
-        .plant(Place::Function("motor_gateway::shared_gateway::SharedGateway::poll_host"), &Fault::HardFault);
+    machine.plant(
+        Place::Function("motor_gateway::shared_gateway::SharedGateway::poll_host"),
+        &Fault::HardFault,
+    );
     // Each start calls it: nothing to send yet.
     machine.reset_by_pin();
     machine.run_for(Duration::from_millis(100));

@@ -1,4 +1,5 @@
-//! What a reset leaves in the retained RAM, and what a power cycle does not; and why the part started.
+//! What a reset leaves in the retained RAM, and what a power cycle does not; and why the part
+//! started.
 
 use std::time::Duration;
 

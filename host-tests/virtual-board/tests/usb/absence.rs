@@ -81,7 +81,8 @@ fn a_host_that_stops_reading_holds_up_nobody_else(board: Board) {
     }
     let log = rig.log();
     assert!(
-        log.iter().any(|line| line == "INFO host link 2: 1 frames dropped so far, as no host took them"),
+        log.iter()
+            .any(|line| line == "INFO host link 2: 1 frames dropped so far, as no host took them"),
         "{log:?}"
     );
     rig.machine.borrow_mut().usb().set_reading(true);
@@ -89,7 +90,8 @@ fn a_host_that_stops_reading_holds_up_nobody_else(board: Board) {
     assert!(rig.is_answered(5000), "{:?}", rig.log());
 }
 
-/// Nobody has enumerated the board: what is to be told to that link goes nowhere, and the link works when somebody has.
+/// Nobody has enumerated the board: what is to be told to that link goes nowhere, and the link
+/// works when somebody has.
 fn frames_for_an_absent_host_are_dropped(board: Board) {
     let rig = Rig::connected(board);
     let subscribe = frame(&Request::GatewayStatus(requests::GatewayStatus {}), 9);

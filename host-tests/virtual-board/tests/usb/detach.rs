@@ -30,7 +30,9 @@ fn detach() -> Control {
 
 /// Stays in command for as long as a motor takes to stop.
 fn stay(client: &mut Client<BoardTransport>) {
-    client.hold(Duration::from_millis(200), |_| Ok(ControlFlow::Continue(()))).expect("the link lives");
+    client
+        .hold(Duration::from_millis(200), |_| Ok(ControlFlow::Continue(())))
+        .expect("the link lives");
 }
 
 fn a_detach_is_refused_while_an_axis_is_armed_and_granted_at_rest(board: Board) {

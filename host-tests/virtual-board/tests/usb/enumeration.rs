@@ -9,13 +9,14 @@ use crate::rtt;
 
 on_each_board!(a_host_enumerates_it);
 
-/// USB 2.1, class of several functions with associations, packets of 64; pid.codes' number for tests, version 0.1.0; strings 1 to 3,
-/// one configuration.
-const DEVICE: [u8; 18] = [18, 1, 0x10, 0x02, 0xEF, 2, 1, 64, 0x09, 0x12, 0x01, 0x00, 0x10, 0x00, 1, 2, 3, 1];
+/// USB 2.1, class of several functions with associations, packets of 64; pid.codes' number for
+/// tests, version 0.1.0; strings 1 to 3, one configuration.
+const DEVICE: [u8; 18] =
+    [18, 1, 0x10, 0x02, 0xEF, 2, 1, 64, 0x09, 0x12, 0x01, 0x00, 0x10, 0x00, 1, 2, 3, 1];
 /// Three interfaces; powered by the board, takes nothing from the cable.
 const CONFIGURATION: [u8; 9] = [9, 2, 96, 0, 3, 1, 0, 0xC0, 0];
-/// The serial port: an interface for its control with an interrupt endpoint, and one for its data with two of bulk. The G474's
-/// driver gives an endpoint one type for both directions.
+/// The serial port: an interface for its control with an interrupt endpoint, and one for its data
+/// with two of bulk. The G474's driver gives an endpoint one type for both directions.
 fn serial_port(board: Board) -> [u8; 61] {
     let bulk_out = match board {
         Board::NucleoH743zi => 0x01,
@@ -32,7 +33,8 @@ fn serial_port(board: Board) -> [u8; 61] {
         7, 5, 0x82, 2, 64, 0, 0, // bulk IN 2
     ]
 }
-/// The update interface at run time (DFU 1.1 §4.1): can be written, detaches by itself within 50 ms, packets of 64.
+/// The update interface at run time (DFU 1.1 §4.1): can be written, detaches by itself within 50
+/// ms, packets of 64.
 const UPDATE: [u8; 26] = [
     8, 11, 2, 1, 0xFE, 1, 1, 0, // association
     9, 4, 2, 0, 0, 0xFE, 1, 1, 0, // application specific, upgrade, run time

@@ -30,12 +30,14 @@ const fn bulk(board: Board) -> (u8, u8) {
     }
 }
 
-/// USB 2.0 §9.4.5 and §9.1.1.5: the first packet after the end of a halt, of one that was none, too, and after the choice of a
-/// configuration is DATA0. Programs and systems ask for it when they open a port.
+/// USB 2.0 §9.4.5 and §9.1.1.5: the first packet after the end of a halt, of one that was none,
+/// too, and after the choice of a configuration is DATA0. Programs and systems ask for it when they
+/// open a port.
 fn an_endpoint_begins_anew(board: Board) {
     let (out, input) = bulk(board);
-    let of_halt =
-        |feature, endpoint: u8| Control::write(TO_ENDPOINT, feature, ENDPOINT_HALT, endpoint.into(), &[]);
+    let of_halt = |feature, endpoint: u8| {
+        Control::write(TO_ENDPOINT, feature, ENDPOINT_HALT, endpoint.into(), &[])
+    };
     let endings = [of_halt(CLEAR_FEATURE, out), of_halt(CLEAR_FEATURE, input | 0x80)];
     let halts = [of_halt(SET_FEATURE, out), of_halt(SET_FEATURE, input | 0x80)];
     let configuration = [Control::write(TO_DEVICE, SET_CONFIGURATION, 1, 0, &[])];

@@ -29,7 +29,11 @@ fn an_abandoned_control_transfer_is_forgotten(board: Board) {
         machine.run_for(Duration::from_micros(1000 + micros));
         machine.usb().abandon_control();
         machine.run_for(Duration::from_millis(2));
-        assert_eq!(request(&mut machine, configuration.clone()).len(), 96, "abandoned after {micros} µs");
+        assert_eq!(
+            request(&mut machine, configuration.clone()).len(),
+            96,
+            "abandoned after {micros} µs"
+        );
     }
 }
 
@@ -47,7 +51,10 @@ fn what_is_not_there_is_refused(board: Board) {
     }
     // Endpoints that the chip does not have must not end in a panic of the driver.
     for endpoint in [0x0F, 0x8F, 0x83, 0x05] {
-        control(&mut machine, Control::write(TO_ENDPOINT, SET_FEATURE, ENDPOINT_HALT, endpoint, &[]));
+        control(
+            &mut machine,
+            Control::write(TO_ENDPOINT, SET_FEATURE, ENDPOINT_HALT, endpoint, &[]),
+        );
     }
     drop(machine);
     assert!(rig.is_answered(1));

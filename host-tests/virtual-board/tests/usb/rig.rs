@@ -1,4 +1,5 @@
-//! A board with a motor on CAN, a computer on a UART, and a USB host that has opened its serial port.
+//! A board with a motor on CAN, a computer on a UART, and a USB host that has opened its serial
+//! port.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -7,8 +8,8 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use host_protocol::{
-    AxisParameter, Deframer, Kind, MAX_FRAME, Protocol, ProtocolSet, Request, Setpoint, StopAction, Value,
-    requests,
+    AxisParameter, Deframer, Kind, MAX_FRAME, Protocol, ProtocolSet, Request, Setpoint, StopAction,
+    Value, requests,
 };
 use mgw_client::Client;
 use mgw_sim::MotorWiring;
@@ -59,14 +60,16 @@ pub struct Rig {
 }
 
 fn wired(board: Board) -> (Builder, Outside, CanNode<Probe>) {
-    let motor = MotorWiring { bus: BUS, protocol: Protocol::Rmd, node: 1, bitrate: BITRATE, can_id: None };
+    let motor =
+        MotorWiring { bus: BUS, protocol: Protocol::Rmd, node: 1, bitrate: BITRATE, can_id: None };
     let mut builder = builder(board);
     let outside = Outside::connect(&mut builder, &[motor], 1).expect("a sound wiring");
     let probe = builder.can_node(CanPort::Bus0, Probe::new(), None);
     (builder, outside, probe)
 }
 
-/// A board on whose USB a host has opened the serial port, with its bus and its axis configured over it.
+/// A board on whose USB a host has opened the serial port, with its bus and its axis configured
+/// over it.
 fn connected(board: Board) -> Snapshot {
     let (builder, outside, probe) = wired(board);
     let machine = Rc::new(RefCell::new(builder.power_on()));
@@ -75,7 +78,13 @@ fn connected(board: Board) -> Snapshot {
     let rig = Rig { board, machine, outside, probe };
     let mut client = rig.client();
     client
-        .configure_bus(BUS, BITRATE, ProtocolSet::of(&[Protocol::Rmd]), false, Duration::from_millis(5))
+        .configure_bus(
+            BUS,
+            BITRATE,
+            ProtocolSet::of(&[Protocol::Rmd]),
+            false,
+            Duration::from_millis(5),
+        )
         .expect("a bus");
     for (parameter, value) in [
         (AxisParameter::Bus, BUS.into()),
@@ -135,7 +144,9 @@ impl Rig {
     pub fn turn(client: &mut Client<BoardTransport>) {
         let epoch = client.arm(AXIS).expect("armed").epoch;
         let ttl = client.axis_ttl(AXIS).expect("its TTL");
-        client.set(AXIS, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, ttl).expect("taken over");
+        client
+            .set(AXIS, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, ttl)
+            .expect("taken over");
     }
 
     /// When the first stop of the motor since an instant began.

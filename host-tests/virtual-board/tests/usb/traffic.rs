@@ -22,7 +22,10 @@ fn the_information_is_the_same_over_usb(board: Board) {
     let over_usb = rig.client().info().expect("information");
     let over_uart = rig.uart().info().expect("information");
     assert_eq!(over_usb.board, board.name());
-    assert_eq!((&over_usb.firmware, &over_usb.build_id), (&over_uart.firmware, &over_uart.build_id));
+    assert_eq!(
+        (&over_usb.firmware, &over_usb.build_id),
+        (&over_uart.firmware, &over_uart.build_id)
+    );
     assert_eq!(over_usb.buses, over_uart.buses);
 }
 
@@ -36,7 +39,8 @@ fn transfers_of_each_size_arrive_whole(board: Board) {
     rig.run_for(Duration::from_millis(10));
     assert_eq!(rig.answers(), [0], "in packets of a byte");
     for size in [63, 64, 65, 512] {
-        // One request, as a reply waits for no other; in front of it frames that nobody understands.
+        // One request, as a reply waits for no other; in front of it frames that nobody
+        // understands.
         sequence += 1;
         let request = ping(sequence);
         let mut transfer = vec![0xAA; size - request.len()];
@@ -63,8 +67,8 @@ fn an_empty_packet_is_nothing(board: Board) {
     assert_eq!(rig.answers(), [1]);
 }
 
-/// A reply grows byte by byte with the raw frames that it carries. One that fills its last packet is followed by an empty one, and
-/// no other is.
+/// A reply grows byte by byte with the raw frames that it carries. One that fills its last packet
+/// is followed by an empty one, and no other is.
 fn replies_of_each_size_arrive_whole(board: Board) {
     let rig = Rig::connected(board);
     let mut client = rig.client();
@@ -83,7 +87,8 @@ fn replies_of_each_size_arrive_whole(board: Board) {
             machine.usb().take();
         }
         let mut machine = rig.machine.borrow_mut();
-        let request = host_protocol::Request::RawReceive(host_protocol::requests::RawReceive { bus: BUS });
+        let request =
+            host_protocol::Request::RawReceive(host_protocol::requests::RawReceive { bus: BUS });
         machine.usb().send(&crate::rig::frame(&request, sequence));
         machine.run_for(Duration::from_millis(2));
         let packets = machine.usb().take_packets();
@@ -102,7 +107,8 @@ fn replies_of_each_size_arrive_whole(board: Board) {
     }
 }
 
-/// Two hundred packets of pings; then a request for each reply. Replies that nobody waits for may be replaced by later ones.
+/// Two hundred packets of pings; then a request for each reply. Replies that nobody waits for may
+/// be replaced by later ones.
 fn both_directions_at_full_rate(board: Board) {
     let rig = Rig::connected(board);
     let (transfer, _) = pings(64 * 200, 0);

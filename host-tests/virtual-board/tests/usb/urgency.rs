@@ -13,7 +13,8 @@ on_each_board!(
     an_e_stop_among_pings_waits_for_few_of_them
 );
 
-/// SAFETY.md, Reaction times: 100 µs + F (2k − 1) for the only axis of a bus; F is 135 bits at 1 Mbit/s.
+/// SAFETY.md, Reaction times: 100 µs + F (2k − 1) for the only axis of a bus; F is 135 bits at 1
+/// Mbit/s.
 const BOUND: Duration = Duration::from_micros(100 + 135);
 /// The firmware's share of it.
 const SOFTWARE: Duration = Duration::from_micros(100);
@@ -66,7 +67,9 @@ fn an_e_stop_among_pings_waits_for_few_of_them(board: Board) {
         machine.usb().send(&pings(64 * 1000, 0x7001).0);
         let waiting = machine.usb().unsent();
         let begin = machine.now();
-        assert!(machine.run_until(Duration::from_millis(5), |machine| machine.usb().unsent() < waiting));
+        assert!(
+            machine.run_until(Duration::from_millis(5), |machine| machine.usb().unsent() < waiting)
+        );
         let taken = machine.now();
         machine.run_for(Duration::from_millis(5));
         drop(machine);

@@ -35,7 +35,8 @@ pub fn while_armed(
 ) -> Result<Vec<AxisReport>, Failure> {
     let mut armed = Vec::new();
     let held = arm_all(session, axes, &mut armed).and_then(|()| act(session, &armed));
-    // Whatever happened above: the next frames are the stops of what was armed here, which also disarm.
+    // Whatever happened above: the next frames are the stops of what was armed here, which also
+    // disarm.
     session.client.stop_armed()?;
     match held {
         Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) => Err(error.into()),
@@ -57,7 +58,8 @@ fn arm_all(session: &mut Session, axes: &[u8], held: &mut Vec<ArmedAxis>) -> Res
     Ok(())
 }
 
-/// Keeps the link alive and prints events until the time is over, the user interrupts, or an axis trips.
+/// Keeps the link alive and prints events until the time is over, the user interrupts, or an axis
+/// trips.
 fn hold_link(session: &mut Session, held: &[ArmedAxis], duration: Duration) -> Result<(), Failure> {
     let out = session.out;
     let axes: Vec<u8> = held.iter().map(|armed| armed.axis).collect();

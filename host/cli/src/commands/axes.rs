@@ -19,7 +19,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         );
     }
     let mut table = Table::new(&[">axis", ">bus", "protocol", ">node", "state", "missing"]);
-    let or_nothing = |value: Option<u8>| value.map_or(NOTHING.to_owned(), |value| value.to_string());
+    let or_nothing =
+        |value: Option<u8>| value.map_or(NOTHING.to_owned(), |value| value.to_string());
     for axis in &axes {
         table.row([
             axis.axis.to_string(),
@@ -34,8 +35,9 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
 }
 
 fn missing(axis: &AxisSummary) -> Option<&'static str> {
-    axis.missing
-        .map(|number| parameters::name(number).unwrap_or("a parameter that this program does not know"))
+    axis.missing.map(|number| {
+        parameters::name(number).unwrap_or("a parameter that this program does not know")
+    })
 }
 
 fn summary(axis: &AxisSummary) -> Value {

@@ -22,18 +22,23 @@ pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failu
         );
     }
     match &arguments.target {
-        None => {
-            Err(Failure::Usage("configure what? Name a bus, an axis, the gateway, or --file FILE".to_owned()))
-        }
+        None => Err(Failure::Usage(
+            "configure what? Name a bus, an axis, the gateway, or --file FILE".to_owned(),
+        )),
         Some(ConfigureTarget::Bus { bus, assignments }) => {
             BusPlan::parse(*bus, assignments)?.apply(&mut session.client)?;
             done(session, format!("bus {bus} configured"))
         }
-        Some(ConfigureTarget::Axis { axis, assignments }) => axis_parameters(session, *axis, assignments),
+        Some(ConfigureTarget::Axis { axis, assignments }) => {
+            axis_parameters(session, *axis, assignments)
+        }
         Some(ConfigureTarget::Gateway { assignments }) => gateway_parameters(session, assignments),
         Some(ConfigureTarget::Timeout { axis, milliseconds }) => {
             let timeout = session.client.provision_motor_timeout(*axis, *milliseconds)?;
-            let line = format!("axis {axis}: the motor's own timeout is {}", words::motor_timeout(timeout));
+            let line = format!(
+                "axis {axis}: the motor's own timeout is {}",
+                words::motor_timeout(timeout)
+            );
             session.out.either(line, &json!({ "axis": axis, "motor_timeout": to_json(&timeout) }))
         }
         Some(ConfigureTarget::Show { axis }) => show(session, *axis),
@@ -50,7 +55,8 @@ fn done(session: &Session, line: String) -> Result<(), Failure> {
 }
 
 fn axis_parameters(session: &mut Session, axis: u8, assignments: &[String]) -> Result<(), Failure> {
-    // All are read and checked before any is sent: a slip of the pen must not leave half a configuration.
+    // All are read and checked before any is sent: a slip of the pen must not leave half a
+    // configuration.
     let mut values = Vec::new();
     for assignment in assignments {
         let (name, text) = parameters::split(assignment)?;

@@ -1,4 +1,5 @@
-//! What `set`, `native`, `move` and `together` have in common: arming an axis, looking after it while it moves, stopping and disarming it.
+//! What `set`, `native`, `move` and `together` have in common: arming an axis, looking after it
+//! while it moves, stopping and disarming it.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -29,7 +30,8 @@ pub struct ArmedAxis {
     pub ttl: Duration,
 }
 
-/// Arms an axis, has `act` move it, and stops it. Then what `act` returned tells how it went, from the state at rest.
+/// Arms an axis, has `act` move it, and stops it. Then what `act` returned tells how it went, from
+/// the state at rest.
 pub fn drive<F>(
     session: &mut Session,
     axis: u8,
@@ -48,7 +50,8 @@ where
             tell_armed(session, axis, &armed).and_then(|()| act(session, armed_axis))
         }
     };
-    // Whatever happened above: the next frame is its stop. An interrupt has been followed by it already.
+    // Whatever happened above: the next frame is its stop. An interrupt has been followed by it
+    // already.
     session.client.stop_armed()?;
     if matches!(acted, Err(Failure::Client(ClientError::StopUnanswered { .. }))) {
         return acted.map(drop);
@@ -82,7 +85,8 @@ pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Fail
     )
 }
 
-/// The rounds of a hold: events and a table of states that grows with time, until something ends them.
+/// The rounds of a hold: events and a table of states that grows with time, until something ends
+/// them.
 pub struct Rounds {
     axes: Vec<ArmedAxis>,
     out: Output,
@@ -110,7 +114,11 @@ impl Rounds {
             Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
             printed => {
                 self.failure = printed.unwrap_or_else(Some);
-                Ok(if self.failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+                Ok(if self.failure.is_some() {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                })
             }
         }
     }
@@ -132,8 +140,8 @@ impl Rounds {
         Ok(if there { ControlFlow::Break(()) } else { round })
     }
 
-    /// The end of the hold. An interrupt ends it as its time does, and a command refused because the axis was stopped says less
-    /// than that.
+    /// The end of the hold. An interrupt ends it as its time does, and a command refused because
+    /// the axis was stopped says less than that.
     pub fn end(self, held: Result<(), ClientError>) -> Result<(), Failure> {
         if let Some(failure) = self.failure {
             return Err(failure);
@@ -144,7 +152,9 @@ impl Rounds {
                 Err(Failure::StoppedElsewhere { axis, state })
             }
             Err(error @ ClientError::Gateway(Error::StaleEpoch { .. })) => match *self.axes {
-                [ArmedAxis { axis, .. }] => Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed }),
+                [ArmedAxis { axis, .. }] => {
+                    Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
+                }
                 // Of several it does not say which.
                 _ => Err(error.into()),
             },
@@ -153,7 +163,10 @@ impl Rounds {
     }
 
     /// Prints the states from time to time; returns why an axis is no longer armed, if one is not.
-    fn print_if_due<T: Transport>(&mut self, client: &mut Client<T>) -> Result<Option<Failure>, Failure> {
+    fn print_if_due<T: Transport>(
+        &mut self,
+        client: &mut Client<T>,
+    ) -> Result<Option<Failure>, Failure> {
         if client.now() < self.next {
             return Ok(None);
         }
@@ -165,7 +178,9 @@ impl Rounds {
                 Err(ClientError::Gateway(Error::Busy { .. })) => continue,
                 report => report?,
             };
-            for line in states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed)) {
+            for line in
+                states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed))
+            {
                 self.out.text(line)?;
             }
             self.headings_printed = true;
@@ -189,13 +204,14 @@ pub fn no_longer_armed(report: &AxisReport, epoch: u32) -> Option<Failure> {
     }
 }
 
-/// The event with the times of the stop may come a little after the reply with the state. Returns the trip of the axis, if
-/// there was one.
+/// The event with the times of the stop may come a little after the reply with the state. Returns
+/// the trip of the axis, if there was one.
 fn print_confirmation(session: &mut Session, axis: u8) -> Result<Option<Failure>, Failure> {
     let end = session.client.now() + EVENT_PATIENCE;
     let mut tripped = None;
     while session.client.now() < end
-        && let Some(message) = session.client.poll_event(end.saturating_sub(session.client.now()))?
+        && let Some(message) =
+            session.client.poll_event(end.saturating_sub(session.client.now()))?
     {
         print_event(&message, session.out)?;
         tripped = tripped.or(trip_of(&message.event, &[axis]));

@@ -71,7 +71,12 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
             BusKind::Rs485 => "RS485",
         };
         let bitrates: Vec<String> = bus.bitrates.iter().map(ToString::to_string).collect();
-        table.row([number.to_string(), kind.to_owned(), words::protocols(bus.protocols), bitrates.join(" ")]);
+        table.row([
+            number.to_string(),
+            kind.to_owned(),
+            words::protocols(bus.protocols),
+            bitrates.join(" "),
+        ]);
     }
     out.table(&table)
 }
@@ -83,7 +88,9 @@ const MEMORY_DAMAGED: &str =
 /// Why a bus has no bitrate in the table.
 fn bus_limit(limit: BusLimit) -> &'static str {
     match limit {
-        BusLimit::BootPin => "bus 0 is off: its input is BOOT0 too; set nSWBOOT0 = 0 and nBOOT0 = 1",
+        BusLimit::BootPin => {
+            "bus 0 is off: its input is BOOT0 too; set nSWBOOT0 = 0 and nBOOT0 = 1"
+        }
         BusLimit::ChipRevision => {
             "bus 1 is off: with two CAN controllers this chip can read wrong frames; \
              buy one of revision V (NUCLEO-H743ZI2)"

@@ -1,5 +1,5 @@
-//! What the gateway would refuse to move, found before anything is armed: arming may free a brake. The rules are the gateway's own,
-//! for the configuration that it tells; it checks them again.
+//! What the gateway would refuse to move, found before anything is armed: arming may free a brake.
+//! The rules are the gateway's own, for the configuration that it tells; it checks them again.
 
 use gateway::{AxisRules, NativeEffect};
 use host_protocol::{AxisParameter, BusKind, Error, Setpoint, Value};
@@ -30,9 +30,13 @@ pub fn check_move(
     let Some(limits) = Limits::of(session, axis)? else { return Ok(()) };
     limits.rules.check_move(distance_rad, speed_limit_rad_s).map_err(refusal)?;
     // Where it would end is known only if the motor answers; if not, arming says so.
-    let start = session.client.read_state_when_free(axis).ok().and_then(|report| report.position_rad);
+    let start =
+        session.client.read_state_when_free(axis).ok().and_then(|report| report.position_rad);
     start.map_or(Ok(()), |start| {
-        limits.setpoint(Setpoint::Position { position_rad: start.value + distance_rad, speed_limit_rad_s })
+        limits.setpoint(Setpoint::Position {
+            position_rad: start.value + distance_rad,
+            speed_limit_rad_s,
+        })
     })
 }
 
@@ -40,7 +44,9 @@ impl Limits {
     /// `None` of an axis without protocol: arming names what it lacks.
     pub fn of(session: &mut Session, axis: u8) -> Result<Option<Self>, Failure> {
         let values = values(session, axis)?;
-        let is = |wanted: AxisParameter| move |(parameter, _): &&(AxisParameter, Value)| *parameter == wanted;
+        let is = |wanted: AxisParameter| {
+            move |(parameter, _): &&(AxisParameter, Value)| *parameter == wanted
+        };
         if !values.iter().any(|value| is(AxisParameter::Protocol)(&value)) {
             return Ok(None);
         }
@@ -73,7 +79,8 @@ impl Limits {
         self.rules.native_effect(data)
     }
 
-    /// Refuses a native command that the limits of the axis do not allow, or that could break one unnoticed.
+    /// Refuses a native command that the limits of the axis do not allow, or that could break one
+    /// unnoticed.
     pub fn native(&self, data: &[u8]) -> Result<(), Failure> {
         self.rules.check_native(data).map_err(refusal)
     }

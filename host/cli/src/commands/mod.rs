@@ -29,8 +29,8 @@ pub fn is_stop(command: &Command) -> bool {
     stop::asked_for(command).is_some()
 }
 
-/// Runs a command over `transport`, and gives authority back if it may have taken it. A stop is sent before all else.
-/// `interrupt` is what ends the command early.
+/// Runs a command over `transport`, and gives authority back if it may have taken it. A stop is
+/// sent before all else. `interrupt` is what ends the command early.
 pub fn run(
     transport: Box<dyn Transport>,
     interrupt: Interrupt,
@@ -92,6 +92,8 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         }
         Command::Watch(arguments) => watch::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
-        Command::Raw { bus, unsafe_access, action } => raw::run(session, *bus, *unsafe_access, action),
+        Command::Raw { bus, unsafe_access, action } => {
+            raw::run(session, *bus, *unsafe_access, action)
+        }
     }
 }

@@ -27,19 +27,22 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
     }
     limits::check_move(session, axis, distance, speed_limit)?;
     drive(session, axis, |session, armed| {
-        let target = session.client.move_relative(axis, armed.epoch, distance, speed_limit, armed.ttl)?;
+        let target =
+            session.client.move_relative(axis, armed.epoch, distance, speed_limit, armed.ttl)?;
         let MoveTarget { start_rad, target_rad } = target;
         session.out.either(
             format!("axis {axis} moves from {start_rad:.3} rad to {target_rad:.3} rad"),
             &json!({ "axis": axis, "start_rad": number(start_rad), "target_rad": number(target_rad) }),
         )?;
-        let setpoint = Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
+        let setpoint =
+            Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
         let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
         let is_there = move |report: &AxisReport| has_arrived(report, target_rad, tolerance);
-        let held = session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
-            rounds.turn_until(client, is_there)
-        });
+        let held =
+            session.client.hold_setpoints(&[hold], duration.unwrap_or(Duration::MAX), |client| {
+                rounds.turn_until(client, is_there)
+            });
         let arrived = rounds.latest.as_ref().is_some_and(is_there);
         rounds.end(held)?;
         Ok(move |session: &mut Session, report: &AxisReport| {
@@ -50,16 +53,23 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
 
 /// At rest near its target, by readings that are not old.
 fn has_arrived(report: &AxisReport, target_rad: f32, tolerance_rad: f32) -> bool {
-    let (Some(position), Some(velocity)) = (report.position_rad, report.velocity_rad_s) else { return false };
+    let (Some(position), Some(velocity)) = (report.position_rad, report.velocity_rad_s) else {
+        return false;
+    };
     position.age_us.max(velocity.age_us) < FRESH_US
         && (position.value - target_rad).abs() <= tolerance_rad
         && velocity.value.abs() < SLOW_RAD_S
 }
 
-fn tell(session: &Session, report: &AxisReport, target_rad: f32, arrived: bool) -> Result<(), Failure> {
+fn tell(
+    session: &Session,
+    report: &AxisReport,
+    target_rad: f32,
+    arrived: bool,
+) -> Result<(), Failure> {
     let AxisReport { axis, position_rad: position, .. } = *report;
-    let place =
-        position.map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
+    let place = position
+        .map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
     let text = if arrived { "has arrived" } else { "has not arrived" };
     let position = position.map_or(Value::Null, |position| number(position.value));
     session.out.either(

@@ -19,8 +19,8 @@ use crate::output::Output;
 use crate::parameters;
 use crate::session::Session;
 
-/// A command that cannot be kept up is ended by a stop before it expires, which would trip the axis: by this part of the axis's
-/// TTL, and by the time that the stop may need to get there.
+/// A command that cannot be kept up is ended by a stop before it expires, which would trip the
+/// axis: by this part of the axis's TTL, and by the time that the stop may need to get there.
 const ONCE_MARGIN_PARTS: u32 = 10;
 const ONCE_MARGIN_MIN: Duration = Duration::from_millis(30);
 
@@ -104,7 +104,9 @@ fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Fai
     let bytes = Bytes::from_slice(&data).map_err(too_long)?;
     let missing = Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() };
     let limits = Limits::of(session, axis)?.ok_or(ClientError::Gateway(missing))?;
-    let effect = limits.native_effect(&data).map_err(|error| native_request::explain(motor, &data, error))?;
+    let effect = limits
+        .native_effect(&data)
+        .map_err(|error| native_request::explain(motor, &data, error))?;
     let is_idle = state == AxisState::Idle;
     Ok(Command { motor, is_idle, data: bytes, effect, limits })
 }
@@ -117,9 +119,11 @@ fn motor(session: &mut Session, axis: u8) -> Result<(Motor, AxisState), Failure>
     }
     let axes = session.client.list_axes()?;
     let summary = axes.iter().find(|summary| summary.axis == axis);
-    let missing = |parameter: AxisParameter| Error::NotConfigured { axis, parameter: parameter.number() };
+    let missing =
+        |parameter: AxisParameter| Error::NotConfigured { axis, parameter: parameter.number() };
     let protocol = summary.and_then(|summary| summary.protocol);
-    let protocol = protocol.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Protocol)))?;
+    let protocol =
+        protocol.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Protocol)))?;
     let node = summary.and_then(|summary| summary.node);
     let node = node.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Node)))?;
     let bus = summary.and_then(|summary| summary.bus);

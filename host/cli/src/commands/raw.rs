@@ -20,7 +20,12 @@ const STANDARD_DIGITS: usize = 3;
 const FETCH_EVERY: Duration = Duration::from_millis(20);
 
 /// Opens the bus, sends and listens, and closes it.
-pub fn run(session: &mut Session, bus: u8, unsafe_access: bool, action: &RawAction) -> Result<(), Failure> {
+pub fn run(
+    session: &mut Session,
+    bus: u8,
+    unsafe_access: bool,
+    action: &RawAction,
+) -> Result<(), Failure> {
     let (frame, duration) = match action {
         RawAction::Send { frame, wait } => (Some(RawFrame::Can(can_frame(frame)?)), *wait),
         RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
@@ -31,7 +36,8 @@ pub fn run(session: &mut Session, bus: u8, unsafe_access: bool, action: &RawActi
     } else {
         session.client.raw_open(bus)?;
     }
-    let sent = frame.map_or(Ok(()), |frame| session.client.raw_send(bus, frame).map_err(Failure::from));
+    let sent =
+        frame.map_or(Ok(()), |frame| session.client.raw_send(bus, frame).map_err(Failure::from));
     let result = sent.and_then(|()| match listen(session, bus, duration) {
         // Ctrl-C is how it ends.
         Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
@@ -72,7 +78,9 @@ fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Fai
     let mut object = json::frame(&received.frame);
     object["bus"] = json!(bus);
     object["time_us"] = json!(received.time_us);
-    session.out.either(format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)), &object)
+    session
+        .out
+        .either(format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)), &object)
 }
 
 fn can_frame(text: &str) -> Result<CanFrame, Failure> {
@@ -125,7 +133,8 @@ mod tests {
         let frame = can_frame("141#9A00000000000000").unwrap();
         assert_eq!(frame, CanFrame::standard(0x141, &[0x9A, 0, 0, 0, 0, 0, 0, 0]).unwrap());
         assert_eq!(can_frame("00000141#").unwrap(), CanFrame::extended(0x141, &[]).unwrap());
-        for wrong in ["141", "141#9", "141#9A0000000000000000", "800#", "20000000#", "x#00", "#00"] {
+        for wrong in ["141", "141#9", "141#9A0000000000000000", "800#", "20000000#", "x#00", "#00"]
+        {
             assert!(can_frame(wrong).is_err(), "{wrong}");
         }
     }

@@ -46,7 +46,8 @@ fn setpoint(arguments: &SetArgs) -> Result<Setpoint, Failure> {
         Mode::Velocity => Setpoint::Velocity { velocity_rad_s: value },
         Mode::Position => {
             let needed = "a position needs the speed on the way: add --speed-limit RAD_S";
-            let speed_limit_rad_s = arguments.speed_limit.ok_or_else(|| Failure::Usage(needed.to_owned()))?;
+            let speed_limit_rad_s =
+                arguments.speed_limit.ok_or_else(|| Failure::Usage(needed.to_owned()))?;
             Setpoint::Position { position_rad: value, speed_limit_rad_s }
         }
         Mode::Impedance => {

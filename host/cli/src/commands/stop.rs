@@ -28,9 +28,14 @@ pub fn send_first(
         (Ok(()), _) => {
             connect(transport).map_err(|failure| Failure::StopTaken { cause: failure.to_string() })
         }
-        // An axis that is configured in part, or whose bus is not, was never armed: its report tells that there is nothing to stop.
+        // An axis that is configured in part, or whose bus is not, was never armed: its report
+        // tells that there is nothing to stop.
         (
-            Err(error @ ClientError::Gateway(Error::NotConfigured { .. } | Error::BusNotConfigured { .. })),
+            Err(
+                error @ ClientError::Gateway(
+                    Error::NotConfigured { .. } | Error::BusNotConfigured { .. },
+                ),
+            ),
             StopRequest::Stop(StopTarget::Axis(axis)),
         ) => {
             let mut session = connect(transport)?;
@@ -76,8 +81,12 @@ pub fn clear(
         target => session.client.clear(target)?,
     }
     let line = match target {
-        ClearTarget::Axis(axis) => format!("axis {axis} is cleared; it moves only when it is armed again"),
-        ClearTarget::Gateway => "the e-stop is cleared; tripped axes are cleared one by one".to_owned(),
+        ClearTarget::Axis(axis) => {
+            format!("axis {axis} is cleared; it moves only when it is armed again")
+        }
+        ClearTarget::Gateway => {
+            "the e-stop is cleared; tripped axes are cleared one by one".to_owned()
+        }
     };
     session.out.either(line, &json!({ "done": true }))
 }
@@ -85,5 +94,7 @@ pub fn clear(
 /// Has a holding motor let go.
 pub fn output_off(session: &mut Session, axis: u8) -> Result<(), Failure> {
     session.client.output_off(axis)?;
-    session.out.either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
+    session
+        .out
+        .either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
 }

@@ -22,8 +22,8 @@ enum Outcome {
     BusNotConfigured { bus: u8 },
 }
 
-/// Waits for the stops of these axes and prints what each came to. A stop that is not confirmed is a failure; an axis that
-/// could never be armed has nothing to stop.
+/// Waits for the stops of these axes and prints what each came to. A stop that is not confirmed is
+/// a failure; an axis that could never be armed has nothing to stop.
 pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     let mut result = Ok(());
     let mut outcomes = Vec::new();
@@ -39,16 +39,20 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
             Err(failure) => result = result.and(Err(failure)),
         }
     }
-    let reports: Vec<AxisReport> = outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
+    let reports: Vec<AxisReport> =
+        outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
     if !reports.is_empty() {
         session.out.table(&states::table(&reports))?;
     }
     for (axis, outcome) in &outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {
-            session.out.text(format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
+            session
+                .out
+                .text(format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
         }
     }
-    let objects: Vec<Value> = outcomes.iter().map(|(axis, outcome)| outcome.to_json(*axis)).collect();
+    let objects: Vec<Value> =
+        outcomes.iter().map(|(axis, outcome)| outcome.to_json(*axis)).collect();
     session.out.object(&json!({ "axes": objects }))?;
     result
 }
@@ -60,7 +64,9 @@ fn outcome(session: &mut Session, axis: u8) -> Result<Outcome, Failure> {
             Ok(Outcome::NotConfirmed(session.client.read_state(axis).ok()))
         }
         Err(Failure::Client(ClientError::Gateway(Error::NotConfigured { parameter, .. }))) => {
-            Ok(Outcome::NotConfigured { missing: parameters::name(parameter).unwrap_or("a parameter") })
+            Ok(Outcome::NotConfigured {
+                missing: parameters::name(parameter).unwrap_or("a parameter"),
+            })
         }
         Err(Failure::Client(ClientError::Gateway(Error::BusNotConfigured { bus }))) => {
             Ok(Outcome::BusNotConfigured { bus })
@@ -89,7 +95,8 @@ impl Outcome {
 
     /// The name of the outcome, beside what is known of the axis.
     fn to_json(&self, axis: u8) -> Value {
-        let mut value = self.report().map_or_else(|| json!({ "axis": axis }), |report| to_json(&report));
+        let mut value =
+            self.report().map_or_else(|| json!({ "axis": axis }), |report| to_json(&report));
         value["stop"] = json!(match self {
             Self::Confirmed(_) => "confirmed",
             Self::NotConfirmed(_) => "not_confirmed",

@@ -16,7 +16,8 @@ use crate::output::to_json;
 use crate::session::Session;
 use crate::words;
 
-/// Arms D5 motors, sets them in motion by one frame, holds their velocities, stops and disarms them.
+/// Arms D5 motors, sets them in motion by one frame, holds their velocities, stops and disarms
+/// them.
 pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failure> {
     let targets = targets(arguments)?;
     for Target { axis, velocity } in &targets {
@@ -24,8 +25,9 @@ pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failur
     }
     let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
     let duration = arguments.duration.unwrap_or(Duration::MAX);
-    let stopped =
-        while_armed(session, &axes, |session, armed| start_and_hold(session, &targets, armed, duration))?;
+    let stopped = while_armed(session, &axes, |session, armed| {
+        start_and_hold(session, &targets, armed, duration)
+    })?;
     for report in stopped {
         let axis = report.axis;
         session.out.either(
@@ -59,7 +61,8 @@ fn start_and_hold(
 ) -> Result<(), Failure> {
     let mut members: Members<Member, MAX_MEMBERS> = Members::new();
     let mut holds = Vec::new();
-    for (Target { velocity, .. }, ArmedAxis { axis, epoch, ttl }) in targets.iter().zip(armed.iter().copied())
+    for (Target { velocity, .. }, ArmedAxis { axis, epoch, ttl }) in
+        targets.iter().zip(armed.iter().copied())
     {
         let velocity_rad_s = *velocity;
         // There are no more than there may be.
@@ -68,9 +71,8 @@ fn start_and_hold(
     }
     let ttl = armed.iter().map(|armed| armed.ttl).min().unwrap_or_default();
     let mut rounds = Rounds::new(session, armed);
-    let held = session
-        .client
-        .start_together(&members, ttl)
-        .and_then(|()| session.client.hold_setpoints(&holds, duration, |client| rounds.turn(client)));
+    let held = session.client.start_together(&members, ttl).and_then(|()| {
+        session.client.hold_setpoints(&holds, duration, |client| rounds.turn(client))
+    });
     rounds.end(held)
 }

@@ -37,10 +37,12 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
     let period = Duration::from_millis(arguments.period);
     session.client.subscribe(&axes, fields, period)?;
     let now = session.client.now();
-    let unheard =
-        axes.iter().map(|axis| (*axis, Unheard { look_at: now + SILENT_AFTER, told: false })).collect();
-    let watched =
-        Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }.follow(session);
+    let unheard = axes
+        .iter()
+        .map(|axis| (*axis, Unheard { look_at: now + SILENT_AFTER, told: false }))
+        .collect();
+    let watched = Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }
+        .follow(session);
     let watched = match watched {
         // Ctrl-C is how it ends.
         Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
@@ -50,7 +52,11 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
         Ok(()) => true,
         Err(failure) => failure.is_from_gateway(),
     };
-    if reachable { watched.and(session.client.unsubscribe().map_err(Failure::from)) } else { watched }
+    if reachable {
+        watched.and(session.client.unsubscribe().map_err(Failure::from))
+    } else {
+        watched
+    }
 }
 
 /// Whether a motor answers.
@@ -83,7 +89,9 @@ impl Watch {
                 self.count_lost(session, message.dropped);
                 self.note_readings(session, &message.event);
                 match &message.event {
-                    Event::Sample { axis, .. } if self.is_wanted(*axis) => self.print(session, &message)?,
+                    Event::Sample { axis, .. } if self.is_wanted(*axis) => {
+                        self.print(session, &message)?
+                    }
                     Event::Sample { .. } => {}
                     _ => print_event(&EventMessage { dropped: 0, ..message }, session.out)?,
                 }
@@ -107,7 +115,8 @@ impl Watch {
         }
     }
 
-    /// Says once of each motor that has told nothing for a while that it does not answer, if it does not.
+    /// Says once of each motor that has told nothing for a while that it does not answer, if it
+    /// does not.
     fn tell_silent(&mut self, session: &mut Session) -> Result<(), Failure> {
         let now = session.client.now();
         for (axis, unheard) in &mut self.unheard {
@@ -115,13 +124,15 @@ impl Watch {
                 continue;
             }
             unheard.look_at = now + SILENT_AFTER;
-            // The fields asked for may be such as this motor has not, so silence alone does not tell.
+            // The fields asked for may be such as this motor has not, so silence alone does not
+            // tell.
             match session.client.read_state(*axis) {
                 Err(ClientError::Gateway(error @ Error::NoReply { .. })) => {
                     unheard.told = true;
-                    session
-                        .out
-                        .either(error.to_string(), &object!({ "axis": axis, "silent": error.to_string() }))?;
+                    session.out.either(
+                        error.to_string(),
+                        &object!({ "axis": axis, "silent": error.to_string() }),
+                    )?;
                 }
                 Ok(_) | Err(ClientError::Gateway(_) | ClientError::NoAnswer { .. }) => {}
                 Err(error) => return Err(error.into()),
@@ -141,8 +152,8 @@ impl Watch {
         count.map(|(_, count)| *count -= 1).is_some()
     }
 
-    /// Counts the samples and events that are missing before what comes next: those that the gateway had no room for, and
-    /// those that got lost or were too many on the way.
+    /// Counts the samples and events that are missing before what comes next: those that the
+    /// gateway had no room for, and those that got lost or were too many on the way.
     fn count_lost(&mut self, session: &Session, dropped: u32) {
         let losses = session.client.losses();
         let on_the_way = losses.events_lost + losses.events_dropped;
@@ -154,9 +165,9 @@ impl Watch {
     fn tell_lost(&mut self, session: &Session) -> Result<(), Failure> {
         match std::mem::take(&mut self.lost) {
             0 => Ok(()),
-            lost => {
-                session.out.either(format!("{lost} samples or events were lost"), &object!({ "lost": lost }))
-            }
+            lost => session
+                .out
+                .either(format!("{lost} samples or events were lost"), &object!({ "lost": lost })),
         }
     }
 
@@ -164,7 +175,8 @@ impl Watch {
         if session.out.is_json() {
             let mut sample = json::event(message);
             if let Some(sample) = sample.as_object_mut() {
-                let left_out = StateField::ALL.iter().filter(|field| !self.fields.contains(**field));
+                let left_out =
+                    StateField::ALL.iter().filter(|field| !self.fields.contains(**field));
                 left_out.for_each(|field| drop(sample.remove(states::json_name(*field))));
             }
             return session.out.object(&sample);

@@ -22,7 +22,9 @@ pub fn can(frame: &CanFrame) -> Result<Message, DecodeError> {
         return Err(DecodeError::RemoteFrame);
     }
     let data = frame.data();
-    let bytes = data.try_into().map_err(|_| DecodeError::Length { got: data.len(), expected: FRAME_LEN })?;
+    let bytes = data
+        .try_into()
+        .map_err(|_| DecodeError::Length { got: data.len(), expected: FRAME_LEN })?;
     d5::decode_frame(bytes)
 }
 

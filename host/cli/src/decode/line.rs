@@ -1,4 +1,5 @@
-//! One line of a capture: a CAN frame as candump writes it, or the bytes of a serial line in hexadecimal.
+//! One line of a capture: a CAN frame as candump writes it, or the bytes of a serial line in
+//! hexadecimal.
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 use host_protocol::{CanFrame, MAX_CAN_DATA};
@@ -52,8 +53,10 @@ impl Unreadable {
     };
     const CAN_ID: Self =
         Self { name: "can_id", message: "a CAN id ends at 7FF with 3 digits, at 1FFFFFFF with 8" };
-    const CAN_FD: Self = Self { name: "can_fd", message: "a CAN FD frame: the motors speak classic CAN" };
-    const ERROR_FRAME: Self = Self { name: "error_frame", message: "an error frame of the CAN controller" };
+    const CAN_FD: Self =
+        Self { name: "can_fd", message: "a CAN FD frame: the motors speak classic CAN" };
+    const ERROR_FRAME: Self =
+        Self { name: "error_frame", message: "an error frame of the CAN controller" };
     const LENGTH: Self = Self { name: "length", message: "more than 8 data bytes" };
     /// The kind of line that `--bus` or `--protocol` leaves out.
     pub const OTHER_BUS: Self =
@@ -191,14 +194,14 @@ pub struct HexBytes<'a> {
 }
 
 impl<'a> HexBytes<'a> {
-    /// `None` unless the text is pairs of digits and what may stand between them; `0x` may stand before a pair.
+    /// `None` unless the text is pairs of digits and what may stand between them; `0x` may stand
+    /// before a pair.
     fn new(text: &'a [u8]) -> Option<Self> {
         let mut rest = text;
         while !rest.is_empty() {
             rest = match rest {
-                [b'0', b'x' | b'X', rest @ ..] | [b' ' | b'\t' | b',' | b':' | b'.' | b'-', rest @ ..] => {
-                    rest
-                }
+                [b'0', b'x' | b'X', rest @ ..]
+                | [b' ' | b'\t' | b',' | b':' | b'.' | b'-', rest @ ..] => rest,
                 [high, low, rest @ ..] if nibble(*high).is_some() && nibble(*low).is_some() => rest,
                 _ => return None,
             };
@@ -243,7 +246,9 @@ mod tests {
     }
 
     fn why(text: &str) -> &'static str {
-        let Content::Unreadable(why) = Line::parse(text.as_bytes()).content else { panic!("{text}") };
+        let Content::Unreadable(why) = Line::parse(text.as_bytes()).content else {
+            panic!("{text}")
+        };
         why.name
     }
 
@@ -268,7 +273,8 @@ mod tests {
         assert_eq!(can("141 [2] 9A FF"), (bare, frame));
         assert_eq!(can("00000141#9AFF").1, CanFrame::extended(0x141, &[0x9A, 0xFF]).unwrap());
         assert_eq!(can("141#").1, CanFrame::standard(0x141, &[]).unwrap());
-        let remote = CanFrame::remote_frame(Id::Standard(StandardId::new(0x141).unwrap()), 8).unwrap();
+        let remote =
+            CanFrame::remote_frame(Id::Standard(StandardId::new(0x141).unwrap()), 8).unwrap();
         assert_eq!(can("141#R8").1, remote);
         assert_eq!(can("can0  141   [8]  remote request").1, remote);
     }
@@ -301,7 +307,9 @@ mod tests {
 
     #[test]
     fn serial_bytes_may_have_gaps() {
-        for text in ["3E01F230", "3e 01 f2 30", "3E:01:F2:30", "0x3E, 0x01, 0xF2, 0x30", "(1.5) 3E01 F230"] {
+        for text in
+            ["3E01F230", "3e 01 f2 30", "3E:01:F2:30", "0x3E, 0x01, 0xF2, 0x30", "(1.5) 3E01 F230"]
+        {
             assert_eq!(serial(text), [0x3E, 0x01, 0xF2, 0x30], "{text}");
         }
     }

@@ -33,7 +33,9 @@ const BUFFER: usize = 1 << 16;
 /// Decodes standard input to its end.
 pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     if (args.protocol, args.bus) == (ProtocolChoice::Thruster, Some(BusKind::Rs485)) {
-        return Err(Failure::Usage("thrusters have no serial line: leave `--bus rs485` away".to_owned()));
+        return Err(Failure::Usage(
+            "thrusters have no serial line: leave `--bus rs485` away".to_owned(),
+        ));
     }
     let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
     Decoder::new(args, Record::new(output, json)).run(io::stdin().lock())
@@ -60,7 +62,12 @@ struct Decoder<'a, W: Write> {
 
 impl<'a, W: Write> Decoder<'a, W> {
     fn new(args: &'a DecodeArgs, record: Record<W>) -> Self {
-        Self { args, record, scanner: Scanner::new(args.protocol), buses: Buses::new(args.headerless) }
+        Self {
+            args,
+            record,
+            scanner: Scanner::new(args.protocol),
+            buses: Buses::new(args.headerless),
+        }
     }
 
     fn run(mut self, input: impl Read) -> Result<(), Failure> {
@@ -110,7 +117,9 @@ impl<'a, W: Write> Decoder<'a, W> {
             Some(Protocol::Rmd) => rmd::write(bus.rmd_can.can(frame, direction), record),
             Some(Protocol::Thruster) => thruster::write(bus.thruster.can(frame), record),
             Some(Protocol::D5) => d5::write(d5::can(frame), record),
-            None => record.error("wrong_id", &"no protocol has this id, and the data begin no D5 frame"),
+            None => {
+                record.error("wrong_id", &"no protocol has this id, and the data begin no D5 frame")
+            }
         }
         record.end()
     }
@@ -157,8 +166,8 @@ enum Protocol {
     D5,
 }
 
-/// The protocol whose codec reads a CAN frame: the chosen one, else the one that has its id, else D5 if the data begin
-/// like one of its frames, whose ids are not given.
+/// The protocol whose codec reads a CAN frame: the chosen one, else the one that has its id, else
+/// D5 if the data begin like one of its frames, whose ids are not given.
 fn protocol_of(choice: ProtocolChoice, frame: &CanFrame) -> Option<Protocol> {
     match choice {
         ProtocolChoice::Rmd => Some(Protocol::Rmd),

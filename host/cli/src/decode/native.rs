@@ -7,9 +7,16 @@ use super::line::Origin;
 use super::record::{Raw, Record};
 use super::{d5, rmd, thruster};
 
-/// What `mgw decode` prints of a motor's reply to a request, both given as data fields. `frame` holds that of the reply; in JSON
-/// the axis stands beside it.
-pub fn reply(axis: u8, protocol: Protocol, node: u8, request: &[u8], reply: &[u8], json: bool) -> String {
+/// What `mgw decode` prints of a motor's reply to a request, both given as data fields. `frame`
+/// holds that of the reply; in JSON the axis stands beside it.
+pub fn reply(
+    axis: u8,
+    protocol: Protocol,
+    node: u8,
+    request: &[u8],
+    reply: &[u8],
+    json: bool,
+) -> String {
     let mut record = Record::new(Vec::new(), json);
     record.begin(&Origin::default(), Raw::Bytes(reply));
     match protocol {
@@ -67,7 +74,10 @@ mod tests {
         );
         let text = reply(0, Protocol::Rmd, 1, &CURRENT, &motion, false);
         assert!(text.starts_with("A1326400F4012D00"), "{text}");
-        assert!(text.ends_with("temperature_c=50 current_a=1 speed_dps=500 angle_deg=45"), "{text}");
+        assert!(
+            text.ends_with("temperature_c=50 current_a=1 speed_dps=500 angle_deg=45"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -79,7 +89,10 @@ mod tests {
     #[test]
     fn every_protocol() {
         let line = reply(2, Protocol::Thruster, 11, b"QV\0\0", b"QV\0\0\0\0\x01\x2C", true);
-        assert!(line.contains(r#""command":"read_speed""#) && line.contains(r#""speed_rpm":300"#), "{line}");
+        assert!(
+            line.contains(r#""command":"read_speed""#) && line.contains(r#""speed_rpm":300"#),
+            "{line}"
+        );
         let request = [0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38];
         let answer = [0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7];
         let line = reply(3, Protocol::D5, 11, &request, &answer, true);

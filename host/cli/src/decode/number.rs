@@ -2,7 +2,8 @@
 
 use std::io::Write;
 
-/// Fast path of physical values: whole hundredths, which are most of the quantities of the three protocols.
+/// Fast path of physical values: whole hundredths, which are most of the quantities of the three
+/// protocols.
 const HUNDREDTHS: f64 = 100.0;
 /// Up to here a count of hundredths and its decimal text mean the same `f64`.
 const EXACT: f64 = 1e15;
@@ -37,7 +38,8 @@ fn digit(value: u64) -> u8 {
     usize::try_from(value).ok().and_then(|value| DIGITS.get(value)).copied().unwrap_or_default()
 }
 
-/// Appends the shortest decimal text that means this number, or `null` for what JSON has no number for.
+/// Appends the shortest decimal text that means this number, or `null` for what JSON has no number
+/// for.
 pub fn push_physical(line: &mut Vec<u8>, value: f64) {
     if !value.is_finite() {
         line.extend_from_slice(b"null");

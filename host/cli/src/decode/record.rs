@@ -10,7 +10,8 @@ use super::line::Origin;
 use super::number::{push_hex, push_id, push_integer, push_physical};
 use crate::printable::printable;
 
-/// Columns of the text form: as wide as an RS485 frame, `thruster 127`, the longest direction and command.
+/// Columns of the text form: as wide as an RS485 frame, `thruster 127`, the longest direction and
+/// command.
 const FRAME_WIDTH: usize = 26;
 const MOTOR_WIDTH: usize = 12;
 const DIRECTION_WIDTH: usize = 7;
@@ -355,7 +356,8 @@ fn unusual_number(text: &[u8]) -> Option<String> {
         None => ("", mantissa.trim_start_matches('+')),
     };
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
-    let whole = Some(whole.trim_start_matches('0')).filter(|whole| !whole.is_empty()).unwrap_or("0");
+    let whole =
+        Some(whole.trim_start_matches('0')).filter(|whole| !whole.is_empty()).unwrap_or("0");
     let point = if fraction.is_empty() { "" } else { "." };
     Some(format!("{sign}{whole}{point}{fraction}{exponent}"))
 }
@@ -380,7 +382,10 @@ mod tests {
     use super::*;
 
     fn names(raw: u32, visit: &mut dyn FnMut(&'static str)) {
-        [(1, "low"), (2, "high")].iter().filter(|(bit, _)| raw & bit != 0).for_each(|(_, name)| visit(name));
+        [(1, "low"), (2, "high")]
+            .iter()
+            .filter(|(bit, _)| raw & bit != 0)
+            .for_each(|(_, name)| visit(name));
     }
 
     fn line(json: bool) -> String {

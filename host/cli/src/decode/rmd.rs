@@ -20,7 +20,8 @@ pub fn has_id(id: u16) -> bool {
         BROADCAST_ID, CAN_ID_ID, MOTION_REPLY_BASE, MOTION_REQUEST_BASE, REPLY_BASE, REQUEST_BASE,
     };
     let of_motor = |base: u16| {
-        id.checked_sub(base).is_some_and(|node| (u16::from(Node::MIN)..=u16::from(Node::MAX)).contains(&node))
+        id.checked_sub(base)
+            .is_some_and(|node| (u16::from(Node::MIN)..=u16::from(Node::MAX)).contains(&node))
     };
     [REQUEST_BASE, REPLY_BASE, MOTION_REQUEST_BASE, MOTION_REPLY_BASE].into_iter().any(of_motor)
         || matches!(id, BROADCAST_ID | CAN_ID_ID)
@@ -69,8 +70,13 @@ struct Motor {
 }
 
 impl Conversation {
-    /// The message of a CAN frame. Its id says which way it goes, but for the commands that read and set the id.
-    pub fn can(&mut self, frame: &CanFrame, choice: Option<DirectionChoice>) -> Result<Message, DecodeError> {
+    /// The message of a CAN frame. Its id says which way it goes, but for the commands that read
+    /// and set the id.
+    pub fn can(
+        &mut self,
+        frame: &CanFrame,
+        choice: Option<DirectionChoice>,
+    ) -> Result<Message, DecodeError> {
         let request = rmd::can::decode_any_request(frame);
         match request {
             Ok((target, request @ (Request::ReadCanId | Request::SetCanId { .. }))) => {
@@ -94,12 +100,13 @@ impl Conversation {
     ) -> Result<Message, DecodeError> {
         let request = rmd::rs485::decode_any_request(frame);
         let [_, _, _, data @ .., _, _] = frame;
-        let is_own_form = request.is_ok_and(|(_, request)| request.encode().is_ok_and(|own| own == *data));
+        let is_own_form =
+            request.is_ok_and(|(_, request)| request.encode().is_ok_and(|own| own == *data));
         self.either(request, rmd::rs485::decode_reply(frame), is_own_form, choice)
     }
 
-    /// A frame that may be either: a reply if it follows its own request, else a request if it has the form of one,
-    /// its unused bytes zero.
+    /// A frame that may be either: a reply if it follows its own request, else a request if it has
+    /// the form of one, its unused bytes zero.
     fn either(
         &mut self,
         request: Result<(Target, Request), DecodeError>,
@@ -182,14 +189,16 @@ impl Motor {
         }
         if let Reply::Status1 { faults, .. } = &reply {
             let due = std::mem::take(&mut self.status_1_due);
-            // Motors report faults unasked if so configured (RMD V3.6 §2.33.4). Right after an answer of the same kind
-            // it may as well be another one, whose request the capture has missed.
+            // Motors report faults unasked if so configured (RMD V3.6 §2.33.4). Right after an
+            // answer of the same kind it may as well be another one, whose request the
+            // capture has missed.
             let other_talk = self.answered.is_some_and(|command| command != reply.command());
             if !due && (self.reports || other_talk) && !faults.is_empty() {
                 return Message::Event(node, reply);
             }
         }
-        if let Some(request) = self.closed_loop.take_if(|request| request.command() == reply.command())
+        if let Some(request) =
+            self.closed_loop.take_if(|request| request.command() == reply.command())
             && rmd::answer(&request, &reply) == Answer::NotExecuted
         {
             return Message::NotExecuted(node, reply);
@@ -209,7 +218,10 @@ fn answers(request: &Request, reply: &Reply) -> bool {
 fn is_about_id(reply: &Reply) -> bool {
     matches!(
         reply,
-        Reply::CanId { .. } | Reply::CanIdSet { .. } | Reply::Rs485Id { .. } | Reply::Rs485IdSet { .. }
+        Reply::CanId { .. }
+            | Reply::CanIdSet { .. }
+            | Reply::Rs485Id { .. }
+            | Reply::Rs485IdSet { .. }
     )
 }
 
@@ -242,7 +254,12 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
     }
 }
 
-fn write_reply<W: Write>(direction: Direction, node: Node, reply: &Reply, record: &mut Record<W>) -> bool {
+fn write_reply<W: Write>(
+    direction: Direction,
+    node: Node,
+    reply: &Reply,
+    record: &mut Record<W>,
+) -> bool {
     record.message(direction, NAME, &Addressee::Node(node.get()), reply.name());
     reply.visit_fields(&mut put(record));
     reply.info().is_some()

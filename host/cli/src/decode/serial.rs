@@ -13,7 +13,8 @@ const D5_LENGTHS: [u8; 2] = [0x04, 0x05];
 const RMD_FRAME_LEN: usize = rmd::rs485::FRAME_LEN;
 const D5_FRAME_LEN: usize = d5::FRAME_LEN;
 
-/// Cuts bytes that come in pieces into frames and garbage. It holds no more than one piece and a frame begun.
+/// Cuts bytes that come in pieces into frames and garbage. It holds no more than one piece and a
+/// frame begun.
 pub struct Scanner {
     rmd: bool,
     d5: bool,
@@ -113,8 +114,9 @@ impl Scanner {
         let from = self.taken;
         if from >= self.broken_until {
             let rest = self.bytes.get(from..).unwrap_or_default();
-            let stands =
-                |at: &usize| !matches!(self.start(rest.get(*at..).unwrap_or_default()), Start::Nothing);
+            let stands = |at: &usize| {
+                !matches!(self.start(rest.get(*at..).unwrap_or_default()), Start::Nothing)
+            };
             self.broken_until = from + (0..rest.len()).find(stands).unwrap_or(rest.len());
         }
         if from < self.broken_until {
@@ -150,7 +152,8 @@ impl Scanner {
                 Some(frame) if is_rmd(frame) => Start::Frame(Piece::Rmd(frame)),
                 Some(_) => Start::Nothing,
             },
-            [d5::REQUEST_HEADER | d5::REPLY_HEADER] | [d5::REQUEST_HEADER | d5::REPLY_HEADER, _]
+            [d5::REQUEST_HEADER | d5::REPLY_HEADER]
+            | [d5::REQUEST_HEADER | d5::REPLY_HEADER, _]
                 if self.d5 =>
             {
                 begun()
@@ -164,16 +167,18 @@ impl Scanner {
         }
     }
 
-    /// What is wrong with bytes that are no frame, up to the first of which something else is wrong.
+    /// What is wrong with bytes that are no frame, up to the first of which something else is
+    /// wrong.
     fn broken(&self, bytes: &[u8]) -> (Broken, usize) {
         // What has only begun at the very end of the input might have become a frame.
         let is_end = self.ended && self.broken_until == self.bytes.len();
         let wrong = |at: usize| self.wrong_frame(bytes.get(at..).unwrap_or_default(), is_end);
         match wrong(0) {
             Some((why, length)) => (why, length),
-            None => {
-                (Broken::Garbage, (1..bytes.len()).find(|at| wrong(*at).is_some()).unwrap_or(bytes.len()))
-            }
+            None => (
+                Broken::Garbage,
+                (1..bytes.len()).find(|at| wrong(*at).is_some()).unwrap_or(bytes.len()),
+            ),
         }
     }
 
@@ -181,7 +186,8 @@ impl Scanner {
     fn wrong_frame(&self, bytes: &[u8], is_end: bool) -> Option<(Broken, usize)> {
         let length = match bytes {
             [RMD_HEADER] | [RMD_HEADER, _] if self.rmd && is_end => RMD_FRAME_LEN,
-            [d5::REQUEST_HEADER | d5::REPLY_HEADER] | [d5::REQUEST_HEADER | d5::REPLY_HEADER, _]
+            [d5::REQUEST_HEADER | d5::REPLY_HEADER]
+            | [d5::REQUEST_HEADER | d5::REPLY_HEADER, _]
                 if self.d5 && is_end =>
             {
                 D5_FRAME_LEN
@@ -190,7 +196,11 @@ impl Scanner {
             _ if self.d5 && has_d5_head(bytes) => D5_FRAME_LEN,
             _ => return None,
         };
-        Some(if bytes.len() < length { (Broken::Truncated, bytes.len()) } else { (Broken::Checksum, length) })
+        Some(if bytes.len() < length {
+            (Broken::Truncated, bytes.len())
+        } else {
+            (Broken::Checksum, length)
+        })
     }
 }
 
@@ -213,11 +223,13 @@ mod tests {
 
     /// Proven RMD frames: a 0x9C request and its reply.
     const REQUEST: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
-    const REPLY: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
+    const REPLY: [u8; 13] =
+        [0x3E, 0x01, 0x08, 0x9C, 0x19, 0x34, 0x12, 0x9C, 0xFF, 0x78, 0x56, 0x7A, 0xD8];
     /// D5 manual, row 2.
     const D5: [u8; 8] = [0xD5, 0x0B, 0x05, 0x01, 0x00, 0x00, 0x00, 0x11];
 
-    /// What a scanner finds in bytes that come in steps of this size: the bytes and, of a broken piece, why.
+    /// What a scanner finds in bytes that come in steps of this size: the bytes and, of a broken
+    /// piece, why.
     fn scan(choice: ProtocolChoice, bytes: &[u8], step: usize) -> Vec<(Vec<u8>, &'static str)> {
         let mut scanner = Scanner::new(choice);
         let mut found = Vec::new();
@@ -267,14 +279,24 @@ mod tests {
             scan(ProtocolChoice::Rmd, &line, 64),
             [(REQUEST.to_vec(), "rmd"), (D5.to_vec(), "garbage")]
         );
-        assert_eq!(scan(ProtocolChoice::D5, &line, 64), [(REQUEST.to_vec(), "garbage"), (D5.to_vec(), "d5")]);
+        assert_eq!(
+            scan(ProtocolChoice::D5, &line, 64),
+            [(REQUEST.to_vec(), "garbage"), (D5.to_vec(), "d5")]
+        );
     }
 
     #[test]
     fn what_is_wrong_has_a_name() {
         let mut spoilt = REPLY;
         spoilt[12] ^= 1;
-        let line = [&[0xEE][..], &spoilt, &REQUEST[..7], &REQUEST, &[0x3E, 0x9C, 0x01, 0x00, 0xDB], &D5[..4]];
+        let line = [
+            &[0xEE][..],
+            &spoilt,
+            &REQUEST[..7],
+            &REQUEST,
+            &[0x3E, 0x9C, 0x01, 0x00, 0xDB],
+            &D5[..4],
+        ];
         assert_eq!(
             scan(ProtocolChoice::Auto, &line.concat(), 64),
             [

@@ -1,10 +1,13 @@
-//! Thruster frames: the id says which way they go; what was asked before tells answers from what comes unasked.
+//! Thruster frames: the id says which way they go; what was asked before tells answers from what
+//! comes unasked.
 
 use std::io::Write;
 
 use embedded_can::Id;
 use host_protocol::CanFrame;
-use thruster::{DecodeError, Headerless, Node, Reply, Request, ReturnFlags, ReturnSource, Returned, command};
+use thruster::{
+    DecodeError, Headerless, Node, Reply, Request, ReturnFlags, ReturnSource, Returned, command,
+};
 
 use super::put;
 use super::record::{Direction, Motor, Record};
@@ -178,7 +181,12 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
     }
 }
 
-fn write_reply<W: Write>(direction: Direction, node: Node, reply: &Reply, record: &mut Record<W>) -> bool {
+fn write_reply<W: Write>(
+    direction: Direction,
+    node: Node,
+    reply: &Reply,
+    record: &mut Record<W>,
+) -> bool {
     record.message(direction, NAME, &Motor::Node(node.get()), reply.name());
     reply.visit_fields(&mut put(record));
     reply.info().is_some()

@@ -37,7 +37,12 @@ pub fn motions(epochs: &[Epoch]) -> Vec<Motion> {
     epochs
         .iter()
         .zip(SETPOINTS)
-        .map(|(armed, setpoint)| Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl })
+        .map(|(armed, setpoint)| Hold {
+            axis: armed.axis,
+            epoch: armed.epoch,
+            setpoint,
+            ttl: armed.ttl,
+        })
         .collect()
 }
 

@@ -53,7 +53,11 @@ pub fn introduce<T: Transport>(client: &Client<T>, out: Output) -> Result<(), Fa
 }
 
 /// Sends the configuration and shows it.
-pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output) -> Result<(), Failure> {
+pub fn configure<T: Transport>(
+    client: &mut Client<T>,
+    plan: &Plan,
+    out: Output,
+) -> Result<(), Failure> {
     plan.apply(client)?;
     heading(out, "2. Configuration (host/cli/examples/four-motors.toml)")?;
     for bus in plan.buses() {
@@ -82,7 +86,10 @@ pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output)
         let mut cells = vec![axis.axis.to_string()];
         for parameter in columns {
             let value = client.read_axis_parameter(axis.axis, parameter)?;
-            cells.push(value.map_or(NOTHING.to_owned(), |value| parameters::shown(parameter.info(), value)));
+            cells
+                .push(value.map_or(NOTHING.to_owned(), |value| {
+                    parameters::shown(parameter.info(), value)
+                }));
         }
         let report: AxisReport = client.read_state(axis.axis)?;
         cells.push(words::motor_timeout(report.motor_timeout));
@@ -92,7 +99,11 @@ pub fn configure<T: Transport>(client: &mut Client<T>, plan: &Plan, out: Output)
 }
 
 /// Arms every axis.
-pub fn arm<T: Transport>(client: &mut Client<T>, axes: &[u8], out: Output) -> Result<Vec<Epoch>, Failure> {
+pub fn arm<T: Transport>(
+    client: &mut Client<T>,
+    axes: &[u8],
+    out: Output,
+) -> Result<Vec<Epoch>, Failure> {
     heading(out, "3. Arming: only an armed axis may move")?;
     let mut epochs = Vec::new();
     for axis in axes {

@@ -23,7 +23,8 @@ const SILENCE: Duration = Duration::from_secs(3);
 pub struct Stop {
     pub axis: u8,
     trip: Option<Trip>,
-    /// From the trip to the first stop on the bus, and to the confirmation, µs; as the gateway says.
+    /// From the trip to the first stop on the bus, and to the confirmation, µs; as the gateway
+    /// says.
     confirmed: Option<(u32, u32)>,
     /// State at the end.
     state: AxisState,
@@ -103,7 +104,8 @@ fn note(stops: &mut [Stop], event: &Event) {
     }
 }
 
-/// When the shaft of a motor came to rest and stayed there, by its own log. The motors are wired in the order of the axes.
+/// When the shaft of a motor came to rest and stayed there, by its own log. The motors are wired in
+/// the order of the axes.
 fn at_rest(world: &World, axis: u8, from_us: u64) -> Option<u64> {
     let last = world.motor(usize::from(axis)).log().entries().rfind(|entry| {
         entry.time_us >= from_us
@@ -128,7 +130,8 @@ fn print(stops: &[Stop], silent_from_us: u64, out: Output) -> Result<(), Failure
             stop.axis.to_string(),
             stop.trip.map_or(NOTHING.to_owned(), |trip| words::trip_reason(&trip.reason)),
             stop.trip.map_or(NOTHING.to_owned(), |trip| since(trip.time_us)),
-            stop.confirmed.map_or(NOTHING.to_owned(), |(reaction, _)| milliseconds(reaction.into())),
+            stop.confirmed
+                .map_or(NOTHING.to_owned(), |(reaction, _)| milliseconds(reaction.into())),
             stop.confirmed.map_or(NOTHING.to_owned(), |(_, elapsed)| milliseconds(elapsed.into())),
             stop.at_rest_us.map_or(NOTHING.to_owned(), since),
             words::axis_state(stop.state).to_owned(),
@@ -153,7 +156,9 @@ fn milliseconds(span_us: u64) -> String {
 fn first_stops(frames: &[Decoded], from_us: u64) -> Vec<&Decoded> {
     let mut seen = Vec::new();
     let is_first = |decoded: &&Decoded| {
-        let Some(meaning) = decoded.meaning.as_ref().filter(|meaning| meaning.is_stop) else { return false };
+        let Some(meaning) = decoded.meaning.as_ref().filter(|meaning| meaning.is_stop) else {
+            return false;
+        };
         let motor = (decoded.entry.bus, meaning.motor.clone());
         let first = decoded.entry.from == Station::Gateway
             && decoded.entry.time_us >= from_us
@@ -166,11 +171,18 @@ fn first_stops(frames: &[Decoded], from_us: u64) -> Vec<&Decoded> {
     frames.iter().filter(is_first).collect()
 }
 
-fn print_motor_logs(world: &World, stops: &[Stop], from_us: u64, out: Output) -> Result<(), Failure> {
+fn print_motor_logs(
+    world: &World,
+    stops: &[Stop],
+    from_us: u64,
+    out: Output,
+) -> Result<(), Failure> {
     for Stop { axis, at_rest_us, .. } in stops {
         let motor = world.motor(usize::from(*axis));
         let until_us = at_rest_us.unwrap_or(u64::MAX);
-        for entry in motor.log().entries().filter(|entry| (from_us..=until_us).contains(&entry.time_us)) {
+        for entry in
+            motor.log().entries().filter(|entry| (from_us..=until_us).contains(&entry.time_us))
+        {
             out.either(
                 format!("t={}  axis {axis}  {motor}  {}", words::seconds(entry.time_us), entry.what),
                 &json!({ "axis": axis, "time_us": entry.time_us, "motor_log": entry.what.to_string() }),

@@ -30,20 +30,28 @@ pub struct Trace {
 impl Trace {
     /// Frames are read with the protocols that the plan gives their bus.
     pub fn new(plan: &Plan) -> Self {
-        Self { protocols: plan.buses().map(|bus| (bus.bus, bus.protocols)).collect(), frames: Vec::new() }
+        Self {
+            protocols: plan.buses().map(|bus| (bus.bus, bus.protocols)).collect(),
+            frames: Vec::new(),
+        }
     }
 
     /// Takes the frames that travelled since the last call, forgetting those before.
     pub fn collect(&mut self, world: &Rc<RefCell<World>>) -> &[Decoded] {
-        self.frames = world.borrow_mut().trace().into_iter().map(|entry| self.decode(entry)).collect();
+        self.frames =
+            world.borrow_mut().trace().into_iter().map(|entry| self.decode(entry)).collect();
         &self.frames
     }
 
     fn decode(&self, entry: TraceEntry) -> Decoded {
-        let protocols =
-            self.protocols.iter().find(|(bus, _)| *bus == entry.bus).map(|(_, protocols)| *protocols);
+        let protocols = self
+            .protocols
+            .iter()
+            .find(|(bus, _)| *bus == entry.bus)
+            .map(|(_, protocols)| *protocols);
         let from_gateway = entry.from == Station::Gateway;
-        let meaning = protocols.and_then(|protocols| frames::read(&entry.wire, from_gateway, protocols));
+        let meaning =
+            protocols.and_then(|protocols| frames::read(&entry.wire, from_gateway, protocols));
         Decoded { entry, meaning }
     }
 }

@@ -54,12 +54,16 @@ impl<R> Codec<R> {
             let names = self.sendable().map(|info| info.name);
             let names: Vec<&str> = names.filter(|name| !wanted.leaves_out(name)).collect();
             let (codec, names) = (self.name, names.join(", "));
-            return Err(Failure::Usage(format!("`{name}` is no {codec} command. These are: {names}")));
+            return Err(Failure::Usage(format!(
+                "`{name}` is no {codec} command. These are: {names}"
+            )));
         };
         let mut values = Vec::new();
         for (field, text) in &wanted.fields {
             let value = number(text).or_else(|| (self.word)(text)).ok_or_else(|| {
-                Failure::Usage(format!("--{field} {text}: not a number; write it like 12.5 or 0x1F"))
+                Failure::Usage(format!(
+                    "--{field} {text}: not a number; write it like 12.5 or 0x1F"
+                ))
             })?;
             values.push((field.as_str(), value));
         }
@@ -75,10 +79,14 @@ impl<R> Codec<R> {
         }
         for (field, _) in &values {
             if !info.request.iter().any(|info| info.name == *field) && !own.contains(field) {
-                return Err(Failure::Usage(format!("{name} has no field `{field}`. {}", fields(info))));
+                return Err(Failure::Usage(format!(
+                    "{name} has no field `{field}`. {}",
+                    fields(info)
+                )));
             }
         }
-        let given = |field: &str| values.iter().find(|(given, _)| *given == field).map(|(_, value)| *value);
+        let given =
+            |field: &str| values.iter().find(|(given, _)| *given == field).map(|(_, value)| *value);
         (self.build)(name, &given).map_err(|error| not_built(info, error))
     }
 
@@ -102,7 +110,13 @@ pub fn refused(error: EncodeError) -> Failure {
         EncodeError::Forbidden { field, value, .. } => ("Forbidden", field, value, None),
         EncodeError::Frame => ("Forbidden", "frame", 0, None),
     };
-    explained(Failure::Refused { name, field, value: value as f64, range, message: error.to_string() })
+    explained(Failure::Refused {
+        name,
+        field,
+        value: value as f64,
+        range,
+        message: error.to_string(),
+    })
 }
 
 fn not_built(info: &CommandInfo, error: BuildError) -> Failure {
@@ -112,9 +126,13 @@ fn not_built(info: &CommandInfo, error: BuildError) -> Failure {
         BuildError::MissingField { field } => {
             Failure::Usage(format!("{} needs --{field}. {}", info.name, fields(info)))
         }
-        BuildError::OutOfRange { field, value, min, max } => {
-            explained(Failure::Refused { name: "OutOfRange", field, value, range: Some((min, max)), message })
-        }
+        BuildError::OutOfRange { field, value, min, max } => explained(Failure::Refused {
+            name: "OutOfRange",
+            field,
+            value,
+            range: Some((min, max)),
+            message,
+        }),
         BuildError::NotAnInteger { field, value } => {
             Failure::Refused { name: "NotAnInteger", field, value, range: None, message }
         }
@@ -124,17 +142,22 @@ fn not_built(info: &CommandInfo, error: BuildError) -> Failure {
 
 /// With what is allowed, where a range alone does not tell.
 fn explained(failure: Failure) -> Failure {
-    let Failure::Refused { name, field, value, range, mut message } = failure else { return failure };
+    let Failure::Refused { name, field, value, range, mut message } = failure else {
+        return failure;
+    };
     match field {
         "bitrate" | "bitrate_kbps" => {
             let rates: Vec<String> =
                 thruster::BITRATES.iter().map(|info| info.setting.0.to_string()).collect();
             message = format!("{message}. Allowed are {} kbit/s", rates.join(", "));
         }
-        "timeout" | "timeout_ms" if range.is_some_and(|(_, max)| max == f64::from(thruster::TIMEOUT_MAX)) => {
+        "timeout" | "timeout_ms"
+            if range.is_some_and(|(_, max)| max == f64::from(thruster::TIMEOUT_MAX)) =>
+        {
             let (min, max) = (thruster::TIMEOUT_MIN, thruster::TIMEOUT_MAX);
-            message =
-                format!("{field} {value} is refused: allowed are 0, which is off, and {min}..={max} ms");
+            message = format!(
+                "{field} {value} is refused: allowed are 0, which is off, and {min}..={max} ms"
+            );
         }
         _ => {}
     }
@@ -161,10 +184,14 @@ fn d5_register(text: &str) -> Option<f64> {
     d5::REGISTERS.iter().find(|info| info.name == text).map(|info| f64::from(info.register.0))
 }
 
-/// What is written may go by the name of the register's own field; behind it that of the register which is written with it.
+/// What is written may go by the name of the register's own field; behind it that of the register
+/// which is written with it.
 fn d5_own_fields(values: &[(&str, f64)]) -> Vec<&'static str> {
     let address = values.iter().find(|(name, _)| *name == "register").map(|(_, address)| *address);
     let is_it = |info: &&d5::RegisterInfo| address == Some(f64::from(info.register.0));
     let own = d5::REGISTERS.iter().find(is_it);
-    own.into_iter().chain(own.and_then(|own| own.register.written_with())).map(|info| info.field).collect()
+    own.into_iter()
+        .chain(own.and_then(|own| own.register.written_with()))
+        .map(|info| info.field)
+        .collect()
 }

@@ -68,8 +68,9 @@ fn objects(fields: &[FieldInfo]) -> Vec<serde_json::Value> {
 
 /// The registers that `read` and `write` take.
 fn registers(out: Output) -> Result<(), Failure> {
-    let mut table =
-        Table::new(&[">address", "register", "field", ">min", ">max", "unit", "access", "width", ">default"]);
+    let mut table = Table::new(&[
+        ">address", "register", "field", ">min", ">max", "unit", "access", "width", ">default",
+    ]);
     for info in &d5::REGISTERS {
         let (min, max) = info.value_range();
         let default = info.default.map_or("-".to_owned(), |default| default.to_string());
@@ -85,9 +86,20 @@ fn registers(out: Output) -> Result<(), Failure> {
             "width": width,
             "default": info.default,
         }))?;
-        let (name, field, unit) = (info.name.to_owned(), info.field.to_owned(), info.unit.to_owned());
+        let (name, field, unit) =
+            (info.name.to_owned(), info.field.to_owned(), info.unit.to_owned());
         let address = format!("0x{:02X}", info.register.0);
-        table.row([address, name, field, min.to_string(), max.to_string(), unit, access, width, default]);
+        table.row([
+            address,
+            name,
+            field,
+            min.to_string(),
+            max.to_string(),
+            unit,
+            access,
+            width,
+            default,
+        ]);
     }
     out.text("")?;
     out.table(&table)

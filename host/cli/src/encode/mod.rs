@@ -37,7 +37,8 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
         CodecChoice::Thruster => "thruster",
         CodecChoice::D5 => "d5",
     };
-    let object = json!({ "frame": frame, "protocol": protocol, "node": node, "command": wanted.command()? });
+    let object =
+        json!({ "frame": frame, "protocol": protocol, "node": node, "command": wanted.command()? });
     out.either(&frame, &object)
 }
 
@@ -53,7 +54,9 @@ const IDS_OF_THEIR_OWN: [&str; 5] =
 fn elsewhere(command: &str) -> &'static str {
     match command {
         "motion_mode" => "a CAN id of its own. Use `mgw set AXIS impedance`",
-        "read_rs485_id" | "set_rs485_id" => "RS485 id CD, which every motor of the line hears. Use `mgw raw`",
+        "read_rs485_id" | "set_rs485_id" => {
+            "RS485 id CD, which every motor of the line hears. Use `mgw raw`"
+        }
         _ => "CAN id 300, which every motor of the bus hears. Use `mgw raw`",
     }
 }
@@ -100,7 +103,10 @@ fn is_for_all(request: &rmd::Request) -> bool {
     use rmd::Request;
     matches!(
         request,
-        Request::ReadCanId | Request::SetCanId { .. } | Request::ReadRs485Id | Request::SetRs485Id { .. }
+        Request::ReadCanId
+            | Request::SetCanId { .. }
+            | Request::ReadRs485Id
+            | Request::SetRs485Id { .. }
     )
 }
 
@@ -114,13 +120,16 @@ fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
     let frame = match (wanted.bus.unwrap_or(BusKind::Can), node) {
         (BusKind::Can, Some(node)) => rmd::can::request(node, &request).map(can_text),
         (BusKind::Can, None) => rmd::can::broadcast(&request).map(can_text),
-        (BusKind::Rs485, Some(node)) => rmd::rs485::request(node, &request).map(|bytes| words::hex(&bytes)),
+        (BusKind::Rs485, Some(node)) => {
+            rmd::rs485::request(node, &request).map(|bytes| words::hex(&bytes))
+        }
         (BusKind::Rs485, None) => rmd::rs485::broadcast(&request).map(|bytes| words::hex(&bytes)),
     };
     frame.map_err(|error| match (refused(error), wanted.command()) {
         // The codec knows its number only.
         (Failure::Refused { name, field: field @ "command", value, range, .. }, Ok(command)) => {
-            let message = format!("command {command} is refused: it does not go on this kind of bus");
+            let message =
+                format!("command {command} is refused: it does not go on this kind of bus");
             Failure::Refused { name, field, value, range, message }
         }
         (failure, _) => failure,
@@ -129,11 +138,15 @@ fn rmd_frame(wanted: &Wanted) -> Result<String, Failure> {
 
 fn thruster_frame(wanted: &Wanted) -> Result<String, Failure> {
     if wanted.bus == Some(BusKind::Rs485) {
-        return Err(Failure::Usage("thrusters have no serial line: leave `--bus rs485` away".to_owned()));
+        return Err(Failure::Usage(
+            "thrusters have no serial line: leave `--bus rs485` away".to_owned(),
+        ));
     }
     let request = THRUSTER.build(wanted)?;
     let To::Node(node) = wanted.to()? else {
-        return Err(Failure::Usage("thrusters are commanded one by one: give `--node` a number".to_owned()));
+        return Err(Failure::Usage(
+            "thrusters are commanded one by one: give `--node` a number".to_owned(),
+        ));
     };
     let node = thruster::Node::new(node).map_err(refused)?;
     thruster::can::request(node, &request).map(can_text).map_err(refused)

@@ -1,5 +1,5 @@
-//! What the words after `mgw encode` ask for. Field names depend on the command, so these words are read here and not
-//! by clap; its options may stand among them too.
+//! What the words after `mgw encode` ask for. Field names depend on the command, so these words are
+//! read here and not by clap; its options may stand among them too.
 
 use clap::ValueEnum;
 
@@ -67,10 +67,12 @@ impl Wanted {
                 }
             }
         }
-        let protocol =
-            protocol.ok_or_else(|| usage("whose command? Give --protocol rmd, thruster or d5".into()))?;
+        let protocol = protocol
+            .ok_or_else(|| usage("whose command? Give --protocol rmd, thruster or d5".into()))?;
         if can_id.is_some() && protocol != CodecChoice::D5 {
-            return Err(usage("--can-id is for d5: the other protocols have ids of their own".into()));
+            return Err(usage(
+                "--can-id is for d5: the other protocols have ids of their own".into(),
+            ));
         }
         let to = node.as_deref().map(to).transpose()?;
         Ok(Self { protocol, to, bus, can_id, list, left_out: &[], command, fields })
@@ -85,7 +87,8 @@ impl Wanted {
         left_out: &'static [&'static str],
     ) -> Self {
         let command = Some(command.replace('-', "_"));
-        let fields = fields.into_iter().map(|(name, value)| (name.replace('-', "_"), value)).collect();
+        let fields =
+            fields.into_iter().map(|(name, value)| (name.replace('-', "_"), value)).collect();
         let to = Some(To::Node(node));
         Self { protocol, to, bus: None, can_id: None, list: false, left_out, command, fields }
     }

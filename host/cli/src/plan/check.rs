@@ -1,4 +1,5 @@
-//! What a gateway would refuse of a plan whatever else it is configured with, by the rules that it has itself.
+//! What a gateway would refuse of a plan whatever else it is configured with, by the rules that it
+//! has itself.
 
 use gateway::AxisRules;
 use host_protocol::replies::HelloReply;
@@ -10,14 +11,17 @@ use crate::failure::Failure;
 impl Plan {
     /// Refuses a plan that the gateway which said this hello cannot take.
     pub fn check(&self, hello: &HelloReply) -> Result<(), Failure> {
-        let place = |line: usize, name: String, failure: Failure| match (self.path.as_str(), failure) {
-            (path, Failure::Explained { error, text }) => {
-                let text =
-                    format!("{path}{}line {line}, {name}: {text}", if path.is_empty() { "" } else { ": " });
-                Failure::Explained { error, text }
-            }
-            (_, failure) => failure,
-        };
+        let place =
+            |line: usize, name: String, failure: Failure| match (self.path.as_str(), failure) {
+                (path, Failure::Explained { error, text }) => {
+                    let text = format!(
+                        "{path}{}line {line}, {name}: {text}",
+                        if path.is_empty() { "" } else { ": " }
+                    );
+                    Failure::Explained { error, text }
+                }
+                (_, failure) => failure,
+            };
         for bus in &self.buses {
             check_bus(&bus.what, hello)
                 .map_err(Failure::would_be_refused)
@@ -39,12 +43,14 @@ fn check_bus(plan: &BusPlan, hello: &HelloReply) -> Result<(), Error> {
     gateway::check_bus_config(plan.bus, *kind, bitrates, &plan.config())
 }
 
-/// What is wrong with an axis by itself. One that lacks its bus or its protocol is completed by what the gateway has already.
+/// What is wrong with an axis by itself. One that lacks its bus or its protocol is completed by
+/// what the gateway has already.
 fn check_axis(plan: &AxisPlan, hello: &HelloReply) -> Result<(), Error> {
     if plan.axis >= hello.max_axes {
         return Err(Error::UnknownAxis { axis: plan.axis, max_axes: hello.max_axes });
     }
-    let (Some(bus), Some(_)) = (number(plan, AxisParameter::Bus), number(plan, AxisParameter::Protocol))
+    let (Some(bus), Some(_)) =
+        (number(plan, AxisParameter::Bus), number(plan, AxisParameter::Protocol))
     else {
         return Ok(());
     };
@@ -55,10 +61,14 @@ fn check_axis(plan: &AxisPlan, hello: &HelloReply) -> Result<(), Error> {
 }
 
 /// Two axes cannot have one motor.
-fn check_address<'a>(plan: &AxisPlan, mut others: impl Iterator<Item = &'a AxisPlan>) -> Result<(), Error> {
+fn check_address<'a>(
+    plan: &AxisPlan,
+    mut others: impl Iterator<Item = &'a AxisPlan>,
+) -> Result<(), Error> {
     let address = |plan: &AxisPlan| {
-        let [bus, protocol, node] = [AxisParameter::Bus, AxisParameter::Protocol, AxisParameter::Node]
-            .map(|parameter| number(plan, parameter));
+        let [bus, protocol, node] =
+            [AxisParameter::Bus, AxisParameter::Protocol, AxisParameter::Node]
+                .map(|parameter| number(plan, parameter));
         Some((bus?, protocol?, node?))
     };
     let Some(own) = address(plan) else { return Ok(()) };

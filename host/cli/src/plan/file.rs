@@ -51,8 +51,8 @@ pub fn text(path: &str) -> Result<String, String> {
 
 /// Reads the text.
 pub fn parse(text: &str) -> Result<Plan, Failure> {
-    let file: File =
-        toml::from_str(text).map_err(|error| Failure::Usage(format!("not a configuration: {error}")))?;
+    let file: File = toml::from_str(text)
+        .map_err(|error| Failure::Usage(format!("not a configuration: {error}")))?;
     let mut plan = Plan::default();
     let mut gateway = Section { text, line: 1, name: "gateway".to_owned(), entries: file.gateway };
     for (name, entry) in std::mem::take(&mut gateway.entries) {
@@ -62,14 +62,18 @@ pub fn parse(text: &str) -> Result<Plan, Failure> {
     for entries in file.bus {
         let (number, section) = Section::numbered(text, "bus", entries)?;
         if let Some(other) = plan.buses.iter().find(|other| other.what.bus == number) {
-            return Err(section.wrong(section.line, format!("is there already, in line {}", other.line)));
+            return Err(
+                section.wrong(section.line, format!("is there already, in line {}", other.line))
+            );
         }
         plan.buses.push(At { line: section.line, what: section.bus(number)? });
     }
     for entries in file.axis {
         let (number, section) = Section::numbered(text, "axis", entries)?;
         if let Some(other) = plan.axes.iter().find(|other| other.what.axis == number) {
-            return Err(section.wrong(section.line, format!("is there already, in line {}", other.line)));
+            return Err(
+                section.wrong(section.line, format!("is there already, in line {}", other.line))
+            );
         }
         plan.axes.push(At { line: section.line, what: section.axis(number)? });
     }
@@ -88,7 +92,11 @@ struct Section<'a> {
 
 impl<'a> Section<'a> {
     /// The section of the bus or axis that it names under `kind`, and which that is.
-    fn numbered(text: &'a str, kind: &str, entries: Spanned<Entries>) -> Result<(u8, Self), Failure> {
+    fn numbered(
+        text: &'a str,
+        kind: &str,
+        entries: Spanned<Entries>,
+    ) -> Result<(u8, Self), Failure> {
         let line = line_of(text, entries.span().start);
         let mut section = Self { text, line, name: kind.to_owned(), entries: entries.into_inner() };
         let Some(number) = section.entries.remove(kind) else {
@@ -106,15 +114,18 @@ impl<'a> Section<'a> {
     fn bus(mut self, bus: u8) -> Result<BusPlan, Failure> {
         let bitrate = self.unsigned("bitrate")?;
         let protocols = self.protocols()?;
-        let wholly_ours = self.take("wholly_ours", "true or false", toml::Value::as_bool)?.unwrap_or(false);
+        let wholly_ours =
+            self.take("wholly_ours", "true or false", toml::Value::as_bool)?.unwrap_or(false);
         let reply_window_us = self.unsigned("reply_window_us")?.unwrap_or(DEFAULT_REPLY_WINDOW_US);
         if let Some((name, entry)) = self.entries.first_key_value() {
             let names = ["bus", "bitrate", "protocols", "wholly_ours", "reply_window_us"];
-            return self.is_right(entry, Err(parameters::unknown("a bus", name, names.into_iter())));
+            return self
+                .is_right(entry, Err(parameters::unknown("a bus", name, names.into_iter())));
         }
         let (Some(bitrate), Some(protocols)) = (bitrate, protocols) else {
             let example = "bitrate = 1_000_000 and protocols = [\"rmd\", \"thruster\"]";
-            return Err(self.wrong(self.line, format!("needs bitrate and protocols, for example {example}")));
+            return Err(self
+                .wrong(self.line, format!("needs bitrate and protocols, for example {example}")));
         };
         let plan = BusPlan { bus, bitrate, protocols, wholly_ours, reply_window_us };
         plan.check().map_err(|error| self.wrong(self.line, error))?;
@@ -128,7 +139,8 @@ impl<'a> Section<'a> {
             let parameter = self.is_right(&entry, parameters::axis_parameter(&name))?;
             values.push((parameter, self.value(&name, &entry, parameter.info())?));
         }
-        // Bus, protocol and node first, and whether there is an encoder: what a parameter may be can depend on them.
+        // Bus, protocol and node first, and whether there is an encoder: what a parameter may be
+        // can depend on them.
         let is_address = |parameter| parameter == AxisParameter::PositionDevice;
         values.sort_by_key(|(parameter, _)| (!is_address(*parameter), parameter.number()));
         Ok(AxisPlan { axis, parameters: values, motor_timeout_ms })
@@ -136,16 +148,21 @@ impl<'a> Section<'a> {
 
     fn protocols(&mut self) -> Result<Option<ProtocolSet>, Failure> {
         let Some(entry) = self.entries.remove("protocols") else { return Ok(None) };
-        let names: Option<Vec<&str>> =
-            entry.as_ref().as_array().and_then(|names| names.iter().map(toml::Value::as_str).collect());
+        let names: Option<Vec<&str>> = entry
+            .as_ref()
+            .as_array()
+            .and_then(|names| names.iter().map(toml::Value::as_str).collect());
         let Some(names) = names else {
-            return Err(self.wrong_at(&entry, "protocols takes names, for example [\"rmd\", \"thruster\"]"));
+            return Err(
+                self.wrong_at(&entry, "protocols takes names, for example [\"rmd\", \"thruster\"]")
+            );
         };
         self.is_right(&entry, protocols(names.into_iter())).map(Some)
     }
 
     fn unsigned(&mut self, name: &str) -> Result<Option<u32>, Failure> {
-        let number = |value: &toml::Value| value.as_integer().and_then(|number| u32::try_from(number).ok());
+        let number =
+            |value: &toml::Value| value.as_integer().and_then(|number| u32::try_from(number).ok());
         self.take(name, "a whole number from 0 on", number)
     }
 
@@ -177,7 +194,11 @@ impl<'a> Section<'a> {
         Ok(value)
     }
 
-    fn is_right<T>(&self, entry: &Spanned<toml::Value>, read: Result<T, Failure>) -> Result<T, Failure> {
+    fn is_right<T>(
+        &self,
+        entry: &Spanned<toml::Value>,
+        read: Result<T, Failure>,
+    ) -> Result<T, Failure> {
         read.map_err(|failure| self.wrong_at(entry, failure))
     }
 

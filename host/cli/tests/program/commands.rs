@@ -42,7 +42,10 @@ fn trips_lists_what_happened_from_the_latest() {
     assert_eq!(after[0]["Tripped"]["trip"]["reason"], "EStop");
     assert_eq!(after[1], before["incidents"][0]);
     let text = sim.mgw(&["trips"]).success();
-    assert!(text.contains("axis 0 tripped: EStop") && text.contains("started: Simulated"), "{text}");
+    assert!(
+        text.contains("axis 0 tripped: EStop") && text.contains("started: Simulated"),
+        "{text}"
+    );
     host.interrupt();
 }
 
@@ -64,7 +67,10 @@ fn an_unconfigured_gateway_is_configured_by_hand() {
     sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
     sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
     let axes = &sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"];
-    assert_eq!((&axes[0]["state"], &axes[0]["missing"]), (&"Unconfigured".into(), &"stop_action".into()));
+    assert_eq!(
+        (&axes[0]["state"], &axes[0]["missing"]),
+        (&"Unconfigured".into(), &"stop_action".into())
+    );
     sim.mgw(&["configure", "axis", "0", "stop_action=hold", "velocity_limit_rad_s=12.5"]).success();
     sim.mgw(&["configure", "gateway", "link_silence_us=300000"]).success();
     assert!(sim.mgw(&["configure", "timeout", "0", "300"]).success().contains("300 ms"));
@@ -101,8 +107,12 @@ fn a_d5_listens_on_an_id_of_29_bits() {
     // Where it does not listen it does not answer.
     sim.mgw(&["configure", "axis", "2", "d5_request_id=0x678"]).success();
     sim.mgw(&["arm", "2"]).failure(1);
-    let refused = sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
-    assert!(refused.contains("It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF"), "{refused}");
+    let refused =
+        sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
+    assert!(
+        refused.contains("It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF"),
+        "{refused}"
+    );
     // The standard id of the motor's node is another than the extended one of that number.
     sim.mgw(&[
         "configure",
@@ -114,8 +124,12 @@ fn a_d5_listens_on_an_id_of_29_bits() {
         "d5_request_id=extended:0x12345678",
     ])
     .success();
-    let refused = sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
-    assert!(refused.contains("axis 2 would be sent frames on CAN id extended:0x12345678"), "{refused}");
+    let refused =
+        sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
+    assert!(
+        refused.contains("axis 2 would be sent frames on CAN id extended:0x12345678"),
+        "{refused}"
+    );
     assert!(refused.contains("axis 4"), "{refused}");
 }
 
@@ -142,7 +156,10 @@ fn a_holding_motor_is_shown_and_lets_go_on_request() {
         let text = sim.mgw(&[command]).success();
         assert_eq!(text.matches("holding").count(), 2, "{text}");
     }
-    assert_eq!(sim.mgw(&["output-off", "0"]).success(), "axis 0 is idle, its motor's output is off\n");
+    assert_eq!(
+        sim.mgw(&["output-off", "0"]).success(),
+        "axis 0 is idle, its motor's output is off\n"
+    );
     assert_eq!(sim.await_state("0", |_| true)["state"], "Idle");
     let d5 = sim.mgw(&["output-off", "2"]).failure(1);
     assert!(d5.contains("d5"), "{d5}");
@@ -154,7 +171,18 @@ fn set_moves_each_axis_and_stops_it() {
     let cases: [(&[&str], &str); 5] = [
         (&["set", "0", "velocity", "2"], "velocity_rad_s"),
         (
-            &["set", "0", "impedance", "-3", "--stiffness", "5", "--damping", "0.5", "--torque", "-1"],
+            &[
+                "set",
+                "0",
+                "impedance",
+                "-3",
+                "--stiffness",
+                "5",
+                "--damping",
+                "0.5",
+                "--torque",
+                "-1",
+            ],
             "velocity_rad_s",
         ),
         (&["set", "1", "signal", "-0.05"], "velocity_rad_s"),
@@ -163,10 +191,14 @@ fn set_moves_each_axis_and_stops_it() {
     ];
     for (arguments, measured) in cases {
         let lines = sim.mgw(&[&["--json"], arguments, &["--for", "1"]].concat()).json_lines();
-        let moved =
-            lines.iter().any(|line| line[measured]["value"].as_f64().is_some_and(|value| value.abs() > 0.5));
+        let moved = lines
+            .iter()
+            .any(|line| line[measured]["value"].as_f64().is_some_and(|value| value.abs() > 0.5));
         assert!(moved, "{arguments:?}: {lines:?}");
-        assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{arguments:?}: {lines:?}");
+        assert!(
+            lines.iter().any(|line| line["event"] == "StopConfirmed"),
+            "{arguments:?}: {lines:?}"
+        );
         // The thruster coasts; the others are stopped by `hold`.
         let rest = if arguments[1] == "1" { "Idle" } else { "Holding" };
         assert_eq!(lines.last().unwrap()["state"], rest, "{arguments:?}");
@@ -197,7 +229,10 @@ fn state_and_stop_and_bus_print_tables() {
     assert!(sim.mgw(&["stop"]).success().contains("holding"));
     sim.mgw(&["stop", "0", "--json"]).json_lines();
     let text = sim.mgw(&["bus"]).success();
-    assert!(text.contains("rmd,thruster") && text.contains("210526") && text.contains("115200"), "{text}");
+    assert!(
+        text.contains("rmd,thruster") && text.contains("210526") && text.contains("115200"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -212,11 +247,18 @@ fn an_axis_that_was_never_armed_makes_no_stop_fail() {
         assert!(text.contains(axis) && text.contains("holding"), "{text}");
         let axes = &sim.mgw(&["--json", command]).json_lines().pop().unwrap()["axes"];
         let told: Vec<_> = axes.as_array().unwrap().iter().map(|axis| &axis["stop"]).collect();
-        assert_eq!(told, ["confirmed", "confirmed", "confirmed", "confirmed", "not_configured"], "{axes}");
+        assert_eq!(
+            told,
+            ["confirmed", "confirmed", "confirmed", "confirmed", "not_configured"],
+            "{axes}"
+        );
         assert_eq!((&axes[4]["axis"], &axes[4]["missing"]), (&5.into(), &"stop_action".into()));
     }
     let text = sim.mgw(&["stop", "5"]).success();
-    assert!(text.contains("axis 5: nothing to stop, it was never armed: stop_action is not set"), "{text}");
+    assert!(
+        text.contains("axis 5: nothing to stop, it was never armed: stop_action is not set"),
+        "{text}"
+    );
     assert!(sim.mgw(&["stop", "6"]).failure(1).contains("axis 6"));
     let text = sim.mgw(&["state"]).success();
     assert!(
@@ -232,7 +274,8 @@ fn a_stop_that_is_not_confirmed_is_told_beside_those_that_are() {
     sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
     // Node 9 is not there.
     for (axis, node) in [("0", "node=9"), ("1", "node=1")] {
-        sim.mgw(&["configure", "axis", axis, "bus=0", "protocol=rmd", node, "stop_action=hold"]).success();
+        sim.mgw(&["configure", "axis", axis, "bus=0", "protocol=rmd", node, "stop_action=hold"])
+            .success();
     }
     let outcome = sim.mgw(&["--json", "stop"]);
     let line: serde_json::Value = serde_json::from_str(outcome.stdout.trim()).unwrap();
@@ -248,7 +291,10 @@ fn an_emergency_stop_latches_until_it_is_cleared() {
     let sim = Sim::patient();
     assert!(sim.mgw(&["estop"]).success().contains("latched"));
     let text = sim.mgw(&["set", "0", "velocity", "1"]).failure(1);
-    assert!(text.contains("e-stop") || text.contains("EStop") || text.contains("emergency"), "{text}");
+    assert!(
+        text.contains("e-stop") || text.contains("EStop") || text.contains("emergency"),
+        "{text}"
+    );
     sim.mgw(&["clear", "gateway"]).success();
     for axis in ["0", "1", "2", "3"] {
         // Only axes that tripped with it have something to clear.
@@ -268,7 +314,8 @@ fn raw_frames_go_out_and_answers_come_back() {
     let lines = sim.mgw(&["--json", "raw", "0", "send", "30B#51560000"]).json_lines();
     assert!(lines.iter().all(|line| line["bus"] == 0), "{lines:?}");
     // RMD V3.6 §2.13 over RS485, whose bytes may come in pieces.
-    let lines = sim.mgw(&["--json", "raw", "2", "send-hex", "3E01089C00000000000000F230"]).json_lines();
+    let lines =
+        sim.mgw(&["--json", "raw", "2", "send-hex", "3E01089C00000000000000F230"]).json_lines();
     let received: String = lines.iter().filter_map(|line| line["data"].as_str()).collect();
     assert!(received.starts_with("3E01089C"), "{lines:?}");
     sim.mgw(&["raw", "1", "listen", "--for", "0.1"]).success();
@@ -296,7 +343,9 @@ fn the_port_may_come_from_the_environment() {
 fn help_shows_examples() {
     let text = mgw(&["--help"]).success();
     assert!(text.contains("Examples:") && text.contains("mgw sim"), "{text}");
-    for command in ["sim", "configure", "arm", "set", "move", "native", "stop", "clear", "watch", "raw"] {
+    for command in
+        ["sim", "configure", "arm", "set", "move", "native", "stop", "clear", "watch", "raw"]
+    {
         let text = mgw(&[command, "--help"]).success();
         assert!(text.contains("Examples:") && text.contains(&format!("mgw {command}")), "{text}");
     }

@@ -12,7 +12,8 @@ fn expect(arguments: &[&str], rows: &[(&str, &str)]) {
     let input: String = rows.iter().fold(String::new(), |all, (line, _)| all + line + "\n");
     let output = mgw_reading(&[&["decode", "--json"], arguments].concat(), input).success();
     let lines: Vec<String> = output.lines().map(without_message).collect();
-    let expected: Vec<&str> = rows.iter().flat_map(|(_, lines)| lines.lines().map(str::trim)).collect();
+    let expected: Vec<&str> =
+        rows.iter().flat_map(|(_, lines)| lines.lines().map(str::trim)).collect();
     assert_eq!(lines, expected);
 }
 
@@ -134,7 +135,8 @@ fn rmd_commands_thrown_back_are_not_taken_for_states() {
     );
 }
 
-/// RS485 says nothing of directions: what follows its own request is a reply, what has the form of a request is one.
+/// RS485 says nothing of directions: what follows its own request is a reply, what has the form of
+/// a request is one.
 #[test]
 fn rmd_on_rs485() {
     let request = r#"{"frame":"3E01089C00000000000000F230","direction":"request","protocol":"rmd","node":1,"command":"read_status_2"}"#;
@@ -246,7 +248,8 @@ fn thrusters() {
     );
 }
 
-/// Thruster manual §2.4: nothing in the bytes tells a frame without a header; what was sent before does.
+/// Thruster manual §2.4: nothing in the bytes tells a frame without a header; what was sent before
+/// does.
 #[test]
 fn thruster_frames_without_a_header() {
     let values = r#"{"frame":"28B#03E800F0000A0410","direction":"reply","protocol":"thruster","node":11,"command":"headerless_return","speed_rpm":1000,"voltage_v":24,"current_a":1,"faults":["under_voltage","zero_protection"],"faults_raw":1040}"#;
@@ -278,7 +281,10 @@ fn d5_on_both_buses() {
         &["--protocol", "d5"],
         &[
             ("00B#D50B05032058820D", &format!(r#"{{"frame":"00B#D50B05032058820D",{write}"#)),
-            ("18FF0B00#D50B05032058820D", &format!(r#"{{"frame":"18FF0B00#D50B05032058820D",{write}"#)),
+            (
+                "18FF0B00#D50B05032058820D",
+                &format!(r#"{{"frame":"18FF0B00#D50B05032058820D",{write}"#),
+            ),
             ("D50B05032058820D", &format!(r#"{{"frame":"D50B05032058820D",{write}"#)),
             (
                 "5D0B0405122000 46 5D0B05CE07EEEEC1",
@@ -298,7 +304,8 @@ fn d5_on_both_buses() {
     );
 }
 
-/// RMD and thrusters have ids of their own; D5 is known by its first byte; serial lines may hold RMD and D5.
+/// RMD and thrusters have ids of their own; D5 is known by its first byte; serial lines may hold
+/// RMD and D5.
 #[test]
 fn auto_tells_the_protocols_apart() {
     expect(
@@ -333,7 +340,10 @@ fn what_cannot_be_decoded_keeps_its_bytes_and_says_why() {
             ("", ""),
             ("hello \"world\"", r#"{"frame":"hello \"world\"","error":"line"}"#),
             ("141#9", r#"{"frame":"141#9","error":"line"}"#),
-            ("141#9C000000000000000000", r#"{"frame":"141#9C000000000000000000","error":"length"}"#),
+            (
+                "141#9C000000000000000000",
+                r#"{"frame":"141#9C000000000000000000","error":"length"}"#,
+            ),
             ("141##19C00000000000000", r#"{"frame":"141##19C00000000000000","error":"can_fd"}"#),
             ("FFF#9C", r#"{"frame":"FFF#9C","error":"can_id"}"#),
             (
@@ -360,7 +370,10 @@ fn what_cannot_be_decoded_keeps_its_bytes_and_says_why() {
                 "00B#D50B05CF1234567A",
                 r#"{"frame":"00B#D50B05CF1234567A","protocol":"d5","error":"checksum"}"#,
             ),
-            ("00B#D50B030310010022", r#"{"frame":"00B#D50B030310010022","protocol":"d5","error":"length"}"#),
+            (
+                "00B#D50B030310010022",
+                r#"{"frame":"00B#D50B030310010022","protocol":"d5","error":"length"}"#,
+            ),
             ("00B#5D0B05D4560000 3A", r#"{"frame":"00B#5D0B05D4560000 3A","error":"line"}"#),
             (
                 "00B#5D0B05D45600003A",
@@ -374,15 +387,22 @@ fn what_cannot_be_decoded_keeps_its_bytes_and_says_why() {
                 "00B#D50B05AA12345656",
                 r#"{"frame":"00B#D50B05AA12345656","direction":"request","protocol":"d5","node":11,"command":"unknown","data":"05AA123456","error":"unknown_command"}"#,
             ),
-            // High byte of the checksum first; a header that nothing follows; an id that is no motor's.
-            ("3E01089C0000000000000030F2", r#"{"frame":"3E01089C0000000000000030F2","error":"checksum"}"#),
+            // High byte of the checksum first; a header that nothing follows; an id that is no
+            // motor's.
+            (
+                "3E01089C0000000000000030F2",
+                r#"{"frame":"3E01089C0000000000000030F2","error":"checksum"}"#,
+            ),
             ("3E01089C", ""),
             (
                 "3E01089C00000000000000F230",
                 r#"{"frame":"3E01089C","error":"truncated"}
                 {"frame":"3E01089C00000000000000F230","direction":"request","protocol":"rmd","node":1,"command":"read_status_2"}"#,
             ),
-            ("3E21089C000000000000007AA2", r#"{"frame":"3E21089C000000000000007AA2","error":"checksum"}"#),
+            (
+                "3E21089C000000000000007AA2",
+                r#"{"frame":"3E21089C000000000000007AA2","error":"checksum"}"#,
+            ),
             ("5D0B05", r#"{"frame":"5D0B05","error":"truncated"}"#),
         ],
     );
@@ -407,7 +427,10 @@ fn each_interface_has_its_own_conversation() {
     let stop = "3E0108810000000000000032A5";
     let input = format!("(1.0) {stop}\n(1.1) {stop}\n");
     let lines = mgw_reading(&["--json", "decode"], input).json_lines();
-    assert_eq!((&lines[0]["direction"], &lines[1]["direction"]), (&"request".into(), &"reply".into()));
+    assert_eq!(
+        (&lines[0]["direction"], &lines[1]["direction"]),
+        (&"request".into(), &"reply".into())
+    );
     let input = "can0 300#7900000000000002\ncan1 300#7900000000000002\ncan0 300#7900000000000002\n";
     let lines = mgw_reading(&["--json", "decode"], input).json_lines();
     let directions: Vec<_> = lines.iter().map(|line| line["direction"].as_str().unwrap()).collect();
@@ -439,7 +462,8 @@ fn a_long_capture_on_one_line_and_bytes_of_any_kind() {
     assert_eq!(output.lines().count(), 40_000);
     assert!(output.lines().skip(1).step_by(2).all(|line| line.contains(r#""angle_deg":22136"#)));
     // Not a byte of text.
-    let noise: Vec<u8> = (0..100_000_u32).map(|n| n.wrapping_mul(2_654_435_761).to_be_bytes()[0]).collect();
+    let noise: Vec<u8> =
+        (0..100_000_u32).map(|n| n.wrapping_mul(2_654_435_761).to_be_bytes()[0]).collect();
     for line in mgw_reading(&["decode", "--json"], noise).json_lines() {
         assert!(line["error"].is_string() && line["frame"].is_string(), "{line}");
     }
@@ -490,7 +514,8 @@ fn a_time_that_is_a_number_is_a_number() {
         ("1700000000.", "time_s", "1700000000"),
         ("noon", "time", "\"noon\""),
     ] {
-        let line = mgw_reading(&["decode", "--json"], format!("({time}) 141#9C00000000000000\n")).success();
+        let line = mgw_reading(&["decode", "--json"], format!("({time}) 141#9C00000000000000\n"))
+            .success();
         assert!(line.starts_with(&format!("{{\"{key}\":{value},")), "{time}: {line}");
     }
 }

@@ -31,7 +31,9 @@ fn it_speaks_json_too() {
     let last = lines.last().unwrap();
     assert_eq!(last["demonstration"]["axes"], 4);
     assert_eq!(last["demonstration"]["stopped"], 4);
-    let stops: Vec<_> =
-        lines.iter().filter(|line| line.get("reaction_us").is_some_and(|value| value.is_u64())).collect();
+    let stops: Vec<_> = lines
+        .iter()
+        .filter(|line| line.get("reaction_us").is_some_and(|value| value.is_u64()))
+        .collect();
     assert!(stops.len() >= 4, "{lines:?}");
 }

@@ -40,7 +40,10 @@ fn every_protocol_and_bus() {
         // D5 manual, common rows 2 and 3, quick start (2) and (4), row 7.
         ("--protocol d5 --node 11 write --register speed --value 600", "00B#D50B05032058028D"),
         ("--protocol d5 --node 11 write --register 0x20 --speed_dps -600", "00B#D50B05032058820D"),
-        ("--protocol d5 --node 11 --bus serial write --register ack_level --value 1", "D50B040310010023"),
+        (
+            "--protocol d5 --node 11 --bus serial write --register ack_level --value 1",
+            "D50B040310010023",
+        ),
         // Both by one frame, table row 7 and frame format; each is checked by its own range.
         (
             "--protocol d5 --node 11 write --register acceleration --acceleration 100 --deceleration 120",
@@ -66,8 +69,16 @@ fn every_protocol_and_bus() {
 #[test]
 fn values_outside_their_range_are_refused_by_name_with_the_range() {
     for (words, field, range) in [
-        ("--protocol rmd --node 1 torque_current --current_a 327.68", "current_a", Some((-327.68, 327.67))),
-        ("--protocol rmd --node 1 torque_current --current_a nan", "current_a", Some((-327.68, 327.67))),
+        (
+            "--protocol rmd --node 1 torque_current --current_a 327.68",
+            "current_a",
+            Some((-327.68, 327.67)),
+        ),
+        (
+            "--protocol rmd --node 1 torque_current --current_a nan",
+            "current_a",
+            Some((-327.68, 327.67)),
+        ),
         ("--protocol rmd --node 33 stop", "node", Some((1.0, 32.0))),
         (
             "--protocol rmd --node 1 write_acceleration --index 0 --acceleration_dps2 99",
@@ -75,7 +86,11 @@ fn values_outside_their_range_are_refused_by_name_with_the_range() {
             Some((100.0, 60000.0)),
         ),
         ("--protocol rmd --node 1 set_baud_rate --baud_code 2", "baud_code", Some((0.0, 1.0))),
-        ("--protocol rmd --node 1 write_acceleration --index 1.5 --acceleration_dps2 100", "index", None),
+        (
+            "--protocol rmd --node 1 write_acceleration --index 1.5 --acceleration_dps2 100",
+            "index",
+            None,
+        ),
         ("--protocol rmd --node 1 --bus rs485 read_can_id", "command", None),
         (
             "--protocol rmd --node 1 motion_mode --position_rad 12.6 --velocity_rad_s 0 --kp 0 --kd 0 --torque_nm 0",
@@ -88,9 +103,17 @@ fn values_outside_their_range_are_refused_by_name_with_the_range() {
             Some((-100.0, 100.0)),
         ),
         ("--protocol thruster --node 11 speed --speed_rpm 29", "speed", None),
-        ("--protocol thruster --node 11 set_timeout --timeout_ms 99", "timeout", Some((100.0, 60000.0))),
+        (
+            "--protocol thruster --node 11 set_timeout --timeout_ms 99",
+            "timeout",
+            Some((100.0, 60000.0)),
+        ),
         ("--protocol thruster --node 128 read_speed", "node", Some((1.0, 127.0))),
-        ("--protocol d5 --node 11 write --register speed --value 32768", "value", Some((-32767.0, 32767.0))),
+        (
+            "--protocol d5 --node 11 write --register speed --value 32768",
+            "value",
+            Some((-32767.0, 32767.0)),
+        ),
         (
             "--protocol d5 --node 11 write --register speed --speed_dps -32768",
             "speed_dps",
@@ -112,7 +135,9 @@ fn values_outside_their_range_are_refused_by_name_with_the_range() {
                     (&"OutOfRange".into(), &min.into(), &max.into())
                 );
             }
-            None => assert!(error["name"] == "Forbidden" || error["name"] == "NotAnInteger", "{error}"),
+            None => {
+                assert!(error["name"] == "Forbidden" || error["name"] == "NotAnInteger", "{error}")
+            }
         }
     }
 }
@@ -126,11 +151,17 @@ fn slips_are_answered_with_what_there_is() {
         ),
         ("--protocol rmd --node 1 timeout_notice", &["`timeout_notice`", "torque_current"]),
         ("--protocol thruster --node 1 stream_1", &["`stream_1`", "configure_stream"]),
-        ("--protocol rmd --node 1 torque_current --speed 1", &["`speed`", "--current_a -327.68..=327.67 A"]),
+        (
+            "--protocol rmd --node 1 torque_current --speed 1",
+            &["`speed`", "--current_a -327.68..=327.67 A"],
+        ),
         ("--protocol rmd --node 1 stop --speed 1", &["`speed`", "no fields"]),
         ("--protocol rmd --node 1 torque_current", &["needs --current_a", "-327.68..=327.67 A"]),
         ("--protocol rmd --node 1 torque_current --current_a", &["no value"]),
-        ("--protocol rmd --node 1 torque_current --current_a much", &["--current_a much", "not a number"]),
+        (
+            "--protocol rmd --node 1 torque_current --current_a much",
+            &["--current_a much", "not a number"],
+        ),
         ("--protocol rmd --node 1 torque_current 7", &["`7`", "--FIELD VALUE"]),
         ("--protocol rmd torque_current --current_a 1", &["--node"]),
         ("--protocol rmd --node one stop", &["`one`"]),
@@ -141,7 +172,10 @@ fn slips_are_answered_with_what_there_is() {
         ("--protocol d5 --can-id 800 --node 1 query_id", &["`800`", "7FF"]),
         ("--protocol thruster --bus rs485 --node 1 read_speed", &["serial"]),
         ("--protocol thruster --node all read_speed", &["--node"]),
-        ("--protocol d5 --node 11 write --register speed --angle_deg 1", &["`angle_deg`", "--value"]),
+        (
+            "--protocol d5 --node 11 write --register speed --angle_deg 1",
+            &["`angle_deg`", "--value"],
+        ),
     ] {
         let text = encode(words).failure(2);
         for part in said {
@@ -160,8 +194,14 @@ fn the_list_has_every_command_with_fields_units_and_ranges() {
     ] {
         assert!(text.lines().any(|listed| listed == line), "{line}\n{text}");
     }
-    assert!(encode("--protocol thruster --list").success().contains("--timeout_ms            0..=60000 ms"));
-    assert!(encode("--list --protocol d5").success().contains("   0x20  speed              speed_dps"));
+    assert!(
+        encode("--protocol thruster --list")
+            .success()
+            .contains("--timeout_ms            0..=60000 ms")
+    );
+    assert!(
+        encode("--list --protocol d5").success().contains("   0x20  speed              speed_dps")
+    );
     for (protocol, commands) in [
         ("rmd", rmd::COMMANDS.len()),
         ("thruster", thruster::COMMANDS.len()),
@@ -197,7 +237,11 @@ fn refusals_name_what_is_allowed() {
             2,
             "`current_a` is given twice",
         ),
-        ("--protocol d5 --node 11 write --register speed --value 6 --speed_dps 7", 2, "under two names"),
+        (
+            "--protocol d5 --node 11 write --register speed --value 6 --speed_dps 7",
+            2,
+            "under two names",
+        ),
     ] {
         let text = encode(words).failure(code);
         assert!(text.contains(said), "{words}: {text}");

@@ -4,7 +4,8 @@ use std::io::{Read, Write};
 use std::net::TcpListener;
 
 use host_protocol::{
-    BootReason, Deframer, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, Text, Vec, replies,
+    BootReason, Deframer, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, Text, Vec,
+    replies,
 };
 use serde_json::Value;
 
@@ -16,7 +17,10 @@ fn what_a_gateway_says_is_shown_and_obeyed_by_no_terminal() {
     let port = hostile_gateway();
     let text = mgw(&["--port", &port, "trips"]).success();
     assert!(text.contains(r"before this start: \u001b[2Jgone\u009b31m"), "{text:?}");
-    assert!(!text.contains(|character: char| character.is_control() && character != '\n'), "{text:?}");
+    assert!(
+        !text.contains(|character: char| character.is_control() && character != '\n'),
+        "{text:?}"
+    );
     let port = hostile_gateway();
     let line = mgw(&["--json", "--port", &port, "trips"]).success();
     assert!(!line.trim_end().contains(char::is_control), "{line:?}");
@@ -37,7 +41,8 @@ fn hostile_gateway() -> String {
                 let Some(Ok(frame)) = deframer.push(*byte) else { continue };
                 let Ok(request) = Request::decode(frame.number, frame.body) else { continue };
                 let mut out = [0; MAX_FRAME];
-                let length = hostile_reply(&request).encode_frame(frame.sequence, &mut out).unwrap();
+                let length =
+                    hostile_reply(&request).encode_frame(frame.sequence, &mut out).unwrap();
                 stream.write_all(&out[..length]).unwrap();
             }
         }
@@ -61,9 +66,9 @@ fn hostile_reply(request: &Request) -> Reply {
             buses: Vec::default(),
             time_us: 0,
         }),
-        Request::ReadLastWords(_) => {
-            Reply::ReadLastWords(replies::LastWords { text: "\u{1b}[2Jgone\u{9b}31m".parse().unwrap() })
-        }
+        Request::ReadLastWords(_) => Reply::ReadLastWords(replies::LastWords {
+            text: "\u{1b}[2Jgone\u{9b}31m".parse().unwrap(),
+        }),
         Request::ReadIncidents(_) => {
             Reply::ReadIncidents(replies::IncidentPage { incidents: Vec::default(), next: None })
         }

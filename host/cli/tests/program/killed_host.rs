@@ -4,10 +4,12 @@ use serde_json::Value;
 
 use crate::support::{Process, Sim};
 
-/// Moves an axis with a process of its own, kills that, and returns the state in which the axis ends.
+/// Moves an axis with a process of its own, kills that, and returns the state in which the axis
+/// ends.
 fn kill_while_moving(sim: &Sim, axis: &str, motor: &str, setpoint: &[&str]) -> Value {
-    let mut host =
-        Process::start(&[&["--port", &sim.port, "--json", "set", axis], setpoint, &["--for", "60"]].concat());
+    let mut host = Process::start(
+        &[&["--port", &sim.port, "--json", "set", axis], setpoint, &["--for", "60"]].concat(),
+    );
     host.wait_for("motion", |line| {
         let state: Value = serde_json::from_str(line).ok()?;
         state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
@@ -17,7 +19,9 @@ fn kill_while_moving(sim: &Sim, axis: &str, motor: &str, setpoint: &[&str]) -> V
     sim.process.wait_for("the motor's stop", |line| {
         (line.starts_with("t=") && line.contains(motor) && line.contains("stopped")).then_some(())
     });
-    sim.await_state(axis, |state| state["state"] == serde_json::json!({ "Tripped": { "confirmed": true } }))
+    sim.await_state(axis, |state| {
+        state["state"] == serde_json::json!({ "Tripped": { "confirmed": true } })
+    })
 }
 
 /// Long enough for a process that this machine holds up, in µs.

@@ -30,12 +30,16 @@ fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
 fn for_ends_it_on_the_way() {
     let sim = Sim::patient();
     let outcome = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]);
-    let lines: Vec<Value> = outcome.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines: Vec<Value> =
+        outcome.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(arrival(&lines)["arrived"], false, "{lines:?}");
     assert_eq!(lines.last().unwrap()["state"], "Holding");
     let error: Value = serde_json::from_str(&outcome.failure(1)).unwrap();
     assert_eq!(error["error"]["name"], "NotArrived");
-    assert!(error["error"]["message"].as_str().unwrap().contains("was to go to 50.000 rad"), "{error}");
+    assert!(
+        error["error"]["message"].as_str().unwrap().contains("was to go to 50.000 rad"),
+        "{error}"
+    );
 }
 
 #[test]

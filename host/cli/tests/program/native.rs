@@ -24,7 +24,11 @@ fn reads_are_answered_in_the_words_of_decode() {
     ] {
         let lines = native(&sim, &format!("{words} --json")).json_lines();
         let [line] = lines.as_slice() else { panic!("{words}: {lines:?}") };
-        assert_eq!((&line["command"], &line["direction"]), (&json!(command), &json!("reply")), "{words}");
+        assert_eq!(
+            (&line["command"], &line["direction"]),
+            (&json!(command), &json!("reply")),
+            "{words}"
+        );
         assert_eq!(line["axis"].as_u64(), words.get(..1).unwrap().parse().ok(), "{words}: {line}");
         assert_eq!(line[field], 0, "{words}: {line}");
         assert!(line["frame"].as_str().is_some_and(|data| data.len() == 16), "{words}: {line}");
@@ -47,9 +51,13 @@ fn what_moves_is_armed_kept_up_and_stopped() {
         assert!(text.contains("--for SECONDS"), "{words}: {text}");
         let lines = native(&sim, &format!("{words} --for 2 --json")).json_lines();
         let has = |is: &dyn Fn(&Value) -> bool| lines.iter().any(is);
-        assert!(has(&|line| line["frame"].as_str().is_some_and(|data| data.starts_with(frame))), "{lines:?}");
-        let moved =
-            |line: &Value| line["velocity_rad_s"]["value"].as_f64().is_some_and(|speed| speed.abs() > 0.5);
+        assert!(
+            has(&|line| line["frame"].as_str().is_some_and(|data| data.starts_with(frame))),
+            "{lines:?}"
+        );
+        let moved = |line: &Value| {
+            line["velocity_rad_s"]["value"].as_f64().is_some_and(|speed| speed.abs() > 0.5)
+        };
         assert!(has(&moved), "{words}: {lines:?}");
         assert!(has(&|line| line["event"] == "StopConfirmed"), "{words}: {lines:?}");
         let rest = if words.starts_with('1') { "Idle" } else { "Holding" };
@@ -62,7 +70,10 @@ fn what_moves_is_armed_kept_up_and_stopped() {
 fn what_moves_by_a_distance_goes_out_once() {
     let sim = Sim::patient();
     let text = native(&sim, "0 A800F40128230000 --for 2").success();
-    assert!(text.contains("incremental_position") && text.ends_with("axis 0 is holding\n"), "{text}");
+    assert!(
+        text.contains("incremental_position") && text.ends_with("axis 0 is holding\n"),
+        "{text}"
+    );
     let position = sim.await_state("0", |_| true)["position_rad"]["value"].as_f64().unwrap();
     assert!((position - std::f64::consts::FRAC_PI_2).abs() < 0.05, "{position}");
 }
@@ -106,7 +117,10 @@ fn slips_are_told_before_anything_is_sent() {
         ("0 --command read_rs485_id", "RS485 id CD"),
         ("2 --command execute --for 1", "waits in the motor"),
         ("2 D50B050500000015", "waits in the motor"),
-        ("2 --command async_write --field register=speed --field value=600 --for 1", "waits in the motor"),
+        (
+            "2 --command async_write --field register=speed --field value=600 --for 1",
+            "waits in the motor",
+        ),
     ] {
         let text = native(&sim, words).failure(2);
         assert!(text.contains(said), "{words}: {text}");
@@ -170,13 +184,18 @@ fn what_acts_later_says_so() {
     for (words, until) in [
         ("0 --command write_position_as_zero", "a restart of the motor"),
         ("1 43 49 00 00 00 00 00 7F", "a power cycle: power-cycle the device"),
-        ("1 --command set_bitrate --field bitrate_kbps=500", "a power cycle: power-cycle the device"),
+        (
+            "1 --command set_bitrate --field bitrate_kbps=500",
+            "a power cycle: power-cycle the device",
+        ),
     ] {
         let text = native(&sim, words).success();
         assert!(text.contains(&format!("acts after {until}")), "{words}: {text}");
         let lines = native(&sim, &format!("{words} --json")).json_lines();
         assert!(
-            lines.iter().any(|line| line["acts_after"].as_str().is_some_and(|said| said.starts_with(until)))
+            lines.iter().any(|line| line["acts_after"]
+                .as_str()
+                .is_some_and(|said| said.starts_with(until)))
         );
     }
     let text = native(&sim, "0 9C00000000000000").success();

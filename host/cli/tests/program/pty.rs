@@ -1,5 +1,6 @@
-//! The program on a serial device whose bytes arrive changed now and then: a pseudo terminal of this system, with a simulated
-//! gateway at its other end in wall-clock time. What a motor did is asserted by the simulator's clock.
+//! The program on a serial device whose bytes arrive changed now and then: a pseudo terminal of
+//! this system, with a simulated gateway at its other end in wall-clock time. What a motor did is
+//! asserted by the simulator's clock.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -26,9 +27,12 @@ const CHANGED_OF_1000: u32 = 3;
 /// How long the thread waits for bytes.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
-/// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is shown in virtual time.
-const PATIENT: [&[&str]; 2] =
-    [&["configure", "gateway", "link_silence_us=10000000"], &["configure", "axis", "0", "ttl_us=10000000"]];
+/// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is
+/// shown in virtual time.
+const PATIENT: [&[&str]; 2] = [
+    &["configure", "gateway", "link_silence_us=10000000"],
+    &["configure", "axis", "0", "ttl_us=10000000"],
+];
 
 /// What the simulator says at the end.
 struct Seen {
@@ -48,7 +52,8 @@ impl Device {
     fn open() -> Self {
         let (gateway_end, program_end) = TTYPort::pair().expect("a pseudo terminal");
         let name = program_end.name().expect("it has a name");
-        // Kept open, or the device hangs up between two runs of the program; without the lock that keeps the program out.
+        // Kept open, or the device hangs up between two runs of the program; without the lock that
+        // keeps the program out.
         let kept = File::options().read(true).write(true).open(&name).expect("it is there");
         drop(program_end);
         let ends = Arc::new(AtomicBool::new(false));
@@ -104,11 +109,14 @@ fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
         spoil(&mut answers);
         device.write_all(&answers).expect("it is read");
     }
-    let mut client = Client::connect(SimTransport::new(world.clone(), CLEAN_LINK)).expect("a clean line");
+    let mut client =
+        Client::connect(SimTransport::new(world.clone(), CLEAN_LINK)).expect("a clean line");
     let trips = client.incidents().expect("they are told");
-    let trips = trips.iter().filter(|incident| matches!(incident, Incident::Tripped { .. })).count();
+    let trips =
+        trips.iter().filter(|incident| matches!(incident, Incident::Tripped { .. })).count();
     let world = world.borrow();
-    let moved = world.motor(0).log().entries().any(|entry| matches!(entry.what, MotorEvent::Moving { .. }));
+    let moved =
+        world.motor(0).log().entries().any(|entry| matches!(entry.what, MotorEvent::Moving { .. }));
     Seen { moved, speed_rad_s: world.motor(0).speed_rad_s(), trips }
 }
 

@@ -12,7 +12,8 @@ use crate::support::{Outcome, Process, Sim, mgw, mgw_cut_short};
 /// The error that `--json` prints.
 fn error(outcome: Outcome, code: i32) -> Value {
     let text = outcome.failure(code);
-    let value: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
+    let value: Value =
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
     value["error"].clone()
 }
 
@@ -23,7 +24,10 @@ fn a_port_that_does_not_exist() {
     let port = format!("tcp:{}", listener.local_addr().unwrap());
     drop(listener);
     let text = mgw(&["--port", &port, "info"]).failure(1);
-    assert!(text.starts_with("mgw: no gateway at tcp:127.0.0.1:") && text.contains("mgw sim"), "{text}");
+    assert!(
+        text.starts_with("mgw: no gateway at tcp:127.0.0.1:") && text.contains("mgw sim"),
+        "{text}"
+    );
     assert_eq!(error(mgw(&["--json", "--port", &port, "info"]), 1)["name"], "NoConnection");
     let text = mgw(&["--port", "/dev/no-such-gateway", "info"]).failure(1);
     assert!(text.contains("/dev/no-such-gateway") && text.contains("plugged in"), "{text}");
@@ -81,7 +85,8 @@ fn the_gateway_refuses_each_bad_value_by_name() {
         let error = error(sim.mgw(&[&["--json"], arguments].concat()), 1);
         assert_eq!(error["name"], name, "{arguments:?}: {error}");
         assert!(
-            error["number"].is_u64() && error["message"].as_str().is_some_and(|text| text.len() > 20),
+            error["number"].is_u64()
+                && error["message"].as_str().is_some_and(|text| text.len() > 20),
             "{error}"
         );
     }
@@ -121,9 +126,11 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
     let nobody = ["--port", "tcp:127.0.0.1:1", "configure", "--file"];
     let text = mgw(&[&nobody[..], &["/no/such/file.toml"]].concat()).failure(2);
     assert!(text.contains("/no/such/file.toml") && text.contains("No such file"), "{text}");
-    for (path, said) in
-        [("/dev/zero", "a pipe or a device"), ("/", "a directory"), ("-", "not from standard input")]
-    {
+    for (path, said) in [
+        ("/dev/zero", "a pipe or a device"),
+        ("/", "a directory"),
+        ("-", "not from standard input"),
+    ] {
         let text = mgw(&[&nobody[..], &[path]].concat()).failure(2);
         assert!(text.contains(said), "{path}: {text}");
     }
@@ -146,7 +153,8 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
 fn a_pipe_is_no_configuration() {
     let path = std::env::temp_dir().join(format!("mgw-{}.fifo", std::process::id()));
     nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
-    let text = mgw(&["--port", "tcp:127.0.0.1:1", "configure", "--file", path.to_str().unwrap()]).failure(2);
+    let text = mgw(&["--port", "tcp:127.0.0.1:1", "configure", "--file", path.to_str().unwrap()])
+        .failure(2);
     std::fs::remove_file(&path).unwrap();
     assert!(text.contains("a pipe or a device"), "{text}");
 }
@@ -155,7 +163,9 @@ fn a_pipe_is_no_configuration() {
 #[test]
 fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let axis = |more: &str| {
-        format!("[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n{more}")
+        format!(
+            "[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n{more}"
+        )
     };
     let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n";
     let second = axis("").replace("axis = 0", "axis = 1");
@@ -165,7 +175,11 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
         (axis("signal_limit = 0.5\n"), "CannotMeasure", "line 2, axis 0: "),
         (axis("").replace("rmd", "thruster"), "Unsupported", "line 2, axis 0: "),
         (axis("").replace("node = 1", "node = 33"), "OutOfRange", "allowed are 1 to 32"),
-        (axis("").replace("bus = 0", "bus = 2").replace("rmd", "d5"), "WrongBusKind", "line 2, axis 0: "),
+        (
+            axis("").replace("bus = 0", "bus = 2").replace("rmd", "d5"),
+            "WrongBusKind",
+            "line 2, axis 0: ",
+        ),
         (axis("").replace("bus = 0", "bus = 6"), "UnknownBus", "line 2, axis 0: "),
         (axis("").replace("axis = 0", "axis = 77"), "UnknownAxis", "line 2, axis 77: "),
         (axis("") + &second, "NodeInUse", "line 8, axis 1: "),
@@ -175,7 +189,11 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
             "100 ms",
         ),
         (bus.replace("1_000_000", "123"), "BitrateNotOffered", "line 2, bus 0: "),
-        (bus.replace("rmd", "d5").replace("1_000_000", "210_526"), "NeedsOwnBus", "line 2, bus 0: "),
+        (
+            bus.replace("rmd", "d5").replace("1_000_000", "210_526"),
+            "NeedsOwnBus",
+            "line 2, bus 0: ",
+        ),
         (bus.replace("bus = 0", "bus = 2"), "WrongBusKind", "line 2, bus 2: "),
     ] {
         let gateway = "[gateway]\nlink_silence_us = 300_000\n";
@@ -183,7 +201,10 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
         let error = error(sim.mgw(&["--json", "configure", "--file", path.to_str().unwrap()]), 1);
         assert_eq!(error["name"], name, "{text}{error}");
         let message = error["message"].as_str().unwrap();
-        assert!(message.contains(said) && message.starts_with(path.to_str().unwrap()), "{text}{message}");
+        assert!(
+            message.contains(said) && message.starts_with(path.to_str().unwrap()),
+            "{text}{message}"
+        );
         assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"), "{text}");
     }
     std::fs::remove_file(&path).unwrap();
@@ -191,9 +212,10 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
 
 #[test]
 fn a_time_that_cannot_be_is_answered_with_what_is_allowed() {
-    for arguments in
-        [&["set", "0", "velocity", "1", "--for", "-1"][..], &["set", "0", "velocity", "1", "--for", "0"]]
-    {
+    for arguments in [
+        &["set", "0", "velocity", "1", "--for", "-1"][..],
+        &["set", "0", "velocity", "1", "--for", "0"],
+    ] {
         let text = mgw(arguments).failure(2);
         assert!(text.contains("seconds above 0"), "{text}");
     }
@@ -280,7 +302,8 @@ fn the_unsafe_clear_needs_a_motor_out_of_reach() {
 #[test]
 fn no_setpoint_that_would_be_refused_arms_the_axis() {
     let sim = Sim::patient();
-    sim.mgw_once_in_command(&["configure", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"]).success();
+    sim.mgw_once_in_command(&["configure", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"])
+        .success();
     for (words, name) in [
         ("0 velocity nan", "NotANumber"),
         ("0 velocity 31", "OutOfRange"),
@@ -305,7 +328,8 @@ fn no_setpoint_that_would_be_refused_arms_the_axis() {
         assert_eq!(outcome.stdout, "", "{words:?}");
         assert_eq!(error(outcome, 1)["name"], name, "{words:?}");
     }
-    let text = sim.mgw(&["set", "3", "impedance", "1", "--stiffness", "1", "--damping", "1"]).failure(1);
+    let text =
+        sim.mgw(&["set", "3", "impedance", "1", "--stiffness", "1", "--damping", "1"]).failure(1);
     assert!(text.contains("axis 3 is on RS485; impedance needs CAN"), "{text}");
 }
 
@@ -323,7 +347,10 @@ fn a_stop_by_another_host_is_told() {
         });
         let error = error(outcome, 1);
         assert_eq!(error["name"], "StoppedElsewhere", "{arguments:?}: {error}");
-        assert!(error["message"].as_str().unwrap().starts_with("somebody else stopped axis 0"), "{error}");
+        assert!(
+            error["message"].as_str().unwrap().starts_with("somebody else stopped axis 0"),
+            "{error}"
+        );
     }
 }
 

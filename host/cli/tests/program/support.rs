@@ -32,11 +32,14 @@ impl Outcome {
     pub fn json_lines(self) -> Vec<Value> {
         self.success()
             .lines()
-            .map(|line| serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}")))
+            .map(|line| {
+                serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))
+            })
             .collect()
     }
 
-    /// Asserts that it failed with this exit code, printed nothing of a panic, and returns standard error.
+    /// Asserts that it failed with this exit code, printed nothing of a panic, and returns standard
+    /// error.
     pub fn failure(self, code: i32) -> String {
         assert_eq!(self.code, Some(code), "{self:?}");
         assert!(!self.stderr.contains("panicked"), "{self:?}");
@@ -70,14 +73,16 @@ pub fn mgw_reading(arguments: &[&str], input: impl Into<Vec<u8>>) -> Outcome {
     outcome(arguments, Running(child))
 }
 
-/// Runs the program to its end with this on standard input, reads so many lines of its output and closes the pipe, as `head` does.
+/// Runs the program to its end with this on standard input, reads so many lines of its output and
+/// closes the pipe, as `head` does.
 pub fn mgw_cut_short(arguments: &[&str], input: impl Into<Stdio>, lines: usize) -> Outcome {
     let child = command(arguments).stdin(input).spawn().expect("the program starts");
     let mut child = Running(child);
     let stdout = BufReader::new(child.0.stdout.take().unwrap());
     let stdout = stdout.lines().take(lines).map(|line| line.expect("text") + "\n").collect();
     let stderr = read_to_end(child.0.stderr.take().unwrap());
-    let stderr = stderr.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("{arguments:?} does not end"));
+    let stderr =
+        stderr.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("{arguments:?} does not end"));
     Outcome { code: child.0.wait().expect("it has ended").code(), stdout, stderr }
 }
 
@@ -120,10 +125,13 @@ pub struct Process {
 
 impl Process {
     pub fn start(arguments: &[&str]) -> Self {
-        let mut child = command(arguments).stderr(Stdio::inherit()).spawn().expect("the program starts");
+        let mut child =
+            command(arguments).stderr(Stdio::inherit()).spawn().expect("the program starts");
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let (sender, lines) = channel();
-        thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        thread::spawn(move || {
+            stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
         Self { running: Running(child), lines }
     }
 
@@ -194,19 +202,22 @@ impl Sim {
         Self::with_times(10_000_000, 10_000_000)
     }
 
-    /// One with these times to live of setpoints, and this silence of the link that ends authority, in µs.
+    /// One with these times to live of setpoints, and this silence of the link that ends authority,
+    /// in µs.
     pub fn with_times(ttl_us: u32, link_silence_us: u32) -> Self {
         let sim = Self::start();
         sim.mgw(&["configure", "gateway", &format!("link_silence_us={link_silence_us}")]).success();
         for axis in ["0", "1", "2", "3"] {
-            sim.mgw_once_in_command(&["configure", "axis", axis, &format!("ttl_us={ttl_us}")]).success();
+            sim.mgw_once_in_command(&["configure", "axis", axis, &format!("ttl_us={ttl_us}")])
+                .success();
         }
         sim
     }
 
     pub fn with(arguments: &[&str]) -> Self {
         let process = Process::start(&[&["sim", "--listen", "127.0.0.1:0"], arguments].concat());
-        let port = process.wait_for("the port", |line| line.strip_prefix("listening on ").map(str::to_owned));
+        let port = process
+            .wait_for("the port", |line| line.strip_prefix("listening on ").map(str::to_owned));
         assert!(port.starts_with("tcp:127.0.0.1:") && !port.ends_with(":0"), "{port}");
         Self { process, port }
     }

@@ -21,7 +21,9 @@ fn vectors(file: &str) -> Vec<Vector<'_>> {
     let lines = file.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
     let vector = |line| {
         let columns: Vec<&str> = str::split(line, " | ").collect();
-        let [label, direction, transport, frame, .., source] = columns.as_slice() else { panic!("{line}") };
+        let [label, direction, transport, frame, .., source] = columns.as_slice() else {
+            panic!("{line}")
+        };
         Vector { label, direction, transport, frame, source }
     };
     lines.map(vector).collect()
@@ -62,17 +64,20 @@ fn register_value(line: &Value) -> (&str, &Value) {
     const OTHERS: [&str; 7] =
         ["frame", "direction", "protocol", "node", "command", "register", "register_name"];
     let mut fields = line.as_object().unwrap().iter();
-    let (name, value) = fields.rfind(|(name, _)| !OTHERS.contains(&name.as_str())).expect("a value");
+    let (name, value) =
+        fields.rfind(|(name, _)| !OTHERS.contains(&name.as_str())).expect("a value");
     (name.strip_suffix("_raw").unwrap_or(name), value)
 }
 
 /// Decodes and encodes every request of a file; returns how many came back as they were.
 fn round_trip(protocol: &str, file: &str) -> usize {
     let vectors = vectors(file);
-    let requests: Vec<&Vector> = vectors.iter().filter(|vector| vector.direction == "request").collect();
+    let requests: Vec<&Vector> =
+        vectors.iter().filter(|vector| vector.direction == "request").collect();
     let input: String = requests.iter().map(|vector| format!("{}\n", vector.frame)).collect();
-    let decoded = mgw_reading(&["--json", "decode", "--protocol", protocol, "--direction", "request"], input)
-        .json_lines();
+    let decoded =
+        mgw_reading(&["--json", "decode", "--protocol", protocol, "--direction", "request"], input)
+            .json_lines();
     assert_eq!(decoded.len(), requests.len());
     let commands = listed(protocol);
     let mut same = 0;
@@ -95,7 +100,8 @@ fn round_trip(protocol: &str, file: &str) -> usize {
         }
         let command = line["command"].as_str().unwrap();
         if command == "motion_mode" {
-            // The manual reads and writes these words by different divisors: a decoded value is never encoded again.
+            // The manual reads and writes these words by different divisors: a decoded value is
+            // never encoded again.
             continue;
         }
         let (_, fields) = commands.iter().find(|(name, _)| name == command).unwrap();
@@ -136,14 +142,16 @@ fn every_vector_has_its_direction() {
         let vectors = vectors(file);
         let input: String = vectors.iter().map(|vector| format!("{}\n", vector.frame)).collect();
         for choice in [protocol, "auto"] {
-            let lines = mgw_reading(&["--json", "decode", "--protocol", choice], input.clone()).json_lines();
+            let lines = mgw_reading(&["--json", "decode", "--protocol", choice], input.clone())
+                .json_lines();
             assert_eq!(lines.len(), vectors.len());
             for (vector, line) in vectors.iter().zip(&lines) {
                 let label = vector.label;
                 assert_eq!(line["frame"], vector.frame, "{label}");
                 assert_eq!(line["protocol"], protocol, "{label}");
                 let is_undecodable = !line["error"].is_null() && line["command"].is_null();
-                // Two replies of which the first has answered; and frames that D5 motors send unasked or not alike.
+                // Two replies of which the first has answered; and frames that D5 motors send
+                // unasked or not alike.
                 let cannot_be_told = label == "communication timeout 1000 ms reply"
                     && vector.transport == "rs485"
                     || protocol == "d5"

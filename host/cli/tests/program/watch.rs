@@ -7,14 +7,18 @@ use crate::support::{Process, Sim};
 #[test]
 fn as_many_samples_of_each_axis_as_asked() {
     let sim = Sim::start();
-    let lines = sim.mgw(&["--json", "watch", "0", "1", "--period", "50", "--count", "3"]).json_lines();
+    let lines =
+        sim.mgw(&["--json", "watch", "0", "1", "--period", "50", "--count", "3"]).json_lines();
     for axis in [0, 1] {
         let samples = lines.iter().filter(|line| line["event"] == "Sample" && line["axis"] == axis);
         assert_eq!(samples.count(), 3, "{lines:?}");
     }
     // Once every configured axis: headings and a row for each.
     let text = sim.mgw(&["watch", "--count", "1"]).success();
-    assert!(text.starts_with("axis  state         position rad  velocity rad/s  current A"), "{text}");
+    assert!(
+        text.starts_with("axis  state         position rad  velocity rad/s  current A"),
+        "{text}"
+    );
     assert_eq!(text.lines().count(), 5, "{text}");
 }
 
@@ -40,14 +44,17 @@ fn chosen_fields_with_their_own_ages() {
 #[test]
 fn events_come_between_and_ctrl_c_ends_it() {
     let sim = Sim::patient();
-    let mut watch = Process::start(&["--port", &sim.port, "--json", "watch", "0", "--period", "20"]);
+    let mut watch =
+        Process::start(&["--port", &sim.port, "--json", "watch", "0", "--period", "20"]);
     let parse = |line: &str| serde_json::from_str::<Value>(line).unwrap();
     watch.wait_for("a sample", |line| (parse(line)["event"] == "Sample").then_some(()));
     sim.mgw(&["set", "0", "velocity", "2", "--for", "0.3"]).success();
     watch.wait_for("motion", |line| {
         parse(line)["velocity_rad_s"]["value"].as_f64().filter(|speed| *speed > 1.0)
     });
-    watch.wait_for("the confirmed stop", |line| (parse(line)["event"] == "StopConfirmed").then_some(()));
+    watch.wait_for("the confirmed stop", |line| {
+        (parse(line)["event"] == "StopConfirmed").then_some(())
+    });
     assert_eq!(watch.interrupt(), Some(0));
 }
 
@@ -69,7 +76,8 @@ fn samples_that_the_link_cannot_carry_are_counted() {
 #[test]
 fn axes_are_watched_once_and_only_if_they_are_configured() {
     let sim = Sim::start();
-    let lines = sim.mgw(&["--json", "watch", "0", "0", "--period", "50", "--count", "2"]).json_lines();
+    let lines =
+        sim.mgw(&["--json", "watch", "0", "0", "--period", "50", "--count", "2"]).json_lines();
     assert_eq!(lines.iter().filter(|line| line["event"] == "Sample").count(), 2, "{lines:?}");
     let text = sim.mgw(&["watch", "0", "9"]).failure(1);
     assert!(text.contains("axis 9 is not configured"), "{text}");
@@ -78,10 +86,15 @@ fn axes_are_watched_once_and_only_if_they_are_configured() {
 #[test]
 fn a_motor_that_does_not_answer_is_told_once() {
     let sim = Sim::start();
-    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=9", "stop_action=hold"]).success();
-    let lines = sim.mgw(&["--json", "watch", "0", "5", "--period", "100", "--count", "50"]).json_lines();
+    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=9", "stop_action=hold"])
+        .success();
+    let lines =
+        sim.mgw(&["--json", "watch", "0", "5", "--period", "100", "--count", "50"]).json_lines();
     let silent: Vec<_> = lines.iter().filter(|line| line["silent"].is_string()).collect();
     let [silent] = silent.as_slice() else { panic!("{silent:?}") };
     assert_eq!(silent["axis"], 5);
-    assert!(silent["silent"].as_str().unwrap().contains("motor of axis 5 did not reply"), "{silent}");
+    assert!(
+        silent["silent"].as_str().unwrap().contains("motor of axis 5 did not reply"),
+        "{silent}"
+    );
 }

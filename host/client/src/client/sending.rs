@@ -1,4 +1,5 @@
-//! The one place where a client writes and waits: each time it looks for an interrupt, then sends what is due, then listens.
+//! The one place where a client writes and waits: each time it looks for an interrupt, then sends
+//! what is due, then listens.
 
 use std::time::Duration;
 
@@ -21,8 +22,8 @@ const REMEMBERED: u64 = 8;
 const READ_BUFFER: usize = 512;
 
 impl<T: Transport> Client<T> {
-    /// Sends a request until it is answered or the deadline has passed. Returns the reply, and when the request was sent for the first
-    /// time.
+    /// Sends a request until it is answered or the deadline has passed. Returns the reply, and when
+    /// the request was sent for the first time.
     pub(crate) fn exchange<C: Call>(
         &mut self,
         request: &C,
@@ -45,9 +46,14 @@ impl<T: Transport> Client<T> {
                 Some(first) => first,
                 None => {
                     let sequence = self.next_sequence();
-                    let length =
-                        host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
-                            .map_err(|_| ClientError::TooLong { request: name })?;
+                    let length = host_protocol::encode(
+                        Kind::Request,
+                        sequence,
+                        C::NUMBER,
+                        request,
+                        &mut frame,
+                    )
+                    .map_err(|_| ClientError::TooLong { request: name })?;
                     *first.insert((sequence, length, now, self.written))
                 }
             };
@@ -71,9 +77,11 @@ impl<T: Transport> Client<T> {
         sequence
     }
 
-    /// The one place where requests are written; the stops that follow an interrupt are written by themselves.
+    /// The one place where requests are written; the stops that follow an interrupt are written by
+    /// themselves.
     fn write(&mut self, number: u16, frame: &[u8]) -> Result<(), ClientError> {
-        // Right before each frame: it may have come since the loop looked, and among several frames that are due.
+        // Right before each frame: it may have come since the loop looked, and among several frames
+        // that are due.
         self.heed_interrupt(number)?;
         self.transport.send(frame)?;
         self.written += 1;
@@ -86,12 +94,15 @@ impl<T: Transport> Client<T> {
         let sequence = self.next_sequence();
         let mut frame = [0; MAX_FRAME];
         let length = host_protocol::encode(Kind::Request, sequence, C::NUMBER, request, &mut frame)
-            .map_err(|_| ClientError::TooLong { request: request_name(C::NUMBER).unwrap_or("a request") })?;
+            .map_err(|_| ClientError::TooLong {
+                request: request_name(C::NUMBER).unwrap_or("a request"),
+            })?;
         self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
         Ok(sequence)
     }
 
-    /// Reads once what has arrived, or arrives before something is to be sent, or an interrupt to be looked for.
+    /// Reads once what has arrived, or arrives before something is to be sent, or an interrupt to
+    /// be looked for.
     pub(super) fn listen(
         &mut self,
         until: Duration,
@@ -105,10 +116,14 @@ impl<T: Transport> Client<T> {
         let now = self.transport.now();
         let mut found = None;
         for arrived in self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
-            let is_awaited = awaited.is_some_and(|(sequence, number)| arrived.answers(sequence, number));
+            let is_awaited =
+                awaited.is_some_and(|(sequence, number)| arrived.answers(sequence, number));
             if is_awaited && found.is_none() {
                 found = Some(arrived.answer);
-            } else if !self.stream.as_mut().is_some_and(|stream| stream.take(now, &arrived, &mut self.clock))
+            } else if !self
+                .stream
+                .as_mut()
+                .is_some_and(|stream| stream.take(now, &arrived, &mut self.clock))
             {
                 self.inbox.count_late();
             }
@@ -129,11 +144,15 @@ impl<T: Transport> Client<T> {
         if stream.takes_turn(now) {
             for index in 0..stream.flows.len() {
                 let Some(flow) = stream.flows.get(index) else { break };
-                let (axis, epoch, expires_at_us) = (flow.axis, flow.epoch, self.expiry(flow.lead()));
+                let (axis, epoch, expires_at_us) =
+                    (flow.axis, flow.epoch, self.expiry(flow.lead()));
                 let sequence = match &flow.motion {
-                    Motion::Setpoint(setpoint) => {
-                        self.post(&ask::Setpoint { axis, epoch, expires_at_us, setpoint: *setpoint })?
-                    }
+                    Motion::Setpoint(setpoint) => self.post(&ask::Setpoint {
+                        axis,
+                        epoch,
+                        expires_at_us,
+                        setpoint: *setpoint,
+                    })?,
                     Motion::Native(data) => {
                         self.post(&ask::Native { axis, epoch, expires_at_us, data: data.clone() })?
                     }
@@ -166,7 +185,8 @@ impl<T: Transport> Client<T> {
         self.pass_time(until)
     }
 
-    /// The first time that the interrupt is seen: stops, before anything else is written. Later: refuses what moves.
+    /// The first time that the interrupt is seen: stops, before anything else is written. Later:
+    /// refuses what moves.
     pub(crate) fn heed_interrupt(&mut self, number: u16) -> Result<(), ClientError> {
         if !self.interrupt.is_raised() {
             return Ok(());

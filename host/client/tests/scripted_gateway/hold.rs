@@ -41,12 +41,18 @@ fn setpoints_of_all_axes_are_renewed_well_within_their_time_to_live() {
     let (mut client, setpoints) = noting(|_| None);
     let start = client.now();
     client
-        .hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())))
+        .hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(1), |_| {
+            Ok(ControlFlow::Continue(()))
+        })
         .unwrap();
     assert!(client.now() - start >= Duration::from_secs(1));
     for axis in [0, 1] {
-        let times: Vec<u64> =
-            setpoints.borrow().iter().filter(|(of, _)| *of == axis).map(|(_, time)| *time).collect();
+        let times: Vec<u64> = setpoints
+            .borrow()
+            .iter()
+            .filter(|(of, _)| *of == axis)
+            .map(|(_, time)| *time)
+            .collect();
         assert!(times.len() >= 28, "{}", times.len());
         assert!(times.windows(2).all(|pair| pair[1] - pair[0] < 50_000), "{times:?}");
     }
@@ -70,15 +76,24 @@ fn the_caller_ends_the_hold() {
 fn one_stale_setpoint_is_followed_by_a_fresh_one() {
     let stale = Error::Stale { now_us: 2, expires_at_us: 1 };
     let (mut client, setpoints) = noting(move |count| (count == 3).then_some(stale));
-    client.hold_setpoints(&[hold(0)], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    client
+        .hold_setpoints(&[hold(0)], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     assert!(setpoints.borrow().len() >= 14);
 }
 
 #[test]
 fn a_gateway_whose_clock_stood_still_for_a_while_is_caught_up_with() {
-    let ahead = Error::OutOfRange { quantity: Quantity::Expiry, value: 105_000.0, min: 0.0, max: 100_000.0 };
+    let ahead = Error::OutOfRange {
+        quantity: Quantity::Expiry,
+        value: 105_000.0,
+        min: 0.0,
+        max: 100_000.0,
+    };
     let (mut client, setpoints) = noting(move |count| (count == 3).then_some(ahead));
-    client.hold_setpoints(&[hold(0)], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    client
+        .hold_setpoints(&[hold(0)], Duration::from_millis(500), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     assert!(setpoints.borrow().len() >= 14);
 }
 
@@ -86,7 +101,8 @@ fn a_gateway_whose_clock_stood_still_for_a_while_is_caught_up_with() {
 fn setpoints_that_are_always_stale_are_an_error() {
     let stale = Error::Stale { now_us: 2, expires_at_us: 1 };
     let (mut client, setpoints) = noting(move |_| Some(stale));
-    let result = client.hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
+    let result = client
+        .hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(result, Err(ClientError::Gateway(Error::Stale { .. }))));
     // One every 10 ms, for the half second that nothing may be taken.
     assert!((50..=55).contains(&setpoints.borrow().len()), "{}", setpoints.borrow().len());
@@ -103,8 +119,9 @@ fn an_axis_whose_setpoints_are_all_refused_is_not_hidden_by_another() {
     });
     let mut client = Client::connect_as(line, 1, 0).unwrap();
     let start = client.now();
-    let held =
-        client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
+    let held = client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(5), |_| {
+        Ok(ControlFlow::Continue(()))
+    });
     assert!(matches!(held, Err(ClientError::Gateway(Error::Stale { .. }))), "{held:?}");
     assert!(client.now() - start < Duration::from_secs(1));
 }
@@ -123,7 +140,9 @@ fn setpoints_wait_for_no_answer_and_each_has_an_expiry_of_its_own() {
         said
     });
     let mut client = Client::connect_as(line, 1, 0).unwrap();
-    client.hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    client
+        .hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     let expiries = expiries.borrow();
     assert!(expiries.len() >= 99, "{}", expiries.len());
     for pair in expiries.windows(2) {
@@ -167,7 +186,8 @@ fn what_the_gateway_no_longer_knows_is_not_asked_for_again_if_it_acts_again() {
 fn a_refusal_ends_the_hold_at_once() {
     let refusal = Error::NotArmed { axis: 0, state: AxisState::Idle };
     let (mut client, setpoints) = noting(move |count| (count == 2).then_some(refusal));
-    let result = client.hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
+    let result = client
+        .hold_setpoints(&[hold(0)], Duration::from_secs(5), |_| Ok(ControlFlow::Continue(())));
     assert!(matches!(result, Err(ClientError::Gateway(error)) if error == refusal));
     // The third was on its way before the answer to the second had come.
     assert!(setpoints.borrow().len() <= 3, "{}", setpoints.borrow().len());
@@ -185,7 +205,11 @@ fn holding_the_link_pings_often_enough() {
     });
     let mut client = Client::connect_as(line, 1, 0).unwrap();
     client.hold(Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
-    assert!(pings.borrow().windows(2).all(|pair| pair[1] - pair[0] < 125_000), "{:?}", pings.borrow());
+    assert!(
+        pings.borrow().windows(2).all(|pair| pair[1] - pair[0] < 125_000),
+        "{:?}",
+        pings.borrow()
+    );
 }
 
 #[test]
@@ -207,7 +231,9 @@ fn an_expiry_too_far_ahead_for_the_gateway_is_followed_by_one_that_is_not() {
         _ => healthy(heard),
     });
     let mut client = Client::connect_as(line, 1, 0).unwrap();
-    client.hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(()))).unwrap();
+    client
+        .hold_setpoints(&[hold(0)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())))
+        .unwrap();
     let leads = leads.borrow();
     let refused = leads.iter().filter(|lead| **lead > 80_000).count();
     assert!(refused <= 3, "{refused} of {}: {leads:?}", leads.len());
@@ -227,8 +253,9 @@ fn an_interrupt_between_two_due_setpoints_is_followed_by_the_stops() {
     let mut client = Client::connect_heeding(line, interrupt).unwrap();
     client.arm(0).unwrap();
     client.arm(1).unwrap();
-    let held =
-        client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())));
+    let held = client.hold_setpoints(&[hold(0), hold(1)], Duration::from_secs(1), |_| {
+        Ok(ControlFlow::Continue(()))
+    });
     assert!(matches!(held, Err(ClientError::Interrupted { armed: true })), "{held:?}");
     assert!(heard.borrow().ends_with(&["Setpoint", "Stop", "Stop"]), "{:?}", heard.borrow());
     let refused = client.set(0, 9, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL);

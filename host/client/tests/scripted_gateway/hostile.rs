@@ -42,8 +42,10 @@ fn random_reply(sequence: u16, number: u16, random: &mut fastrand::Rng) -> Vec<u
             &mut out,
         ),
         _ => {
-            let (first, second) =
-                (<[u8; 32]>::try_from(&body[..32]).unwrap(), <[u8; 12]>::try_from(&body[..12]).unwrap());
+            let (first, second) = (
+                <[u8; 32]>::try_from(&body[..32]).unwrap(),
+                <[u8; 12]>::try_from(&body[..12]).unwrap(),
+            );
             host_protocol::encode(Kind::Reply, sequence, number, &(first, second), &mut out)
         }
     };
@@ -64,7 +66,8 @@ fn use_everything(client: &mut Client<Scripted>) {
     let _ = client.move_relative(0, epoch, 1.0, 1.0, ttl);
     let _ = client.native(0, epoch, Bytes::new(), ttl);
     let hold = Hold { axis: 0, epoch, setpoint: Setpoint::Signal { fraction: 0.1 }, ttl };
-    let _ = client.hold_setpoints(&[hold], Duration::from_millis(300), |_| Ok(ControlFlow::Continue(())));
+    let _ = client
+        .hold_setpoints(&[hold], Duration::from_millis(300), |_| Ok(ControlFlow::Continue(())));
     let _ = client.hold(Duration::from_millis(100), |_| Ok(ControlFlow::Continue(())));
     let _ = client.stop(StopTarget::All);
     let _ = client.stop_armed();
@@ -76,7 +79,9 @@ fn replies_of_random_bytes_break_nothing() {
     for seed in 0..RUNS {
         let mut random = fastrand::Rng::with_seed(seed);
         let line = Scripted::new(move |heard| {
-            if matches!(heard.request, Request::Hello(_)) || random.u8(..4) == 0 && is_known(&heard.request) {
+            if matches!(heard.request, Request::Hello(_))
+                || random.u8(..4) == 0 && is_known(&heard.request)
+            {
                 return healthy(heard);
             }
             vec![(2 * LATENCY, random_reply(heard.sequence, heard.request.number(), &mut random))]
@@ -113,7 +118,8 @@ fn a_time_beyond_all_bounds_overflows_nothing() {
         for _ in 0..20 {
             line.0.borrow_mut().now += Duration::from_millis(700);
             client.ping().unwrap();
-            let _ = client.set(1, 7, Setpoint::Signal { fraction: 0.1 }, Duration::from_millis(100));
+            let _ =
+                client.set(1, 7, Setpoint::Signal { fraction: 0.1 }, Duration::from_millis(100));
             client.clock_uncertainty();
         }
         assert!(matches!(client.arm(0), Err(ClientError::NoAnswer { .. })));
@@ -127,9 +133,17 @@ fn one_byte_too_many(heard: &Heard) -> Vec<Said> {
         Request::Hello(_) | Request::Ping(_) => return healthy(heard),
         Request::Native(native) => {
             let reply = (NativeReply { data: native.data.clone() }, 0u8);
-            host_protocol::encode(Kind::Reply, heard.sequence, heard.request.number(), &reply, &mut out)
+            host_protocol::encode(
+                Kind::Reply,
+                heard.sequence,
+                heard.request.number(),
+                &reply,
+                &mut out,
+            )
         }
-        request => host_protocol::encode(Kind::Reply, heard.sequence, request.number(), &0u8, &mut out),
+        request => {
+            host_protocol::encode(Kind::Reply, heard.sequence, request.number(), &0u8, &mut out)
+        }
     };
     vec![(2 * LATENCY, out[..length.unwrap()].to_vec())]
 }

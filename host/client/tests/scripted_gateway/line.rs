@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use host_protocol::replies::{Armed, Done, HelloReply, MoveTarget, NativeReply, Pong};
 use host_protocol::{
-    BootReason, Deframer, Error, Event, Kind, MAX_FRAME, MotorTimeout, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply,
-    Request,
+    BootReason, Deframer, Error, Event, Kind, MAX_FRAME, MotorTimeout, PROTOCOL_MAJOR,
+    PROTOCOL_MINOR, Reply, Request,
 };
 use mgw_client::Transport;
 
@@ -94,7 +94,8 @@ impl Transport for Scripted {
             let Some(frame) = deframer.push(*byte) else { continue };
             let frame = frame.expect("the client sends whole frames");
             assert_eq!(frame.kind, Kind::Request);
-            let request = Request::decode(frame.number, frame.body).expect("the client sends known requests");
+            let request =
+                Request::decode(frame.number, frame.body).expect("the client sends known requests");
             let time_us = gateway_time_us(now + LATENCY);
             said = (line.script)(&Heard { sequence: frame.sequence, request, time_us, times });
         }
@@ -148,7 +149,8 @@ pub fn gateway_time_us(now: Duration) -> u64 {
     GATEWAY_START_US + u64::try_from(now.as_micros()).unwrap()
 }
 
-/// What a healthy gateway says: the hello, the time, and `Done` to everything else, one round trip later.
+/// What a healthy gateway says: the hello, the time, and `Done` to everything else, one round trip
+/// later.
 pub fn healthy(heard: &Heard) -> Vec<Said> {
     let reply = match &heard.request {
         Request::Hello(_) => Reply::Hello(hello(PROTOCOL_MAJOR)),
@@ -157,7 +159,9 @@ pub fn healthy(heard: &Heard) -> Vec<Said> {
         Request::Setpoint(_) => Reply::Setpoint(Done {}),
         Request::Stop(_) => Reply::Stop(Done {}),
         Request::Subscribe(_) => Reply::Subscribe(Done {}),
-        Request::MoveRelative(_) => Reply::MoveRelative(MoveTarget { start_rad: 0.5, target_rad: 2.0 }),
+        Request::MoveRelative(_) => {
+            Reply::MoveRelative(MoveTarget { start_rad: 0.5, target_rad: 2.0 })
+        }
         Request::Native(request) => Reply::Native(NativeReply { data: request.data.clone() }),
         other => panic!("the script does not know {other:?}"),
     };

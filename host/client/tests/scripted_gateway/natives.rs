@@ -167,7 +167,8 @@ fn a_native_command_waits_until_another_hosts_question_is_answered() {
             }
         });
         let mut client = Client::connect_as(line, 1, 0).unwrap();
-        let reply = client.native_when_free(1, 0, data(&[0x9C, 0, 0, 0, 0, 0, 0, 0]), Duration::ZERO);
+        let reply =
+            client.native_when_free(1, 0, data(&[0x9C, 0, 0, 0, 0, 0, 0, 0]), Duration::ZERO);
         match reply {
             Ok(_) => assert!(is_answered),
             Err(error) => {

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::line::{
-    GATEWAY_START_US, Heard, LATENCY, Said, Scripted, error_bytes, event_bytes, gateway_time_us, healthy,
-    hello, reply_bytes,
+    GATEWAY_START_US, Heard, LATENCY, Said, Scripted, error_bytes, event_bytes, gateway_time_us,
+    healthy, hello, reply_bytes,
 };
 use host_protocol::replies::Done;
 use host_protocol::requests::{EStop, Stop};
@@ -13,8 +13,8 @@ use mgw_client::{Client, ClientError, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER
 
 /// Hello of version 1.0 with session 0x12345678, sequence 0.
 const HELLO: [u8; 19] = [
-    0x00, 0x02, 0x01, 0x01, 0x02, 0x01, 0x02, 0x01, 0x0A, 0xF8, 0xAC, 0xD1, 0x91, 0x01, 0xC9, 0x7C, 0xBF,
-    0x3A, 0x00,
+    0x00, 0x02, 0x01, 0x01, 0x02, 0x01, 0x02, 0x01, 0x0A, 0xF8, 0xAC, 0xD1, 0x91, 0x01, 0xC9, 0x7C,
+    0xBF, 0x3A, 0x00,
 ];
 /// Stop of all axes, sequence 4.
 const STOP_ALL_SEQUENCE_4: [u8; 13] =
@@ -63,7 +63,10 @@ fn a_late_reply_after_retry_is_ignored() {
             vec![(REPEAT_AFTER + 2 * LATENCY, reply_bytes(heard.sequence, &Reply::Stop(Done {})))]
         }
         Request::EStop(_) => {
-            vec![(DEADLINE / 2, error_bytes(heard.sequence, &Error::UnknownRequest { number: 0x33 }))]
+            vec![(
+                DEADLINE / 2,
+                error_bytes(heard.sequence, &Error::UnknownRequest { number: 0x33 }),
+            )]
         }
         _ => healthy(heard),
     });
@@ -79,8 +82,11 @@ fn a_late_reply_after_retry_is_ignored() {
 
 #[test]
 fn events_that_arrive_while_waiting_are_delivered_in_order() {
-    let events =
-        [Event::EStopLatched {}, Event::AxisUnreachable { axis: 3, stop_sent: true }, Event::EStopCleared {}];
+    let events = [
+        Event::EStopLatched {},
+        Event::AxisUnreachable { axis: 3, stop_sent: true },
+        Event::EStopCleared {},
+    ];
     let (line, mut client) = connected(move |heard| match heard.request {
         Request::Stop(_) => {
             let mut bytes = event_bytes(0, 11, &events[0]);
@@ -208,7 +214,10 @@ fn an_answer_of_another_request_is_not_taken() {
 fn an_error_of_the_gateway_comes_with_its_data() {
     let (_line, mut client) = connected(|heard| match heard.request {
         Request::Stop(_) => {
-            vec![(LATENCY, error_bytes(heard.sequence, &Error::UnknownAxis { axis: 77, max_axes: 32 }))]
+            vec![(
+                LATENCY,
+                error_bytes(heard.sequence, &Error::UnknownAxis { axis: 77, max_axes: 32 }),
+            )]
         }
         _ => healthy(heard),
     });
@@ -222,7 +231,11 @@ fn the_clock_is_known_within_a_round_trip() {
     line.0.borrow_mut().now += Duration::from_millis(50);
     client.ping().unwrap();
     let truth = gateway_time_us(client.now());
-    assert!(client.gateway_now_us().abs_diff(truth) <= 200, "{} of {truth}", client.gateway_now_us());
+    assert!(
+        client.gateway_now_us().abs_diff(truth) <= 200,
+        "{} of {truth}",
+        client.gateway_now_us()
+    );
     assert!(client.clock_uncertainty() <= 2 * LATENCY);
 }
 
@@ -231,7 +244,8 @@ fn a_setpoint_never_expires_beyond_its_time_to_live() {
     let (line, mut client) = connected(|heard| {
         if let Request::Setpoint(setpoint) = &heard.request {
             let ahead = setpoint.expires_at_us.wrapping_sub(u32::try_from(heard.time_us).unwrap());
-            // 100 ms, less the way here and the way back of the ping it was measured by, less 1/1000 of up to half a second for drift.
+            // 100 ms, less the way here and the way back of the ping it was measured by, less
+            // 1/1000 of up to half a second for drift.
             assert!((99_000..=100_000).contains(&ahead), "{ahead} µs");
         }
         healthy(heard)
@@ -274,7 +288,8 @@ fn a_closed_connection_is_an_error_and_can_be_opened_again() {
     let line = line.0.borrow();
     assert_eq!(line.reopened, 1);
     // The lost request, then hello with another session, pings, and the request again.
-    let hellos: Vec<_> = line.sent.iter().filter(|(_, bytes)| bytes.get(5) == HELLO.get(5)).collect();
+    let hellos: Vec<_> =
+        line.sent.iter().filter(|(_, bytes)| bytes.get(5) == HELLO.get(5)).collect();
     assert!(hellos.len() >= 2 && hellos[0].1 != hellos[1].1);
 }
 
@@ -283,7 +298,8 @@ fn a_gateway_that_restarted_is_known_by_its_clock() {
     let mut restarted_at = None;
     let (line, mut client) = connected(move |heard| {
         let mut said = healthy(heard);
-        if matches!(heard.request, Request::Ping(_)) && heard.time_us > GATEWAY_START_US + 1_000_000 {
+        if matches!(heard.request, Request::Ping(_)) && heard.time_us > GATEWAY_START_US + 1_000_000
+        {
             let start = *restarted_at.get_or_insert(heard.time_us);
             let time_us = 1_000 + heard.time_us - start;
             said = vec![(

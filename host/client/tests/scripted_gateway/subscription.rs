@@ -29,7 +29,10 @@ fn axes_become_bits_and_samples_come_as_events() {
     let (line, mut client, heard) = connected();
     client.subscribe(&[0, 5, 31], FIELDS, PERIOD).unwrap();
     let Request::Subscribe(request) = heard.borrow()[0].clone() else { panic!("{heard:?}") };
-    assert_eq!((request.axes, request.fields.bits(), request.period_us), (0x8000_0021, 0b100_0001, 10_000));
+    assert_eq!(
+        (request.axes, request.fields.bits(), request.period_us),
+        (0x8000_0021, 0b100_0001, 10_000)
+    );
     let sample = Event::Sample {
         axis: 5,
         state: AxisState::Idle,
@@ -50,7 +53,10 @@ fn axes_become_bits_and_samples_come_as_events() {
 fn an_axis_beyond_the_last_bit_is_unknown() {
     let (_line, mut client, heard) = connected();
     let result = client.subscribe(&[0, 32], FIELDS, PERIOD);
-    assert!(matches!(result, Err(ClientError::Gateway(Error::UnknownAxis { axis: 32, max_axes: 32 }))));
+    assert!(matches!(
+        result,
+        Err(ClientError::Gateway(Error::UnknownAxis { axis: 32, max_axes: 32 }))
+    ));
     assert!(heard.borrow().is_empty());
 }
 

@@ -46,7 +46,8 @@ impl FrameBits {
         self.stuffed() + UP_TO_ACK
     }
 
-    /// Bits sent until this frame and another one differ, the differing bit included; all of them if they do not.
+    /// Bits sent until this frame and another one differ, the differing bit included; all of them
+    /// if they do not.
     pub(crate) fn up_to_difference(&self, other: &Self) -> u64 {
         let equal = self.bits.iter().zip(&other.bits).take_while(|(a, b)| a == b).count();
         (equal as u64 + 1).min(self.stuffed())
@@ -154,7 +155,8 @@ mod tests {
         assert_eq!(crc15(&bits), 0x059E);
     }
 
-    /// 1 start, 11 id, RTR, IDE, r0, 4 length = 19 bits plus data and 15 CRC; 10 more to the end of frame.
+    /// 1 start, 11 id, RTR, IDE, r0, 4 length = 19 bits plus data and 15 CRC; 10 more to the end of
+    /// frame.
     #[test]
     fn unstuffed_length_is_44_and_the_data() {
         for len in 0..=8 {
@@ -166,7 +168,8 @@ mod tests {
         assert_eq!(raw_bits(&extended).len() + 15 + 10, 64 + 64);
     }
 
-    /// Id 0 without data is 34 dominant bits, its CRC being 0: a stuff bit after 5, 10, … 30 of them.
+    /// Id 0 without data is 34 dominant bits, its CRC being 0: a stuff bit after 5, 10, … 30 of
+    /// them.
     #[test]
     fn a_frame_of_zeros_has_six_stuff_bits() {
         let bits = FrameBits::of(&standard(0, &[]));
@@ -196,16 +199,19 @@ mod tests {
 
     #[test]
     fn priority_is_the_order_of_the_wire() {
-        let remote = CanFrame::remote_frame(embedded_can::StandardId::new(0x141).unwrap().into(), 0).unwrap();
+        let remote =
+            CanFrame::remote_frame(embedded_can::StandardId::new(0x141).unwrap().into(), 0)
+                .unwrap();
         // 0x141 as the upper 11 bits of an extended id.
         let extended = CanFrame::extended(0x141 << 18, &[]).unwrap();
-        let order = [standard(0x0B, &[]), standard(0x141, &[]), remote, extended, standard(0x142, &[])];
+        let order =
+            [standard(0x0B, &[]), standard(0x141, &[]), remote, extended, standard(0x142, &[])];
         assert!(order.is_sorted_by_key(priority));
         assert!(priority(&extended) != priority(&remote));
     }
 
-    /// Both start with SOF 0, id 00000001011, RTR, IDE, r0 0, DLC 1000: 20 bits with one stuff bit after the
-    /// first five zeros of SOF and id; then 1 of D5 against 0 of 5D.
+    /// Both start with SOF 0, id 00000001011, RTR, IDE, r0 0, DLC 1000: 20 bits with one stuff bit
+    /// after the first five zeros of SOF and id; then 1 of D5 against 0 of 5D.
     #[test]
     fn frames_of_one_id_part_at_their_data() {
         let (request, reply) = (standard(0x0B, &[0xD5; 8]), standard(0x0B, &[0x5D; 8]));

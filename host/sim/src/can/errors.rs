@@ -53,7 +53,8 @@ impl ErrorCounters {
         self.transmit = self.transmit.saturating_add(TRANSMIT_PENALTY).min(BUS_OFF);
     }
 
-    /// Nobody acknowledged. An error-passive transmitter does not count that: a lone node never goes bus-off.
+    /// Nobody acknowledged. An error-passive transmitter does not count that: a lone node never
+    /// goes bus-off.
     pub(crate) fn missing_acknowledgement(&mut self) {
         if !self.is_passive() {
             self.transmit_error();

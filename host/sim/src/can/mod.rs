@@ -1,7 +1,8 @@
 //! One CAN bus, frame by frame: arbitration, acknowledgement, errors, broken cables.
 //!
-//! Stations that hear each other form an island: same side of a cut, same bitrate. Each island has its own medium, on
-//! which one frame at a time is sent. Bits are not simulated one by one; their number is, exactly.
+//! Stations that hear each other form an island: same side of a cut, same bitrate. Each island has
+//! its own medium, on which one frame at a time is sent. Bits are not simulated one by one; their
+//! number is, exactly.
 
 mod bits;
 mod errors;
@@ -87,7 +88,8 @@ pub(crate) struct CanBus {
 impl CanBus {
     /// Starts a station at a bitrate, or starts it again: what it held is dropped.
     ///
-    /// A controller that was bus-off first waits for a quiet line; its `State` comes when it takes part again.
+    /// A controller that was bus-off first waits for a quiet line; its `State` comes when it takes
+    /// part again.
     pub(crate) fn start(&mut self, now: Duration, station: Station, bitrate: u32) {
         self.stop_media(now, Some(station));
         let at = self.index_or_insert(station);
@@ -117,11 +119,18 @@ impl CanBus {
     /// Hands a frame to a station's controller. `corrupt`: its checksum will be wrong.
     pub(crate) fn send(&mut self, station: Station, slot: u8, frame: CanFrame, corrupt: bool) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {
-            node.enqueue(Pending { slot, bits: FrameBits::of(&frame), frame, corrupt, cancelled: false });
+            node.enqueue(Pending {
+                slot,
+                bits: FrameBits::of(&frame),
+                frame,
+                corrupt,
+                cancelled: false,
+            });
         }
     }
 
-    /// Asks a frame back from a station's controller. Its outcome tells whether it was sent all the same.
+    /// Asks a frame back from a station's controller. Its outcome tells whether it was sent all the
+    /// same.
     pub(crate) fn cancel(&mut self, station: Station, slot: u8) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station)
             && node.cancel(slot)
@@ -154,13 +163,15 @@ impl CanBus {
 
     /// When something will happen: a frame ends, one can start, a controller comes back.
     pub(crate) fn next_event(&self) -> Option<Duration> {
-        let ends = self.media.iter().filter_map(|(_, medium)| medium.in_flight.as_ref().map(|f| f.end));
+        let ends =
+            self.media.iter().filter_map(|(_, medium)| medium.in_flight.as_ref().map(|f| f.end));
         let recoveries = self.nodes.iter().filter_map(|node| node.back_at);
         let starts = (0..self.nodes.len()).filter_map(|at| self.can_start_at(at));
         ends.chain(recoveries).chain(starts).min()
     }
 
-    /// Ends what is over at `now`. Call it first, then hand over new frames, then call [`CanBus::arbitrate`].
+    /// Ends what is over at `now`. Call it first, then hand over new frames, then call
+    /// [`CanBus::arbitrate`].
     pub(crate) fn finish(&mut self, now: Duration) {
         for at in 0..self.media.len() {
             let Some((island, medium)) = self.media.get_mut(at) else { continue };
@@ -199,15 +210,21 @@ impl CanBus {
 
     fn start_frame(&mut self, now: Duration, island: Island) {
         let ready = |at: &usize| {
-            self.island(*at) == Some(island) && self.can_start_at(*at).is_some_and(|start| start <= now)
+            self.island(*at) == Some(island)
+                && self.can_start_at(*at).is_some_and(|start| start <= now)
         };
         let contenders: Vec<(usize, &Pending)> = (0..self.nodes.len())
             .filter(ready)
             .filter_map(|at| Some((at, self.nodes.get(at)?.next_frame()?)))
             .collect();
-        let Some(best) = contenders.iter().map(|(_, pending)| priority(&pending.frame)).min() else { return };
-        let winners: Vec<_> =
-            contenders.into_iter().filter(|(_, pending)| priority(&pending.frame) == best).collect();
+        let Some(best) = contenders.iter().map(|(_, pending)| priority(&pending.frame)).min()
+        else {
+            return;
+        };
+        let winners: Vec<_> = contenders
+            .into_iter()
+            .filter(|(_, pending)| priority(&pending.frame) == best)
+            .collect();
         let Some((_, pending)) = winners.first().copied() else { return };
 
         let rival = winners.iter().find(|(_, other)| other.frame != pending.frame);
@@ -274,7 +291,8 @@ impl CanBus {
             }
             self.recover_motor(at, sent.end);
         }
-        let to: Vec<Station> = to.iter().filter_map(|at| Some(self.nodes.get(*at)?.station)).collect();
+        let to: Vec<Station> =
+            to.iter().filter_map(|at| Some(self.nodes.get(*at)?.station)).collect();
         for (from, pending) in frames {
             self.outcomes.push_back(CanOutcome::Sent {
                 from,
@@ -287,7 +305,8 @@ impl CanBus {
         }
     }
 
-    /// Motors recover from bus-off by themselves; the gateway's controller waits to be started again.
+    /// Motors recover from bus-off by themselves; the gateway's controller waits to be started
+    /// again.
     fn recover_motor(&mut self, at: usize, now: Duration) {
         let short = self.fault == BusFault::Short;
         if let Some(node) = self.nodes.get_mut(at)
@@ -350,9 +369,11 @@ impl CanBus {
     fn stop_media(&mut self, now: Duration, of: Option<Station>) {
         let nodes = &mut self.nodes;
         for (island, medium) in &mut self.media {
-            let sends =
-                |at: &usize| nodes.get(*at).is_some_and(|node| of.is_none_or(|one| one == node.station));
-            let Some(broken) = medium.in_flight.take_if(|sent| sent.senders.iter().any(sends)) else {
+            let sends = |at: &usize| {
+                nodes.get(*at).is_some_and(|node| of.is_none_or(|one| one == node.station))
+            };
+            let Some(broken) = medium.in_flight.take_if(|sent| sent.senders.iter().any(sends))
+            else {
                 continue;
             };
             for at in broken.senders {

@@ -9,7 +9,8 @@ use super::bits::{BUS_OFF_RECOVERY, FrameBits, priority};
 use super::errors::ErrorCounters;
 use crate::bus::{Station, bit_time};
 
-/// Two stations understand each other when their bitrates differ by less than one part in this many (0.5 %).
+/// Two stations understand each other when their bitrates differ by less than one part in this many
+/// (0.5 %).
 const BITRATE_TOLERANCE: u32 = 200;
 
 /// Frames that a motor's controller holds; on a dead bus the oldest is lost.
@@ -69,7 +70,8 @@ impl Node {
         self.queue.push_back(pending);
     }
 
-    /// What it sends next: the gateway's controller its frame of highest priority, a motor its oldest.
+    /// What it sends next: the gateway's controller its frame of highest priority, a motor its
+    /// oldest.
     pub(super) fn next_frame(&self) -> Option<&Pending> {
         self.queue.get(self.next_index()?)
     }
@@ -79,7 +81,8 @@ impl Node {
         self.sending = self.next_index().and_then(|at| self.queue.remove(at));
     }
 
-    /// The frame on its way has failed and waits for another attempt, unless it was asked back: then its slot is returned.
+    /// The frame on its way has failed and waits for another attempt, unless it was asked back:
+    /// then its slot is returned.
     pub(super) fn retry(&mut self) -> Option<u8> {
         let pending = self.sending.take()?;
         if pending.cancelled {
@@ -107,7 +110,8 @@ impl Node {
         self.sending = None;
     }
 
-    /// Bus-off: begins to wait for the line to be recessive long enough, for ever while it is shorted.
+    /// Bus-off: begins to wait for the line to be recessive long enough, for ever while it is
+    /// shorted.
     pub(super) fn recover(&mut self, now: Duration, short: bool) {
         self.recovering = true;
         self.restart_wait(now, short);
@@ -130,7 +134,8 @@ impl Node {
     }
 
     fn next_index(&self) -> Option<usize> {
-        let precedence = |at: &usize| self.queue.get(*at).map_or(u32::MAX, |held| priority(&held.frame));
+        let precedence =
+            |at: &usize| self.queue.get(*at).map_or(u32::MAX, |held| priority(&held.frame));
         match self.station {
             Station::Gateway => (0..self.queue.len()).min_by_key(precedence),
             Station::Motor(_) | Station::Stranger => (!self.queue.is_empty()).then_some(0),

@@ -48,7 +48,9 @@ fn sent(outcomes: &[CanOutcome]) -> Vec<(Station, String, u128, u128)> {
 
 fn last_state(outcomes: &[CanOutcome], of: Station) -> Option<(BusState, u16)> {
     outcomes.iter().rev().find_map(|outcome| match outcome {
-        CanOutcome::State { station, state, transmit, .. } if *station == of => Some((*state, *transmit)),
+        CanOutcome::State { station, state, transmit, .. } if *station == of => {
+            Some((*state, *transmit))
+        }
         _ => None,
     })
 }
@@ -75,7 +77,8 @@ fn a_sender_does_not_hear_itself() {
     );
 }
 
-/// A frame that waits in the gateway's controller is overtaken by one of higher priority, one on its way is not.
+/// A frame that waits in the gateway's controller is overtaken by one of higher priority, one on
+/// its way is not.
 #[test]
 fn the_gateways_frames_go_by_priority_the_motors_by_age() {
     let mut bus = bus(&[Station::Gateway, A]);
@@ -84,7 +87,8 @@ fn the_gateways_frames_go_by_priority_the_motors_by_age() {
     bus.send(Station::Gateway, 1, frame(0x141, &[]), false);
     bus.send(A, 0, frame(0x28B, &[]), false);
     bus.send(A, 0, frame(0x281, &[]), false);
-    let order: Vec<_> = sent(&run(&mut bus, us(1_000))).into_iter().map(|(_, frame, ..)| frame).collect();
+    let order: Vec<_> =
+        sent(&run(&mut bus, us(1_000))).into_iter().map(|(_, frame, ..)| frame).collect();
     assert_eq!(order, ["30B#", "141#", "28B#", "281#"]);
 }
 
@@ -157,7 +161,8 @@ fn another_bitrate_is_deaf() {
     assert_eq!(sent(&run(&mut bus, us(10_000))).len(), 1);
 }
 
-/// Two stations send different data under one id: both count an error and try again, together, until both are off.
+/// Two stations send different data under one id: both count an error and try again, together,
+/// until both are off.
 #[test]
 fn one_id_with_different_data_collides() {
     let mut bus = bus(&[Station::Gateway, A, B]);
@@ -200,8 +205,8 @@ fn an_unplugged_station_neither_hears_nor_acknowledges() {
     assert_eq!(sent(&run(&mut bus, us(6_000))).len(), 1);
 }
 
-/// A frame that waits is given back at once; one that nobody acknowledges, at the end of its attempt; one that is
-/// acknowledged has been sent.
+/// A frame that waits is given back at once; one that nobody acknowledges, at the end of its
+/// attempt; one that is acknowledged has been sent.
 #[test]
 fn frames_are_given_back_unless_they_are_sent_all_the_same() {
     let cancelled = |outcomes: &[CanOutcome]| -> Vec<u8> {

@@ -1,6 +1,10 @@
-//! Physical values as the integers of a wire, rounded; a value beyond the integer's range becomes its end, as in a
-//! motor's own arithmetic.
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts from floats saturate")]
+//! Physical values as the integers of a wire, rounded; a value beyond the integer's range becomes
+//! its end, as in a motor's own arithmetic.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "casts from floats saturate"
+)]
 
 pub(super) fn to_i8(value: f64) -> i8 {
     value.round() as i8

@@ -88,7 +88,9 @@ impl D5 {
         self.registers = [0; 256];
         for info in &REGISTERS {
             match (info.width, info.default) {
-                (Width::Byte, Some(default)) => self.store(info.register, Value::Byte(low(default))),
+                (Width::Byte, Some(default)) => {
+                    self.store(info.register, Value::Byte(low(default)))
+                }
                 (Width::Word, Some(default)) => self.store(info.register, Value::Word(default)),
                 (_, None) => {}
             }
@@ -97,8 +99,9 @@ impl D5 {
         self.store(Register::ID, Value::Byte(node.get()));
     }
 
-    /// Its answer to that comes from the new id already (PROTOCOL-NOTES D11). That its CAN id is that number, and goes with it, is an
-    /// assumption (D14); one that it was wired with otherwise stays.
+    /// Its answer to that comes from the new id already (PROTOCOL-NOTES D11). That its CAN id is
+    /// that number, and goes with it, is an assumption (D14); one that it was wired with
+    /// otherwise stays.
     fn take_id(&mut self, node: Node) {
         let can_id = |node| CanId(d5::can::default_request_id(node).into());
         if self.can_id == can_id(self.node) {
@@ -138,7 +141,8 @@ impl D5 {
         // The angle starts again after 65536°; −32768 has no place in the manual's range.
         let [low, high, _, _] = to_i32(degrees).to_le_bytes();
         let angle = Degrees(i16::from_le_bytes([low, high]).max(-i16::MAX));
-        let celsius = |value| encode_temperature(Celsius(to_i8(value).max(-i8::MAX))).unwrap_or_default();
+        let celsius =
+            |value| encode_temperature(Celsius(to_i8(value).max(-i8::MAX))).unwrap_or_default();
         let values = [
             (Register::CURRENT_SPEED, Value::Word(encode_speed(speed).unwrap_or_default())),
             (Register::TRAVELLED_ANGLE, Value::Word(encode_angle(angle).unwrap_or_default())),
@@ -169,10 +173,12 @@ impl D5 {
         if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
             self.faults |= Faults::STALL;
         }
-        let rad_s = if cx.injected.brake_on { 0.0 } else { f64::from(self.set_speed().0).to_radians() };
+        let rad_s =
+            if cx.injected.brake_on { 0.0 } else { f64::from(self.set_speed().0).to_radians() };
         let speeds_up = rad_s.abs() > self.plant.speed_rad_s().abs();
         let register = if speeds_up { Register::ACCELERATION } else { Register::DECELERATION };
-        let counts = self.byte(register).clamp(*ACCELERATION_RANGE.start(), *ACCELERATION_RANGE.end());
+        let counts =
+            self.byte(register).clamp(*ACCELERATION_RANGE.start(), *ACCELERATION_RANGE.end());
         let drive = Drive::Speed { rad_s, acceleration: f64::from(counts) * ACCELERATION_UNIT };
         self.plant.set_drive(if self.faults.is_empty() { drive } else { Drive::Off });
     }
@@ -195,7 +201,9 @@ impl D5 {
     fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) -> Reply {
         match *request {
             Request::QueryId => Reply::Id,
-            Request::Read { register, width } => Reply::Read { register, value: self.value(register, width) },
+            Request::Read { register, width } => {
+                Reply::Read { register, value: self.value(register, width) }
+            }
             Request::Write { register, value } if may_write(register) => {
                 self.write(cx, register, value);
                 Reply::Written { register, value }
@@ -206,7 +214,8 @@ impl D5 {
             }
             Request::Execute => {
                 // The manual does not say what an execute answers when nothing waits.
-                let (register, value) = self.waiting.take().unwrap_or((Register(0), Value::Word(0)));
+                let (register, value) =
+                    self.waiting.take().unwrap_or((Register(0), Value::Word(0)));
                 self.write(cx, register, value);
                 Reply::Executed { register, value }
             }
@@ -299,7 +308,8 @@ impl Model for D5 {
         if !is_for_it && !cx.injected.answers_others {
             return;
         }
-        let frame = if cx.injected.lenient { lenient::as_d5(self.node.get(), frame) } else { *frame };
+        let frame =
+            if cx.injected.lenient { lenient::as_d5(self.node.get(), frame) } else { *frame };
         let Ok([_, _, _, command, ..]) = <[u8; FRAME_LEN]>::try_from(frame.data()) else { return };
         match d5::can::decode_request(&frame) {
             Ok((address, request))
@@ -309,13 +319,18 @@ impl Model for D5 {
             }
             Ok(_) => self.complain(cx, MotorError::Id, command),
             Err(DecodeError::Header { .. } | DecodeError::RemoteFrame) => {}
-            Err(DecodeError::Checksum { .. }) => self.complain(cx, MotorError::Checksum, self.last_command),
+            Err(DecodeError::Checksum { .. }) => {
+                self.complain(cx, MotorError::Checksum, self.last_command)
+            }
             Err(_) => self.complain(cx, MotorError::Command, command),
         }
     }
 
     fn next_timer(&self) -> Option<Duration> {
-        [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()].into_iter().flatten().min()
+        [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn run(&mut self, cx: &mut Context<'_>) {

@@ -24,7 +24,8 @@ fn running() -> TestMotor {
     motor
 }
 
-/// D5 manual, common commands, rows 2 and 3: the write is repeated with header 5D; the top bit means clockwise.
+/// D5 manual, common commands, rows 2 and 3: the write is repeated with header 5D; the top bit
+/// means clockwise.
 #[test]
 fn it_follows_a_speed_in_both_directions() {
     let mut motor = running();
@@ -41,8 +42,14 @@ fn it_follows_a_speed_in_both_directions() {
 #[test]
 fn it_reads_one_register_or_two() {
     let mut motor = motor();
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x02, 0x15, 0, 0, 0x27]), ["00B#5D0B0502154848B7"]);
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x04, 0x02, 0x15, 0, 0, 0x26]), ["00B#5D0B04021548006E"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x02, 0x15, 0, 0, 0x27]),
+        ["00B#5D0B0502154848B7"]
+    );
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x04, 0x02, 0x15, 0, 0, 0x26]),
+        ["00B#5D0B04021548006E"]
+    );
 }
 
 /// The travelled angle is two's complement, the magnetic angle 0 to 360, under command D4.
@@ -52,12 +59,16 @@ fn it_counts_the_angle() {
     let clockwise = [0xD5, 0x0B, 0x05, 0x03, 0x20, 0x1E, 0x80, 0xD1];
     motor.keep_asking(ID, &clockwise, 2_000);
     // −59°: 30 °/s for two seconds and a moment to get there.
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x02, 0x28, 0, 0, 0x3A]), ["00B#5D0B050228C5FFFE"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x02, 0x28, 0, 0, 0x3A]),
+        ["00B#5D0B050228C5FFFE"]
+    );
     // 301°
     assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0xD4, 0, 0, 0, 0xE4]), ["00B#5D0B05D4572D0169"]);
 }
 
-/// 18 rad/s² of deceleration would take 0.6 s; 72 × 2π take a few hundredths, then the loop settles.
+/// 18 rad/s² of deceleration would take 0.6 s; 72 × 2π take a few hundredths, then the loop
+/// settles.
 #[test]
 fn speed_0_stops_it() {
     let mut motor = running();
@@ -96,7 +107,8 @@ fn the_ack_level_decides_what_is_answered() {
     assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x01, 0, 0, 0, 0x11]), [""; 0]);
 }
 
-/// D5 manual, table rows 11 and 13: the write waits, shows in 0x2C, and is repeated with command 05.
+/// D5 manual, table rows 11 and 13: the write waits, shows in 0x2C, and is repeated with command
+/// 05.
 #[test]
 fn an_asynchronous_write_waits_for_its_execute() {
     let mut motor = motor();
@@ -117,7 +129,10 @@ fn an_asynchronous_write_waits_for_its_execute() {
 fn a_second_asynchronous_write_replaces_the_first() {
     let mut motor = motor();
     motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x04, 0x20, 0x58, 0x02, 0x8E]);
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x04, 0x20, 0, 0, 0x34]), ["00B#5D0B050420000034"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x04, 0x20, 0, 0, 0x34]),
+        ["00B#5D0B050420000034"]
+    );
     assert_eq!(motor.ask(0xFE, &[0xD5, 0xFE, 0x05, 0x05, 0, 0, 0, 0x08]), [""; 0], "broadcast");
     motor.run_ms(300);
     motor.assert_speed(0.0);
@@ -133,15 +148,25 @@ fn it_complains_about_checksum_command_and_id() {
         ["00B#5D0B050207EEEEF5"],
         "with the command of the request before"
     );
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0xCE, 0x12, 0x34, 0x56, 0x7A]), ["00B#5D0B05CE03EEEEBD"]);
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0C, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7C]), ["00B#5D0B05CF01EEEEBC"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0xCE, 0x12, 0x34, 0x56, 0x7A]),
+        ["00B#5D0B05CE03EEEEBD"]
+    );
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0C, 0x05, 0xCF, 0x12, 0x34, 0x56, 0x7C]),
+        ["00B#5D0B05CF01EEEEBC"]
+    );
 }
 
-/// D5 manual, common commands, row 1, and table row 6. That the CAN id is that of the motor, before and after, is an assumption.
+/// D5 manual, common commands, row 1, and table row 6. That the CAN id is that of the motor, before
+/// and after, is an assumption.
 #[test]
 fn a_new_id_answers_at_once_and_a_reset_takes_it_back() {
     let mut motor = motor();
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x23]), ["00D#5D0D0503030D0025"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x03, 0x0D, 0x00, 0x23]),
+        ["00D#5D0D0503030D0025"]
+    );
     assert_eq!(motor.ask(ID, &[0xD5, 0x0D, 0x05, 0x01, 0, 0, 0, 0x13]), [""; 0]);
     assert_eq!(motor.ask(0x0D, &[0xD5, 0x0D, 0x05, 0x06, 0, 0, 0, 0x18]), ["00B#5D0B0500FFFFFF0D"]);
     assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x01, 0, 0, 0, 0x11]), ["00B#5D0B0501CCCCCC75"]);
@@ -157,14 +182,20 @@ fn a_stall_stays_until_register_19_clears_it() {
     assert_eq!(motor.ask(ID, &status), ["00B#5D0B040212400063"]);
     motor.run_ms(100);
     motor.assert_speed(0.0);
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x04, 0x03, 0x19, 0x01, 0, 0x2C]), ["00B#5D0B04031901002C"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x04, 0x03, 0x19, 0x01, 0, 0x2C]),
+        ["00B#5D0B04031901002C"]
+    );
     assert_eq!(motor.ask(ID, &status), ["00B#5D0B040212000023"]);
 }
 
 #[test]
 fn read_only_registers_are_not_written() {
     let mut motor = motor();
-    assert_eq!(motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x26, 0x58, 0x02, 0x93]), ["00B#5D0B050303EEEEF2"]);
+    assert_eq!(
+        motor.ask(ID, &[0xD5, 0x0B, 0x05, 0x03, 0x26, 0x58, 0x02, 0x93]),
+        ["00B#5D0B050303EEEEF2"]
+    );
 }
 
 #[test]

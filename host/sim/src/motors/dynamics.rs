@@ -60,8 +60,8 @@ pub(crate) enum Drive {
     Position { rad: f64, max_speed: f64 },
     /// Held by the brake.
     Locked,
-    /// A current as of a spring and a damper, A: `amps_per_rad` × (`rad` − position) + `amp_s_per_rad` × (`rad_s` − speed) +
-    /// `amps`.
+    /// A current as of a spring and a damper, A: `amps_per_rad` × (`rad` − position) +
+    /// `amp_s_per_rad` × (`rad_s` − speed) + `amps`.
     Spring { rad: f64, rad_s: f64, amps_per_rad: f64, amp_s_per_rad: f64, amps: f64 },
 }
 
@@ -206,7 +206,8 @@ impl Plant {
         let warming = self.of.warming_per_a2 * self.current_a * self.current_a;
         self.motor_c = relax(self.motor_c, self.of.ambient_c + warming, dt, self.of.thermal_s, 0.0);
         // The driver has a heat sink.
-        self.driver_c = relax(self.driver_c, self.of.ambient_c + warming / 2.0, dt, self.of.thermal_s, 0.0);
+        self.driver_c =
+            relax(self.driver_c, self.of.ambient_c + warming / 2.0, dt, self.of.thermal_s, 0.0);
     }
 
     /// The speed that something outside gives the shaft, rad/s.
@@ -245,10 +246,12 @@ impl Plant {
         }
     }
 
-    /// The current that a spring asks for, A, of the position that the shaft will have after `dt`: so it gains no energy from
-    /// the length of the steps.
+    /// The current that a spring asks for, A, of the position that the shaft will have after `dt`:
+    /// so it gains no energy from the length of the steps.
     fn spring_current(&self, dt: f64) -> f64 {
-        let Drive::Spring { rad, rad_s, amps_per_rad, amp_s_per_rad, amps } = self.drive else { return 0.0 };
+        let Drive::Spring { rad, rad_s, amps_per_rad, amp_s_per_rad, amps } = self.drive else {
+            return 0.0;
+        };
         let position = self.position_rad + self.speed_rad_s * dt;
         amps_per_rad * (rad - position) + amp_s_per_rad * (rad_s - self.speed_rad_s) + amps
     }
@@ -261,7 +264,9 @@ impl Plant {
             Drive::Current(current) => current,
             Drive::Spring { .. } => self.spring_current(0.0),
             Drive::Speed { rad_s, .. } if self.is_stalled() => limit.copysign(rad_s),
-            Drive::Position { rad, .. } if self.is_stalled() => limit.copysign(rad - self.position_rad),
+            Drive::Position { rad, .. } if self.is_stalled() => {
+                limit.copysign(rad - self.position_rad)
+            }
             Drive::Speed { .. } | Drive::Position { .. } => {
                 (self.speed_rad_s + acceleration * self.of.mechanical_s) / self.of.speed_per_ampere
             }
@@ -398,7 +403,8 @@ mod tests {
         near(plant.driver_c(), 25.0 + 25.0 * 0.632, 0.2);
     }
 
-    /// A spring of 2 A/rad that 3 A push against rests 1.5 rad further; a damper alone sustains a part of its speed.
+    /// A spring of 2 A/rad that 3 A push against rests 1.5 rad further; a damper alone sustains a
+    /// part of its speed.
     #[test]
     fn a_spring_rests_where_its_currents_add_up_to_none() {
         let spring = |amps, amp_s_per_rad| Drive::Spring {
@@ -412,7 +418,13 @@ mod tests {
         near(plant.position_rad(), 2.5, 0.01);
         near(plant.speed_rad_s(), 0.0, 0.001);
         near(running(spring(0.0, 0.5), ms(10_000)).position_rad(), 1.0, 0.01);
-        let damper = Drive::Spring { rad: 0.0, rad_s: 4.0, amps_per_rad: 0.0, amp_s_per_rad: 0.6, amps: 0.0 };
+        let damper = Drive::Spring {
+            rad: 0.0,
+            rad_s: 4.0,
+            amps_per_rad: 0.0,
+            amp_s_per_rad: 0.6,
+            amps: 0.0,
+        };
         // 0.6 (4 − v) A sustain 5 rad/s for each ampere: v = 3 rad/s.
         near(running(damper, ms(5_000)).speed_rad_s(), 3.0, 0.01);
     }
@@ -420,8 +432,13 @@ mod tests {
     /// Without damping its swing is lost to friction and not fed by the steps; held fast it stalls.
     #[test]
     fn a_stiff_spring_swings_out_and_a_stuck_one_stalls() {
-        let stiff =
-            Drive::Spring { rad: 0.01, rad_s: 0.0, amps_per_rad: 400.0, amp_s_per_rad: 0.0, amps: 0.0 };
+        let stiff = Drive::Spring {
+            rad: 0.01,
+            rad_s: 0.0,
+            amps_per_rad: 400.0,
+            amp_s_per_rad: 0.0,
+            amps: 0.0,
+        };
         near(running(stiff, ms(5_000)).position_rad(), 0.01, 0.001);
         let mut plant = Plant::new(MOTOR);
         plant.set_stuck(true);

@@ -61,7 +61,8 @@ mod tests {
                 assert_eq!(framer.push(*byte), None);
             }
             let mut other = Framer::from(Vec::from(framer));
-            let frames: Vec<_> = REQUEST[cut..].iter().filter_map(|byte| other.push(*byte)).collect();
+            let frames: Vec<_> =
+                REQUEST[cut..].iter().filter_map(|byte| other.push(*byte)).collect();
             assert_eq!(frames, [REQUEST], "cut after {cut}");
         }
     }

@@ -23,19 +23,22 @@ pub enum Injection {
     Mute(bool),
     /// Its cable is off the bus: it hears nothing and acknowledges nothing.
     Unplugged(bool),
-    /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends on the motor.
+    /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends
+    /// on the motor.
     FaultBits(u16),
     /// It answers later than usual by this much.
     LateReply(Duration),
     /// The data of its answers are random bytes.
     Garbage(bool),
-    /// Its answers have a wrong checksum. On CAN, where the protocol has none of its own, the frame's own checksum.
+    /// Its answers have a wrong checksum. On CAN, where the protocol has none of its own, the
+    /// frame's own checksum.
     WrongChecksum(bool),
     /// Its shaft cannot turn.
     StuckRotor(bool),
     /// It answers stop commands and does not stop.
     IgnoreStop(bool),
-    /// It answers commands that move and does not carry them out. An RMD answers with the command's own bytes.
+    /// It answers commands that move and does not carry them out. An RMD answers with the command's
+    /// own bytes.
     IgnoreMotion(bool),
     /// So many of its next answers get lost on the way.
     LoseReplies(u32),
@@ -45,14 +48,16 @@ pub enum Injection {
     ReplyJitter(Duration),
     /// Thruster: it refuses whatever sets something, without a fault.
     Refuse(bool),
-    /// RMD: when a fault goes it resumes what it did before the fault, whatever it was told meanwhile.
+    /// RMD: when a fault goes it resumes what it did before the fault, whatever it was told
+    /// meanwhile.
     ResumeAfterFault(bool),
     /// Thruster: the device has an encoder and takes position commands.
     Encoder(bool),
-    /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual leaves that open.
+    /// Thruster: after its own timeout the next command, a poll too, lets it run on. The manual
+    /// leaves that open.
     ResumeAfterTimeout(bool),
-    /// It reads leniently: unused bytes may be anything, missing ones count as zero, no pause ends a frame on RS485, a D5
-    /// motor looks at no checksum and obeys any command to all.
+    /// It reads leniently: unused bytes may be anything, missing ones count as zero, no pause ends
+    /// a frame on RS485, a D5 motor looks at no checksum and obeys any command to all.
     Lenient(bool),
     /// RMD: it has a holding brake, locked from when it is switched on until 0x77 (RMD V3.6 §2.27).
     Brake(bool),
@@ -60,7 +65,8 @@ pub enum Injection {
     IgnoreRestart(bool),
     /// RMD: its brake does not open; 0x77 is echoed.
     StuckBrake(bool),
-    /// D5: it hears what goes to other motors, and answers that it was not for it (D5 manual, table row 5).
+    /// D5: it hears what goes to other motors, and answers that it was not for it (D5 manual, table
+    /// row 5).
     AnswersOthers(bool),
     /// D5: its register 0x2B is 1. It holds, and ignores speeds.
     BrakeOn(bool),

@@ -19,7 +19,8 @@ fn frames_of_can_that_only_a_lenient_motor_obeys() {
         (Protocol::Rmd, 0x14B, &[0xA2, 0, 0, 0, 0x10, 0x27, 0][..], "command 0xA2 velocity"),
         (Protocol::Rmd, 0x280, &[0x80], "command 0x80 shutdown"),
         (Protocol::Rmd, 0x40B, &[0x80, 0x00, 0x80, 0x00, 0, 0, 9], "command motion mode"),
-        // A parameter, an upper half and bytes of a bare command that the manual does not use; a value cut off.
+        // A parameter, an upper half and bytes of a bare command that the manual does not use; a
+        // value cut off.
         (Protocol::Thruster, 0x30B, b"TC\x07\x07\0\0\0\0", "command TC 0"),
         (Protocol::Thruster, 0x30B, b"VC\0\0\x01\0\0\0", "command VC 0"),
         (Protocol::Thruster, 0x30B, b"TC", "command TC 0"),
@@ -72,7 +73,8 @@ fn frames_of_the_manuals_mean_the_same() {
     }
 }
 
-/// A velocity of 100 degrees per second to RMD 1 (RMD V3.6 §2.18.4), with a pause of 1 ms before its last four bytes.
+/// A velocity of 100 degrees per second to RMD 1 (RMD V3.6 §2.18.4), with a pause of 1 ms before
+/// its last four bytes.
 #[test]
 fn a_pause_in_a_frame_on_rs485_is_none_to_a_lenient_motor() {
     let begun = [0x3E, 0x01, 0x08, 0xA2, 0x00, 0x00, 0x00, 0x10, 0x27];

@@ -79,7 +79,8 @@ impl MotorLog {
         self.entries.iter()
     }
 
-    /// The entries after the first `seen` ones of the motor's life, and how many there are by now in all.
+    /// The entries after the first `seen` ones of the motor's life, and how many there are by now
+    /// in all.
     pub fn since(&self, seen: usize) -> (impl Iterator<Item = &LogEntry>, usize) {
         let total = self.dropped + self.entries.len();
         (self.entries.iter().skip(seen.saturating_sub(self.dropped)), total)
@@ -121,8 +122,12 @@ impl fmt::Display for MotorEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             MotorEvent::CommandReceived { name } => write!(f, "command {name}"),
-            MotorEvent::CommandIgnored { name, because } => write!(f, "command {name} ignored: {because}"),
-            MotorEvent::Moving { speed_rad_s } => write!(f, "moving  speed {:.2} rad/s", shown(*speed_rad_s)),
+            MotorEvent::CommandIgnored { name, because } => {
+                write!(f, "command {name} ignored: {because}")
+            }
+            MotorEvent::Moving { speed_rad_s } => {
+                write!(f, "moving  speed {:.2} rad/s", shown(*speed_rad_s))
+            }
             MotorEvent::Stopped { speed_rad_s } => {
                 write!(f, "stopped  speed {:.2} rad/s", shown(*speed_rad_s))
             }
@@ -174,7 +179,10 @@ mod tests {
 
     #[test]
     fn a_speed_of_nearly_zero_has_no_sign() {
-        assert_eq!(MotorEvent::Stopped { speed_rad_s: -0.004 }.to_string(), "stopped  speed 0.00 rad/s");
+        assert_eq!(
+            MotorEvent::Stopped { speed_rad_s: -0.004 }.to_string(),
+            "stopped  speed 0.00 rad/s"
+        );
     }
 
     #[test]

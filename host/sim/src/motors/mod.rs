@@ -66,12 +66,13 @@ impl Make {
 
 /// One simulated motor.
 ///
-/// A [`World`](crate::World) runs its motors itself. On a bus of your own you are the bus: you let the motor's time
-/// pass ([`Motor::advance`]) at each [`Motor::next_event`] and before you look at it, tell it what it hears, and carry
-/// what it sends ([`Motor::take_ready`]). Times count from one start and never go back; at a time that has passed
-/// already nothing more happens.
+/// A [`World`](crate::World) runs its motors itself. On a bus of your own you are the bus: you let
+/// the motor's time pass ([`Motor::advance`]) at each [`Motor::next_event`] and before you look at
+/// it, tell it what it hears, and carry what it sends ([`Motor::take_ready`]). Times count from one
+/// start and never go back; at a time that has passed already nothing more happens.
 ///
-/// With the feature `snapshot` it can be serialised; one that was deserialised goes on exactly as the original would.
+/// With the feature `snapshot` it can be serialised; one that was deserialised goes on exactly as
+/// the original would.
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "snapshot", serde(bound(deserialize = "'de: 'static")))]
 pub struct Motor {
@@ -110,8 +111,11 @@ impl Motor {
         let make = match wiring.protocol {
             Protocol::Rmd => {
                 let node = ::rmd::Node::new(wiring.node).map_err(|_| refused)?;
-                let interface =
-                    if serial { rmd::Interface::rs485(wiring.bitrate) } else { rmd::Interface::Can };
+                let interface = if serial {
+                    rmd::Interface::rs485(wiring.bitrate)
+                } else {
+                    rmd::Interface::Can
+                };
                 Make::Rmd(Box::new(rmd::Rmd::new(node, interface)))
             }
             Protocol::Thruster if !serial => {
@@ -153,7 +157,8 @@ impl Motor {
         self.wiring.node
     }
 
-    /// Its bitrate, bit/s: that of its wiring until it has been set to another one and switched on again.
+    /// Its bitrate, bit/s: that of its wiring until it has been set to another one and switched on
+    /// again.
     pub fn bitrate(&self) -> u32 {
         self.make.model().bitrate().unwrap_or(self.wiring.bitrate)
     }
@@ -193,13 +198,15 @@ impl Motor {
         &self.log
     }
 
-    /// Puts a fault into it, or takes it out again. That an unplugged motor hears nothing is the bus's business.
+    /// Puts a fault into it, or takes it out again. That an unplugged motor hears nothing is the
+    /// bus's business.
     pub fn inject(&mut self, now: Duration, injection: Injection) {
         self.injected.apply(injection);
         self.advance(now);
     }
 
-    /// Switches it off and on again. What it was about to send is lost; its shaft keeps its speed for that moment.
+    /// Switches it off and on again. What it was about to send is lost; its shaft keeps its speed
+    /// for that moment.
     pub fn power_cycle(&mut self, now: Duration) {
         self.advance(now);
         self.outbox.clear();

@@ -32,7 +32,8 @@ pub(super) trait Model: Send {
     /// Its own communication timeout; `None` while that is off.
     fn own_timeout(&self) -> Option<Duration>;
 
-    /// The bitrate that it was set to before it was last switched on, bit/s; `None`: that of its wiring.
+    /// The bitrate that it was set to before it was last switched on, bit/s; `None`: that of its
+    /// wiring.
     fn bitrate(&self) -> Option<u32> {
         None
     }
@@ -83,7 +84,8 @@ impl Context<'_> {
 
     /// Sends after `delay`, unless and as the injections say. `has_checksum`: the last byte is one.
     pub(super) fn send(&mut self, delay: Duration, mut wire: Wire, has_checksum: bool) {
-        let Injections { mute, late_reply, reply_jitter, garbage, wrong_checksum, .. } = *self.injected;
+        let Injections { mute, late_reply, reply_jitter, garbage, wrong_checksum, .. } =
+            *self.injected;
         let data = match &wire {
             Wire::Can(frame) => frame.data(),
             Wire::Serial(bytes) => bytes,
@@ -126,7 +128,8 @@ impl Context<'_> {
                 }
             }
             Wire::Can(frame) => {
-                let data: Vec<u8> = frame.data().iter().map(|byte| with(self.random, *byte)).collect();
+                let data: Vec<u8> =
+                    frame.data().iter().map(|byte| with(self.random, *byte)).collect();
                 *frame = CanFrame::data_frame(frame.id(), &data).unwrap_or(*frame);
             }
         }

@@ -1,4 +1,5 @@
-//! How values of the codecs, which know no serde, are serialised with a motor: as the numbers on the wire.
+//! How values of the codecs, which know no serde, are serialised with a motor: as the numbers on
+//! the wire.
 
 use d5::{Register, Value};
 use serde::de::Error as _;
@@ -30,7 +31,10 @@ macro_rules! as_number {
 }
 
 as_number!(rmd_node, ::rmd::Node, u8, |node| node.get(), |raw| ::rmd::Node::new(raw).ok());
-as_number!(thruster_node, ::thruster::Node, u8, |node| node.get(), |raw| ::thruster::Node::new(raw).ok());
+as_number!(thruster_node, ::thruster::Node, u8, |node| node.get(), |raw| ::thruster::Node::new(
+    raw
+)
+.ok());
 as_number!(d5_node, ::d5::Node, u8, |node| node.get(), |raw| ::d5::Node::new(raw).ok());
 as_number!(rmd_faults, ::rmd::Faults, u16, |faults| faults.bits(), |bits| {
     Some(::rmd::Faults::from_bits_retain(bits))
@@ -41,7 +45,9 @@ as_number!(thruster_faults, ::thruster::Faults, u16, |faults| faults.bits(), |bi
 as_number!(d5_faults, ::d5::Faults, u8, |faults| faults.bits(), |bits| {
     Some(::d5::Faults::from_bits_retain(bits))
 });
-as_number!(d5_registers, [u8; 256], Vec<u8>, |registers| registers.to_vec(), |bytes| bytes.try_into().ok());
+as_number!(d5_registers, [u8; 256], Vec<u8>, |registers| registers.to_vec(), |bytes| bytes
+    .try_into()
+    .ok());
 // Register, byte or word.
 as_number!(
     d5_write,
@@ -52,6 +58,9 @@ as_number!(
         Value::Word(word) => (address, Err(word)),
     }),
     |write| Some(
-        write.map(|(address, value)| (Register(address), value.map_or_else(Value::Word, Value::Byte)))
+        write.map(|(address, value)| (
+            Register(address),
+            value.map_or_else(Value::Word, Value::Byte)
+        ))
     )
 );

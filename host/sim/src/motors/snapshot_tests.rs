@@ -18,7 +18,8 @@ fn bytes(motor: &Motor) -> Vec<u8> {
     postcard::to_extend(motor, Vec::new()).unwrap()
 }
 
-/// The log's names point into what they were read from, which therefore lives as long as the process.
+/// The log's names point into what they were read from, which therefore lives as long as the
+/// process.
 fn restored(motor: &Motor) -> Motor {
     postcard::from_bytes(bytes(motor).leak()).unwrap()
 }
@@ -36,9 +37,13 @@ fn run(motor: &mut Motor, until: Duration) -> Vec<(Duration, String)> {
     sent
 }
 
-/// Restores the motor at many phases of `script`, in which `hear` tells it something every `period`, and compares the
-/// rest of both lives.
-fn lives_are_the_same(make: impl Fn() -> Motor, period: Duration, hear: impl Fn(&mut Motor, Duration, u32)) {
+/// Restores the motor at many phases of `script`, in which `hear` tells it something every
+/// `period`, and compares the rest of both lives.
+fn lives_are_the_same(
+    make: impl Fn() -> Motor,
+    period: Duration,
+    hear: impl Fn(&mut Motor, Duration, u32),
+) {
     const STEPS: u32 = 60;
     for phase in (0..STEPS).step_by(7) {
         let mut original = make();

@@ -1,4 +1,5 @@
-//! Stall detection as all three makes have it: pushing for too long against a shaft that does not turn.
+//! Stall detection as all three makes have it: pushing for too long against a shaft that does not
+//! turn.
 
 use std::time::Duration;
 

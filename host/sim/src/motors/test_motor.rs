@@ -26,7 +26,9 @@ impl TestMotor {
             assert!(at >= self.now, "an event in the past");
             self.now = at;
             self.motor.advance(at);
-            sent.extend(std::iter::from_fn(|| self.motor.take_ready(at)).map(|out| out.wire.to_string()));
+            sent.extend(
+                std::iter::from_fn(|| self.motor.take_ready(at)).map(|out| out.wire.to_string()),
+            );
         }
         self.now = until;
         self.motor.advance(until);

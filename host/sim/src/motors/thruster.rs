@@ -109,7 +109,10 @@ impl Stored {
     }
 
     fn parameter(&self, parameter: u16) -> [u8; 4] {
-        self.parameters.iter().find(|(other, _)| *other == parameter).map_or([0; 4], |(_, data)| *data)
+        self.parameters
+            .iter()
+            .find(|(other, _)| *other == parameter)
+            .map_or([0; 4], |(_, data)| *data)
     }
 }
 
@@ -150,8 +153,10 @@ impl Thruster {
 
     fn update(&mut self, cx: &Context<'_>) {
         let protection = self.faults & Faults::ZERO_PROTECTION;
-        self.faults = (self.faults & LATCHED) | protection | Faults::from_bits_retain(cx.injected.fault_bits);
-        self.faults.set(Faults::TIMEOUT, self.watch.has_struck() || self.faults.contains(Faults::TIMEOUT));
+        self.faults =
+            (self.faults & LATCHED) | protection | Faults::from_bits_retain(cx.injected.fault_bits);
+        self.faults
+            .set(Faults::TIMEOUT, self.watch.has_struck() || self.faults.contains(Faults::TIMEOUT));
         if self.stall.has_struck(cx.now, self.plant.is_stalled()) {
             self.faults |= Faults::STALL;
         }

@@ -80,7 +80,10 @@ fn its_own_timeout_stops_it_and_shows_once() {
     assert_eq!(motor.ask(ID, &EF), ["28B#4546000000000800"]);
     assert_eq!(motor.ask(ID, &EF), ["28B#4546000000000000"]);
     assert_eq!(motor.ask(ID, &FR), ["28B#4652000000000800"]);
-    assert_eq!(motor.events().iter().filter(|line| line.starts_with("own timeout after 5000 ms")).count(), 1);
+    assert_eq!(
+        motor.events().iter().filter(|line| line.starts_with("own timeout after 5000 ms")).count(),
+        1
+    );
     // Zero has to come first again.
     assert_eq!(motor.ask(ID, &TC_10), ["28B#544300000000EEEE"]);
 }

@@ -1,4 +1,5 @@
-//! A motor's own communication timeout: when it was heard last, and whether the timeout has struck since.
+//! A motor's own communication timeout: when it was heard last, and whether the timeout has struck
+//! since.
 
 use std::time::Duration;
 
@@ -32,7 +33,9 @@ impl Watch {
             return false;
         }
         self.struck = true;
-        cx.log(MotorEvent::Timeout { after_ms: u32::try_from(after.as_millis()).unwrap_or(u32::MAX) });
+        cx.log(MotorEvent::Timeout {
+            after_ms: u32::try_from(after.as_millis()).unwrap_or(u32::MAX),
+        });
         true
     }
 

@@ -67,7 +67,8 @@ pub(crate) struct SerialLine {
 }
 
 impl SerialLine {
-    /// Starts a station, or starts it again: what it held is dropped. `echo`: it hears what it sends.
+    /// Starts a station, or starts it again: what it held is dropped. `echo`: it hears what it
+    /// sends.
     pub(crate) fn start(&mut self, station: Station, baud: u32, echo: bool) {
         self.nodes.retain(|node| node.station != station);
         let (queue, sending) = (VecDeque::new(), None);
@@ -80,7 +81,8 @@ impl SerialLine {
         self.nodes.retain(|node| node.station != station);
     }
 
-    /// Sends bytes after those the station already has to send. It does not look whether the line is free.
+    /// Sends bytes after those the station already has to send. It does not look whether the line
+    /// is free.
     pub(crate) fn send(&mut self, now: Duration, station: Station, slot: u8, bytes: Vec<u8>) {
         if let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) {
             node.queue.push_back(Message { slot, bytes });
@@ -107,7 +109,8 @@ impl SerialLine {
     /// Ends the bytes that are over at `now`.
     pub(crate) fn finish(&mut self, now: Duration) {
         for at in 0..self.nodes.len() {
-            let Some(mut byte) = self.nodes.get(at).and_then(Node::byte_on_line).filter(|b| b.end <= now)
+            let Some(mut byte) =
+                self.nodes.get(at).and_then(Node::byte_on_line).filter(|b| b.end <= now)
             else {
                 continue;
             };
@@ -130,7 +133,9 @@ impl SerialLine {
         let mut value = byte.value;
         let in_progress = self.nodes.iter().filter_map(Node::byte_on_line);
         let others = in_progress.chain(self.recent.iter().copied());
-        for other in others.filter(|other| other.overlaps(&byte) && self.reaches(other.from, byte.from)) {
+        for other in
+            others.filter(|other| other.overlaps(&byte) && self.reaches(other.from, byte.from))
+        {
             if !other.lost && (other.start, other.from) < (byte.start, byte.from) {
                 return false;
             }
@@ -159,7 +164,8 @@ impl SerialLine {
         if from == to {
             return true;
         }
-        let plugged = |station| self.nodes.iter().any(|node| node.station == station && node.plugged);
+        let plugged =
+            |station| self.nodes.iter().any(|node| node.station == station && node.plugged);
         let whole = match self.fault {
             BusFault::None => true,
             BusFault::Cut => from != Station::Gateway && to != Station::Gateway,
@@ -172,11 +178,13 @@ impl SerialLine {
 impl Node {
     fn begin(&mut self, now: Duration) {
         if self.sending.is_none() {
-            self.sending = self.queue.pop_front().map(|message| Sending { message, start: now, done: 0 });
+            self.sending =
+                self.queue.pop_front().map(|message| Sending { message, start: now, done: 0 });
         }
     }
 
-    /// The byte it is sending. Times count from the start of the message, so that they do not drift.
+    /// The byte it is sending. Times count from the start of the message, so that they do not
+    /// drift.
     fn byte_on_line(&self) -> Option<OnLine> {
         let sending = self.sending.as_ref()?;
         let value = *sending.message.bytes.get(sending.done)?;

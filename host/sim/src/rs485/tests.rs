@@ -79,7 +79,8 @@ fn overlapping_bytes_are_garbled() {
     line.finish(Duration::from_micros(40));
     line.send(Duration::from_micros(40), A, 0, vec![0xF0, 0x0F]);
     let outcomes = run(&mut line);
-    // First byte: against A's first. Second: against both of A's. A's last byte overlaps the gateway's second.
+    // First byte: against A's first. Second: against both of A's. A's last byte overlaps the
+    // gateway's second.
     assert_eq!(heard(&outcomes, B), [0xF0, 0x00]);
     assert_eq!(heard(&outcomes, Station::Gateway), [0xF0, 0x00]);
 }

@@ -26,7 +26,12 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(stream: TcpStream, peer: SocketAddr, link: u8, since: Duration) -> io::Result<Self> {
+    pub(super) fn new(
+        stream: TcpStream,
+        peer: SocketAddr,
+        link: u8,
+        since: Duration,
+    ) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
         let requests = Requests::new();
@@ -50,7 +55,8 @@ impl Connection {
         }
     }
 
-    /// Sends as much as the client takes and keeps the rest; whether bytes were lost because it does not read.
+    /// Sends as much as the client takes and keeps the rest; whether bytes were lost because it
+    /// does not read.
     ///
     /// # Errors
     /// When the connection is gone.

@@ -15,15 +15,18 @@ use crate::world::World;
 
 /// Longest pause between two looks at the connections.
 const TURN: Duration = Duration::from_micros(500);
-/// Simulated time computed at once; after a pause of the machine the world catches up in such steps.
+/// Simulated time computed at once; after a pause of the machine the world catches up in such
+/// steps.
 const CATCH_UP: Duration = Duration::from_millis(20);
 
-/// Bytes on their way to the gateway above which a client has to wait, as it would for a serial port.
+/// Bytes on their way to the gateway above which a client has to wait, as it would for a serial
+/// port.
 const BACKLOG: usize = 4_096;
 
-/// Serves a world until the process ends: the wall clock drives its time, every connection gets a host link, and keeps it if it says
-/// Hello within 1 s. Where all links are taken, a connection whose first request is a stop gets the link of the client that has not
-/// stopped or commanded anything for longest; the others are refused.
+/// Serves a world until the process ends: the wall clock drives its time, every connection gets a
+/// host link, and keeps it if it says Hello within 1 s. Where all links are taken, a connection
+/// whose first request is a stop gets the link of the client that has not stopped or commanded
+/// anything for longest; the others are refused.
 ///
 /// Each line of the motors' logs, and each coming and going of a client, goes to `log`.
 ///
@@ -67,7 +70,8 @@ impl Server {
         Ok(Self { listener, world, start, connections, waiting, elapsed: Duration::ZERO, printed })
     }
 
-    /// Brings the world to `elapsed` after the start and passes bytes on, without waiting for anything.
+    /// Brings the world to `elapsed` after the start and passes bytes on, without waiting for
+    /// anything.
     ///
     /// # Errors
     /// When the listener fails.
@@ -214,17 +218,19 @@ impl Server {
 
     fn write(&mut self, log: &mut impl FnMut(&str)) {
         let Self { connections, world, .. } = self;
-        connections.retain_mut(|connection| match connection.write(&world.host_receive(connection.link)) {
-            Ok(lost) => {
-                if lost && !connection.overflowed {
-                    log(&format!("{} does not read: what it is sent is lost", connection.peer));
+        connections.retain_mut(|connection| {
+            match connection.write(&world.host_receive(connection.link)) {
+                Ok(lost) => {
+                    if lost && !connection.overflowed {
+                        log(&format!("{} does not read: what it is sent is lost", connection.peer));
+                    }
+                    connection.overflowed = lost;
+                    true
                 }
-                connection.overflowed = lost;
-                true
-            }
-            Err(error) => {
-                log(&gone(connection, &error));
-                false
+                Err(error) => {
+                    log(&gone(connection, &error));
+                    false
+                }
             }
         });
     }
@@ -234,9 +240,9 @@ impl Server {
         for (motor, printed) in self.world.motors().iter().zip(&mut self.printed) {
             let (new, total) = motor.log().since(*printed);
             *printed = total;
-            lines.extend(
-                new.map(|entry| (entry.time_us, format!("bus {}  {motor}  {}", motor.bus(), entry.what))),
-            );
+            lines.extend(new.map(|entry| {
+                (entry.time_us, format!("bus {}  {motor}  {}", motor.bus(), entry.what))
+            }));
         }
         lines.sort_by_key(|(time_us, _)| *time_us);
         for (time_us, line) in lines {

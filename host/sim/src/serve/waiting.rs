@@ -1,4 +1,5 @@
-//! A client that came when all host links were taken: it gets one only if the first thing it says is a stop.
+//! A client that came when all host links were taken: it gets one only if the first thing it says
+//! is a stop.
 
 use std::io;
 use std::net::{SocketAddr, TcpStream};

@@ -1,4 +1,5 @@
-//! The lives of the gateway: its starts, what it remembers over a reset, how it hangs, and its pins.
+//! The lives of the gateway: its starts, what it remembers over a reset, how it hangs, and its
+//! pins.
 
 use std::time::Duration;
 
@@ -59,14 +60,15 @@ impl World {
         Instant::from_micros(micros(self.life.started))
     }
 
-    /// The gateway's program hangs: it takes in nothing and sends nothing more until it is reset. What its controllers hold
-    /// still leaves.
+    /// The gateway's program hangs: it takes in nothing and sends nothing more until it is reset.
+    /// What its controllers hold still leaves.
     pub fn hang(&mut self) {
         self.life.hangs = true;
     }
 
-    /// Starts the gateway anew. What it was sending is lost, and it remembers what a reset leaves alone; after `PowerOn` or
-    /// `Brownout` nothing. `last_words`: what its firmware left behind.
+    /// Starts the gateway anew. What it was sending is lost, and it remembers what a reset leaves
+    /// alone; after `PowerOn` or `Brownout` nothing. `last_words`: what its firmware left
+    /// behind.
     pub fn reset(&mut self, boot: BootReason, last_words: &'static str) {
         if matches!(boot, BootReason::PowerOn | BootReason::Brownout) {
             self.life.words.clear();
@@ -125,7 +127,8 @@ impl World {
 
     /// Whether the gateway listens to its hosts.
     pub(super) fn links_are_open(&mut self) -> bool {
-        let due = self.now - self.life.started >= LINKS_OPEN_AFTER || !self.gateway.stops_under_way();
+        let due =
+            self.now - self.life.started >= LINKS_OPEN_AFTER || !self.gateway.stops_under_way();
         self.life.links_are_open |= due;
         self.life.links_are_open && self.runs()
     }

@@ -1,8 +1,9 @@
 //! A gateway, its buses, its motors and its host links, in virtual time.
 //!
-//! Everything happens at instants of whole nanoseconds, in a fixed order within one instant: what is over on the
-//! buses, what the motors and others on the buses do by themselves, what has arrived from the hosts, the gateway's own deadline, and then what
-//! starts on the buses. So a run depends on wiring, seed and input only, not on how it is cut into pieces.
+//! Everything happens at instants of whole nanoseconds, in a fixed order within one instant: what
+//! is over on the buses, what the motors and others on the buses do by themselves, what has arrived
+//! from the hosts, the gateway's own deadline, and then what starts on the buses. So a run depends
+//! on wiring, seed and input only, not on how it is cut into pieces.
 
 mod host_link;
 mod life;
@@ -41,7 +42,8 @@ pub struct World {
     strangers: Strangers,
     trace: Trace,
     life: Life,
-    /// A deadline that the gateway leaves in the past is due again only then, so that time goes on.
+    /// A deadline that the gateway leaves in the past is due again only then, so that time goes
+    /// on.
     not_before: Duration,
 }
 
@@ -69,12 +71,15 @@ impl World {
             let is_serial = matches!(port.medium, Medium::Serial { .. });
             motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
         }
-        let links = (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
+        let links =
+            (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
         let gateway = Box::new(Gateway::new(board, life.take_random_number()));
-        let (strangers, trace, not_before) = (Strangers::new(seed), Trace::default(), Duration::ZERO);
+        let (strangers, trace, not_before) =
+            (Strangers::new(seed), Trace::default(), Duration::ZERO);
         let now = Duration::ZERO;
-        let mut world = Self { now, gateway, ports, motors, links, strangers, trace, life, not_before };
+        let mut world =
+            Self { now, gateway, ports, motors, links, strangers, trace, life, not_before };
         world.start_gateway();
         Ok(world)
     }
@@ -99,7 +104,8 @@ impl World {
         self.run_to(self.now + span);
     }
 
-    /// Sends bytes to the gateway over a host link, at the pace of the link. A link that does not exist takes nothing.
+    /// Sends bytes to the gateway over a host link, at the pace of the link. A link that does not
+    /// exist takes nothing.
     pub fn host_send(&mut self, link: u8, bytes: &[u8]) {
         let now = self.now;
         if let Some(link) = self.links.get_mut(usize::from(link)) {
@@ -117,7 +123,8 @@ impl World {
         self.links.get(usize::from(link)).map_or(0, HostLink::backlog)
     }
 
-    /// Forgets what is on its way over a host link in either direction, as when its cable is pulled.
+    /// Forgets what is on its way over a host link in either direction, as when its cable is
+    /// pulled.
     pub fn host_reset(&mut self, link: u8) {
         self.links.get_mut(usize::from(link)).into_iter().for_each(HostLink::reset);
     }
@@ -176,7 +183,8 @@ impl World {
         }
     }
 
-    /// What was on the buses since the last call, in the order of its end; at most the last 200 000 entries.
+    /// What was on the buses since the last call, in the order of its end; at most the last 200 000
+    /// entries.
     pub fn trace(&mut self) -> Vec<TraceEntry> {
         self.trace.take()
     }
@@ -357,7 +365,8 @@ impl World {
                 }
             }
             CanOutcome::Cancelled { station: Station::Gateway, slot } => {
-                let held = self.ports.get_mut(usize::from(bus)).is_some_and(|port| port.release(slot));
+                let held =
+                    self.ports.get_mut(usize::from(bus)).is_some_and(|port| port.release(slot));
                 if held {
                     self.tell(Event::Cancelled { bus, slot });
                 }

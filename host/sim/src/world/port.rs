@@ -37,10 +37,19 @@ impl Port {
     pub(super) fn new(kind: BusPortKind) -> Self {
         let medium = match kind {
             BusPortKind::Can => Medium::Can(CanBus::default()),
-            BusPortKind::Rs485 { local_echo } => Medium::Serial { line: SerialLine::default(), local_echo },
+            BusPortKind::Rs485 { local_echo } => {
+                Medium::Serial { line: SerialLine::default(), local_echo }
+            }
         };
         let held = [false; TRANSMIT_SLOTS];
-        Self { medium, setup: None, motors_bitrate: None, has_stranger: false, babble: VecDeque::new(), held }
+        Self {
+            medium,
+            setup: None,
+            motors_bitrate: None,
+            has_stranger: false,
+            babble: VecDeque::new(),
+            held,
+        }
     }
 
     pub(super) fn connect_motor(&mut self, motor: Station, bitrate: u32) {
@@ -66,7 +75,9 @@ impl Port {
         self.held = [false; TRANSMIT_SLOTS];
         match &mut self.medium {
             Medium::Can(bus) => bus.start(now, Station::Gateway, new.bitrate),
-            Medium::Serial { line, local_echo } => line.start(Station::Gateway, new.bitrate, *local_echo),
+            Medium::Serial { line, local_echo } => {
+                line.start(Station::Gateway, new.bitrate, *local_echo)
+            }
         }
         true
     }
@@ -93,12 +104,19 @@ impl Port {
     /// Takes a frame of the gateway.
     ///
     /// # Panics
-    /// If the core breaks the contract of its port: a slot still in use, or a frame for another kind of bus.
+    /// If the core breaks the contract of its port: a slot still in use, or a frame for another
+    /// kind of bus.
     pub(super) fn take(&mut self, now: Duration, Transmit { slot, frame }: Transmit) {
-        let held = self.held.get_mut(usize::from(slot)).expect("the core used a slot that does not exist");
-        assert!(!std::mem::replace(held, true), "the core used slot {slot} while its frame had not left");
+        let held =
+            self.held.get_mut(usize::from(slot)).expect("the core used a slot that does not exist");
+        assert!(
+            !std::mem::replace(held, true),
+            "the core used slot {slot} while its frame had not left"
+        );
         match (&mut self.medium, frame) {
-            (Medium::Can(bus), Outgoing::Can(frame)) => bus.send(Station::Gateway, slot, frame, false),
+            (Medium::Can(bus), Outgoing::Can(frame)) => {
+                bus.send(Station::Gateway, slot, frame, false)
+            }
             (Medium::Serial { line, .. }, Outgoing::Serial(bytes)) => {
                 line.send(now, Station::Gateway, slot, bytes.to_vec());
             }
@@ -132,8 +150,8 @@ impl Port {
         }
     }
 
-    /// Somebody who does not belong to the bus sends something, at the bitrate that is usual there. A wire of another kind
-    /// of bus goes nowhere.
+    /// Somebody who does not belong to the bus sends something, at the bitrate that is usual there.
+    /// A wire of another kind of bus goes nowhere.
     pub(super) fn send_stranger(&mut self, now: Duration, wire: Wire) {
         let bitrate = self.setup.map(|setup| setup.bitrate).or(self.motors_bitrate);
         let Some(bitrate) = bitrate else { return };

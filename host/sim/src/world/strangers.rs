@@ -1,4 +1,5 @@
-//! Who else is on the buses and on the host links: stations that do not belong there, and hosts that do not read.
+//! Who else is on the buses and on the host links: stations that do not belong there, and hosts
+//! that do not read.
 
 use std::time::Duration;
 
@@ -36,8 +37,8 @@ impl Strangers {
 }
 
 impl World {
-    /// Somebody who belongs to neither the gateway nor the motors sends something on a bus, once, as soon as the bus is
-    /// free. On RS485 nobody looks whether it is.
+    /// Somebody who belongs to neither the gateway nor the motors sends something on a bus, once,
+    /// as soon as the bus is free. On RS485 nobody looks whether it is.
     pub fn send_foreign(&mut self, bus: u8, wire: Wire) {
         let now = self.now;
         if let Some(port) = self.ports.get_mut(usize::from(bus)) {
@@ -45,7 +46,8 @@ impl World {
         }
     }
 
-    /// Somebody sends this on a bus from now on, at irregular intervals of half a period to one and a half.
+    /// Somebody sends this on a bus from now on, at irregular intervals of half a period to one and
+    /// a half.
     pub fn repeat_foreign(&mut self, bus: u8, wire: Wire, period: Duration) {
         self.strangers.all.push(Stranger { bus, wire, period, next: self.now });
     }
@@ -56,7 +58,8 @@ impl World {
         self.babble(bus, None);
     }
 
-    /// Somebody sends these frames on a CAN bus, one after the other, as fast as the bus takes them, until there are none.
+    /// Somebody sends these frames on a CAN bus, one after the other, as fast as the bus takes
+    /// them, until there are none.
     pub fn babble(&mut self, bus: u8, frames: impl IntoIterator<Item = CanFrame>) {
         let now = self.now;
         if let Some(port) = self.ports.get_mut(usize::from(bus)) {
@@ -64,7 +67,8 @@ impl World {
         }
     }
 
-    /// The host of a link stops reading, or reads again. While it does not, the link takes nothing more from the gateway.
+    /// The host of a link stops reading, or reads again. While it does not, the link takes nothing
+    /// more from the gateway.
     pub fn set_host_reads(&mut self, link: u8, reads: bool) {
         self.links
             .get_mut(usize::from(link))
@@ -78,7 +82,8 @@ impl World {
             if let Some(port) = self.ports.get_mut(usize::from(stranger.bus)) {
                 port.send_stranger(self.now, stranger.wire.clone());
             }
-            stranger.next = self.now + random.between(stranger.period / 2, stranger.period * 3 / 2).max(TICK);
+            stranger.next =
+                self.now + random.between(stranger.period / 2, stranger.period * 3 / 2).max(TICK);
         }
     }
 

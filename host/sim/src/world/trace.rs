@@ -30,11 +30,24 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    pub(super) fn add(&mut self, bus: u8, from: Station, wire: Wire, start: Duration, end: Duration) {
+    pub(super) fn add(
+        &mut self,
+        bus: u8,
+        from: Station,
+        wire: Wire,
+        start: Duration,
+        end: Duration,
+    ) {
         if self.entries.len() == KEPT {
             self.entries.pop_front();
         }
-        self.entries.push_back(TraceEntry { time_us: micros(start), end_us: micros(end), bus, from, wire });
+        self.entries.push_back(TraceEntry {
+            time_us: micros(start),
+            end_us: micros(end),
+            bus,
+            from,
+            wire,
+        });
     }
 
     pub(super) fn take(&mut self) -> Vec<TraceEntry> {

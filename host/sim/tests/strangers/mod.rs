@@ -8,7 +8,8 @@ fn status_2() -> CanFrame {
     CanFrame::standard(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]).unwrap()
 }
 
-/// Asks a motor while somebody babbles; how often it was asked and how many frames the babbler sent within 10 ms.
+/// Asks a motor while somebody babbles; how often it was asked and how many frames the babbler sent
+/// within 10 ms.
 fn asked_under(babble: u16) -> (usize, usize) {
     let mut rig = Rig::new(Wiring::four_motors());
     rig.client.raw_open(0).unwrap();
@@ -21,7 +22,8 @@ fn asked_under(babble: u16) -> (usize, usize) {
     (count(Station::Gateway), count(Station::Stranger))
 }
 
-/// A frame with id 0x7FF lets everybody go first, one with id 1 nobody. It takes about 120 bits at 1 Mbit/s.
+/// A frame with id 0x7FF lets everybody go first, one with id 1 nobody. It takes about 120 bits at
+/// 1 Mbit/s.
 #[test]
 fn a_babbling_node_takes_the_bus_from_those_with_higher_ids() {
     let (asked, babbled) = asked_under(0x7FF);
@@ -40,7 +42,8 @@ fn a_stranger_speaks_once_or_until_it_is_told_to_stop() {
     rig.world.borrow_mut().send_foreign(0, Wire::Can(status_2()));
     rig.world.borrow_mut().send_foreign(2, Wire::Serial(vec![0x3E, 0x01]));
     rig.silence(10);
-    let lines: Vec<_> = rig.world.borrow_mut().trace().iter().map(|entry| entry.wire.to_string()).collect();
+    let lines: Vec<_> =
+        rig.world.borrow_mut().trace().iter().map(|entry| entry.wire.to_string()).collect();
     // The motor answers whoever asks.
     assert_eq!(lines, ["141#9C00000000000000", "3E01", "241#9C19000000000000"]);
     rig.world.borrow_mut().babble(0, CanFrame::standard(0x7FF, &[]));

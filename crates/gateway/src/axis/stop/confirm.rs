@@ -1,8 +1,8 @@
 //! What the motor's answers do to a stop: acknowledged, at rest, confirmed (GUARANTEES G4).
 
 use super::{
-    BRAKE_LOCKS_WITHIN, BRAKE_WAIT, Phase, REFUSED_PAUSE, STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW,
-    STOPS_AT_LEAST, Stop,
+    BRAKE_LOCKS_WITHIN, BRAKE_WAIT, Phase, REFUSED_PAUSE, STANDSTILL_READINGS,
+    STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST, Stop,
 };
 use crate::axis::exchanges::Pending;
 use crate::axis::{Axis, Observation};
@@ -86,15 +86,23 @@ impl Axis {
         self.settle_stop(now, out);
     }
 
-    /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the speed, and send the stop again.
-    pub(in crate::axis) fn stop_refused(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
+    /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the
+    /// speed, and send the stop again.
+    pub(in crate::axis) fn stop_refused(
+        &mut self,
+        now: Instant,
+        exchange: Exchange,
+        out: &mut Outbox<'_>,
+    ) {
         let Some(stop) = &mut self.stop else { return };
         match stop.phase {
             Phase::Confirmed if exchange.is_stop() => {}
             // Somebody else's question.
             Phase::Confirmed => return,
             _ if exchange.is_stop() && !stop.resting => stop.go(now, Phase::RefusedFaults),
-            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
+            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => {
+                stop.go(now, Phase::Command)
+            }
             _ => {}
         }
         if !stop.resting && !exchange.is_stop() {
@@ -124,7 +132,8 @@ impl Axis {
         match stop.phase {
             // Nothing of these is needed for the stop itself, and confirmed it is already.
             Phase::Confirmed => {}
-            // A motor that hears and does not answer may keep a speed that waits, for anybody's 05: that is overwritten unasked.
+            // A motor that hears and does not answer may keep a speed that waits, for anybody's 05:
+            // that is overwritten unasked.
             Phase::Command | Phase::ReadBack | Phase::PendingWrite if may_wait => {
                 stop.go(now, Phase::OverwritePending);
             }
@@ -132,12 +141,15 @@ impl Axis {
                 stop.go(now, Phase::Command);
                 return;
             }
-            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => stop.go(now, Phase::Command),
+            Phase::RefusedFaults | Phase::RefusedVelocity | Phase::ReadBack => {
+                stop.go(now, Phase::Command)
+            }
             // Past the wait the brake is locked even if the speed cannot be read.
             Phase::Standstill => self.lock_when_overdue(now),
             _ => {}
         }
-        // A poll that is lost while the speed is read is made up for by the stop command, which is repeated.
+        // A poll that is lost while the speed is read is made up for by the stop command, which is
+        // repeated.
         if self.job_exchange() != Some(exchange) && exchange != Exchange::Velocity {
             self.count_unconfirmed(now, out);
         }
@@ -181,7 +193,8 @@ impl Axis {
         }
     }
 
-    /// A speed that came late. Whatever it answered, it does not show standstill, but it can show that there is none.
+    /// A speed that came late. Whatever it answered, it does not show standstill, but it can show
+    /// that there is none.
     pub(in crate::axis) fn late_speed(&mut self, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if let Some(stop) = self.stop.as_mut().filter(|_| turns) {
@@ -200,7 +213,8 @@ impl Axis {
         }
     }
 
-    /// A confirmed stop is watched: a motor that turns again is not stopped, and the stop begins anew.
+    /// A confirmed stop is watched: a motor that turns again is not stopped, and the stop begins
+    /// anew.
     fn watch_confirmed(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if turns && self.must_stand() && matches!(self.state, AxisState::Tripped { .. }) {
@@ -209,10 +223,12 @@ impl Axis {
         }
     }
 
-    /// Reports a stop that has just been confirmed: a stopped axis is idle or holds, a tripped one stays tripped.
+    /// Reports a stop that has just been confirmed: a stopped axis is idle or holds, a tripped one
+    /// stays tripped.
     fn settle_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(stop) = &self.stop else { return };
-        let settled = matches!(self.state, AxisState::Stopping | AxisState::Tripped { confirmed: false });
+        let settled =
+            matches!(self.state, AxisState::Stopping | AxisState::Tripped { confirmed: false });
         if stop.phase != Phase::Confirmed || !settled {
             return;
         }

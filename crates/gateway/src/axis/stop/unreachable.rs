@@ -1,5 +1,5 @@
-//! Stops that come to nothing, and the motor that is left alone for it; stops that could not be sent; stops that are asked for again
-//! (GUARANTEES G4).
+//! Stops that come to nothing, and the motor that is left alone for it; stops that could not be
+//! sent; stops that are asked for again (GUARANTEES G4).
 
 use super::Phase;
 use crate::axis::Axis;
@@ -9,7 +9,8 @@ use crate::time::Instant;
 use host_protocol::{AxisState, Error, Event, TripReason};
 
 impl Axis {
-    /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES G4).
+    /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES
+    /// G4).
     pub(super) fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let enough = self.config.stops_before_unreachable();
         let Some(stop) = &mut self.stop else { return };
@@ -20,18 +21,21 @@ impl Axis {
         }
     }
 
-    /// The motor is unreachable: from now on it is sent two stops between silences, in which its own timeout can act.
+    /// The motor is unreachable: from now on it is sent two stops between silences, in which its
+    /// own timeout can act.
     pub(in crate::axis) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let silence = self.unreachable_silence();
         let Some(stop) = &mut self.stop else { return };
         stop.resting = true;
         stop.second_follows = false;
-        // The silence is for a motor that hears us: what has not left has fed no timeout, and a stop that has never left is due.
+        // The silence is for a motor that hears us: what has not left has fed no timeout, and a
+        // stop that has never left is due.
         stop.rests_until = stop.last_left.map_or(now, |left| left + silence);
         self.becomes_unreachable(now, true, out);
     }
 
-    /// Since when the stop has a frame to send that has not left, where nobody has been told of that.
+    /// Since when the stop has a frame to send that has not left, where nobody has been told of
+    /// that.
     pub fn unsent_stop_since(&self) -> Option<Instant> {
         let stop = self.stop.as_ref()?;
         if self.pending.as_ref().is_some_and(Pending::is_waiting) {
@@ -41,8 +45,8 @@ impl Axis {
         Some(if stop.has_left() { self.quiet.delays(false, since) } else { since })
     }
 
-    /// The stop has not left for too long: it is not counted as sent, and stays owed. An axis that was at rest waits for it; of any
-    /// other the motor may be turning.
+    /// The stop has not left for too long: it is not counted as sent, and stays owed. An axis that
+    /// was at rest waits for it; of any other the motor may be turning.
     pub fn stop_not_sent(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(stop) = &mut self.stop else { return };
         stop.not_sent = true;
@@ -51,7 +55,8 @@ impl Axis {
         }
     }
 
-    /// Nothing is known of the motor any more, a locked brake included: all of the stop begins again.
+    /// Nothing is known of the motor any more, a locked brake included: all of the stop begins
+    /// again.
     fn becomes_unreachable(&mut self, now: Instant, stop_sent: bool, out: &mut Outbox<'_>) {
         let Some(stop) = &mut self.stop else { return };
         stop.hold_poll = None;
@@ -77,7 +82,8 @@ impl Axis {
         self.enter(AxisState::Tripped { confirmed: false }, out);
     }
 
-    /// A stop is asked for although one is under way or confirmed: it is sent again at once, and what is under way makes room.
+    /// A stop is asked for although one is under way or confirmed: it is sent again at once, and
+    /// what is under way makes room.
     pub(in crate::axis) fn stop_again(&mut self, now: Instant) {
         let is_stop = self.pending.as_ref().is_some_and(|pending| pending.exchange.is_stop());
         if self.stop.as_mut().is_some_and(|stop| stop.ask_again(now)) && !is_stop {

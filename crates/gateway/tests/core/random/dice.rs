@@ -5,7 +5,8 @@ pub struct Dice(u64);
 
 impl Dice {
     pub fn new(seed: u64) -> Self {
-        // 2⁶⁴ divided by the golden ratio: near seeds begin far apart, and none but 0 at 0, where the generator would stay.
+        // 2⁶⁴ divided by the golden ratio: near seeds begin far apart, and none but 0 at 0, where
+        // the generator would stay.
         const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
         Self(seed.wrapping_mul(SPREAD))
     }

@@ -3,8 +3,9 @@
 use super::dice::Dice;
 use super::plant::{AXES, BUS_SETUP, MOTORS, POSITION_DEVICE, Purpose};
 use host_protocol::{
-    AxisParameter, AxisState, Bytes, CanFrame, ClearTarget, Deframer, Event as HostEvent, EventMessage, Kind,
-    Protocol, ProtocolSet, RawFrame, Reply, Request, Setpoint, StateFields, StopTarget, Value, requests,
+    AxisParameter, AxisState, Bytes, CanFrame, ClearTarget, Deframer, Event as HostEvent,
+    EventMessage, Kind, Protocol, ProtocolSet, RawFrame, Reply, Request, Setpoint, StateFields,
+    StopTarget, Value, requests,
 };
 use std::collections::BTreeMap;
 
@@ -49,8 +50,10 @@ impl Host {
             let frame = frame.expect("every frame of a gateway can be read");
             match frame.kind {
                 Kind::Reply | Kind::Error => {
-                    let (_, request) =
-                        self.asked.remove(&frame.sequence).expect("one answer to every request, no more");
+                    let (_, request) = self
+                        .asked
+                        .remove(&frame.sequence)
+                        .expect("one answer to every request, no more");
                     if frame.kind == Kind::Reply
                         && let (Request::Arm(arm), Reply::Arm(armed)) =
                             (request, Reply::decode(frame.number, frame.body).unwrap())
@@ -117,7 +120,9 @@ impl Knowledge {
             }
             HostEvent::StopConfirmed { .. } => self.seen.confirmed += 1,
             HostEvent::AxisUnreachable { .. } => self.seen.unreachable += 1,
-            HostEvent::RequestDropped { .. } => panic!("a request was dropped although there was room"),
+            HostEvent::RequestDropped { .. } => {
+                panic!("a request was dropped although there was room")
+            }
             _ => {}
         }
     }
@@ -127,7 +132,9 @@ impl Knowledge {
         let at_rest = |state: &Option<AxisState>| {
             matches!(
                 state,
-                None | Some(AxisState::Idle | AxisState::Holding | AxisState::Tripped { confirmed: true })
+                None | Some(
+                    AxisState::Idle | AxisState::Holding | AxisState::Tripped { confirmed: true }
+                )
             )
         };
         self.states.iter().all(at_rest)
@@ -138,7 +145,11 @@ impl Knowledge {
         let state = self.states[axis];
         match purpose {
             Purpose::Motion => {
-                assert_eq!(state, Some(AxisState::Active), "motion of axis {axis} although it is not active");
+                assert_eq!(
+                    state,
+                    Some(AxisState::Active),
+                    "motion of axis {axis} although it is not active"
+                );
                 self.seen.motion += 1;
             }
             Purpose::Stop => self.owes_stop[axis] = false,
@@ -177,8 +188,13 @@ fn configure(axis: u8, parameter: AxisParameter, value: Value) -> Request {
 fn configure_bus(bus: u8) -> Request {
     let (bitrate, protocols) = BUS_SETUP[usize::from(bus)];
     let protocols = ProtocolSet::of(protocols);
-    let request =
-        requests::ConfigureBus { bus, bitrate, protocols, wholly_ours: false, reply_window_us: 3_000 };
+    let request = requests::ConfigureBus {
+        bus,
+        bitrate,
+        protocols,
+        wholly_ours: false,
+        reply_window_us: 3_000,
+    };
     Request::ConfigureBus(request)
 }
 
@@ -230,7 +246,8 @@ pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Reque
                 AxisParameter::VelocityLimitRadS,
                 AxisParameter::LimitMargin,
             ]);
-            let value = dice.pick(&[Value::Unsigned(50_000), Value::Float(f32::NAN), Value::Float(1.0)]);
+            let value =
+                dice.pick(&[Value::Unsigned(50_000), Value::Float(f32::NAN), Value::Float(1.0)]);
             configure(axis, parameter, value)
         }
         56 => {
@@ -242,8 +259,13 @@ pub fn any_request(dice: &mut Dice, now_us: u64, knowledge: &Knowledge) -> Reque
             let distance_rad = (f32::from(dice.byte()) - 128.0) / 40.0;
             let (expires_at_us, epoch) = permit(dice, now_us, knowledge.epochs[usize::from(axis)]);
             let speed_limit_rad_s = dice.pick(&[0.0, 1.0, 5.0]);
-            let request =
-                requests::MoveRelative { axis, epoch, expires_at_us, distance_rad, speed_limit_rad_s };
+            let request = requests::MoveRelative {
+                axis,
+                epoch,
+                expires_at_us,
+                distance_rad,
+                speed_limit_rad_s,
+            };
             Request::MoveRelative(request)
         }
         64 => {
@@ -274,13 +296,14 @@ fn any_native(dice: &mut Dice, now_us: u64, axis: u8, epoch: u32) -> Request {
         _ if dice.percent(10) => random,
         Protocol::Rmd => {
             let command = dice.pick(&[
-                0x30, 0x43, 0x64, 0x70, 0x76, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA3, 0xA4,
-                0xA8, 0xB3,
+                0x30, 0x43, 0x64, 0x70, 0x76, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA3,
+                0xA4, 0xA8, 0xB3,
             ]);
             vec![command, 0, dice.byte(), 0, dice.byte(), dice.byte(), 0, 0]
         }
         Protocol::Thruster => {
-            let command = dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LS", b"ST", b"CI", b"MQ"]);
+            let command =
+                dice.pick(&[b"TC", b"VC", b"QV", b"EF", b"LA", b"LR", b"LS", b"ST", b"CI", b"MQ"]);
             let [first, second] = *command;
             let long = vec![first, second, 0, dice.byte(), 0, 0, 0, dice.byte()];
             let short = vec![first, second, 0, 0];
@@ -288,8 +311,14 @@ fn any_native(dice: &mut Dice, now_us: u64, axis: u8, epoch: u32) -> Request {
         }
         Protocol::D5 => {
             let command = dice.pick(&[1, 2, 3, 4, 5]);
-            let body =
-                [motor.node, 5, command, dice.pick(&[0x20, 0x26, 0x15]), dice.byte(), dice.pick(&[0, 2])];
+            let body = [
+                motor.node,
+                5,
+                command,
+                dice.pick(&[0x20, 0x26, 0x15]),
+                dice.byte(),
+                dice.pick(&[0, 2]),
+            ];
             let sum = body.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
             std::iter::once(0xD5).chain(body).chain([sum]).collect()
         }

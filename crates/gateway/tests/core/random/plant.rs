@@ -1,4 +1,5 @@
-//! The axes, their buses and their motors: ten axes of every protocol and stop action, and what their motors answer.
+//! The axes, their buses and their motors: ten axes of every protocol and stop action, and what
+//! their motors answer.
 
 use super::dice::Dice;
 use crate::motors::crc16_modbus;
@@ -25,7 +26,14 @@ pub struct Motor {
     ids: Option<(u16, u16)>,
 }
 
-const fn motor(bus: u8, protocol: Protocol, node: u8, stop: StopAction, request: u16, reply: u16) -> Motor {
+const fn motor(
+    bus: u8,
+    protocol: Protocol,
+    node: u8,
+    stop: StopAction,
+    request: u16,
+    reply: u16,
+) -> Motor {
     Motor { bus, protocol, node, stop, ids: Some((request, reply)) }
 }
 
@@ -75,8 +83,9 @@ impl ToMotor {
                 let motion_mode = |motor: &Motor| {
                     motor.protocol == Protocol::Rmd && u16::from(motor.node) + 0x400 == id.as_raw()
                 };
-                let is_for =
-                    |motor: &Motor| motor.ids.is_some_and(|ids| ids.0 == id.as_raw() || motion_mode(motor));
+                let is_for = |motor: &Motor| {
+                    motor.ids.is_some_and(|ids| ids.0 == id.as_raw() || motion_mode(motor))
+                };
                 let axis = MOTORS.iter().position(|motor| of_bus(motor) && is_for(motor))?;
                 let motion_mode = motion_mode(&MOTORS[axis]);
                 Some(Self { axis, motion_mode, data: frame.data().to_vec() })
@@ -95,9 +104,10 @@ impl ToMotor {
             (Protocol::Rmd, [0xA1..=0xA8, ..]) => Purpose::Motion,
             (Protocol::Rmd, [0x80 | 0x81, ..]) => Purpose::Stop,
             (Protocol::Thruster, [b'T', b'C', _, _, 0, 0, 0, 0]) => Purpose::Stop,
-            (Protocol::Thruster, [b'T' | b'V', b'C', _, _, _, _, _, _] | [b'L', b'A' | b'R', ..]) => {
-                Purpose::Motion
-            }
+            (
+                Protocol::Thruster,
+                [b'T' | b'V', b'C', _, _, _, _, _, _] | [b'L', b'A' | b'R', ..],
+            ) => Purpose::Motion,
             (Protocol::D5, [_, _, _, 3, 0x20, 0, 0, _]) => Purpose::Stop,
             // The stop sequence overwrites what waits by speed 0.
             (Protocol::D5, [_, _, _, 4, 0x20, 0, 0, _]) => Purpose::Other,
@@ -111,12 +121,18 @@ impl ToMotor {
         let mut data = self.data.clone();
         match MOTORS[self.axis].protocol {
             // Nothing turns and nothing pulls (RMD V3.6 §5.3).
-            _ if self.motion_mode => data = vec![MOTORS[self.axis].node, 0x80, 0, 0x80, 0x08, 0, 0, 0],
+            _ if self.motion_mode => {
+                data = vec![MOTORS[self.axis].node, 0x80, 0, 0x80, 0x08, 0, 0, 0]
+            }
             Protocol::Rmd => rmd_reply(&mut data, now_us, dice),
             Protocol::Thruster => thruster_reply(&mut data, dice),
             Protocol::D5 => d5_reply(&mut data, dice),
         }
-        (!dice.one_in(300)).then_some(FromMotor { axis: self.axis, motion_mode: self.motion_mode, data })
+        (!dice.one_in(300)).then_some(FromMotor {
+            axis: self.axis,
+            motion_mode: self.motion_mode,
+            data,
+        })
     }
 }
 
@@ -128,7 +144,9 @@ fn rmd_reply(data: &mut [u8], now_us: u64, dice: &mut Dice) {
             data.copy_from_slice(&[0x9A, 30, 0, brake, 0xE5, 1, faults, 0]);
         }
         // It has run for as long as the gateway.
-        0xB1 => data[4..].copy_from_slice(&u32::try_from(now_us / 1_000).unwrap_or(0).to_le_bytes()),
+        0xB1 => {
+            data[4..].copy_from_slice(&u32::try_from(now_us / 1_000).unwrap_or(0).to_le_bytes())
+        }
         // Thrown back: received, not carried out.
         0xA1..=0xA8 if dice.one_in(1_000) => {}
         command @ (0x9C | 0xA1..=0xA8) => {

@@ -46,8 +46,9 @@ impl Port {
     pub fn give_back(&mut self, now_us: u64, bus: u8, slot: u8) -> bool {
         const ON_THE_WIRE_US: u64 = 160;
         let held = self.held.len();
-        let is_back =
-            |held: &Held| (held.bus, held.slot) == (bus, slot) && held.leaves_at_us > now_us + ON_THE_WIRE_US;
+        let is_back = |held: &Held| {
+            (held.bus, held.slot) == (bus, slot) && held.leaves_at_us > now_us + ON_THE_WIRE_US
+        };
         self.held.retain(|held| !is_back(held));
         self.held.len() < held
     }
@@ -95,7 +96,8 @@ impl Port {
     pub fn left(&mut self, now_us: u64, dice: &mut Dice) -> Option<Held> {
         let index = self.held.iter().position(|held| held.leaves_at_us <= now_us)?;
         let held = self.held.remove(index);
-        let request = ToMotor::read(held.bus, &held.frame).filter(|request| !self.mute[request.axis]);
+        let request =
+            ToMotor::read(held.bus, &held.frame).filter(|request| !self.mute[request.axis]);
         if let Some(reply) = request.and_then(|request| request.reply(now_us, dice)) {
             let late_us = if dice.percent(3) { dice.below(9_000) } else { 0 };
             if dice.percent(2) {

@@ -3,8 +3,9 @@
 use rigless::time::{NANOS_PER_SECOND, VirtualNanos};
 use serde::{Deserialize, Serialize};
 
-/// The relative difference of two bit rates, in parts per thousand, from which nodes do not understand each other.
-/// Classic CAN tolerates at most 1.58 % between two oscillators, and less with late sample points.
+/// The relative difference of two bit rates, in parts per thousand, from which nodes do not
+/// understand each other. Classic CAN tolerates at most 1.58 % between two oscillators, and less
+/// with late sample points.
 const TOLERANCE_PER_MILLE: u128 = 10;
 
 /// The duration of a bit: cycles of a clock.
@@ -27,11 +28,12 @@ impl BitTime {
         Self::of_cycles(1, u64::from(bitrate))
     }
 
-    /// The instant `bits` bits after `start`, rounded down to a nanosecond: once, so frames do not drift.
+    /// The instant `bits` bits after `start`, rounded down to a nanosecond: once, so frames do not
+    /// drift.
     #[must_use]
     pub fn after(self, start: VirtualNanos, bits: u64) -> VirtualNanos {
-        let nanos =
-            u128::from(bits) * u128::from(self.cycles) * u128::from(NANOS_PER_SECOND) / u128::from(self.hz);
+        let nanos = u128::from(bits) * u128::from(self.cycles) * u128::from(NANOS_PER_SECOND)
+            / u128::from(self.hz);
         VirtualNanos(start.0.saturating_add(u64::try_from(nanos).unwrap_or(u64::MAX)))
     }
 
@@ -39,7 +41,8 @@ impl BitTime {
     #[must_use]
     pub fn bits_between(self, start: VirtualNanos, end: VirtualNanos) -> u64 {
         let nanos = u128::from(end.0.saturating_sub(start.0));
-        let bits = nanos * u128::from(self.hz) / (u128::from(self.cycles) * u128::from(NANOS_PER_SECOND));
+        let bits =
+            nanos * u128::from(self.hz) / (u128::from(self.cycles) * u128::from(NANOS_PER_SECOND));
         u64::try_from(bits).unwrap_or(u64::MAX)
     }
 
@@ -74,7 +77,9 @@ mod tests {
         assert!(controller.matches(BitTime::of_bitrate(210_526).unwrap()));
         assert!(controller.matches(BitTime::of_bitrate(212_000).unwrap()));
         assert!(!controller.matches(BitTime::of_bitrate(250_000).unwrap()));
-        assert!(!BitTime::of_bitrate(500_000).unwrap().matches(BitTime::of_bitrate(1_000_000).unwrap()));
+        assert!(
+            !BitTime::of_bitrate(500_000).unwrap().matches(BitTime::of_bitrate(1_000_000).unwrap())
+        );
     }
 
     #[test]

@@ -28,7 +28,8 @@ const RECOVERY_SEQUENCES: u16 = 129;
 pub enum Presence {
     /// INIT is set.
     Off,
-    /// INIT is clear; the line must have been recessive for so many sequences more, counted from an instant on.
+    /// INIT is clear; the line must have been recessive for so many sequences more, counted from an
+    /// instant on.
     Waiting {
         /// Sequences still to come.
         left: u16,

@@ -1,6 +1,7 @@
 //! Elements of the message RAM: frames to send, received frames, events of sent frames, as words.
 //!
-//! Layout after embassy-stm32 0.6.0, `can/fd/message_ram`, and the register descriptions of the M_CAN.
+//! Layout after embassy-stm32 0.6.0, `can/fd/message_ram`, and the register descriptions of the
+//! M_CAN.
 
 use rigless::chip::can::{Frame, Id};
 
@@ -65,7 +66,8 @@ pub fn outgoing(ram: &MessageRam, start: usize) -> Option<Outgoing> {
     Some(Outgoing { frame, event_marker: (second & STORE_EVENT != 0).then_some(marker) })
 }
 
-/// Stores a received frame at `start`: its header and as many words as its data fill. False beyond the end.
+/// Stores a received frame at `start`: its header and as many words as its data fill. False beyond
+/// the end.
 pub fn store_received(
     ram: &MessageRam,
     start: usize,
@@ -74,7 +76,8 @@ pub fn store_received(
     timestamp: u16,
 ) -> bool {
     let matched = filter.map_or(NON_MATCHING, |filter| u32::from(filter) << FILTER_SHIFT);
-    let header = [identifier(frame), matched | u32::from(frame.dlc) << DLC_SHIFT | u32::from(timestamp)];
+    let header =
+        [identifier(frame), matched | u32::from(frame.dlc) << DLC_SHIFT | u32::from(timestamp)];
     let mut words = header.to_vec();
     for chunk in frame.payload().chunks(4) {
         let mut bytes = [0; 4];
@@ -115,11 +118,16 @@ mod tests {
     #[test]
     fn a_frame_is_read_from_its_words() {
         let ram = MessageRam::new();
-        for (index, word) in [0x0504_0000, 0xA583_0000, 0x4433_2211, 0x8877_6655].into_iter().enumerate() {
+        for (index, word) in
+            [0x0504_0000, 0xA583_0000, 0x4433_2211, 0x8877_6655].into_iter().enumerate()
+        {
             assert!(ram.set_word(10 + index, word));
         }
         let expected = Frame::data_frame(Id::Standard(0x141), &[0x11, 0x22, 0x33]);
-        assert_eq!(outgoing(&ram, 10), Some(Outgoing { frame: expected, event_marker: Some(0xA5) }));
+        assert_eq!(
+            outgoing(&ram, 10),
+            Some(Outgoing { frame: expected, event_marker: Some(0xA5) })
+        );
         assert!(ram.set_word(10, 0x7234_5678));
         assert!(ram.set_word(11, 0x0002_0000));
         let expected = Frame::remote_frame(Id::Extended(0x1234_5678), 2);

@@ -14,7 +14,8 @@ const BUS_OFF: u16 = 256;
 const REC_MAX: u16 = 128;
 /// Where REC goes on from after a good frame, when it was at its end: 119 to 127 are allowed.
 const REC_AFTER_PASSIVE: u16 = 127;
-/// What an error at a sender counts, and at a receiver that saw a dominant bit after its error flag.
+/// What an error at a sender counts, and at a receiver that saw a dominant bit after its error
+/// flag.
 const HEAVY: u16 = 8;
 
 /// What went wrong: the codes of PSR.LEC.
@@ -42,8 +43,8 @@ const NO_ERROR: u8 = 0;
 /// Counters and states of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Errors {
-    /// TEC, 0..=255. Stays as it was when the controller went bus-off: 248 after errors that count eight, which is
-    /// what Linux shows of an M_CAN there.
+    /// TEC, 0..=255. Stays as it was when the controller went bus-off: 248 after errors that count
+    /// eight, which is what Linux shows of an M_CAN there.
     transmit: u16,
     /// REC, 0..=128; 128 reads as 127 with RP.
     receive: u16,
@@ -55,7 +56,8 @@ pub struct Errors {
 
 impl Errors {
     /// After a reset.
-    pub const RESET: Self = Self { transmit: 0, receive: 0, bus_off: false, last: UNCHANGED, logged: 0 };
+    pub const RESET: Self =
+        Self { transmit: 0, receive: 0, bus_off: false, last: UNCHANGED, logged: 0 };
 
     /// Error warning.
     #[must_use]
@@ -77,7 +79,8 @@ impl Errors {
 
     /// A frame that it sent failed. Returns the interrupt flags that follow.
     ///
-    /// A missing acknowledgement counts only while it is error-active: alone on a bus it never goes bus-off.
+    /// A missing acknowledgement counts only while it is error-active: alone on a bus it never goes
+    /// bus-off.
     #[must_use]
     pub fn send_failed(&mut self, code: ErrorCode) -> u32 {
         let counts = code != ErrorCode::Acknowledge || !self.passive();
@@ -94,8 +97,8 @@ impl Errors {
         })
     }
 
-    /// A frame that it received failed; `first`: it was the first to find that, and saw the others' error flags after
-    /// its own.
+    /// A frame that it received failed; `first`: it was the first to find that, and saw the others'
+    /// error flags after its own.
     #[must_use]
     pub fn receive_failed(&mut self, code: ErrorCode, first: bool) -> u32 {
         let by = if first { 1 + HEAVY } else { 1 };
@@ -192,7 +195,8 @@ impl Errors {
     fn follow(&mut self, act: impl FnOnce(&mut Self) -> u32) -> u32 {
         let before = *self;
         let mut flags = act(self);
-        let mut compare = |flag, before: bool, now: bool| flags |= if before == now { 0 } else { flag };
+        let mut compare =
+            |flag, before: bool, now: bool| flags |= if before == now { 0 } else { flag };
         compare(ir::EW, before.warning(), self.warning());
         compare(ir::EP, before.passive(), self.passive());
         compare(ir::BO, before.bus_off, self.bus_off);

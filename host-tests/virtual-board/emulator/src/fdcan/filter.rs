@@ -75,10 +75,11 @@ struct Filter {
 
 impl Filters {
     /// After a reset.
-    pub const RESET: Self = Self { global: 0, standard: 0, extended: 0, extended_mask: reset::XIDAM };
+    pub const RESET: Self =
+        Self { global: 0, standard: 0, extended: 0, extended_mask: reset::XIDAM };
 
-    /// What becomes of a received frame. `taken`: the dedicated buffers with new data, one bit each: they match
-    /// nothing.
+    /// What becomes of a received frame. `taken`: the dedicated buffers with new data, one bit
+    /// each: they match nothing.
     #[must_use]
     pub fn judge(&self, ram: &MessageRam, frame: &Frame, taken: u64) -> Verdict {
         let extended = frame.id.is_extended();
@@ -134,7 +135,8 @@ impl Filters {
 }
 
 impl Filter {
-    /// Where a frame with this id goes and whether with priority; `None` if the filter does not match.
+    /// Where a frame with this id goes and whether with priority; `None` if the filter does not
+    /// match.
     fn act(&self, id: Id, extended_mask: u32, taken: u64) -> Option<(Place, bool)> {
         match self.action {
             DISABLED => None,
@@ -208,9 +210,15 @@ mod tests {
     fn frames_that_match_nothing_go_where_gfc_says() {
         let ram = MessageRam::new();
         let mut filters = Filters::RESET;
-        assert_eq!(places(&filters, &ram, &[standard(1), extended(1)]), [Place::Fifo(0), Place::Fifo(0)]);
+        assert_eq!(
+            places(&filters, &ram, &[standard(1), extended(1)]),
+            [Place::Fifo(0), Place::Fifo(0)]
+        );
         filters.global = 0x0000_0014; // ANFS 1, ANFE 1
-        assert_eq!(places(&filters, &ram, &[standard(1), extended(1)]), [Place::Fifo(1), Place::Fifo(1)]);
+        assert_eq!(
+            places(&filters, &ram, &[standard(1), extended(1)]),
+            [Place::Fifo(1), Place::Fifo(1)]
+        );
         filters.global = 0x0000_002C; // ANFS 2, ANFE 3
         assert_eq!(places(&filters, &ram, &[standard(1), extended(1)]), [NOWHERE, NOWHERE]);
     }
@@ -218,7 +226,8 @@ mod tests {
     #[test]
     fn remote_frames_are_rejected_per_format() {
         let ram = MessageRam::new();
-        let remote = [Frame::remote_frame(Id::Standard(1), 0), Frame::remote_frame(Id::Extended(1), 0)];
+        let remote =
+            [Frame::remote_frame(Id::Standard(1), 0), Frame::remote_frame(Id::Extended(1), 0)];
         let mut filters = Filters::RESET;
         filters.global = 0x0000_0001; // RRFE
         assert_eq!(places(&filters, &ram, &remote), [Place::Fifo(0), NOWHERE]);
@@ -283,7 +292,10 @@ mod tests {
         let filters = with(&ram, &[0x6123_0123, 0x6924_0124, 0x7125_0125], &[]);
         let verdicts = [0x123, 0x124, 0x125].map(|id| filters.judge(&ram, &standard(id), 0));
         assert!(verdicts.iter().all(|verdict| verdict.priority));
-        assert_eq!(verdicts.map(|verdict| verdict.place), [NOWHERE, Place::Fifo(0), Place::Fifo(1)]);
+        assert_eq!(
+            verdicts.map(|verdict| verdict.place),
+            [NOWHERE, Place::Fifo(0), Place::Fifo(1)]
+        );
     }
 
     #[test]

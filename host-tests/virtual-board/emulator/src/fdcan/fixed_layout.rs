@@ -1,8 +1,9 @@
-//! The FDCAN of the STM32G4: the same controller, with three elements in each queue at fixed places of its 212 words of message RAM, and
-//! so without the registers that choose them; the bits that are left stand closer together in some registers.
+//! The FDCAN of the STM32G4: the same controller, with three elements in each queue at fixed places
+//! of its 212 words of message RAM, and so without the registers that choose them; the bits that
+//! are left stand closer together in some registers.
 //!
-//! Sources: stm32-metapac 21 (`can_fdcan_v1` beside `can_fdcan_h7`), embassy-stm32 0.6.0 (`can/fd`) for the layout, RM0440's "FDCAN SRAM"
-//! as our driver cites it.
+//! Sources: stm32-metapac 21 (`can_fdcan_v1` beside `can_fdcan_h7`), embassy-stm32 0.6.0 (`can/fd`)
+//! for the layout, RM0440's "FDCAN SRAM" as our driver cites it.
 
 use rigless::device::DeviceContext;
 use rigless::soc::RegisterSpec;
@@ -13,8 +14,9 @@ use super::controller::{Activity, Controller};
 
 /// Words of the message RAM that one controller has.
 pub const WORDS: u32 = 212;
-/// Where its queues begin, in words: filters for 11-bit ids (28 of one word), for 29-bit ids (8 of two), receive FIFOs (3 elements of 18
-/// words each), event FIFO (3 of 2), transmit buffers (3 of 18).
+/// Where its queues begin, in words: filters for 11-bit ids (28 of one word), for 29-bit ids (8 of
+/// two), receive FIFOs (3 elements of 18 words each), event FIFO (3 of 2), transmit buffers (3 of
+/// 18).
 const STANDARD_FILTERS: u32 = 0;
 const EXTENDED_FILTERS: u32 = 28;
 const RECEIVE: [u32; 2] = [44, 98];
@@ -24,10 +26,12 @@ const ELEMENTS: u32 = 3;
 /// RXESC and TXESC of elements with 64 bytes.
 const RECEIVE_SIZES: u32 = 0x777;
 const TRANSMIT_SIZE: u32 = 0x7;
-/// The bits of IR and IE, in the order in which they stand here, by their places in the controller of the STM32H7.
+/// The bits of IR and IE, in the order in which they stand here, by their places in the controller
+/// of the STM32H7.
 const FLAGS: [u32; 24] =
     [0, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 14, 15, 16, 17, 18, 22, 23, 24, 25, 26, 27, 28, 29];
-/// Which flags a bit of ILS stands for, as first and last place in [`FLAGS`]: RXFIFO0, RXFIFO1, SMSG, TFERR, MISC, BERR, PERR.
+/// Which flags a bit of ILS stands for, as first and last place in [`FLAGS`]: RXFIFO0, RXFIFO1,
+/// SMSG, TFERR, MISC, BERR, PERR.
 const GROUPS: [(usize, usize); 7] = [(0, 2), (3, 5), (6, 8), (9, 12), (13, 15), (16, 17), (18, 23)];
 
 /// What a register stands for in the controller that the model is of.
@@ -176,7 +180,11 @@ impl FixedLayout {
             Some(Meaning::Flags(register)) => controller.write(register, scattered(value), context),
             Some(Meaning::Lines) => {
                 let group = |(bit, (first, last)): (u32, (usize, usize))| {
-                    if value >> bit & 1 == 1 { (first..=last).map(|flag| 1 << flag).sum() } else { 0 }
+                    if value >> bit & 1 == 1 {
+                        (first..=last).map(|flag| 1 << flag).sum()
+                    } else {
+                        0
+                    }
                 };
                 let flags: u32 = (0..).zip(GROUPS).map(group).sum();
                 controller.write(Register::FdcanIls, scattered(flags), context);
@@ -184,7 +192,8 @@ impl FixedLayout {
             Some(Meaning::Filters) => {
                 let [first, second] = RECEIVE;
                 let at = |word: u32| (self.first_word + word) << 2;
-                let fifo = |word: u32, overwrites: u32| at(word) | ELEMENTS << 16 | overwrites << 31;
+                let fifo =
+                    |word: u32, overwrites: u32| at(word) | ELEMENTS << 16 | overwrites << 31;
                 controller.write(Register::FdcanGfc, value & 0x3F, context);
                 controller.write(
                     Register::FdcanSidfc,

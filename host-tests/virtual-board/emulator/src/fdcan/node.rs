@@ -23,7 +23,8 @@ pub enum Wiring {
     /// As it should be.
     #[default]
     Connected,
-    /// The cable is off: the controller is alone, and what the others do meanwhile is not simulated.
+    /// The cable is off: the controller is alone, and what the others do meanwhile is not
+    /// simulated.
     Cut,
     /// CANH touches CANL: the line stays recessive whatever a node sends.
     Shorted,
@@ -74,7 +75,8 @@ impl Node {
         self.place.chip_as().expect("a node of the type that was hung here")
     }
 
-    /// Cuts this node off, or connects it again: silent it hears nothing, sends nothing and acknowledges nothing.
+    /// Cuts this node off, or connects it again: silent it hears nothing, sends nothing and
+    /// acknowledges nothing.
     pub fn silence(&mut self, silent: bool) {
         self.place.silence(silent);
     }
@@ -129,7 +131,8 @@ impl Node {
         self.hand(context, |peer, timeline| peer.sent(true, timeline));
     }
 
-    /// The frame that it sent has failed, for want of an acknowledgement or not. The bus is free at `free`.
+    /// The frame that it sent has failed, for want of an acknowledgement or not. The bus is free at
+    /// `free`.
     pub(super) fn send_failed(
         &mut self,
         unacknowledged: bool,
@@ -145,7 +148,8 @@ impl Node {
             self.health.receive = 0;
             self.health.off_until = bit.after(free, RECOVERY_SEQUENCES * SEQUENCE_BITS);
         } else if !self.is_error_active() {
-            self.health.suspended_until = bit.after(free, u64::from(rigless::chip::can::SUSPEND_BITS));
+            self.health.suspended_until =
+                bit.after(free, u64::from(rigless::chip::can::SUSPEND_BITS));
         }
         self.hand(context, |peer, timeline| peer.sent(false, timeline));
     }

@@ -50,8 +50,8 @@ pub mod ir {
     pub const ALL: u32 = 0x3FFF_FFFF;
 }
 
-/// Reset values that are not 0. Of CREL, ENDN and NBTP the values that embassy-stm32 asks for or a board shows; the
-/// others from the register descriptions of the M_CAN.
+/// Reset values that are not 0. Of CREL, ENDN and NBTP the values that embassy-stm32 asks for or a
+/// board shows; the others from the register descriptions of the M_CAN.
 pub mod reset {
     pub const CREL: u32 = 0x3214_1218;
     pub const ENDN: u32 = 0x8765_4321;
@@ -73,7 +73,8 @@ pub const fn count(value: u32, low: u32, width: u32) -> usize {
     field(value, low, width) as usize
 }
 
-/// Words of a message RAM element with the data field size that the code says: two of header, then the data.
+/// Words of a message RAM element with the data field size that the code says: two of header, then
+/// the data.
 pub const fn element_words(code: u32) -> usize {
     const DATA_BYTES: [usize; 8] = [8, 12, 16, 20, 24, 32, 48, 64];
     2 + DATA_BYTES[(code & 7) as usize] / 4

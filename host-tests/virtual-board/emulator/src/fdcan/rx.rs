@@ -99,7 +99,10 @@ impl Fifo {
     /// RXFnS, without RFnL.
     fn status(&self) -> u32 {
         let bits = |value: usize| u32::try_from(value).expect("at most 64");
-        bits(self.fill) | bits(self.get) << 8 | bits(self.put) << 16 | u32::from(self.is_full()) << 24
+        bits(self.fill)
+            | bits(self.get) << 8
+            | bits(self.put) << 16
+            | u32::from(self.is_full()) << 24
     }
 }
 
@@ -174,22 +177,31 @@ impl Receiver {
             interrupts.raise(ir::HPM);
         }
         match start {
-            Some(start) if !element::store_received(ram, start, frame, verdict.filter, timestamp) => {
+            Some(start)
+                if !element::store_received(ram, start, frame, verdict.filter, timestamp) =>
+            {
                 Err(StoreError::BeyondRam)
             }
             _ => Ok(()),
         }
     }
 
-    fn report_priority(&mut self, verdict: &Verdict, stored: Option<(usize, Stored)>, extended: bool) {
+    fn report_priority(
+        &mut self,
+        verdict: &Verdict,
+        stored: Option<(usize, Stored)>,
+        extended: bool,
+    ) {
         let (indicator, place) = match stored {
             None => (STORED_NOWHERE, 0),
             Some((_, Stored::Lost)) => (LOST, 0),
             Some((fifo, Stored::At(place))) => (STORED_IN_FIFO_0 + u32::from(fifo == 1), place),
         };
         let place = u32::try_from(place).expect("at most 64");
-        self.high_priority =
-            u32::from(extended) << 15 | u32::from(verdict.filter.unwrap_or(0)) << 8 | indicator << 6 | place;
+        self.high_priority = u32::from(extended) << 15
+            | u32::from(verdict.filter.unwrap_or(0)) << 8
+            | indicator << 6
+            | place;
     }
 
     /// RXFnS; RFnL stands as long as the flag in IR.

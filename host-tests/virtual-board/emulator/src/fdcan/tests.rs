@@ -1,4 +1,5 @@
-//! Tests of the model on register level, as the processor sees it. Values are literal; a comment says what they mean.
+//! Tests of the model on register level, as the processor sees it. Values are literal; a comment
+//! says what they mean.
 
 mod bench;
 mod bus_off;

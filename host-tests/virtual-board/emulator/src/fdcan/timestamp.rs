@@ -27,7 +27,8 @@ pub struct Timestamp {
 
 impl Timestamp {
     /// After a reset.
-    pub const RESET: Self = Self { config: 0, bit: None, since: VirtualNanos(0), from: 0, wraps_told: 0 };
+    pub const RESET: Self =
+        Self { config: 0, bit: None, since: VirtualNanos(0), from: 0, wraps_told: 0 };
 
     /// TSCC.
     #[must_use]

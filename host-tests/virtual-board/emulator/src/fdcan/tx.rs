@@ -106,8 +106,8 @@ impl Transmitter {
         self.pending != 0
     }
 
-    /// TXBAR is written. A request for a pending buffer is ignored. False if one for the FIFO does not stand at its
-    /// put index, which the manual asks for.
+    /// TXBAR is written. A request for a pending buffer is ignored. False if one for the FIFO does
+    /// not stand at its put index, which the manual asks for.
     #[must_use]
     pub fn request(&mut self, written: u32) -> bool {
         let new = written & self.exists() & !self.pending;
@@ -127,8 +127,8 @@ impl Transmitter {
         left == 0
     }
 
-    /// TXBCR is written; `sending`: the buffer that is on the bus now, which can be taken back only when its attempt
-    /// has ended.
+    /// TXBCR is written; `sending`: the buffer that is on the bus now, which can be taken back only
+    /// when its attempt has ended.
     pub fn cancel(&mut self, written: u32, sending: Option<usize>) -> Outcome {
         let wanted = written & self.exists();
         let on_bus = sending.map_or(0, |index| 1 << index) & self.pending;
@@ -142,7 +142,11 @@ impl Transmitter {
         self.to_cancel &= !buffers;
         self.cancelled |= buffers;
         let fifo_empty = self.advance_fifo();
-        Outcome { completed: false, cancelled: buffers & self.cancelled_interrupts != 0, fifo_empty }
+        Outcome {
+            completed: false,
+            cancelled: buffers & self.cancelled_interrupts != 0,
+            fifo_empty,
+        }
     }
 
     /// Takes back what was to be taken back when it is no longer on the bus.
@@ -150,8 +154,8 @@ impl Transmitter {
         self.withdraw(self.to_cancel)
     }
 
-    /// The buffer to send next, with its frame: of the dedicated ones and of the queue, or the head of the FIFO, the
-    /// one that wins arbitration; of equals the one in the lowest buffer.
+    /// The buffer to send next, with its frame: of the dedicated ones and of the queue, or the head
+    /// of the FIFO, the one that wins arbitration; of equals the one in the lowest buffer.
     ///
     /// # Errors
     ///
@@ -159,13 +163,15 @@ impl Transmitter {
     pub fn choose(&self, ram: &MessageRam) -> Result<Option<(usize, Outgoing)>, BeyondRam> {
         let mut best: Option<(usize, Outgoing)> = None;
         for index in (0..MAX_BUFFERS).filter(|index| self.pending >> index & 1 == 1) {
-            let waits_in_fifo =
-                !self.is_queue() && index >= self.dedicated() && index - self.dedicated() != self.get;
+            let waits_in_fifo = !self.is_queue()
+                && index >= self.dedicated()
+                && index - self.dedicated() != self.get;
             if waits_in_fifo {
                 continue;
             }
             let outgoing = self.frame(ram, index).ok_or(BeyondRam)?;
-            if best.is_none_or(|(_, best)| outgoing.frame.arbitrates(&best.frame) == Ordering::Less) {
+            if best.is_none_or(|(_, best)| outgoing.frame.arbitrates(&best.frame) == Ordering::Less)
+            {
                 best = Some((index, outgoing));
             }
         }

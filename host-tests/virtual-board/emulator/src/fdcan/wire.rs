@@ -1,7 +1,9 @@
-//! The line between the controller and the other nodes: whose turn it is, how long a frame takes, how it ends.
+//! The line between the controller and the other nodes: whose turn it is, how long a frame takes,
+//! how it ends.
 //!
-//! Frames are carried whole. A frame fails at its acknowledge slot, whatever destroys it; only on a short the sender
-//! notices in its first bit. An error frame is six bits of flag and eight of delimiter.
+//! Frames are carried whole. A frame fails at its acknowledge slot, whatever destroys it; only on a
+//! short the sender notices in its first bit. An error frame is six bits of flag and eight of
+//! delimiter.
 
 use std::cmp::Ordering;
 
@@ -185,7 +187,11 @@ impl Wire {
         };
         // A frame and an error frame both end with eleven recessive bits.
         let before = bit.after(VirtualNanos(0), SEQUENCE_BITS).0;
-        Some(Recessive { since: VirtualNanos(self.free_since.0.saturating_sub(before)), until, over })
+        Some(Recessive {
+            since: VirtualNanos(self.free_since.0.saturating_sub(before)),
+            until,
+            over,
+        })
     }
 
     /// What a controller on the bus does now.
@@ -251,7 +257,8 @@ impl Wire {
         self.nodes.iter_mut().for_each(|node| node.part_restarted(context));
     }
 
-    /// The controller has left the bus: what it was sending breaks off, and the others find six equal bits.
+    /// The controller has left the bus: what it was sending breaks off, and the others find six
+    /// equal bits.
     pub(super) fn controller_left(&mut self, now: VirtualNanos) {
         if !self.senders.contains(&Sender::Controller) {
             return;
@@ -300,7 +307,8 @@ impl Wire {
         wishes
     }
 
-    /// The first bit of the start of frame is over: who started by then sends on, or finds that it has lost.
+    /// The first bit of the start of frame is over: who started by then sends on, or finds that it
+    /// has lost.
     fn decide(
         &mut self,
         start: VirtualNanos,
@@ -310,7 +318,8 @@ impl Wire {
     ) {
         let wishes: Vec<Wish> =
             self.wishes(controller, now).into_iter().filter(|wish| wish.from <= decided).collect();
-        let Some(winner) = wishes.iter().min_by(|one, other| one.frame.arbitrates(&other.frame)).copied()
+        let Some(winner) =
+            wishes.iter().min_by(|one, other| one.frame.arbitrates(&other.frame)).copied()
         else {
             // Taken back in its first bit.
             self.line = Line::Free;
@@ -356,10 +365,16 @@ impl Wire {
         self.line = Line::Ending { until: free };
     }
 
-    fn step(&mut self, flight: Flight, controller: &mut Controller, context: &mut DeviceContext<'_>) {
+    fn step(
+        &mut self,
+        flight: Flight,
+        controller: &mut Controller,
+        context: &mut DeviceContext<'_>,
+    ) {
         let now = context.now();
         let online = self.online(now);
-        let gone = |sender: &Sender| matches!(sender, Sender::Node(index) if !online.contains(index));
+        let gone =
+            |sender: &Sender| matches!(sender, Sender::Node(index) if !online.contains(index));
         if self.senders.iter().all(gone) {
             // The cable was cut, or the sender silenced: the rest of the frame never comes.
             self.fail(&flight, Failure::Damaged(Fault::Stuff), controller, context);
@@ -379,7 +394,12 @@ impl Wire {
     }
 
     /// Why a frame fails at its acknowledge slot, if it does.
-    fn failure(&mut self, flight: &Flight, online: &[usize], controller: &Controller) -> Option<Failure> {
+    fn failure(
+        &mut self,
+        flight: &Flight,
+        online: &[usize],
+        controller: &Controller,
+    ) -> Option<Failure> {
         let by_controller = self.senders.contains(&Sender::Controller);
         let own_bit = controller.bit();
         let listening = controller.is_on() && !by_controller;
@@ -480,7 +500,12 @@ impl Wire {
         }
     }
 
-    fn finish(&mut self, flight: &Flight, controller: &mut Controller, context: &mut DeviceContext<'_>) {
+    fn finish(
+        &mut self,
+        flight: &Flight,
+        controller: &mut Controller,
+        context: &mut DeviceContext<'_>,
+    ) {
         let now = context.now();
         let free = flight.bit.after(now, u64::from(INTERMISSION_BITS));
         let senders = std::mem::take(&mut self.senders);
@@ -494,7 +519,9 @@ impl Wire {
         for sender in senders {
             match sender {
                 Sender::Controller => {
-                    if let Err((register, reason)) = controller.sent(&flight.frame, flight.start, free) {
+                    if let Err((register, reason)) =
+                        controller.sent(&flight.frame, flight.start, free)
+                    {
                         context.tell(register, reason);
                     }
                 }
@@ -507,6 +534,12 @@ impl Wire {
         if self.log.len() == 2 * LEAST_LOG {
             self.log.drain(..LEAST_LOG);
         }
-        self.log.push(FrameRecord { start: flight.start, end, sender, frame: flight.frame, outcome });
+        self.log.push(FrameRecord {
+            start: flight.start,
+            end,
+            sender,
+            frame: flight.frame,
+            outcome,
+        });
     }
 }

@@ -1,8 +1,10 @@
-//! The reset and clock controller of the STM32G474, as far as it clocks what has a model: oscillators and PLL that are ready at once, the system
-//! clock, and what of it reaches the peripherals that count time.
+//! The reset and clock controller of the STM32G474, as far as it clocks what has a model:
+//! oscillators and PLL that are ready at once, the system clock, and what of it reaches the
+//! peripherals that count time.
 //!
-//! Sources: the fields in stm32-metapac 21 (`rcc_g4`), the sequences and formulas of embassy-stm32 0.6.0 (`rcc/g4`), the reset
-//! values and flags of RM0440's RCC chapter as stm32g4 0.16 (SVD) has them.
+//! Sources: the fields in stm32-metapac 21 (`rcc_g4`), the sequences and formulas of embassy-stm32
+//! 0.6.0 (`rcc/g4`), the reset values and flags of RM0440's RCC chapter as stm32g4 0.16 (SVD) has
+//! them.
 //!
 //! | Register | Behaviour |
 //! |---|---|
@@ -80,7 +82,10 @@ const OUTPUTS: [(&str, Source); 13] = [
 
 /// Who runs on which output.
 pub fn clocked() -> impl Iterator<Item = (&'static str, Clock)> {
-    OUTPUTS.iter().enumerate().map(|(number, (instance, _))| (*instance, Clock::output(NAME, number)))
+    OUTPUTS
+        .iter()
+        .enumerate()
+        .map(|(number, (instance, _))| (*instance, Clock::output(NAME, number)))
 }
 
 /// The controller.
@@ -100,7 +105,11 @@ pub struct Clocks {
     driven: [Option<u64>; OUTPUTS.len()],
 }
 
-store!(Clocks { values: [hse_hz, hsi48_hz, watchdog, system, flags, driven], parts: [], built: [table] });
+store!(Clocks {
+    values: [hse_hz, hsi48_hz, watchdog, system, flags, driven],
+    parts: [],
+    built: [table]
+});
 
 impl Default for Clocks {
     /// Without a crystal.
@@ -125,8 +134,13 @@ impl Clocks {
     }
 
     /// The crystal stops. Whether the clock security system has noticed (RM0440, RCC chapter).
-    pub fn lose_crystal(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) -> bool {
-        let watched = ["CSSON", "HSERDY"].into_iter().all(|field| self.get(registers, "CR", field) == 1);
+    pub fn lose_crystal(
+        &mut self,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> bool {
+        let watched =
+            ["CSSON", "HSERDY"].into_iter().all(|field| self.get(registers, "CR", field) == 1);
         self.hse_hz = 0;
         if watched {
             self.set(registers, "CR", "HSEON", false);
@@ -193,7 +207,8 @@ impl Clocks {
         let switch = self.field("CSR", "LSION").mask();
         registers.set(csr, registers.get(csr) & switch | self.flags);
         self.set(registers, "CSR", "LSIRDY", lsi);
-        let (config, sw, sws) = (self.row("CFGR"), self.field("CFGR", "SW"), self.field("CFGR", "SWS"));
+        let (config, sw, sws) =
+            (self.row("CFGR"), self.field("CFGR", "SW"), self.field("CFGR", "SWS"));
         let wanted = sw.get(registers.get(config));
         if self.system_of(wanted, registers) > 0 {
             self.system = wanted;
@@ -297,7 +312,13 @@ impl Device for Clocks {
         self.table
     }
 
-    fn write(&mut self, row: Row, _: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        _: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         if row == self.row("CSR") && self.get(registers, "CSR", "RMVF") == 1 {
             self.flags = 0;
         }

@@ -1,7 +1,8 @@
 //! The clock recovery system of the STM32G474, and HSI48, the oscillator that it trims.
 //!
-//! Sources: the registers in stm32-metapac 21 (`crs_v1`), whose TRIM lacks the seventh bit; reset values of stm32g4 0.16; RM0440's CRS
-//! chapter. A start of a frame compares what HSI48 has counted since the one before with RELOAD + 1:
+//! Sources: the registers in stm32-metapac 21 (`crs_v1`), whose TRIM lacks the seventh bit; reset
+//! values of stm32g4 0.16; RM0440's CRS chapter. A start of a frame compares what HSI48 has counted
+//! since the one before with RELOAD + 1:
 //!
 //! | Off by | Flag | TRIM, with AUTOTRIMEN |
 //! |---|---|---|
@@ -54,7 +55,8 @@ const FECAP_SHIFT: u32 = 16;
 /// HSI48 as it should be, at half of its trimming range.
 const NOMINAL_HZ: u64 = 48_000_000;
 const MIDDLE: u64 = 64;
-/// How far off it is unless told otherwise, in millionths: more than USB allows, so that a firmware has to have it trimmed.
+/// How far off it is unless told otherwise, in millionths: more than USB allows, so that a firmware
+/// has to have it trimmed.
 const ERROR_PPM: i64 = 6_000;
 /// What a step of TRIM changes, in millionths: 0.14 % (RM0440).
 const STEP_PPM: i64 = 1_400;
@@ -86,7 +88,8 @@ impl Crs {
         }
     }
 
-    /// How far off HSI48 is before it is trimmed, in millionths. That acts with the next frame or write to CR.
+    /// How far off HSI48 is before it is trimmed, in millionths. That acts with the next frame or
+    /// write to CR.
     pub fn set_error(&mut self, ppm: i64) {
         self.error_ppm = ppm;
     }
@@ -139,8 +142,8 @@ impl Crs {
         };
         let direction = if off_by < 0 { FEDIR } else { 0 };
         let captured = off_by.unsigned_abs().min(0xFFFF) << FECAP_SHIFT;
-        let flags =
-            registers.get(status) & (SYNCOKF | SYNCWARNF | ERRF | ESYNCF | SYNCERR | SYNCMISS | TRIMOVF);
+        let flags = registers.get(status)
+            & (SYNCOKF | SYNCWARNF | ERRF | ESYNCF | SYNCERR | SYNCMISS | TRIMOVF);
         let mut now = flags | flag | direction | captured | ESYNCF;
         if registers.get(control) & AUTOTRIMEN != 0 {
             let trim = (registers.get(control) & TRIM) >> TRIM_SHIFT;
@@ -169,7 +172,13 @@ impl Device for Crs {
         self.table
     }
 
-    fn write(&mut self, row: Row, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let (control, configuration) = (self.row("CR"), self.row("CFGR"));
         let enabled = registers.get(control) & CEN != 0;
         match self.table[row.0].name {

@@ -1,8 +1,10 @@
-//! A DMA controller of the STM32G474: eight channels, each with a count, an address in a peripheral and one in memory.
+//! A DMA controller of the STM32G474: eight channels, each with a count, an address in a peripheral
+//! and one in memory.
 //!
-//! Sources: the registers in stm32-metapac 21 (`bdma_v1`), the drivers of embassy-stm32 0.6.0 (`dma`), and the emulator's model of the
-//! STM32H743's BDMA, which has the same channels and cites RM0433 chapter 16. The request multiplexer says when a channel has something
-//! to do. Not modelled: priorities between channels, transfers from memory to memory.
+//! Sources: the registers in stm32-metapac 21 (`bdma_v1`), the drivers of embassy-stm32 0.6.0
+//! (`dma`), and the emulator's model of the STM32H743's BDMA, which has the same channels and cites
+//! RM0433 chapter 16. The request multiplexer says when a channel has something to do. Not
+//! modelled: priorities between channels, transfers from memory to memory.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::snapshot::store;
@@ -87,7 +89,11 @@ impl Dma {
     }
 
     fn row_at(&self, offset: u32) -> Row {
-        Row(self.table.iter().position(|row| row.offset == offset).expect("a register of the controller"))
+        Row(self
+            .table
+            .iter()
+            .position(|row| row.offset == offset)
+            .expect("a register of the controller"))
     }
 
     fn row(&self, channel: usize, of: Of) -> Row {
@@ -100,7 +106,12 @@ impl Dma {
         registers.set(status, registers.get(status) | (flags | GLOBAL) << (FLAG_BITS * channel));
     }
 
-    fn refresh(&mut self, channel: usize, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+    fn refresh(
+        &mut self,
+        channel: usize,
+        registers: &RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let flags = registers.get(self.row_at(ISR)) >> (FLAG_BITS * channel);
         let enabled = registers.get(self.row(channel, Of::Control));
         let raise = flags & enabled & (COMPLETE | HALF | ERROR) != 0;
@@ -119,7 +130,12 @@ impl Dma {
     }
 
     /// Begins with the next item, if it is asked for.
-    fn pump(&mut self, channel: usize, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn pump(
+        &mut self,
+        channel: usize,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let control = registers.get(self.row(channel, Of::Control));
         let state = &mut self.channels[channel];
         if control & EN == 0 || state.under.is_some() || state.remaining == 0 || !state.requested {
@@ -158,19 +174,26 @@ impl Dma {
     }
 
     /// The item has been written.
-    fn finish(&mut self, channel: usize, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn finish(
+        &mut self,
+        channel: usize,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let control = registers.get(self.row(channel, Of::Control));
         let count = self.row(channel, Of::Count);
         let state = &mut self.channels[channel];
         state.under = None;
-        let step =
-            |on: u64, size| if control & on == 0 { 0 } else { u64::from(width(control, size).bytes()) };
+        let step = |on: u64, size| {
+            if control & on == 0 { 0 } else { u64::from(width(control, size).bytes()) }
+        };
         state.peripheral += step(PINC, PSIZE);
         state.memory += step(MINC, MSIZE);
         state.remaining -= 1;
         let (remaining, total) = (state.remaining, state.total);
         registers.set(count, remaining);
-        // Half of an odd count is the smaller half (RM0440, DMA chapter, "half-transfer": the model's choice).
+        // Half of an odd count is the smaller half (RM0440, DMA chapter, "half-transfer": the
+        // model's choice).
         if remaining == total - total / 2 {
             self.raise_flags(channel, HALF, registers);
         }
@@ -185,7 +208,12 @@ impl Dma {
         self.pump(channel, registers, context);
     }
 
-    fn fail(&mut self, channel: usize, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn fail(
+        &mut self,
+        channel: usize,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let control = self.row(channel, Of::Control);
         self.channels[channel].under = None;
         registers.set(control, registers.get(control) & !EN);
@@ -256,7 +284,13 @@ impl Device for Dma {
         self.table
     }
 
-    fn write(&mut self, row: Row, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         match self.table[row.0].offset {
             ISR => {}
             IFCR => {
@@ -273,8 +307,10 @@ impl Device for Dma {
                 }
             }
             offset => {
-                let (number, within) =
-                    ((offset - FIRST_CHANNEL) / CHANNEL_BYTES, (offset - FIRST_CHANNEL) % CHANNEL_BYTES);
+                let (number, within) = (
+                    (offset - FIRST_CHANNEL) / CHANNEL_BYTES,
+                    (offset - FIRST_CHANNEL) % CHANNEL_BYTES,
+                );
                 let of = match within {
                     0x0 => Of::Control,
                     0x4 => Of::Count,
@@ -315,7 +351,12 @@ impl Device for Dma {
         }
     }
 
-    fn on_refused(&mut self, token: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_refused(
+        &mut self,
+        token: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         self.fail(channel(token), registers, context);
     }
 

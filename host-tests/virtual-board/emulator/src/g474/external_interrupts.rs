@@ -1,7 +1,9 @@
-//! The EXTI of the STM32G474, as far as its pins go: lines 0 to 15, each of which SYSCFG_EXTICR gives to a port.
+//! The EXTI of the STM32G474, as far as its pins go: lines 0 to 15, each of which SYSCFG_EXTICR
+//! gives to a port.
 //!
-//! Sources: the registers in stm32-metapac 21 (`exti_v1`, `syscfg_g4`), the driver of embassy-stm32 0.6.0 (`exti`), and the emulator's
-//! model of the STM32H743's EXTI, which takes edges in the same way. Not modelled: the lines above 15, and events.
+//! Sources: the registers in stm32-metapac 21 (`exti_v1`, `syscfg_g4`), the driver of embassy-stm32
+//! 0.6.0 (`exti`), and the emulator's model of the STM32H743's EXTI, which takes edges in the same
+//! way. Not modelled: the lines above 15, and events.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::snapshot::store;
@@ -59,7 +61,9 @@ impl ExternalInterrupts {
     fn refresh(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let active = registers.get(self.row("PR0")) & registers.get(self.row("IMR0"));
         let raised = |interrupt: usize| active & INTERRUPTS[interrupt] != 0;
-        edges::follow(&mut self.raised, raised, |interrupt, level| context.interrupt(interrupt, level));
+        edges::follow(&mut self.raised, raised, |interrupt, level| {
+            context.interrupt(interrupt, level)
+        });
     }
 }
 
@@ -70,7 +74,13 @@ impl Device for ExternalInterrupts {
         self.table
     }
 
-    fn write(&mut self, row: Row, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         if row == self.row("SWIER0") {
             self.pend(value, registers);
         }

@@ -1,5 +1,6 @@
-//! The flash interface of the STM32G474, for a firmware that does not program its flash: options and wait states keep what they hold,
-//! and no write reaches the flash. A test may, as a debug probe does.
+//! The flash interface of the STM32G474, for a firmware that does not program its flash: options
+//! and wait states keep what they hold, and no write reaches the flash. A test may, as a debug
+//! probe does.
 
 use rigless::device::Device;
 use rigless::soc::RegisterSpec;

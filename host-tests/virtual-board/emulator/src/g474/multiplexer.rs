@@ -1,7 +1,8 @@
 //! The DMA request multiplexer of the STM32G474: which peripheral's request reaches which channel.
 //!
-//! Sources: the registers and the numbers of the requests in stm32-metapac 21 (`dmamux_v1`). Channels 0 to 7 are those of DMA1, 8 to 15
-//! those of DMA2. Not modelled, and told: synchronisation and request generators.
+//! Sources: the registers and the numbers of the requests in stm32-metapac 21 (`dmamux_v1`).
+//! Channels 0 to 7 are those of DMA1, 8 to 15 those of DMA2. Not modelled, and told:
+//! synchronisation and request generators.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,8 @@ use crate::row::Row;
 pub const NAME: &str = "DMAMUX1";
 /// Its channels.
 const CHANNELS: usize = 16;
-/// CCR: the request, and that it waits for an event. (EGE, which the driver sets, makes events; nobody hears them.)
+/// CCR: the request, and that it waits for an event. (EGE, which the driver sets, makes events;
+/// nobody hears them.)
 const REQUEST: u64 = 0x7F;
 const SE: u64 = 1 << 16;
 /// RGCR: a generator is on.
@@ -42,7 +44,8 @@ impl Multiplexer {
     pub fn new(serial: &[&'static str]) -> Self {
         let inputs = serial.iter().flat_map(|port| {
             [(RECEIVE_REQUEST, "RX"), (TRANSMIT_REQUEST, "TX")].map(|(output, signal)| {
-                let request = tables::dma_request(port, signal).expect("a serial port has both requests");
+                let request =
+                    tables::dma_request(port, signal).expect("a serial port has both requests");
                 ((*port, output), request)
             })
         });
@@ -67,7 +70,13 @@ impl Device for Multiplexer {
         self.table
     }
 
-    fn write(&mut self, row: Row, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         // CFR has nothing to clear: without synchronisation no request is lost.
         let unknown = match self.table[row.0].name {
             register if register.starts_with("CCR") => SE,
@@ -75,7 +84,10 @@ impl Device for Multiplexer {
             _ => 0,
         };
         if value & unknown != 0 {
-            context.tell(self.table[row.0].name, "synchronisation and request generators are not modelled");
+            context.tell(
+                self.table[row.0].name,
+                "synchronisation and request generators are not modelled",
+            );
         }
         self.refresh(registers, context);
     }

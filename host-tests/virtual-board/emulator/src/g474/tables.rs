@@ -1,10 +1,12 @@
-//! The peripherals of the STM32G474 with their registers, from the metadata of stm32-metapac: addresses, fields, interrupts,
-//! clock enables, resets and DMA requests. The metadata has no reset values; those that matter stand in [`super`].
+//! The peripherals of the STM32G474 with their registers, from the metadata of stm32-metapac:
+//! addresses, fields, interrupts, clock enables, resets and DMA requests. The metadata has no reset
+//! values; those that matter stand in [`super`].
 
 use std::sync::OnceLock;
 
 use rigless::soc::{
-    Access, FieldSpec, Gate, Peripheral, ReadAction, RegisterSpec, Width, WriteModify, find_field, find_row,
+    Access, FieldSpec, Gate, Peripheral, ReadAction, RegisterSpec, Width, WriteModify, find_field,
+    find_row,
 };
 use stm32_metapac::metadata::ir::{Array, BitOffset, BlockItem, BlockItemInner, Field, IR};
 use stm32_metapac::metadata::{self, METADATA, PeripheralRccRegister};
@@ -77,7 +79,8 @@ fn switches(
     })
 }
 
-/// The input of the request multiplexer that a signal of a peripheral has, such as `("USART3", "RX")`.
+/// The input of the request multiplexer that a signal of a peripheral has, such as `("USART3",
+/// "RX")`.
 pub fn dma_request(peripheral: &str, signal: &str) -> Option<usize> {
     let described = described().find(|described| described.name == peripheral)?;
     let request = described.dma_channels.iter().find(|request| request.signal == signal)?;
@@ -96,7 +99,8 @@ fn peripheral(described: &metadata::Peripheral) -> Peripheral {
     let mut rows = Vec::new();
     append(registers.ir, registers.block, "", 0, &mut rows);
     rows.sort_by_key(|row| row.offset);
-    let mut interrupts: Vec<u16> = described.interrupts.iter().map(|of| number(of.interrupt)).collect();
+    let mut interrupts: Vec<u16> =
+        described.interrupts.iter().map(|of| number(of.interrupt)).collect();
     interrupts.sort_unstable();
     interrupts.dedup();
     Peripheral {
@@ -115,7 +119,9 @@ fn number(interrupt: &str) -> u16 {
 
 /// The registers of a block and of those it is made of.
 fn append(ir: &'static IR, block: &str, prefix: &str, offset: u32, rows: &mut Vec<RegisterSpec>) {
-    let Some(block) = ir.blocks.iter().find(|known| known.name.eq_ignore_ascii_case(block)) else { return };
+    let Some(block) = ir.blocks.iter().find(|known| known.name.eq_ignore_ascii_case(block)) else {
+        return;
+    };
     if let Some(extended) = block.extends {
         append(ir, extended, prefix, offset, rows);
     }
@@ -127,7 +133,13 @@ fn append(ir: &'static IR, block: &str, prefix: &str, offset: u32, rows: &mut Ve
     }
 }
 
-fn append_item(ir: &'static IR, item: &BlockItem, name: String, offset: u32, rows: &mut Vec<RegisterSpec>) {
+fn append_item(
+    ir: &'static IR,
+    item: &BlockItem,
+    name: String,
+    offset: u32,
+    rows: &mut Vec<RegisterSpec>,
+) {
     match &item.inner {
         BlockItemInner::Block(inner) => append(ir, inner.block, &format!("{name}_"), offset, rows),
         BlockItemInner::Register(register) => {
@@ -158,7 +170,9 @@ fn append_item(ir: &'static IR, item: &BlockItem, name: String, offset: u32, row
 fn places(array: Option<&Array>) -> Vec<(String, u32)> {
     match array {
         None => vec![(String::new(), 0)],
-        Some(Array::Regular(array)) => (0..array.len).map(|n| (n.to_string(), n * array.stride)).collect(),
+        Some(Array::Regular(array)) => {
+            (0..array.len).map(|n| (n.to_string(), n * array.stride)).collect()
+        }
         Some(Array::Cursed(array)) => {
             (0..).zip(array.offsets).map(|(n, at): (u32, _)| (n.to_string(), *at)).collect()
         }
@@ -166,7 +180,8 @@ fn places(array: Option<&Array>) -> Vec<(String, u32)> {
 }
 
 fn fields(ir: &'static IR, fieldset: Option<&str>, access: Access) -> Vec<FieldSpec> {
-    let Some(set) = fieldset.and_then(|name| ir.fieldsets.iter().find(|known| known.name == name)) else {
+    let Some(set) = fieldset.and_then(|name| ir.fieldsets.iter().find(|known| known.name == name))
+    else {
         return Vec::new();
     };
     let mut all = fields(ir, set.extends, access);
@@ -182,7 +197,12 @@ fn specs(field: &Field, access: Access) -> Vec<FieldSpec> {
         let name: &'static str = String::leak(format!("{}{place}", field.name.to_uppercase()));
         match &field.bit_offset {
             BitOffset::Regular(bit) => {
-                all.push(FieldSpec::new(name, narrow(bit.offset + at), narrow(field.bit_size), access));
+                all.push(FieldSpec::new(
+                    name,
+                    narrow(bit.offset + at),
+                    narrow(field.bit_size),
+                    access,
+                ));
             }
             BitOffset::Cursed(bits) => all.extend(bits.ranges.iter().map(|range| {
                 FieldSpec::new(

@@ -7,7 +7,8 @@ fn bits(register: &RegisterSpec) -> u64 {
     register.fields.iter().fold(0, |bits, field| bits | field.mask())
 }
 
-/// The registers of which an emulator's table has not every bit that the metadata has: what the firmware writes there may be lost.
+/// The registers of which an emulator's table has not every bit that the metadata has: what the
+/// firmware writes there may be lost.
 fn lost(instance: &str) -> Vec<String> {
     let borrowed = borrowed_table(instance).expect("a borrowed table");
     let missing = tables::named(instance).registers.iter().filter_map(|described| {
@@ -32,7 +33,10 @@ fn the_borrowed_tables_have_the_bits_of_the_metadata() {
 #[test]
 fn peripherals_lie_where_the_reference_manual_has_them() {
     let base = |name| tables::named(name).base;
-    assert_eq!([base("RCC"), base("FDCAN2"), base("DMAMUX1")], [0x4002_1000, 0x4000_6800, 0x4002_0800]);
+    assert_eq!(
+        [base("RCC"), base("FDCAN2"), base("DMAMUX1")],
+        [0x4002_1000, 0x4000_6800, 0x4002_0800]
+    );
     assert_eq!(tables::named("FDCAN1").interrupts, [21, 22]);
     assert_eq!(tables::named("DMA1").interrupts, [11, 12, 13, 14, 15, 16, 17, 96]);
     assert_eq!(tables::dma_request("USART3", "RX"), Some(28));

@@ -1,7 +1,8 @@
 //! The USB device controller of the STM32G474 at full speed, one transaction at a time.
 //!
-//! Sources: the registers in stm32-metapac 21 (`usb_v3`, `usbram_16x2_1024`), the driver of embassy-stm32 0.6.0 (`usb/usb.rs`), and the
-//! USB chapter of RM0440, whose words RM0008 and RM0365 share.
+//! Sources: the registers in stm32-metapac 21 (`usb_v3`, `usbram_16x2_1024`), the driver of
+//! embassy-stm32 0.6.0 (`usb/usb.rs`), and the USB chapter of RM0440, whose words RM0008 and RM0365
+//! share.
 //!
 //! | What | Behaviour |
 //! |---|---|
@@ -52,7 +53,11 @@ impl Usb {
     /// Out of reset, with its packets in `memory` and no cable.
     #[must_use]
     pub fn new(memory: PacketMemory) -> Self {
-        Self { table: tables::named(NAME).registers, controller: Controller::new(memory), host: Host::new() }
+        Self {
+            table: tables::named(NAME).registers,
+            controller: Controller::new(memory),
+            host: Host::new(),
+        }
     }
 
     /// Carries out what the host does, and schedules what comes.
@@ -86,7 +91,13 @@ impl Device for Usb {
     }
 
     /// The upper half of every register is reserved.
-    fn write(&mut self, row: Row, value: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn write(
+        &mut self,
+        row: Row,
+        value: u64,
+        _: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let [low, high, ..] = value.to_le_bytes();
         self.controller.write(self.table[row.0].offset, u16::from_le_bytes([low, high]), context);
         self.advance(context);

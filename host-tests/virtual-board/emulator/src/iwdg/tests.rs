@@ -33,7 +33,9 @@ impl Bench {
     }
 
     fn write(&mut self, register: Register, value: u64) {
-        self.single.write(VirtualNanos(self.now), Self::address(register), Width::W32, value).unwrap();
+        self.single
+            .write(VirtualNanos(self.now), Self::address(register), Width::W32, value)
+            .unwrap();
     }
 
     fn read(&mut self, register: Register) -> u64 {
@@ -140,7 +142,11 @@ fn fed_above_its_window_it_resets_the_part() {
     assert_eq!(bench.single.take_reset_request(), None, "it stands below 50");
     assert_eq!(bench.run_for(20 * MILLISECOND), None);
     bench.write(Register::Kr, 0xAAAA);
-    assert_eq!(bench.single.take_reset_request(), Some(ResetCause::Model("IWDG")), "it stands at 59");
+    assert_eq!(
+        bench.single.take_reset_request(),
+        Some(ResetCause::Model("IWDG")),
+        "it stands at 59"
+    );
 }
 
 #[test]

@@ -1,7 +1,9 @@
-//! The divider of an LPUART: a bit lasts BRR / 256 kernel clocks, where a USART's lasts BRR (stm32-metapac 21, `usart_v4`, block LPUART;
-//! embassy-stm32 0.6.0, `usart`, which multiplies by 256).
+//! The divider of an LPUART: a bit lasts BRR / 256 kernel clocks, where a USART's lasts BRR
+//! (stm32-metapac 21, `usart_v4`, block LPUART; embassy-stm32 0.6.0, `usart`, which multiplies by
+//! 256).
 //!
-//! The model behind is a USART's, with a BRR of 16 bits. It keeps a fixed divider, and gets the clock with which that makes the same bit.
+//! The model behind is a USART's, with a BRR of 16 bits. It keeps a fixed divider, and gets the
+//! clock with which that makes the same bit.
 
 use serde::{Deserialize, Serialize};
 

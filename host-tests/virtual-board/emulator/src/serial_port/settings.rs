@@ -21,7 +21,8 @@ pub struct Settings {
 /// The driver-enable output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriverEnable {
-    /// From its rise to the start bit, in sample times: sixteenths of a bit, or eighths with OVER8.
+    /// From its rise to the start bit, in sample times: sixteenths of a bit, or eighths with
+    /// OVER8.
     pub assertion: u8,
     /// From the stop bit's end to its fall, likewise.
     pub deassertion: u8,
@@ -47,16 +48,25 @@ impl Settings {
         }
         let divider = registers.get(Register::Brr);
         let (high, low) = (brr::BRR_4_15.get(divider) << 4, brr::BRR_0_3.get(divider));
-        // With OVER8, BRR[2:0] is the divider's low nibble shifted right once, and a bit is half the divider.
-        let cycles = if cr1::OVER8.is_set(control) { (high | (low & 0b111) << 1) / 2 } else { high | low };
-        let code = usize::try_from(presc::PRESCALER.get(registers.get(Register::Presc))).unwrap_or_default();
+        // With OVER8, BRR[2:0] is the divider's low nibble shifted right once, and a bit is half
+        // the divider.
+        let cycles =
+            if cr1::OVER8.is_set(control) { (high | (low & 0b111) << 1) / 2 } else { high | low };
+        let code = usize::try_from(presc::PRESCALER.get(registers.get(Register::Presc)))
+            .unwrap_or_default();
         let [.., last] = PRESCALERS;
         let cycles = cycles * PRESCALERS.get(code).unwrap_or(&last);
         let bit_ps = u128::from(cycles) * PICOS_PER_SECOND / u128::from(kernel_hz);
         let control_3 = registers.get(Register::Cr3);
         let driver_enable = cr3::DEM.is_set(control_3).then(|| DriverEnable {
-            assertion: number(&[cr1::DEAT0, cr1::DEAT1, cr1::DEAT2, cr1::DEAT3, cr1::DEAT4], control),
-            deassertion: number(&[cr1::DEDT0, cr1::DEDT1, cr1::DEDT2, cr1::DEDT3, cr1::DEDT4], control),
+            assertion: number(
+                &[cr1::DEAT0, cr1::DEAT1, cr1::DEAT2, cr1::DEAT3, cr1::DEAT4],
+                control,
+            ),
+            deassertion: number(
+                &[cr1::DEDT0, cr1::DEDT1, cr1::DEDT2, cr1::DEDT3, cr1::DEDT4],
+                control,
+            ),
             active_low: cr3::DEP.is_set(control_3),
         });
         Self { bit_ps: u64::try_from(bit_ps).unwrap_or(u64::MAX), driver_enable }

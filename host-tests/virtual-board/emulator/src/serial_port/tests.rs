@@ -78,7 +78,8 @@ fn the_far_end_learns_rate_and_driver_enable() {
     assert_eq!(bench.part.model.peer_mut::<Talker>().unwrap().settings, Settings::default());
 }
 
-/// USARTDIV 0x198 is BRR 0x194 with OVER8, whose lowest nibble is shifted right: 0x198 / 2 = 204 clocks a bit.
+/// USARTDIV 0x198 is BRR 0x194 with OVER8, whose lowest nibble is shifted right: 0x198 / 2 = 204
+/// clocks a bit.
 #[test]
 fn oversampling_by_8_and_the_prescaler_count() {
     let mut bench = Bench::new(Talker::on_a_port());

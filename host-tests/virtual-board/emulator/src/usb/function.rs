@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// DATA0 or DATA1: which packet of an endpoint this is, so that one sent twice is known (USB 2.0 §8.6).
+/// DATA0 or DATA1: which packet of an endpoint this is, so that one sent twice is known (USB 2.0
+/// §8.6).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Toggle {
     /// DATA0.
@@ -32,7 +33,8 @@ pub enum Handshake {
     Nak,
     /// The endpoint is halted, or the request is refused.
     Stall,
-    /// Nothing: it is not there, has another address, has no such endpoint, or is not ready for a SETUP.
+    /// Nothing: it is not there, has another address, has no such endpoint, or is not ready for a
+    /// SETUP.
     NoResponse,
 }
 
@@ -49,17 +51,18 @@ pub enum Input {
     NoResponse,
 }
 
-/// The device end of a USB cable at full speed, as the host's end drives it. The model of a controller offers it for the time
-/// of a call: what that does to its registers and interrupts happens at the instant of the call.
+/// The device end of a USB cable at full speed, as the host's end drives it. The model of a
+/// controller offers it for the time of a call: what that does to its registers and interrupts
+/// happens at the instant of the call.
 ///
-/// `address` is whom the host speaks to; a function with another address does not respond. `endpoint` is a number without
-/// the bit of its direction.
+/// `address` is whom the host speaks to; a function with another address does not respond.
+/// `endpoint` is a number without the bit of its direction.
 pub trait UsbFunction {
     /// Whether it shows itself to the host by its pull-up on D+. Without a cable, too.
     fn is_pulled_up(&self) -> bool;
 
-    /// The cable, and its voltage. Without it the bus is idle, so that [`UsbFunction::suspend`] follows after 3 ms; nothing
-    /// else does.
+    /// The cable, and its voltage. Without it the bus is idle, so that [`UsbFunction::suspend`]
+    /// follows after 3 ms; nothing else does.
     fn set_attached(&mut self, attached: bool);
 
     /// The host has begun a reset (SE0): the address is 0 again.

@@ -1,4 +1,5 @@
-//! A scripted USB host at full speed: it does what a test orders, in virtual time, as a host controller would.
+//! A scripted USB host at full speed: it does what a test orders, in virtual time, as a host
+//! controller would.
 //!
 //! | What | How | Source |
 //! |---|---|---|
@@ -10,7 +11,8 @@
 //! | reset, resume | SE0 for 10 ms and 10 ms of recovery; K for 20 ms | USB 2.0 §7.1.7.3, §7.1.7.5, §7.1.7.7 |
 //! | suspend | no frames; the device sees 3 ms of idle | USB 2.0 §7.1.7.6 |
 //!
-//! What a function does wrong it counts: [`Host::errors`]. Enumeration is the test's script, of control transfers.
+//! What a function does wrong it counts: [`Host::errors`]. Enumeration is the test's script, of
+//! control transfers.
 
 mod control;
 mod frames;
@@ -184,7 +186,9 @@ impl Host {
     /// Whether frames run, and the device has had time to recover from a reset.
     #[must_use]
     pub fn is_ready(&self, now: Duration) -> bool {
-        self.bus == Bus::Running && !self.reset_wanted && now.as_nanos() >= u128::from(self.quiet_until.0)
+        self.bus == Bus::Running
+            && !self.reset_wanted
+            && now.as_nanos() >= u128::from(self.quiet_until.0)
     }
 
     /// Stops the frames.
@@ -257,9 +261,11 @@ impl Host {
         !self.received.is_empty()
     }
 
-    /// Forgets the packets that it has still to send, but for one that is on the bus, and what it has received.
+    /// Forgets the packets that it has still to send, but for one that is on the bus, and what it
+    /// has received.
     pub fn clear(&mut self) {
-        let is_on_bus = matches!(self.transaction, Some((_, Transaction::Out { control: false, .. })));
+        let is_on_bus =
+            matches!(self.transaction, Some((_, Transaction::Out { control: false, .. })));
         self.out.queue.truncate(usize::from(is_on_bus));
         self.received.clear();
     }
@@ -286,14 +292,19 @@ impl Host {
         self.frames
     }
 
-    /// Whether bulk OUT or IN has been given up: the device has stalled it, or did not answer three times.
+    /// Whether bulk OUT or IN has been given up: the device has stalled it, or did not answer three
+    /// times.
     #[must_use]
     pub fn has_halted(&self) -> bool {
         self.out.halted || self.input.halted
     }
 
     /// Carries out what is due and what was ordered. Returns when it wants to be called again.
-    pub fn advance(&mut self, now: VirtualNanos, function: &mut dyn UsbFunction) -> Option<VirtualNanos> {
+    pub fn advance(
+        &mut self,
+        now: VirtualNanos,
+        function: &mut dyn UsbFunction,
+    ) -> Option<VirtualNanos> {
         if self.attached != self.plugged {
             self.attached = self.plugged;
             self.left();
@@ -377,7 +388,11 @@ impl Host {
         }
     }
 
-    fn wait_for_device(&mut self, now: VirtualNanos, function: &mut dyn UsbFunction) -> Option<VirtualNanos> {
+    fn wait_for_device(
+        &mut self,
+        now: VirtualNanos,
+        function: &mut dyn UsbFunction,
+    ) -> Option<VirtualNanos> {
         if !function.is_pulled_up() {
             self.idle = None;
             return self.attached.then(|| after(now, LOOK));

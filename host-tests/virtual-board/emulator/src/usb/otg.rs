@@ -1,8 +1,10 @@
-//! A model of the STM32H743's USB core (Synopsys DWC2) as a full-speed device with the internal transceiver, without DMA: OTG2_HS, on
-//! PA11 and PA12, with a scripted host at the other end of its cable.
+//! A model of the STM32H743's USB core (Synopsys DWC2) as a full-speed device with the internal
+//! transceiver, without DMA: OTG2_HS, on PA11 and PA12, with a scripted host at the other end of
+//! its cable.
 //!
-//! Sources: RM0433 chapter 57 as the emulator's table of the SVD file and stm32-metapac's `otg_v1` have it; what
-//! embassy-usb-synopsys-otg 0.3.3 relies on, which runs on these chips; ST's HAL (`stm32h7xx_ll_usb.c`) for the order of a transfer.
+//! Sources: RM0433 chapter 57 as the emulator's table of the SVD file and stm32-metapac's `otg_v1`
+//! have it; what embassy-usb-synopsys-otg 0.3.3 relies on, which runs on these chips; ST's HAL
+//! (`stm32h7xx_ll_usb.c`) for the order of a transfer.
 //!
 //! | Feature | Behaviour |
 //! |---|---|
@@ -64,7 +66,8 @@ pub struct Usb {
 
 store!(Usb { values: [core, host, driven], parts: [], built: [block, layout] });
 
-/// The windows that stand in the bus's slots of the core, whose registers ST's file describes wrongly and whose FIFOs it does not.
+/// The windows that stand in the bus's slots of the core, whose registers ST's file describes
+/// wrongly and whose FIFOs it does not.
 #[derive(Debug)]
 pub struct Windows {
     others: Bus,
@@ -79,10 +82,12 @@ impl Windows {
     ///
     /// If its description does not hold the core.
     pub fn new(bus: &Bus) -> Result<Self, Error> {
-        // The same description with the core's blocks moved away: a gate is resolved to a place that is the same in both.
+        // The same description with the core's blocks moved away: a gate is resolved to a place
+        // that is the same in both.
         let moved = PERIPHERALS.iter().map(|peripheral| {
             let is_ours = BLOCKS.iter().any(|(name, _)| *name == peripheral.name);
-            let moved = Peripheral { name: "moved away", base: peripheral.base + MOVED, ..*peripheral };
+            let moved =
+                Peripheral { name: "moved away", base: peripheral.base + MOVED, ..*peripheral };
             if is_ours { moved } else { *peripheral }
         });
         let mut others = Bus::builder(CPU, &MEMORY, moved).build()?;
@@ -90,8 +95,11 @@ impl Windows {
         for (place, (name, offset)) in places.iter_mut().zip(BLOCKS) {
             let described = bus.slot(name)?;
             let size = NonZeroU64::new(bus.slots()[described].peripheral().size).expect("a block");
-            let window =
-                Window::new(name, BASE + offset, size).gated(Gate::by("RCC", "AHB1ENR", "USB2OTGHSEN"));
+            let window = Window::new(name, BASE + offset, size).gated(Gate::by(
+                "RCC",
+                "AHB1ENR",
+                "USB2OTGHSEN",
+            ));
             *place = (described, others.add_window(window.raising(INTERRUPTS))?);
         }
         Ok(Self { others, places })
@@ -195,9 +203,17 @@ impl ErasedDevice for Usb {
         value.into()
     }
 
-    fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {
+    fn write_window(
+        &mut self,
+        offset: u64,
+        width: Width,
+        value: u64,
+        context: &mut DeviceContext<'_>,
+    ) {
         match u32::try_from(value) {
-            Ok(value) if width == Width::W32 => self.core.write(self.block + offset, value, context.now()),
+            Ok(value) if width == Width::W32 => {
+                self.core.write(self.block + offset, value, context.now())
+            }
             _ => context.tell("OTG", "a register written otherwise than as a word"),
         }
         self.advance(context);

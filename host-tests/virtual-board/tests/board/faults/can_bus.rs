@@ -9,12 +9,14 @@ use virtual_board::machine::{CanPort, Machine};
 use virtual_stm32::fdcan::Wiring;
 
 use crate::lab::{
-    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, STOPS, THRUSTER, bus_of, trips,
+    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, STOPS, THRUSTER, bus_of,
+    trips,
 };
 use crate::reaction::{FRAME_1M, FRAME_210K, Reaction, stop_within};
 use crate::wire::OnWire;
 
-/// No acknowledgement within this and four frame times (GUARANTEES G3), after a frame that is sent at least every 20 ms.
+/// No acknowledgement within this and four frame times (GUARANTEES G3), after a frame that is sent
+/// at least every 20 ms.
 const UNACKNOWLEDGED: Duration = Duration::from_millis(20 + 20);
 /// Before a bus that is off is started again.
 const BUS_OFF_PAUSE: Duration = Duration::from_millis(100);
@@ -38,8 +40,9 @@ const MOTIONS: [&str; 3] = ["141#A2000000C32C0000", "30B#544300000000000A", "00B
 /// From `since` on no old setpoint leaves the controller.
 fn assert_nothing_stale(lab: &Lab, axis: u8, since: Duration) {
     let motions = |from: Duration| {
-        let of_axis =
-            |message: &OnWire| message.by_gateway && message.text.starts_with(MOTIONS[usize::from(axis)]);
+        let of_axis = |message: &OnWire| {
+            message.by_gateway && message.text.starts_with(MOTIONS[usize::from(axis)])
+        };
         lab.wire(bus_of(axis), from).into_iter().filter(of_axis).collect::<Vec<_>>()
     };
     assert!(!motions(Duration::ZERO).is_empty(), "axis {axis} was told to move");
@@ -53,7 +56,8 @@ fn assert_other_buses_move(lab: &mut Lab, axes: &[u8]) {
     }
 }
 
-/// Of two axes of one bus; when the cable is mended the stop comes first and nothing old comes at all.
+/// Of two axes of one bus; when the cable is mended the stop comes first and nothing old comes at
+/// all.
 pub fn a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_when_it_is_mended()
 -> Vec<Reaction> {
     let mut lab = Lab::configured();
@@ -93,7 +97,8 @@ pub fn a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_whe
         .into_iter()
         .flat_map(|axis| {
             let (name, text) = (NAMES[usize::from(axis)], STOPS[usize::from(axis)]);
-            let tried = first_attempt(&lab, BUS_RMD_AND_THRUSTER, at, text).expect("a stop on the dead bus");
+            let tried = first_attempt(&lab, BUS_RMD_AND_THRUSTER, at, text)
+                .expect("a stop on the dead bus");
             let stop = lab.first_stop(axis, mended);
             // While nobody answers, stops go out every 50 ms, ten times; then every 500 ms.
             [
@@ -104,7 +109,13 @@ pub fn a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_whe
                     &tried,
                     UNACKNOWLEDGED + FRAME_1M * 4 + stop_within(axis),
                 ),
-                Reaction::new("CAN bus cut, from mending it", name, mended, &stop, Duration::from_millis(50)),
+                Reaction::new(
+                    "CAN bus cut, from mending it",
+                    name,
+                    mended,
+                    &stop,
+                    Duration::from_millis(50),
+                ),
             ]
         })
         .collect()
@@ -122,9 +133,13 @@ pub fn a_bus_without_another_node_is_passive_and_never_off() -> Vec<Reaction> {
     lab.keep(&holds, Duration::from_millis(300));
     assert_eq!(trips(&lab.events()), [(D5, TripReason::NotAcknowledged)]);
     let status = lab.client.bus_status(BUS_D5).expect("status");
-    assert_eq!((status.state, status.transmit_errors, status.counters.bus_offs), (BusState::Passive, 128, 0));
+    assert_eq!(
+        (status.state, status.transmit_errors, status.counters.bus_offs),
+        (BusState::Passive, 128, 0)
+    );
     assert_other_buses_move(&mut lab, &[RMD, THRUSTER, RMD_RS485]);
-    let tried = first_attempt(&lab, BUS_D5, at, STOPS[usize::from(D5)]).expect("a stop on the dead bus");
+    let tried =
+        first_attempt(&lab, BUS_D5, at, STOPS[usize::from(D5)]).expect("a stop on the dead bus");
 
     // For longer than any recovery from bus-off would take.
     lab.keep(&holds, Duration::from_secs(2));
@@ -145,7 +160,8 @@ pub fn a_bus_without_another_node_is_passive_and_never_off() -> Vec<Reaction> {
             &tried,
             UNACKNOWLEDGED + FRAME_210K * 4 + stop_within(D5),
         ),
-        // Unreachable by then: a stop every 500 ms, and what is in the controller is sent over and over.
+        // Unreachable by then: a stop every 500 ms, and what is in the controller is sent over and
+        // over.
         Reaction::new(
             "only other node unplugged, from plugging it in",
             name,
@@ -203,8 +219,8 @@ fn assert_axis_moves_again(lab: &mut Lab, axis: u8, others: &[Hold]) {
     lab.assert_turning(axis);
 }
 
-/// So long that stops which the bus could not take have been counted as unconfirmed: none of them has been sent, so the
-/// stop is due as soon as the bus is back.
+/// So long that stops which the bus could not take have been counted as unconfirmed: none of them
+/// has been sent, so the stop is due as soon as the bus is back.
 pub fn a_long_short_is_followed_by_the_stop_as_soon_as_the_bus_is_back() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     let holds = lab.moving(&AXES);

@@ -43,7 +43,8 @@ pub fn a_cut_host_link_is_silent_before_a_long_setpoint_expires() -> Vec<Reactio
     cut("host link cut, setpoints valid for 10 s", TripReason::HostSilent, ttl, LINK_SILENCE)
 }
 
-/// Framing errors without a pause on the line: the link is as good as cut, and the firmware keeps its time.
+/// Framing errors without a pause on the line: the link is as good as cut, and the firmware keeps
+/// its time.
 pub fn nothing_but_noise_from_the_host_expires_the_setpoints() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     lab.moving(&AXES);
@@ -67,8 +68,8 @@ pub fn nothing_but_noise_from_the_host_expires_the_setpoints() -> Vec<Reaction> 
         .collect()
 }
 
-/// The other host sends without a pause, bytes that are no frames. The host in command goes on undisturbed; cut off, its
-/// setpoints expire, and the stops leave in time.
+/// The other host sends without a pause, bytes that are no frames. The host in command goes on
+/// undisturbed; cut off, its setpoints expire, and the stops leave in time.
 pub fn a_host_that_never_pauses_keeps_nothing_waiting() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     let holds = lab.moving(&AXES);

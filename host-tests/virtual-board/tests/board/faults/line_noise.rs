@@ -10,7 +10,8 @@ use crate::lab::{AXES, Lab, NAMES, RMD, RMD_RS485, THRUSTER, bus_rs485, trips};
 use crate::log;
 use crate::reaction::{Reaction, stop_within};
 
-/// Bytes that look like anything: every value, delimiters of the host protocol and heads of RMD messages among them.
+/// Bytes that look like anything: every value, delimiters of the host protocol and heads of RMD
+/// messages among them.
 pub fn garbage(length: usize) -> Vec<u8> {
     let mut state: u32 = 0x2545_F491;
     std::iter::repeat_with(|| {
@@ -23,8 +24,8 @@ pub fn garbage(length: usize) -> Vec<u8> {
     .collect()
 }
 
-/// Between the host's requests comes garbage, every other time with framing errors. A request that is hit is repeated by
-/// the client; setpoints that live long enough never expire.
+/// Between the host's requests comes garbage, every other time with framing errors. A request that
+/// is hit is repeated by the client; setpoints that live long enough never expire.
 pub fn a_host_that_is_disturbed_now_and_then_stays_in_command() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     AXES.iter().for_each(|axis| lab.set_ttl(*axis, Duration::from_secs(1)));
@@ -80,8 +81,8 @@ pub fn a_quiet_spell_of_noise_on_rs485_is_only_counted() -> Vec<Reaction> {
     Vec::new()
 }
 
-/// Noise falls into every reply: the axis trips, and the stop leaves in the pauses and reaches the motor, which stands.
-/// When the line is quiet again it confirms that.
+/// Noise falls into every reply: the axis trips, and the stop leaves in the pauses and reaches the
+/// motor, which stands. When the line is quiet again it confirms that.
 pub fn a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     let holds = lab.moving(&[RMD, THRUSTER, RMD_RS485]);
@@ -108,14 +109,20 @@ pub fn a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through() -> Vec
     // Noticed as a mute motor is; then the noise of a reply at most.
     let limit = NOTICED + NOISE + stop_within(RMD_RS485);
     let stop = lab.first_stop(RMD_RS485, at);
-    vec![Reaction::new("noise in every reply on RS485", NAMES[usize::from(RMD_RS485)], at, &stop, limit)]
+    vec![Reaction::new(
+        "noise in every reply on RS485",
+        NAMES[usize::from(RMD_RS485)],
+        at,
+        &stop,
+        limit,
+    )]
 }
 
 /// 16 bytes at 115200 baud, longer than a reply.
 const NOISE: Duration = Duration::from_micros(16 * 87);
 
-/// Runs for a while, and puts noise on the RS485 line behind each message of the gateway, the last one too: every other byte has a
-/// framing error.
+/// Runs for a while, and puts noise on the RS485 line behind each message of the gateway, the last
+/// one too: every other byte has a framing error.
 fn garble_replies(lab: &Lab, duration: Duration) {
     const STEP: Duration = Duration::from_micros(200);
     let line = lab.outside.rs485;
@@ -149,7 +156,9 @@ pub fn an_error_on_a_line_brings_nothing_old_back() -> Vec<Reaction> {
     assert_eq!(raw_bytes(&mut lab).len(), READ_STATUS_2.len(), "the answer");
     let line = lab.outside.rs485;
     for _ in 0..2 {
-        lab.machine.borrow_mut().drive_line(line, |line, timeline| line.disturb(&[0xFF], true, timeline));
+        lab.machine
+            .borrow_mut()
+            .drive_line(line, |line, timeline| line.disturb(&[0xFF], true, timeline));
         lab.stay(Duration::from_millis(20));
     }
     let again = raw_bytes(&mut lab);

@@ -8,8 +8,8 @@ use mgw_sim::Injection;
 use crate::lab::{AXES, Lab, NAMES, trips};
 use crate::reaction::{Reaction, stop_within};
 
-/// Three missed replies that span 50 ms (GUARANTEES G3). The axis is asked at least every 20 ms, and waits 5 ms each time,
-/// and as long again before it asks next.
+/// Three missed replies that span 50 ms (GUARANTEES G3). The axis is asked at least every 20 ms,
+/// and waits 5 ms each time, and as long again before it asks next.
 pub const NOTICED: Duration = Duration::from_millis(50 + 20 + 2 * 5);
 
 pub fn a_mute_motor_is_stopped_although_it_answers_nothing() -> Vec<Reaction> {
@@ -26,7 +26,8 @@ pub fn a_mute_motor_is_stopped_although_it_answers_nothing() -> Vec<Reaction> {
         let stop = lab.first_stop(axis, at);
         assert_eq!(lab.trip(axis), Some((TripReason::MotorSilent, false)));
         AXES.iter().filter(|other| **other != axis).for_each(|other| lab.assert_turning(*other));
-        // It heard the stop. Ten stops without an answer, then two every now and then, until it is found again.
+        // It heard the stop. Ten stops without an answer, then two every now and then, until it is
+        // found again.
         lab.keep(&holds, Duration::from_secs(2));
         events.extend(lab.events());
         assert!(events.contains(&Event::AxisUnreachable { axis, stop_sent: true }), "{events:?}");

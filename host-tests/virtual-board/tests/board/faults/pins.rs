@@ -35,7 +35,8 @@ fn enabled(lab: &Lab) -> bool {
     lab.machine.borrow_mut().enable_output().driven() == Some(Level::High)
 }
 
-/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of them counts.
+/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of
+/// them counts.
 pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
     const MOMENTS: u32 = 12;
     const APART: Duration = Duration::from_micros(1_770);
@@ -53,8 +54,8 @@ pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
         machine.run_for(Duration::from_millis(20));
         for axis in AXES {
             let on_wire = wire_of(&mut machine, &outside, bus_of(axis), at);
-            let stop =
-                wire::find(&on_wire, STOPS[usize::from(axis)]).unwrap_or_else(|error| panic!("{error}"));
+            let stop = wire::find(&on_wire, STOPS[usize::from(axis)])
+                .unwrap_or_else(|error| panic!("{error}"));
             let limit = PRESSED + stop_within(axis);
             let cause = "e-stop input opened, the latest of 12";
             let reaction = Reaction::new(cause, NAMES[usize::from(axis)], at, stop, limit);
@@ -68,7 +69,8 @@ pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
     worst
 }
 
-/// Latched until it is closed and cleared, over a reset too; a pulse that is shorter than any contact's is none.
+/// Latched until it is closed and cleared, over a reset too; a pulse that is shorter than any
+/// contact's is none.
 pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     lab.moving(&AXES);
@@ -106,7 +108,8 @@ pub fn an_opened_e_stop_input_stays_latched_over_a_reset() -> Vec<Reaction> {
     Vec::new()
 }
 
-/// From the first instruction of the panic, undriven at the reset, and low again until the core has taken over what it knew.
+/// From the first instruction of the panic, undriven at the reset, and low again until the core has
+/// taken over what it knew.
 pub fn the_enable_output_is_inactive_from_a_panic_until_the_firmware_runs_again() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     let never = lab.machine.borrow_mut().enable_output().changes();
@@ -126,7 +129,11 @@ pub fn the_enable_output_is_inactive_from_a_panic_until_the_firmware_runs_again(
     let reset = since_start(lab.machine.borrow_mut().reports().resets[0].at);
     let changes = enable_changes(&lab, before);
     let [panicked, gone, .., back] = &changes[..] else { panic!("{changes:?}") };
-    assert_eq!((panicked.level, gone.level, gone.at), (Some(Level::Low), None, reset), "{changes:?}");
+    assert_eq!(
+        (panicked.level, gone.level, gone.at),
+        (Some(Level::Low), None, reset),
+        "{changes:?}"
+    );
     let took = panicked.at - struck;
     assert!(took < Duration::from_micros(5), "{took:?}");
     assert!(
@@ -158,9 +165,10 @@ pub fn the_enable_output_is_inactive_while_an_axis_is_unreachable() -> Vec<React
     Vec::new()
 }
 
-/// From the reset on, through the start, and for as long as the motor confirms no stop: whoever has cut its power for that does
-/// not give it back.
-pub fn the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachable() -> Vec<Reaction> {
+/// From the reset on, through the start, and for as long as the motor confirms no stop: whoever has
+/// cut its power for that does not give it back.
+pub fn the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachable() -> Vec<Reaction>
+{
     let mut lab = Lab::configured();
     let holds = lab.moving(&AXES);
     let at = lab.now();
@@ -196,7 +204,8 @@ pub fn the_enable_output_stays_inactive_over_a_reset_while_an_axis_is_unreachabl
     Vec::new()
 }
 
-/// How long the light is on and off in turn, in tenths of a second, beginning with the first change after `since`.
+/// How long the light is on and off in turn, in tenths of a second, beginning with the first change
+/// after `since`.
 fn light(lab: &Lab, since: Duration) -> Vec<(bool, u128)> {
     let changes = lab.machine.borrow_mut().light().changes();
     let changes: Vec<_> = changes.into_iter().filter(|change| change.at >= since).collect();

@@ -1,5 +1,5 @@
-//! The part starts again in mid-motion, for every reason there is: the stops leave before a host hears anything, the reason is
-//! told, and what moved is tripped (GUARANTEES G6, G8).
+//! The part starts again in mid-motion, for every reason there is: the stops leave before a host
+//! hears anything, the reason is told, and what moved is tripped (GUARANTEES G6, G8).
 
 use std::time::Duration;
 
@@ -90,7 +90,8 @@ fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<React
 /// Until well behind the restart and its stops.
 fn ask_all_the_while(lab: &Lab) {
     let mut frame = [0; MAX_FRAME];
-    let length = encode(Kind::Request, 0x7000, Ping::NUMBER, &Ping {}, &mut frame).expect("it fits");
+    let length =
+        encode(Kind::Request, 0x7000, Ping::NUMBER, &Ping {}, &mut frame).expect("it fits");
     let mut machine = lab.machine.borrow_mut();
     for _ in 0..300 {
         machine.line(lab.outside.hosts[1]).send(&frame[..length]);
@@ -150,7 +151,12 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
     let rs485 = format!("watchdog: no life from bus {}", bus_rs485());
     let hangs = [
         ("hang of a CAN task", "motor_gateway::tasks::can::can", 0, "watchdog: no life from bus 0"),
-        ("hang of the other CAN task", "motor_gateway::tasks::can::can", 1, "watchdog: no life from bus 1"),
+        (
+            "hang of the other CAN task",
+            "motor_gateway::tasks::can::can",
+            1,
+            "watchdog: no life from bus 1",
+        ),
         ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, &rs485),
         (
             "hang of a host's receiver",
@@ -177,7 +183,12 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
             "watchdog: no life from e-stop input",
         ),
         ("hang of the USB task", "motor_gateway::tasks::usb::usb", 0, "watchdog: no life from USB"),
-        ("hang of the light's task", "motor_gateway::tasks::light::light", 0, "watchdog: no life from light"),
+        (
+            "hang of the light's task",
+            "motor_gateway::tasks::light::light",
+            0,
+            "watchdog: no life from light",
+        ),
         ("hang of the supervisor", "motor_gateway::tasks::supervisor::supervisor", 0, "watchdog: "),
     ];
     let hang = |(name, path, index, words)| {
@@ -189,7 +200,11 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
 /// The core itself hangs, in the middle of an event: the executor never has the processor again.
 pub fn a_hang_of_the_core_is_followed_by_stops() -> Vec<Reaction> {
     let place = Place::Function("gateway::gateway::Gateway::handle");
-    restarts("hang of the core", Cause::Planted(place, &Fault::Hang, "watchdog: "), BootReason::Watchdog)
+    restarts(
+        "hang of the core",
+        Cause::Planted(place, &Fault::Hang, "watchdog: "),
+        BootReason::Watchdog,
+    )
 }
 
 pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
@@ -200,8 +215,9 @@ pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
         ("panic in a host's receiver", task("motor_gateway::tasks::host::receive", 0)),
         ("panic in the core", Place::Function("gateway::gateway::Gateway::handle")),
     ];
-    let panic =
-        |(name, place)| restarts(name, Cause::Planted(place, &Fault::Panic, words), BootReason::Software);
+    let panic = |(name, place)| {
+        restarts(name, Cause::Planted(place, &Fault::Panic, words), BootReason::Software)
+    };
     panics.into_iter().flat_map(panic).collect()
 }
 
@@ -221,7 +237,8 @@ pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {
 pub fn a_stack_that_is_full_faults_and_is_followed_by_stops() -> Vec<Reaction> {
     // `NOP`; `PUSH {r0-r7, lr}`, `B` to it.
     let recursion = Fault::Code(vec![0xBF00, 0xB5FF, 0xE7FD]);
-    // `LDR r0`, `MOV sp, r0`, `UDF`; the word 0x2000_0080 or 0x1000_0080: the frame of the fault has no room.
+    // `LDR r0`, `MOV sp, r0`, `UDF`; the word 0x2000_0080 or 0x1000_0080: the frame of the fault
+    // has no room.
     let stack = match Board::chosen() {
         Board::NucleoH743zi => 0x2000,
         Board::NucleoG474re => 0x1000,
@@ -233,13 +250,14 @@ pub fn a_stack_that_is_full_faults_and_is_followed_by_stops() -> Vec<Reaction> {
         ("fault on a full stack", &end, words),
     ];
     let task = task("motor_gateway::tasks::light::light", 0);
-    let fault =
-        |(name, fault, words)| restarts(name, Cause::Planted(task, fault, words), BootReason::Software);
+    let fault = |(name, fault, words)| {
+        restarts(name, Cause::Planted(task, fault, words), BootReason::Software)
+    };
     faults.into_iter().flat_map(fault).collect()
 }
 
-/// The board loses its supply and the motors do not: nothing is configured any more, so nobody says a word to them, and
-/// that is told. Each stops when its own timeout strikes.
+/// The board loses its supply and the motors do not: nothing is configured any more, so nobody says
+/// a word to them, and that is told. Each stops when its own timeout strikes.
 pub fn a_power_cycle_leaves_nothing_configured_and_says_so() -> Vec<Reaction> {
     let mut lab = Lab::configured();
     lab.moving(&AXES);
@@ -259,10 +277,17 @@ pub fn a_power_cycle_leaves_nothing_configured_and_says_so() -> Vec<Reaction> {
     }
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.hello().boot, BootReason::PowerOn);
-    assert_eq!(lab.client.list_axes().expect("a list"), [], "nothing is configured, nothing is armed");
+    assert_eq!(
+        lab.client.list_axes().expect("a list"),
+        [],
+        "nothing is configured, nothing is armed"
+    );
     assert_eq!(lab.client.last_words().expect("a text"), "");
     let history = lab.client.incidents().expect("the history");
-    assert_eq!(history, [Incident::Started { start: 1, boot: BootReason::PowerOn, last_words: false }]);
+    assert_eq!(
+        history,
+        [Incident::Started { start: 1, boot: BootReason::PowerOn, last_words: false }]
+    );
     Vec::new()
 }
 
@@ -275,7 +300,10 @@ pub fn after_a_reset_an_axis_is_cleared_and_moves_again() -> Vec<Reaction> {
     lab.client.reconnect().expect("hello");
     let list = lab.client.list_axes().expect("a list");
     assert_eq!(list.len(), AXES.len());
-    assert!(list.iter().all(|axis| axis.state == AxisState::Tripped { confirmed: true }), "{list:?}");
+    assert!(
+        list.iter().all(|axis| axis.state == AxisState::Tripped { confirmed: true }),
+        "{list:?}"
+    );
     lab.client.clear(host_protocol::ClearTarget::Axis(RMD)).expect("cleared");
     // It keeps its own timeout in its ROM, so that nobody has to tell it again.
     let holds = lab.arm(&[RMD]);

@@ -12,7 +12,9 @@ use mgw_sim::Motor;
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Line, Machine};
 
-use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, THRUSTER, TTL, bus_of, trips, turning, wire_of, wired};
+use crate::lab::{
+    AXES, Lab, NAMES, RMD, SEED, STOPS, THRUSTER, TTL, bus_of, trips, turning, wire_of, wired,
+};
 use crate::reaction::{Reaction, stop_within};
 use crate::wire::{self, OnWire};
 
@@ -21,8 +23,8 @@ const BITS_PER_BYTE: u64 = 10;
 /// A sequence number that the client has not used lately.
 const SEQUENCE: u16 = 0x7000;
 
-/// Sends a request as a host would, without waiting for the answer. Returns when the last bit of its closing delimiter has
-/// been sent.
+/// Sends a request as a host would, without waiting for the answer. Returns when the last bit of
+/// its closing delimiter has been sent.
 fn send<C: Call>(machine: &mut Machine, host: Line<HostUart>, request: &C) -> Duration {
     let mut frame = [0; MAX_FRAME];
     let length = encode(Kind::Request, SEQUENCE, C::NUMBER, request, &mut frame).expect("it fits");
@@ -49,7 +51,10 @@ pub fn the_second_host_may_read_and_stop_and_not_command() -> Vec<Reaction> {
     let holder = Error::NotInCommand { holder: 0 };
     assert_eq!(refused(second.arm(RMD)), holder);
     assert_eq!(refused(second.take_authority()), holder);
-    assert_eq!(refused(second.set(RMD, holds[0].epoch, Setpoint::Current { current_a: 1.0 }, TTL)), holder);
+    assert_eq!(
+        refused(second.set(RMD, holds[0].epoch, Setpoint::Current { current_a: 1.0 }, TTL)),
+        holder
+    );
     assert_eq!(refused(second.raw_open(0)), holder);
     lab.keep(&holds, Duration::from_millis(50));
     for axis in AXES {
@@ -83,7 +88,8 @@ pub fn the_second_host_may_read_and_stop_and_not_command() -> Vec<Reaction> {
     reactions
 }
 
-/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of them counts.
+/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of
+/// them counts.
 pub fn an_emergency_stop_from_the_second_host_reaches_every_bus_at_once() -> Vec<Reaction> {
     const MOMENTS: u32 = 12;
     const APART: Duration = Duration::from_micros(1_770);
@@ -127,7 +133,11 @@ pub fn an_emergency_stop_from_the_second_host_reaches_every_bus_at_once() -> Vec
 }
 
 /// The first stop of each axis.
-fn reactions(cause: &'static str, at: Duration, mut wire: impl FnMut(u8) -> Vec<OnWire>) -> Vec<Reaction> {
+fn reactions(
+    cause: &'static str,
+    at: Duration,
+    mut wire: impl FnMut(u8) -> Vec<OnWire>,
+) -> Vec<Reaction> {
     AXES.into_iter()
         .map(|axis| {
             let (name, text) = (NAMES[usize::from(axis)], STOPS[usize::from(axis)]);

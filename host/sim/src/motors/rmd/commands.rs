@@ -7,8 +7,8 @@ use super::super::log::MotorEvent;
 use super::super::model::Context;
 use super::{ACCELERATION, NM_PER_AMPERE, Rmd};
 use rmd::{
-    Centidegrees, DegreesPerSecondSquared, EncoderPulses, Milliseconds, Model, MotionRanges, Node, Ramp,
-    Reply, Request, VersionDate, command,
+    Centidegrees, DegreesPerSecondSquared, EncoderPulses, Milliseconds, Model, MotionRanges, Node,
+    Ramp, Reply, Request, VersionDate, command,
 };
 
 /// The brake takes this long to open, and only then is the command answered (observed).
@@ -20,7 +20,8 @@ const MODEL: [u8; 7] = *b"X8S2V10";
 
 /// Commands that move: closed-loop ones, and motion mode.
 pub(super) fn is_motion(request: &Request) -> bool {
-    command::CLOSED_LOOP.contains(&request.command()) || matches!(request, Request::MotionMode { .. })
+    command::CLOSED_LOOP.contains(&request.command())
+        || matches!(request, Request::MotionMode { .. })
 }
 
 impl Rmd {
@@ -49,9 +50,10 @@ impl Rmd {
             Request::PositionTracking { angle } => {
                 Drive::Position { rad: target(angle), max_speed: self.plant.max_speed_rad_s() }
             }
-            Request::AbsolutePosition { max_speed, angle } => {
-                Drive::Position { rad: target(angle), max_speed: f64::from(max_speed.0).to_radians() }
-            }
+            Request::AbsolutePosition { max_speed, angle } => Drive::Position {
+                rad: target(angle),
+                max_speed: f64::from(max_speed.0).to_radians(),
+            },
             Request::LimitedPositionTracking { max_speed, angle } => {
                 let max_speed = (f64::from(max_speed.0) / 100.0).to_radians();
                 Drive::Position { rad: target(angle), max_speed }

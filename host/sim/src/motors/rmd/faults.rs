@@ -1,4 +1,5 @@
-//! What an RMD motor does by itself: its own timeout, its faults, and what they leave of its drive (RMD V3.6 §2.30, §8).
+//! What an RMD motor does by itself: its own timeout, its faults, and what they leave of its drive
+//! (RMD V3.6 §2.30, §8).
 
 use std::time::Duration;
 
@@ -27,7 +28,8 @@ impl Rmd {
         !self.faults.is_empty()
     }
 
-    /// Level 1 stays until a restart; the rest goes with its cause and the motor resumes (RMD V3.6 §8.1).
+    /// Level 1 stays until a restart; the rest goes with its cause and the motor resumes (RMD V3.6
+    /// §8.1).
     pub(super) fn update_faults(&mut self, cx: &mut Context<'_>) {
         let latched = self.faults & Faults::UNTIL_RESTART;
         self.faults = latched | Faults::from_bits_retain(cx.injected.fault_bits);

@@ -34,7 +34,12 @@ impl Interface {
     }
 
     /// Takes the next byte; the request that it completes, and to whom it goes.
-    pub(super) fn push(&mut self, now: Duration, lenient: bool, byte: u8) -> Option<(Target, Request)> {
+    pub(super) fn push(
+        &mut self,
+        now: Duration,
+        lenient: bool,
+        byte: u8,
+    ) -> Option<(Target, Request)> {
         let Self::Rs485 { framer, line, last_byte, gap } = self else { return None };
         if now.saturating_sub(*last_byte) > *gap {
             framer.reset();

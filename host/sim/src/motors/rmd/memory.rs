@@ -26,7 +26,8 @@ pub(super) struct Memory {
     offset_rom: i32,
     /// The zero point in force, pulses.
     offset: i32,
-    /// Where the encoder began to count its turns, in whole turns of the shaft, rad: without power it counts none.
+    /// Where the encoder began to count its turns, in whole turns of the shaft, rad: without power
+    /// it counts none.
     uncounted_rad: f64,
     /// 0xB3, ms; 0 = off.
     pub(super) timeout_ms: u32,
@@ -36,7 +37,8 @@ pub(super) struct Memory {
     pub(super) reports_errors: bool,
     /// 0x20 index 4
     saves_turns: bool,
-    /// 0xB4: the code that acts when the motor is switched on again (one of two readings of §2.31).
+    /// 0xB4: the code that acts when the motor is switched on again (one of two readings of
+    /// §2.31).
     next_baud_code: Option<u8>,
     /// The code in force, where one was set.
     pub(super) baud_code: Option<u8>,
@@ -53,7 +55,8 @@ impl Memory {
         self.offset = self.offset_rom;
     }
 
-    /// The power was off with the shaft at an angle. Without 0x20 index 4 only the place within one turn is known then.
+    /// The power was off with the shaft at an angle. Without 0x20 index 4 only the place within one
+    /// turn is known then.
     pub(super) fn lose_power(&mut self, shaft_rad: f64) {
         if !self.saves_turns {
             self.uncounted_rad = (shaft_rad / TAU).floor() * TAU;
@@ -73,7 +76,8 @@ impl Memory {
     }
 
     pub(super) fn set_gains(&mut self, gains: &PidGains, stored: bool) {
-        let PidGains { current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki } = *gains;
+        let PidGains { current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki } =
+            *gains;
         self.gains = [current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki];
         if stored {
             self.gains_rom = self.gains;

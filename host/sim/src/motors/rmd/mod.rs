@@ -75,7 +75,8 @@ pub(super) struct Rmd {
     release_at: Option<Duration>,
     notice_at: Option<Duration>,
     report_at: Option<Duration>,
-    /// When its firmware started; unknown from a loss of power until it runs again, later than now during a restart.
+    /// When its firmware started; unknown from a loss of power until it runs again, later than now
+    /// during a restart.
     started_at: Option<Duration>,
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::rmd_faults"))]
     faults: Faults,
@@ -184,13 +185,14 @@ impl Rmd {
         self.apply_drive();
     }
 
-    /// Answers with the request's own bytes. Motion mode, whose replies have another form, is answered with the state (an
-    /// assumption).
+    /// Answers with the request's own bytes. Motion mode, whose replies have another form, is
+    /// answered with the state (an assumption).
     fn throw_back(&self, cx: &mut Context<'_>, request: &Request) {
         if let Request::MotionMode { .. } = request {
             return self.answer(cx, &Reply::MotionMode { feedback: self.feedback() });
         }
-        // Request and reply of a command have the same code and length, so the bytes decode as a reply.
+        // Request and reply of a command have the same code and length, so the bytes decode as a
+        // reply.
         if let Ok(data) = request.encode()
             && let Ok(reply) = Reply::decode(&data)
         {

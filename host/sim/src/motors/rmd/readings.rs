@@ -37,7 +37,8 @@ impl Rmd {
         }
     }
 
-    /// The state in the words of motion mode; beyond their ranges it stays at their ends (RMD V3.6 §5.3).
+    /// The state in the words of motion mode; beyond their ranges it stays at their ends (RMD V3.6
+    /// §5.3).
     pub(super) fn feedback(&self) -> MotionFeedback {
         let word = |value: f64, Span { min, max }: Span, divisor: f64, last: f64| {
             to_u16(((value - min) / (max - min) * divisor).clamp(0.0, last))
@@ -47,7 +48,12 @@ impl Rmd {
         MotionFeedback {
             id: self.node.get(),
             position: word(self.angle_rad(), ranges.position_rad, POSITION_DIVISOR, POSITION_LAST),
-            velocity: word(self.plant.speed_rad_s(), ranges.velocity_rad_s, WORD_DIVISOR, WORD_DIVISOR),
+            velocity: word(
+                self.plant.speed_rad_s(),
+                ranges.velocity_rad_s,
+                WORD_DIVISOR,
+                WORD_DIVISOR,
+            ),
             torque: word(torque_nm, ranges.torque_nm, WORD_DIVISOR, WORD_DIVISOR),
         }
     }
@@ -73,7 +79,8 @@ impl Rmd {
         Deciwatts(to_u16(self.plant.voltage_v() * self.plant.current_a().abs() * 10.0))
     }
 
-    /// The loop that runs; the manual does not name the one for a motor without output, nor that of motion mode.
+    /// The loop that runs; the manual does not name the one for a motor without output, nor that of
+    /// motion mode.
     pub(super) fn run_mode(&self) -> RunMode {
         match self.plant.drive() {
             Drive::Current(_) => RunMode::Current,

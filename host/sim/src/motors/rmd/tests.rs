@@ -80,7 +80,10 @@ fn it_goes_to_a_position() {
 fn it_goes_by_a_distance() {
     let mut motor = motor();
     for _ in 0..2 {
-        assert!(motor.ask(ID, &[0xA8, 0x00, 0xF4, 0x01, 0x50, 0x46, 0x00, 0x00])[0].starts_with("241#A819"));
+        assert!(
+            motor.ask(ID, &[0xA8, 0x00, 0xF4, 0x01, 0x50, 0x46, 0x00, 0x00])[0]
+                .starts_with("241#A819")
+        );
         motor.run_ms(3_000);
     }
     assert_eq!(motor.ask(ID, &[0x92, 0, 0, 0, 0, 0, 0, 0]), ["241#92000000A08C0000"]);
@@ -99,7 +102,8 @@ const MOTION_ID: u16 = 0x401;
 /// 1 rad at 50 N·m/rad and 5 N·m·s/rad: words 0x8A3D, 0x800, 0x19A, 0xFFF, 0x800 (RMD V3.6 §5.4).
 const SPRING: [u8; 8] = [0x8A, 0x3D, 0x80, 0x01, 0x9A, 0xFF, 0xF8, 0x00];
 
-/// The middle of each word is 0, so the first reply shows it: 0x8000, 0x800, 0x800 rounded up from 2047.5.
+/// The middle of each word is 0, so the first reply shows it: 0x8000, 0x800, 0x800 rounded up from
+/// 2047.5.
 #[test]
 fn motion_mode_is_a_spring_and_a_damper() {
     let mut motor = motor();
@@ -213,10 +217,14 @@ fn a_stop_after_the_timeout_may_be_the_ignored_one() {
     motor.ask(ID, &TIMEOUT_1000);
     motor.run_ms(1_500);
     assert_eq!(motor.ask(ID, &STOP), ["241#8100000000000000"]);
-    assert_eq!(motor.events().last().unwrap(), "command 0x81 stop ignored: first after the timeout");
+    assert_eq!(
+        motor.events().last().unwrap(),
+        "command 0x81 stop ignored: first after the timeout"
+    );
 }
 
-/// 0x0004, under-voltage, is level 2: the motor resumes by itself. Read as RMD V3.6 §2.12.4 prints it.
+/// 0x0004, under-voltage, is level 2: the motor resumes by itself. Read as RMD V3.6 §2.12.4 prints
+/// it.
 #[test]
 fn it_resumes_by_itself_when_a_level_2_fault_has_gone() {
     let mut motor = running();
@@ -268,7 +276,8 @@ fn the_brake_holds_and_takes_its_time_to_open() {
     assert_eq!(motor.run_ms(110), ["241#7700000000000000"]);
 }
 
-/// RMD V3.6 §2.27: the brake is locked without power. §2.12: byte 3 is 1 once 0x77 has been carried out.
+/// RMD V3.6 §2.27: the brake is locked without power. §2.12: byte 3 is 1 once 0x77 has been carried
+/// out.
 #[test]
 fn switched_on_its_brake_is_locked() {
     let mut motor = with_brake();
@@ -301,7 +310,11 @@ fn injections_spoil_the_answers() {
     motor.inject(Injection::LateReply(Duration::ZERO));
     motor.inject(Injection::Garbage(true));
     let garbage = motor.ask(ID, &SHUTDOWN);
-    assert!(garbage[0].starts_with("241#") && garbage[0].len() == 20 && garbage[0] != "241#8000000000000000");
+    assert!(
+        garbage[0].starts_with("241#")
+            && garbage[0].len() == 20
+            && garbage[0] != "241#8000000000000000"
+    );
 }
 
 /// The frame known from a motor, and a reply whose checksum was computed apart: 25 °C at rest.
@@ -325,7 +338,10 @@ fn on_rs485_a_pause_ends_a_frame_begun() {
     let request = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0x30];
     assert_eq!(motor.ask_serial(&request).len(), 1);
     // To another motor.
-    assert_eq!(motor.ask_serial(&[0x3E, 0x02, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xB6, 0x30]), [""; 0]);
+    assert_eq!(
+        motor.ask_serial(&[0x3E, 0x02, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xB6, 0x30]),
+        [""; 0]
+    );
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use thruster::{
-    Faults, POSITION_LIMITS, Reply, Request, SIGNAL_MAX, SPEED_MIN_MAGNITUDE, TIMEOUT_MAX, TIMEOUT_MIN,
-    TIMEOUT_OFF,
+    Faults, POSITION_LIMITS, Reply, Request, SIGNAL_MAX, SPEED_MIN_MAGNITUDE, TIMEOUT_MAX,
+    TIMEOUT_MIN, TIMEOUT_OFF,
 };
 
 use super::names::name;
@@ -18,7 +18,8 @@ impl Thruster {
         match *request {
             Request::Signal { signal } => {
                 let fits = signal.0.unsigned_abs() <= SIGNAL_MAX.unsigned_abs();
-                let rad_s = f64::from(signal.0) / f64::from(SIGNAL_MAX) * self.plant.max_speed_rad_s();
+                let rad_s =
+                    f64::from(signal.0) / f64::from(SIGNAL_MAX) * self.plant.max_speed_rad_s();
                 self.run_at(cx, request, fits.then_some(rad_s), Reply::Signal { signal })
             }
             Request::Speed { speed } => {
@@ -51,7 +52,9 @@ impl Thruster {
             | Request::RelativePosition { .. }
             | Request::SetRelativeZero
             | Request::ClearRelativePosition => self.position(cx, request),
-            Request::ReadAbsolutePosition => Reply::MeasuredPosition { position: self.readings().absolute },
+            Request::ReadAbsolutePosition => {
+                Reply::MeasuredPosition { position: self.readings().absolute }
+            }
             Request::ReadRelativePosition => {
                 Reply::MeasuredRelativePosition { position: self.readings().relative }
             }
@@ -100,7 +103,9 @@ impl Thruster {
             Request::ReadSpeed => Reply::MeasuredSpeed { speed: self.readings().speed },
             Request::ReadCurrent => Reply::Current { current: self.readings().current },
             Request::ReadVoltage => Reply::Voltage { voltage: self.readings().voltage },
-            Request::ReadMotorTemperature => Reply::MotorTemperature { temperature: self.readings().motor },
+            Request::ReadMotorTemperature => {
+                Reply::MotorTemperature { temperature: self.readings().motor }
+            }
             Request::ReadDriverTemperature => {
                 Reply::DriverTemperature { temperature: self.readings().driver }
             }
@@ -148,7 +153,8 @@ impl Thruster {
     /// A position command, which a device without an encoder refuses.
     fn position(&mut self, cx: &mut Context<'_>, request: &Request) -> Reply {
         let name = name(request).unwrap_or_default();
-        let moves = matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
+        let moves =
+            matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
         if !cx.injected.encoder || request.encode().is_err() {
             return refusal(request);
         }
@@ -183,7 +189,9 @@ fn accepted(request: &Request, reply: Reply) -> Reply {
 
 pub(super) fn refusal(request: &Request) -> Reply {
     let parameter = match request {
-        Request::AbsolutePosition { speed, .. } | Request::RelativePosition { speed, .. } => speed.0,
+        Request::AbsolutePosition { speed, .. } | Request::RelativePosition { speed, .. } => {
+            speed.0
+        }
         Request::SetPositionLimits { .. } => POSITION_LIMITS,
         _ => 0,
     };

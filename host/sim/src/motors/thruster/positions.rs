@@ -2,7 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use thruster::{Decidegrees, LimitDecidegrees, POSITION_MAX, POSITION_MIN, Reply, Request, RpmLimit};
+use thruster::{
+    Decidegrees, LimitDecidegrees, POSITION_MAX, POSITION_MIN, Reply, Request, RpmLimit,
+};
 
 use super::RPM;
 use crate::motors::counts::to_i32;
@@ -31,7 +33,14 @@ impl Default for Positions {
     fn default() -> Self {
         let [reverse, forward] =
             [POSITION_MIN, POSITION_MAX].map(|limit| i16::try_from(limit).unwrap_or_default());
-        Self { absolute_zero: 0.0, relative_zero: 0.0, relative_target: 0, reverse, forward, target: None }
+        Self {
+            absolute_zero: 0.0,
+            relative_zero: 0.0,
+            relative_target: 0,
+            reverse,
+            forward,
+            target: None,
+        }
     }
 }
 
@@ -41,13 +50,19 @@ impl Positions {
         self.target
     }
 
-    /// LS, the timeout, and TC or VC that move end a move. TC 0 does not: whether a real one's does is not given.
+    /// LS, the timeout, and TC or VC that move end a move. TC 0 does not: whether a real one's does
+    /// is not given.
     pub(super) fn stop(&mut self) {
         self.target = None;
     }
 
     pub(super) fn after_power_cycle(&self, plant: &Plant) -> Self {
-        Self { relative_zero: plant.position_rad(), relative_target: 0, target: None, ..self.clone() }
+        Self {
+            relative_zero: plant.position_rad(),
+            relative_target: 0,
+            target: None,
+            ..self.clone()
+        }
     }
 
     /// QA: within one turn.
@@ -65,8 +80,8 @@ impl Positions {
         (LimitDecidegrees(self.reverse), LimitDecidegrees(self.forward))
     }
 
-    /// Carries out a position command. Returns whether it does: what lies beyond the limits it acknowledges and leaves, as the
-    /// manual does not say how it answers.
+    /// Carries out a position command. Returns whether it does: what lies beyond the limits it
+    /// acknowledges and leaves, as the manual does not say how it answers.
     pub(super) fn obey(&mut self, request: &Request, plant: &Plant) -> bool {
         let speed = |speed: RpmLimit| f64::from(speed.0) * RPM;
         let (here, back) = (plant.position_rad(), f64::from(self.absolute(plant).0) * DECIDEGREE);
@@ -78,7 +93,8 @@ impl Positions {
                 if !(i32::from(self.reverse)..=i32::from(self.forward)).contains(&position.0) {
                     return false;
                 }
-                self.target = Some((here - back + f64::from(position.0) * DECIDEGREE, speed(limit)));
+                self.target =
+                    Some((here - back + f64::from(position.0) * DECIDEGREE, speed(limit)));
             }
             Request::RelativePosition { speed: limit, position } => {
                 self.relative_target = self.relative_target.saturating_add(position.0);
@@ -101,9 +117,15 @@ impl Positions {
 /// What the device answers.
 pub(super) fn taken(request: &Request) -> Reply {
     match *request {
-        Request::AbsolutePosition { speed, position } => Reply::AbsolutePosition { speed, position },
-        Request::RelativePosition { speed, position } => Reply::RelativePosition { speed, position },
-        Request::SetPositionLimits { reverse, forward } => Reply::PositionLimitsSet { reverse, forward },
+        Request::AbsolutePosition { speed, position } => {
+            Reply::AbsolutePosition { speed, position }
+        }
+        Request::RelativePosition { speed, position } => {
+            Reply::RelativePosition { speed, position }
+        }
+        Request::SetPositionLimits { reverse, forward } => {
+            Reply::PositionLimitsSet { reverse, forward }
+        }
         Request::SetAbsoluteZero => Reply::AbsoluteZeroSet,
         Request::SetRelativeZero => Reply::RelativeZeroSet,
         _ => Reply::RelativePositionCleared,

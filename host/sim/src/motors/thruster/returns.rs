@@ -1,10 +1,11 @@
-//! What a thruster returns for TC and VC instead of the echo (VM), and what it sends unasked (SR, ML, MM).
+//! What a thruster returns for TC and VC instead of the echo (VM), and what it sends unasked (SR,
+//! ML, MM).
 
 use std::time::Duration;
 
 use thruster::{
-    Celsius, Deciamps, Decidegrees, Decivolts, Faults, Headerless, Milliseconds, Payload, Reply, Request,
-    ReturnFlags, ReturnFrames, ReturnSource, Returned, ReturnedFrame, Rpm,
+    Celsius, Deciamps, Decidegrees, Decivolts, Faults, Headerless, Milliseconds, Payload, Reply,
+    Request, ReturnFlags, ReturnFrames, ReturnSource, Returned, ReturnedFrame, Rpm,
 };
 
 /// Period of ML and of MM (Thruster manual §2.1).
@@ -25,20 +26,24 @@ pub(super) struct Readings {
 }
 
 impl Readings {
-    /// A frame by its place among those of a mask. Frame 3 as it is assumed to be: both positions as words, the rest 0.
+    /// A frame by its place among those of a mask. Frame 3 as it is assumed to be: both positions
+    /// as words, the rest 0.
     fn frame(&self, which: ReturnFrames) -> ReturnedFrame {
         match which {
-            ReturnFrames::MOTION => {
-                ReturnedFrame::Motion { speed: self.speed, voltage: self.voltage, current: self.current }
-            }
+            ReturnFrames::MOTION => ReturnedFrame::Motion {
+                speed: self.speed,
+                voltage: self.voltage,
+                current: self.current,
+            },
             ReturnFrames::CONDITION => ReturnedFrame::Condition {
                 faults: self.faults,
                 motor_temperature: self.motor,
                 driver_temperature: self.driver,
             },
             _ => {
-                let word =
-                    |position: Decidegrees| i16::try_from(position.0).unwrap_or(i16::MAX).to_be_bytes();
+                let word = |position: Decidegrees| {
+                    i16::try_from(position.0).unwrap_or(i16::MAX).to_be_bytes()
+                };
                 let ([a0, a1], [r0, r1]) = (word(self.absolute), word(self.relative));
                 ReturnedFrame::Position { raw: [a0, a1, r0, r1, 0, 0] }
             }
@@ -49,7 +54,9 @@ impl Readings {
         let all = [ReturnFrames::MOTION, ReturnFrames::CONDITION, ReturnFrames::POSITION];
         let asked = all.into_iter().filter(|which| frames.contains(*which));
         asked
-            .filter_map(|which| Reply::Returned(Returned { source, frame: self.frame(which) }).encode().ok())
+            .filter_map(|which| {
+                Reply::Returned(Returned { source, frame: self.frame(which) }).encode().ok()
+            })
             .collect()
     }
 }
@@ -104,7 +111,8 @@ impl Returns {
     pub(super) fn stream(&mut self, frames: ReturnFrames, interval: Milliseconds, now: Duration) {
         self.streamed = frames.bits();
         let period = Duration::from_millis(u64::from(interval.0));
-        self.stream = if frames.is_empty() { Repeated::default() } else { Repeated::every(period, now) };
+        self.stream =
+            if frames.is_empty() { Repeated::default() } else { Repeated::every(period, now) };
     }
 
     /// MQ, ML, MM.
@@ -123,14 +131,21 @@ impl Returns {
     }
 
     /// What answers a request. A refusal has its header in every mode, or so it is assumed.
-    pub(super) fn in_place_of(&self, request: &Request, reply: &Reply, readings: &Readings) -> Vec<Payload> {
+    pub(super) fn in_place_of(
+        &self,
+        request: &Request,
+        reply: &Reply,
+        readings: &Readings,
+    ) -> Vec<Payload> {
         let source = match request {
             Request::Signal { .. } => ReturnSource::Signal,
             Request::Speed { .. } => ReturnSource::Speed,
             _ => return reply.encode().into_iter().collect(),
         };
-        let (flags, frames) =
-            (ReturnFlags::from_bits_truncate(self.flags), ReturnFrames::from_bits_truncate(self.frames));
+        let (flags, frames) = (
+            ReturnFlags::from_bits_truncate(self.flags),
+            ReturnFrames::from_bits_truncate(self.frames),
+        );
         if flags.contains(ReturnFlags::NO_RETURN) {
             Vec::new()
         } else if matches!(reply, Reply::Refused { .. }) {
@@ -155,7 +170,8 @@ impl Returns {
         let mut sent = Vec::new();
         if self.stream.is_due(now) {
             sent.extend(
-                readings.frames(ReturnSource::Stream, ReturnFrames::from_bits_truncate(self.streamed)),
+                readings
+                    .frames(ReturnSource::Stream, ReturnFrames::from_bits_truncate(self.streamed)),
             );
         }
         if self.automatic.is_due(now) {

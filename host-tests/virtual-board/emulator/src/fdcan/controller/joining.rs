@@ -56,7 +56,8 @@ impl Controller {
     /// CSR was set and nothing is pending any more: stops, once the bus is idle. True if it did.
     pub fn stop_clock(&mut self, bus_is_idle: bool) -> bool {
         let asked = self.is_set(cccr::CSR) && !self.is_set(cccr::CSA);
-        if !asked || self.kept.transmitter.is_pending() || !(bus_is_idle || self.is_set(cccr::INIT)) {
+        if !asked || self.kept.transmitter.is_pending() || !(bus_is_idle || self.is_set(cccr::INIT))
+        {
             return false;
         }
         self.kept.cccr |= cccr::CSA | cccr::INIT;

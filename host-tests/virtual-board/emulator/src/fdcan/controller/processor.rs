@@ -66,7 +66,8 @@ impl Controller {
             Register::FdcanTxbcie => transmitter.cancelled_interrupts,
             Register::FdcanTxefc => events.config,
             Register::FdcanTxefs => events.status(interrupts),
-            // Acknowledgements and requests read 0 once they are carried out; so do the registers of TTCAN.
+            // Acknowledgements and requests read 0 once they are carried out; so do the registers
+            // of TTCAN.
             _ => 0,
         }
     }
@@ -112,7 +113,12 @@ impl Controller {
     }
 
     /// The registers that can be written only while INIT and CCE are set.
-    fn write_configuration(&mut self, register: Register, value: u32, context: &mut DeviceContext<'_>) {
+    fn write_configuration(
+        &mut self,
+        register: Register,
+        value: u32,
+        context: &mut DeviceContext<'_>,
+    ) {
         if self.kept.cccr & (cccr::INIT | cccr::CCE) != cccr::INIT | cccr::CCE {
             context.tell(name(register), "written without INIT and CCE, so it keeps what it holds");
             return;
@@ -125,7 +131,8 @@ impl Controller {
                 self.kept.nbtp = value & 0xFFFF_FF7F;
                 self.follow_bit(context.now());
             }
-            // Bit rates of CAN FD and their delay compensation: nothing uses them, as FDOE is refused.
+            // Bit rates of CAN FD and their delay compensation: nothing uses them, as FDOE is
+            // refused.
             Register::FdcanDbtp => self.kept.dbtp = value,
             Register::FdcanTdcr => self.kept.tdcr = value,
             Register::FdcanTest => {

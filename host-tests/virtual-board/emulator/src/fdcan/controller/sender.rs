@@ -42,8 +42,14 @@ impl Controller {
         self.attempted(index, Attempt::Failed);
     }
 
-    /// The frame that it sent has ended well; its start of frame was at `start`, the bus is free at `free`.
-    pub fn sent(&mut self, frame: &Frame, start: VirtualNanos, free: VirtualNanos) -> Result<(), Untold> {
+    /// The frame that it sent has ended well; its start of frame was at `start`, the bus is free at
+    /// `free`.
+    pub fn sent(
+        &mut self,
+        frame: &Frame,
+        start: VirtualNanos,
+        free: VirtualNanos,
+    ) -> Result<(), Untold> {
         let Some(index) = self.kept.sending.take() else { return Ok(()) };
         let flags = self.kept.errors.sent();
         self.kept.interrupts.raise(flags);
@@ -53,7 +59,12 @@ impl Controller {
         stored
     }
 
-    fn store_event(&mut self, index: usize, frame: &Frame, start: VirtualNanos) -> Result<(), Untold> {
+    fn store_event(
+        &mut self,
+        index: usize,
+        frame: &Frame,
+        start: VirtualNanos,
+    ) -> Result<(), Untold> {
         let marker = self.kept.transmitter.marker(&self.ram, index);
         let Some(marker) = marker else { return Ok(()) };
         let in_spite = self.kept.transmitter.is_to_cancel(index) || self.is_set(cccr::DAR);
@@ -78,8 +89,9 @@ impl Controller {
         self.follow_bus_off();
     }
 
-    /// It sent a start of frame on a line that stays recessive: a bit error, and in an active error flag another one in
-    /// every bit, until it is error-passive. Returns the bits of such a flag.
+    /// It sent a start of frame on a line that stays recessive: a bit error, and in an active error
+    /// flag another one in every bit, until it is error-passive. Returns the bits of such a
+    /// flag.
     pub fn send_failed_on_short(&mut self) -> u64 {
         let Some(index) = self.kept.sending.take() else { return 0 };
         let mut flag_bits = 0;

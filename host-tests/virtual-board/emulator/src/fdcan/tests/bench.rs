@@ -14,7 +14,8 @@ use crate::message_ram::MessageRam;
 
 /// The kernel clock of the board.
 const KERNEL_HZ: u64 = 80_000_000;
-/// NBTP for 1 Mbit/s and 500 kbit/s: prescaler 4 and 8, 16 and 3 quanta around the sample point, SJW 3.
+/// NBTP for 1 Mbit/s and 500 kbit/s: prescaler 4 and 8, 16 and 3 quanta around the sample point,
+/// SJW 3.
 pub const MBIT: u32 = 0x0403_0F02;
 pub const HALF_MBIT: u32 = 0x0407_0F02;
 
@@ -34,8 +35,8 @@ pub const FIFO_OF_3: u32 = 0x0300_1000;
 /// A microsecond: a bit at 1 Mbit/s.
 pub const MICROSECOND: u64 = 1_000;
 
-/// The frame 0x123 with AB CD: 52 bits with stuffing up to the end of its checksum, so the acknowledge slot ends after
-/// 54 bits, receivers have it after 61 and the sender after 62.
+/// The frame 0x123 with AB CD: 52 bits with stuffing up to the end of its checksum, so the
+/// acknowledge slot ends after 54 bits, receivers have it after 61 and the sender after 62.
 pub fn short_frame() -> Frame {
     standard(0x123, &[0xAB, 0xCD])
 }
@@ -62,8 +63,8 @@ impl Bench {
         bench
     }
 
-    /// Set up with this NBTP and TXBC and still off the bus, INIT and CCE set: FIFO 0 of three elements, FIFO 1 of two, an
-    /// event FIFO of three, nothing filtered.
+    /// Set up with this NBTP and TXBC and still off the bus, INIT and CCE set: FIFO 0 of three
+    /// elements, FIFO 1 of two, an event FIFO of three, nothing filtered.
     pub fn configured(nbtp: u32, txbc: u32) -> Self {
         let mut bench = Self::new();
         bench.write(Register::FdcanCccr, 0x0000_0001);
@@ -114,7 +115,9 @@ impl Bench {
 
     pub fn write(&mut self, register: Register, value: u32) {
         let at = VirtualNanos(self.now);
-        self.single.write(at, Self::address(register), Width::W32, value.into()).expect("a register");
+        self.single
+            .write(at, Self::address(register), Width::W32, value.into())
+            .expect("a register");
         self.follow_lines();
     }
 
@@ -239,7 +242,10 @@ impl Bench {
     /// Ids of the frames that arrived somewhere, in order.
     pub fn delivered(&mut self) -> Vec<u32> {
         let log = self.log();
-        log.into_iter().filter(|(_, end)| *end == FrameEnd::Acknowledged).map(|(id, _)| id).collect()
+        log.into_iter()
+            .filter(|(_, end)| *end == FrameEnd::Acknowledged)
+            .map(|(id, _)| id)
+            .collect()
     }
 
     /// What the model has said that it does not do.

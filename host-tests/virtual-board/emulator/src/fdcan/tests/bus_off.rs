@@ -36,7 +36,11 @@ fn it_comes_back_129_sequences_after_init_is_cleared() {
     bench.write(Register::FdcanIr, 0xFFFF_FFFF);
     bench.write(Register::FdcanCccr, 0x0000_0000);
     bench.run_for(11 * MICROSECOND);
-    assert_eq!(bench.read(Register::FdcanPsr), 0x0000_07E5, "each sequence is told as a bit-0 error");
+    assert_eq!(
+        bench.read(Register::FdcanPsr),
+        0x0000_07E5,
+        "each sequence is told as a bit-0 error"
+    );
     assert_eq!(bench.read(Register::FdcanEcr) & 0xFFFF, 0x01F8, "and counted in REC");
     bench.run_for(127 * 11 * MICROSECOND);
     assert_eq!(bench.read(Register::FdcanEcr) & 0xFFFF, 0xFFF8, "128: RP and 127");

@@ -2,7 +2,9 @@
 
 use rigless::soc::stm32h743::generated::fdcan1::Register;
 
-use super::bench::{Bench, FIFO_OF_3, MBIT, MICROSECOND, QUEUE_OF_3, TX_EVENTS, short_frame, standard};
+use super::bench::{
+    Bench, FIFO_OF_3, MBIT, MICROSECOND, QUEUE_OF_3, TX_EVENTS, short_frame, standard,
+};
 use crate::fdcan::FrameEnd;
 
 #[test]
@@ -36,7 +38,11 @@ fn one_on_the_line_that_arrives_is_both_sent_and_cancelled() {
     assert_eq!(bench.read(Register::FdcanTxbto), 0x0000_0001);
     assert_eq!(bench.read(Register::FdcanTxbcf), 0x0000_0001);
     assert_eq!(bench.read(Register::FdcanIr), 0x0000_1600, "TC, TCF and TEFN");
-    assert_eq!(bench.words(TX_EVENTS, 2)[1] & 0x00C0_0000, 0x0080_0000, "sent in spite of cancellation");
+    assert_eq!(
+        bench.words(TX_EVENTS, 2)[1] & 0x00C0_0000,
+        0x0080_0000,
+        "sent in spite of cancellation"
+    );
 }
 
 #[test]
@@ -56,7 +62,11 @@ fn one_on_the_line_that_fails_is_only_cancelled() {
 fn cancelling_nothing_is_finished_at_once() {
     let mut bench = Bench::on_bus(MBIT, QUEUE_OF_3);
     bench.write(Register::FdcanTxbcr, 0xFFFF_FFFF);
-    assert_eq!(bench.read(Register::FdcanTxbcf), 0x0000_0007, "of the three buffers that there are");
+    assert_eq!(
+        bench.read(Register::FdcanTxbcf),
+        0x0000_0007,
+        "of the three buffers that there are"
+    );
     bench.send(1, &short_frame());
     assert_eq!(bench.read(Register::FdcanTxbcf), 0x0000_0005, "a new request clears its bit");
 }

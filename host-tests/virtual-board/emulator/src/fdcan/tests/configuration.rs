@@ -19,7 +19,8 @@ fn every_register_resets_to_its_value() {
         (Register::FdcanXidam, 0x1FFF_FFFF),
     ];
     for register in Register::ALL {
-        let expected = not_zero.iter().find(|(name, _)| *name == register).map_or(0, |(_, value)| *value);
+        let expected =
+            not_zero.iter().find(|(name, _)| *name == register).map_or(0, |(_, value)| *value);
         assert_eq!(bench.read(register), expected, "{register:?}");
     }
     assert_eq!(bench.told(), []);

@@ -6,8 +6,8 @@ use rigless::soc::stm32h743::generated::fdcan1::Register;
 use super::bench::{Bench, MBIT, MICROSECOND, QUEUE_OF_3, short_frame, standard};
 use crate::fdcan::FrameEnd;
 
-/// From the start of [`short_frame`] to the next attempt, when nobody acknowledges it: 54 bits, 6 + 8 of error frame, 3
-/// of intermission.
+/// From the start of [`short_frame`] to the next attempt, when nobody acknowledges it: 54 bits, 6 +
+/// 8 of error frame, 3 of intermission.
 const ATTEMPT: u64 = 71 * MICROSECOND;
 /// The same while error-passive: 8 bits more.
 const PASSIVE_ATTEMPT: u64 = 79 * MICROSECOND;

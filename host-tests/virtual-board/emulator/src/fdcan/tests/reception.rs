@@ -4,8 +4,8 @@ use rigless::chip::can::{Frame, Id};
 use rigless::soc::stm32h743::generated::fdcan1::Register;
 
 use super::bench::{
-    Bench, ELEMENT, MBIT, MICROSECOND, QUEUE_OF_3, RX_BUFFERS, RX_FIFO_0, RX_FIFO_1, STANDARD_FILTERS,
-    short_frame, standard,
+    Bench, ELEMENT, MBIT, MICROSECOND, QUEUE_OF_3, RX_BUFFERS, RX_FIFO_0, RX_FIFO_1,
+    STANDARD_FILTERS, short_frame, standard,
 };
 
 /// A controller on the bus with these standard filters, and a node.
@@ -67,7 +67,8 @@ fn a_full_fifo_keeps_the_old_and_says_what_it_lost() {
     // RF0N; with RF0W at the watermark of two; with RF0F; RF0L.
     assert_eq!(flags, [0x0000_0001, 0x0000_0003, 0x0000_0005, 0x0000_0008]);
     assert_eq!(bench.read(Register::FdcanRxf0s), 0x0300_0003, "RF0L, full, three frames");
-    let data: Vec<u32> = (0..3).map(|place| bench.words(RX_FIFO_0 + place * ELEMENT, 3)[2]).collect();
+    let data: Vec<u32> =
+        (0..3).map(|place| bench.words(RX_FIFO_0 + place * ELEMENT, 3)[2]).collect();
     assert_eq!(data, [0, 1, 2]);
     bench.write(Register::FdcanIr, 0x0000_0008);
     assert_eq!(bench.read(Register::FdcanRxf0s), 0x0100_0003);
@@ -89,7 +90,8 @@ fn an_overwriting_fifo_loses_the_oldest_and_says_nothing() {
     }
     assert_eq!(bench.read(Register::FdcanIr) & 0x0000_0008, 0);
     assert_eq!(bench.read(Register::FdcanRxf0s), 0x0101_0102, "full, get and put index 1");
-    let data: Vec<u32> = (0..2).map(|place| bench.words(RX_FIFO_0 + place * ELEMENT, 3)[2]).collect();
+    let data: Vec<u32> =
+        (0..2).map(|place| bench.words(RX_FIFO_0 + place * ELEMENT, 3)[2]).collect();
     assert_eq!(data, [2, 1]);
 }
 
@@ -114,7 +116,11 @@ fn a_filter_sends_frames_to_fifo_1_and_is_named_there() {
     assert_eq!(bench.read(Register::FdcanRxf0s), 0);
     assert_eq!(bench.read(Register::FdcanRxf1s), 0x0001_0001);
     let words = bench.words(RX_FIFO_1, 4);
-    assert_eq!([words[0], words[1] & 0xFFFF_0000], [0x0540_0000, 0x0105_0000], "filter 1, five bytes");
+    assert_eq!(
+        [words[0], words[1] & 0xFFFF_0000],
+        [0x0540_0000, 0x0105_0000],
+        "filter 1, five bytes"
+    );
     assert_eq!([words[2], words[3]], [0x0403_0201, 0x0000_0005]);
     bench.write(Register::FdcanRxf1a, 0);
     assert_eq!(bench.read(Register::FdcanRxf1s), 0x0001_0100);

@@ -38,7 +38,8 @@ fn a_frame_on_the_line_puts_joining_off_until_it_has_ended() {
 
 #[test]
 fn frames_take_as_long_as_nbtp_and_the_kernel_clock_say() {
-    // 1 Mbit/s, 500 kbit/s, 210526 bit/s (prescaler 19), and 1 Mbit/s from the reset value's 17 quanta.
+    // 1 Mbit/s, 500 kbit/s, 210526 bit/s (prescaler 19), and 1 Mbit/s from the reset value's 17
+    // quanta.
     for (nbtp, hz, heard, sent) in [
         (MBIT, 80_000_000, 61_000, 62_000),
         (HALF_MBIT, 80_000_000, 122_000, 124_000),

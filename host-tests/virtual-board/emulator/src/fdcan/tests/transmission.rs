@@ -2,7 +2,9 @@
 
 use rigless::soc::stm32h743::generated::fdcan1::Register;
 
-use super::bench::{Bench, FIFO_OF_3, MBIT, MICROSECOND, QUEUE_OF_3, TX_EVENTS, short_frame, standard};
+use super::bench::{
+    Bench, FIFO_OF_3, MBIT, MICROSECOND, QUEUE_OF_3, TX_EVENTS, short_frame, standard,
+};
 use crate::fdcan::FrameEnd;
 
 #[test]

@@ -31,7 +31,8 @@ fn read(part: &mut Stm32g474, address: u64) -> u64 {
 fn frame(part: &mut Stm32g474, at: u64) {
     let slot = part.bus.slot(NAME).expect("it is there");
     let (registers, mut context) = part.bus.drive(VirtualNanos(at), slot);
-    let request = RequestChange { instance: usb::NAME, request: usb::START_OF_FRAME, level: Level::High };
+    let request =
+        RequestChange { instance: usb::NAME, request: usb::START_OF_FRAME, level: Level::High };
     part.crs.on_request(request, registers, &mut context);
 }
 
@@ -48,7 +49,8 @@ fn its_registers_are_as_described() {
     );
     assert_eq!(bits("CR", "TRIM") | TRIM_6.mask(), TRIM);
     assert_eq!(bits("CFGR", "SYNCSRC") | bits("CFGR", "SYNCDIV"), SYNCSRC_AND_DIV);
-    let flags = ["SYNCOKF", "SYNCWARNF", "ERRF", "ESYNCF", "SYNCERR", "SYNCMISS", "TRIMOVF", "FEDIR"];
+    let flags =
+        ["SYNCOKF", "SYNCWARNF", "ERRF", "ESYNCF", "SYNCERR", "SYNCMISS", "TRIMOVF", "FEDIR"];
     let mine = [SYNCOKF, SYNCWARNF, ERRF, ESYNCF, SYNCERR, SYNCMISS, TRIMOVF, FEDIR];
     assert_eq!(flags.map(|name| bits("ISR", name)), mine);
     assert_eq!(bits("ISR", "FECAP"), 0xFFFF << FECAP_SHIFT);

@@ -144,7 +144,9 @@ impl Bench {
 
     /// Sets the channel up between a register and the first bytes of memory, and switches it on.
     fn start(&mut self, register: u64, count: u64, control: u64) {
-        for (address, value) in [(CPAR1, register), (CMAR1, RAM), (CNDTR1, count), (CCR1, control | EN)] {
+        for (address, value) in
+            [(CPAR1, register), (CMAR1, RAM), (CNDTR1, count), (CCR1, control | EN)]
+        {
             self.write(address, value);
         }
         self.write(CR1, USART_ON);
@@ -208,7 +210,9 @@ fn a_ring_goes_round_and_tells_its_half_and_its_end() {
 #[test]
 fn memory_that_is_not_there_ends_it_with_an_error() {
     let mut bench = Bench::new(USART3_RX);
-    for (address, value) in [(CPAR1, RDR), (CMAR1, 0x3000_0000), (CNDTR1, 4), (CCR1, MINC | ERROR | EN)] {
+    for (address, value) in
+        [(CPAR1, RDR), (CMAR1, 0x3000_0000), (CNDTR1, 4), (CCR1, MINC | ERROR | EN)]
+    {
         bench.write(address, value);
     }
     bench.write(CR1, USART_ON);

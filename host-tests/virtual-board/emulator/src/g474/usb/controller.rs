@@ -12,7 +12,8 @@ use super::registers::*;
 pub use cable::Function;
 
 const ENDPOINTS: usize = 8;
-/// What the interrupts of the part stand for, as its table lists them: urgent transfers, everything, the wake-up.
+/// What the interrupts of the part stand for, as its table lists them: urgent transfers,
+/// everything, the wake-up.
 const LOW_PRIORITY: usize = 1;
 /// How long the bus is idle before that counts as suspended.
 const IDLE_NANOS: u64 = 3_000_000;
@@ -66,10 +67,13 @@ impl Controller {
         self.control & (FRES | PDWN) == 0
     }
 
-    /// The endpoint whose packets have been received or sent, and which of both; the lowest register first.
+    /// The endpoint whose packets have been received or sent, and which of both; the lowest
+    /// register first.
     fn transferred(&self) -> u16 {
         let done = (0..).zip(self.endpoints).find(|(_, endpoint)| endpoint.has(CTR_RX | CTR_TX));
-        done.map_or(0, |(number, endpoint)| CTR | number | if endpoint.has(CTR_RX) { DIR } else { 0 })
+        done.map_or(0, |(number, endpoint)| {
+            CTR | number | if endpoint.has(CTR_RX) { DIR } else { 0 }
+        })
     }
 
     /// What a read of the register at an offset finds. Reading changes nothing.
@@ -104,7 +108,8 @@ impl Controller {
         self.watch_idle(context);
     }
 
-    /// From here on the bus is idle, as far as the controller sees it; without a cable, too, as its pull-up holds D+ high.
+    /// From here on the bus is idle, as far as the controller sees it; without a cable, too, as its
+    /// pull-up holds D+ high.
     fn watch_idle(&mut self, context: &mut DeviceContext<'_>) {
         let watches = self.is_on() && self.charger & DPPU != 0 && self.control & FSUSP == 0;
         self.idle = watches.then(|| context.schedule(VirtualNanos(context.now().0 + IDLE_NANOS)));
@@ -133,20 +138,32 @@ impl Controller {
         }
     }
 
-    /// The register of an endpoint of the device with that address, if it takes part in transactions.
-    fn addressed(&self, address: u8, endpoint: u8, context: &mut DeviceContext<'_>) -> Option<usize> {
+    /// The register of an endpoint of the device with that address, if it takes part in
+    /// transactions.
+    fn addressed(
+        &self,
+        address: u8,
+        endpoint: u8,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<usize> {
         let listens = self.is_on() && self.flags & RESET == 0 && self.control & FSUSP == 0;
         if !listens || self.address & EF == 0 || self.address & ADD != u16::from(address) {
             return None;
         }
         if self.hz.abs_diff(HZ) > HZ_TOLERANCE {
-            context.tell("CNTR", "the clock is off 48 MHz by more than 0.25 %: no packet is understood");
+            context.tell(
+                "CNTR",
+                "the clock is off 48 MHz by more than 0.25 %: no packet is understood",
+            );
             return None;
         }
         let is_used = |candidate: &Endpoint| {
             (candidate.receives(), candidate.transmits()) != (Status::Disabled, Status::Disabled)
         };
-        let found = self.endpoints.iter().position(|found| found.address() == endpoint && is_used(found))?;
+        let found = self
+            .endpoints
+            .iter()
+            .position(|found| found.address() == endpoint && is_used(found))?;
         let unknown = match self.endpoints[found].kind() {
             Kind::Isochronous => true,
             Kind::Bulk => self.endpoints[found].has(EP_KIND),
@@ -158,7 +175,12 @@ impl Controller {
         (!unknown).then_some(found)
     }
 
-    fn store(&self, number: usize, data: &[u8], context: &mut DeviceContext<'_>) -> Result<(), Failed> {
+    fn store(
+        &self,
+        number: usize,
+        data: &[u8],
+        context: &mut DeviceContext<'_>,
+    ) -> Result<(), Failed> {
         let stored = self.memory.receive(self.buffers, row(number), data);
         if stored == Err(Failed::Outside) {
             context.tell("BTABLE", "a receive buffer lies outside the packet memory");
@@ -189,7 +211,9 @@ impl Controller {
             // FNR is read-only.
             _ => {
                 let held = self.control & FRES != 0;
-                if let Some(endpoint) = self.endpoints.get_mut(endpoint_at(offset)).filter(|_| !held) {
+                if let Some(endpoint) =
+                    self.endpoints.get_mut(endpoint_at(offset)).filter(|_| !held)
+                {
                     endpoint.write(value);
                 }
             }

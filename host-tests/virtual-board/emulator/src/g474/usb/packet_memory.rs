@@ -1,8 +1,10 @@
-//! The USB's packet memory of the STM32G474: 1 KiB in half-words, where the buffers and the table of them lie.
+//! The USB's packet memory of the STM32G474: 1 KiB in half-words, where the buffers and the table
+//! of them lie.
 //!
-//! The controller reaches it through a clone of [`PacketMemory`], the processor through [`PacketMemoryWindow`]. Each endpoint register
-//! has four half-words in the table: address and length of what it sends, address and length of what it receives (RM0440, USB
-//! chapter, buffer descriptor table).
+//! The controller reaches it through a clone of [`PacketMemory`], the processor through
+//! [`PacketMemoryWindow`]. Each endpoint register has four half-words in the table: address and
+//! length of what it sends, address and length of what it receives (RM0440, USB chapter, buffer
+//! descriptor table).
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -49,7 +51,10 @@ impl PacketMemory {
 
     /// The half-word at a byte address; bit 0 of it does not count.
     fn get(&self, address: u16) -> Result<u16, Failed> {
-        self.0.get(usize::from(address / 2)).map(|half| half.load(Ordering::Relaxed)).ok_or(Failed::Outside)
+        self.0
+            .get(usize::from(address / 2))
+            .map(|half| half.load(Ordering::Relaxed))
+            .ok_or(Failed::Outside)
     }
 
     fn set(&self, address: u16, value: u16) -> Result<(), Failed> {
@@ -68,14 +73,15 @@ impl PacketMemory {
         let (start, length) = (self.get(row)?, self.get(row + 2)? & COUNT);
         let mut bytes = Vec::with_capacity(usize::from(length) + 1);
         for offset in (0..length).step_by(2) {
-            bytes.extend(self.get(start.checked_add(offset).ok_or(Failed::Outside)?)?.to_le_bytes());
+            bytes
+                .extend(self.get(start.checked_add(offset).ok_or(Failed::Outside)?)?.to_le_bytes());
         }
         bytes.truncate(usize::from(length));
         Ok(bytes)
     }
 
-    /// Puts what has arrived into the buffer of an endpoint register: the data, as much of their CRC as there is room for, and the
-    /// number of bytes.
+    /// Puts what has arrived into the buffer of an endpoint register: the data, as much of their
+    /// CRC as there is room for, and the number of bytes.
     ///
     /// # Errors
     ///
@@ -84,7 +90,8 @@ impl PacketMemory {
         let row = table.checked_add(register * ROW_BYTES).ok_or(Failed::Outside)?;
         let (start, described) = (self.get(row + 4)?, self.get(row + 6)?);
         let room = room(described);
-        let arrived: Vec<u8> = data.iter().copied().chain(crc(data).to_le_bytes()).take(room).collect();
+        let arrived: Vec<u8> =
+            data.iter().copied().chain(crc(data).to_le_bytes()).take(room).collect();
         for (offset, pair) in (0..).step_by(2).zip(arrived.chunks(2)) {
             let half = u16::from_le_bytes([pair[0], pair.get(1).copied().unwrap_or(0)]);
             self.set(start.checked_add(offset).ok_or(Failed::Outside)?, half)?;
@@ -192,7 +199,13 @@ impl ErasedDevice for PacketMemoryWindow {
         self.peek_window(offset, width, context.now()).unwrap_or(0)
     }
 
-    fn write_window(&mut self, offset: u64, width: Width, value: u64, context: &mut DeviceContext<'_>) {
+    fn write_window(
+        &mut self,
+        offset: u64,
+        width: Width,
+        value: u64,
+        context: &mut DeviceContext<'_>,
+    ) {
         match (width, u16::try_from(value)) {
             (Width::W16, Ok(value)) if self.memory.set(address(offset), value).is_ok() => {}
             _ => context.tell(NAME, "written otherwise than as a half-word"),

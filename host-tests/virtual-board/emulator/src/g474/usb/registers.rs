@@ -1,4 +1,5 @@
-//! Registers and bits of the STM32G474's USB (stm32-metapac 21, `usb_v3`; RM0440, USB registers). A test compares them.
+//! Registers and bits of the STM32G474's USB (stm32-metapac 21, `usb_v3`; RM0440, USB registers). A
+//! test compares them.
 
 /// Offsets of the registers behind those of the endpoints.
 pub const CNTR: u32 = 0x40;

@@ -1,4 +1,5 @@
-//! The controller through its registers, as the firmware's driver uses them, and through its end of the cable.
+//! The controller through its registers, as the firmware's driver uses them, and through its end of
+//! the cable.
 
 mod bench;
 mod packets;
@@ -13,31 +14,38 @@ use crate::usb::function::{Handshake, Input, Toggle, UsbFunction};
 
 #[test]
 fn the_bits_are_those_of_the_metadata() {
-    for (register, offset) in [("CNTR", CNTR), ("ISTR", ISTR), ("FNR", FNR), ("DADDR", DADDR)]
-        .into_iter()
-        .chain([("BTABLE", BTABLE), ("LPMCSR", LPMCSR), ("BCDR", BCDR), ("EPR0", 0), ("EPR7", 0x1C)])
+    for (register, offset) in
+        [("CNTR", CNTR), ("ISTR", ISTR), ("FNR", FNR), ("DADDR", DADDR)].into_iter().chain([
+            ("BTABLE", BTABLE),
+            ("LPMCSR", LPMCSR),
+            ("BCDR", BCDR),
+            ("EPR0", 0),
+            ("EPR7", 0x1C),
+        ])
     {
         let table = tables::named(NAME).registers;
         assert_eq!(table[tables::row(table, register).0].offset, offset, "{register}");
     }
-    let cntr = ["FRES", "PDWN", "LPMODE", "FSUSP", "RESUME", "L1RESUME"].map(|name| named_bits("CNTR", name));
+    let cntr = ["FRES", "PDWN", "LPMODE", "FSUSP", "RESUME", "L1RESUME"]
+        .map(|name| named_bits("CNTR", name));
     assert_eq!(cntr, [FRES, PDWN, LPMODE, FSUSP, 1 << 4, 1 << 5]);
-    let istr = ["ESOF", "SOF", "RESET", "SUSP", "WKUP", "CTR", "DIR"].map(|name| named_bits("ISTR", name));
+    let istr =
+        ["ESOF", "SOF", "RESET", "SUSP", "WKUP", "CTR", "DIR"].map(|name| named_bits("ISTR", name));
     assert_eq!(istr, [ESOF, SOF, RESET, SUSP, WKUP, CTR, DIR]);
-    let enables = ["ESOFM", "SOFM", "RESETM", "SUSPM", "WKUPM", "CTRM"].map(|name| named_bits("CNTR", name));
+    let enables =
+        ["ESOFM", "SOFM", "RESETM", "SUSPM", "WKUPM", "CTRM"].map(|name| named_bits("CNTR", name));
     assert_eq!(enables, [ESOF, SOF, RESET, SUSP, WKUP, CTR], "where ISTR has the flags");
-    let others = [("FNR", "LSOF"), ("FNR", "LCK"), ("FNR", "RXDP"), ("DADDR", "EF"), ("DADDR", "ADD")]
-        .map(|(register, name)| named_bits(register, name));
+    let others =
+        [("FNR", "LSOF"), ("FNR", "LCK"), ("FNR", "RXDP"), ("DADDR", "EF"), ("DADDR", "ADD")]
+            .map(|(register, name)| named_bits(register, name));
     assert_eq!(others, [LSOF, LCK, RXDP, EF, ADD]);
     assert_eq!([named_bits("BTABLE", "BTABLE"), named_bits("BCDR", "DPPU")], [BTABLE_BITS, DPPU]);
     let epr = ["EA", "STAT_TX", "DTOG_TX", "CTR_TX", "EP_KIND", "EP_TYPE", "SETUP"]
         .into_iter()
         .chain(["STAT_RX", "DTOG_RX", "CTR_RX"]);
-    let mine = [EA, STAT_TX, endpoint::DTOG_TX, CTR_TX, EP_KIND, EP_TYPE, SETUP].into_iter().chain([
-        STAT_RX,
-        endpoint::DTOG_RX,
-        CTR_RX,
-    ]);
+    let mine = [EA, STAT_TX, endpoint::DTOG_TX, CTR_TX, EP_KIND, EP_TYPE, SETUP]
+        .into_iter()
+        .chain([STAT_RX, endpoint::DTOG_RX, CTR_RX]);
     for (name, bits) in epr.zip(mine) {
         assert_eq!(named_bits("EPR0", name), bits, "{name}");
     }
@@ -51,9 +59,17 @@ fn an_endpoint_register_toggles_clears_and_sets() {
     // CTR and SETUP cannot be set by writing.
     assert_eq!(endpoint.read(), 0x3 | 1 << 9 | EP_KIND | STAT_RX | endpoint::DTOG_TX);
     endpoint.write(0x5 | STAT_RX & 0x1000 | STAT_TX | endpoint::DTOG_TX | endpoint::DTOG_RX);
-    assert_eq!(endpoint.read(), 0x5 | 0x2000 | STAT_TX | endpoint::DTOG_RX, "a 1 toggles, a 0 leaves");
+    assert_eq!(
+        endpoint.read(),
+        0x5 | 0x2000 | STAT_TX | endpoint::DTOG_RX,
+        "a 1 toggles, a 0 leaves"
+    );
     endpoint.received();
-    assert_eq!(endpoint.read(), 0x5 | 0x2000 | STAT_TX | CTR_RX, "NAK, and the toggle is the other");
+    assert_eq!(
+        endpoint.read(),
+        0x5 | 0x2000 | STAT_TX | CTR_RX,
+        "NAK, and the toggle is the other"
+    );
     assert_eq!(endpoint.read(), 0x5 | 0x2000 | STAT_TX | CTR_RX, "reading changes nothing");
     endpoint.sent();
     endpoint.write(0x5 | CTR_RX);

@@ -23,7 +23,10 @@ impl Control {
     /// A request for at most `length` bytes.
     #[must_use]
     pub fn read(request_type: u8, request: u8, value: u16, index: u16, length: u16) -> Self {
-        Self { setup: setup(request_type | FROM_DEVICE, request, value, index, length), data: Vec::new() }
+        Self {
+            setup: setup(request_type | FROM_DEVICE, request, value, index, length),
+            data: Vec::new(),
+        }
     }
 
     /// A request with data, or without.
@@ -47,7 +50,8 @@ impl Control {
 }
 
 fn setup(request_type: u8, request: u8, value: u16, index: u16, length: u16) -> [u8; 8] {
-    let ([v0, v1], [i0, i1], [l0, l1]) = (value.to_le_bytes(), index.to_le_bytes(), length.to_le_bytes());
+    let ([v0, v1], [i0, i1], [l0, l1]) =
+        (value.to_le_bytes(), index.to_le_bytes(), length.to_le_bytes());
     [request_type, request, v0, v1, i0, i1, l0, l1]
 }
 

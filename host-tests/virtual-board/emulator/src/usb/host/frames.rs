@@ -11,7 +11,8 @@ use crate::usb::function::{Handshake, Input, Toggle, UsbFunction};
 
 /// Bits of a frame at 12 Mbit/s.
 const BITS_PER_FRAME: u64 = 12_000;
-/// Bits of a token or a frame's start, of a data packet without its data, of a handshake, and between packets.
+/// Bits of a token or a frame's start, of a data packet without its data, of a handshake, and
+/// between packets.
 const TOKEN: u64 = 35;
 const DATA: u64 = 35;
 const HANDSHAKE: u64 = 19;
@@ -45,7 +46,8 @@ impl Host {
                 let begun = std::mem::replace(&mut self.next_frame, after(now, FRAME));
                 self.transaction = Some((after(begun, bits(TOKEN + BETWEEN)), Transaction::Ending));
             } else if !self.begin(now) {
-                let retry = [self.out.retry, self.input.retry, self.control.as_ref().and_then(|c| c.retry)];
+                let retry =
+                    [self.out.retry, self.input.retry, self.control.as_ref().and_then(|c| c.retry)];
                 let soonest = retry.into_iter().flatten().filter(|at| *at > now).min();
                 return Some(soonest.map_or(self.next_frame, |at| at.min(self.next_frame)));
             }
@@ -91,7 +93,12 @@ impl Host {
     }
 
     /// The middle of a transaction, where the function decides, or its end.
-    fn go_on_with(&mut self, at: VirtualNanos, transaction: Transaction, function: &mut dyn UsbFunction) {
+    fn go_on_with(
+        &mut self,
+        at: VirtualNanos,
+        transaction: Transaction,
+        function: &mut dyn UsbFunction,
+    ) {
         let address = self.address;
         match transaction {
             Transaction::Ending => {}
@@ -132,9 +139,11 @@ impl Host {
         }
     }
 
-    /// Ends a transaction by an answer, and tells the control transfer where it is one of its. Returns when it has ended.
+    /// Ends a transaction by an answer, and tells the control transfer where it is one of its.
+    /// Returns when it has ended.
     fn end_by(&mut self, at: VirtualNanos, control: bool, answer: Handshake) -> VirtualNanos {
-        let rest = if answer == Handshake::NoResponse { NO_ANSWER } else { 2 * BETWEEN + HANDSHAKE };
+        let rest =
+            if answer == Handshake::NoResponse { NO_ANSWER } else { 2 * BETWEEN + HANDSHAKE };
         let end = after(at, bits(rest));
         self.transaction = Some((end, Transaction::Ending));
         self.errors.no_response += u32::from(answer == Handshake::NoResponse);

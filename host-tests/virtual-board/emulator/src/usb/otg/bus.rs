@@ -90,7 +90,9 @@ impl UsbFunction for Core {
     }
 
     fn out(&mut self, address: u8, endpoint: u8, toggle: Toggle, data: &[u8]) -> Handshake {
-        let Some(output) = self.outputs.get(number(endpoint)).copied() else { return Handshake::NoResponse };
+        let Some(output) = self.outputs.get(number(endpoint)).copied() else {
+            return Handshake::NoResponse;
+        };
         if !self.is_meant(address, &output) {
             return Handshake::NoResponse;
         }
@@ -119,7 +121,9 @@ impl UsbFunction for Core {
     }
 
     fn input(&mut self, address: u8, endpoint: u8) -> Input {
-        let Some(input) = self.inputs.get(number(endpoint)).copied() else { return Input::NoResponse };
+        let Some(input) = self.inputs.get(number(endpoint)).copied() else {
+            return Input::NoResponse;
+        };
         if !self.is_meant(address, &input) {
             return Input::NoResponse;
         }
@@ -138,7 +142,8 @@ impl UsbFunction for Core {
 
     fn input_acknowledged(&mut self, address: u8, endpoint: u8) {
         let number = number(endpoint);
-        let Some(input) = self.inputs.get(number).copied().filter(|input| self.is_meant(address, input))
+        let Some(input) =
+            self.inputs.get(number).copied().filter(|input| self.is_meant(address, input))
         else {
             return;
         };

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::endpoint::Endpoint;
 use super::fifo::{Receive, Transmit, endpoint_and_status};
 use super::registers::{
-    DAD, DAD_SHIFT, ENDPOINTS, FDMOD, FIFO, FIFO_BYTES, GINT, PCGCCTL, PHYSEL, PWRDWN, VBDEN, dctl, dsts,
-    gint,
+    DAD, DAD_SHIFT, ENDPOINTS, FDMOD, FIFO, FIFO_BYTES, GINT, PCGCCTL, PHYSEL, PWRDWN, VBDEN, dctl,
+    dsts, gint,
 };
 use super::registers::{device, epctl, epint, global, gotgctl, grstctl, pktsts};
 
@@ -46,7 +46,8 @@ pub struct Core {
     pub(super) transmit: [Transmit; ENDPOINTS],
     pub(super) inputs: [Endpoint; ENDPOINTS],
     pub(super) outputs: [Endpoint; ENDPOINTS],
-    /// The address in force: a new one is, when the status stage of the request that gave it is over.
+    /// The address in force: a new one is, when the status stage of the request that gave it is
+    /// over.
     pub(super) address: u8,
     pub(super) frame: u16,
     pub(super) suspended: bool,
@@ -109,7 +110,10 @@ impl Core {
     pub(super) fn shows_itself(&self) -> bool {
         let session = self.gotgctl & (gotgctl::BVALOEN | gotgctl::BVALOVAL);
         let valid = session == gotgctl::BVALOEN | gotgctl::BVALOVAL;
-        self.device_since.is_some() && self.gccfg & PWRDWN != 0 && self.dctl & dctl::SDIS == 0 && valid
+        self.device_since.is_some()
+            && self.gccfg & PWRDWN != 0
+            && self.dctl & dctl::SDIS == 0
+            && valid
     }
 
     pub(super) fn rx_depth(&self) -> usize {
@@ -136,7 +140,8 @@ impl Core {
             | when(daint >> 16 != 0, gint::OEPINT)
     }
 
-    /// DIEPINT of an endpoint, with the state of its FIFO: half empty counts as empty (GAHBCFG.TXFELVL is 0).
+    /// DIEPINT of an endpoint, with the state of its FIFO: half empty counts as empty
+    /// (GAHBCFG.TXFELVL is 0).
     fn diepint(&self, number: usize) -> u32 {
         let fifo = self.inputs[number].fifo();
         let used = self.transmit.get(fifo).map_or(0, Transmit::used);
@@ -145,7 +150,8 @@ impl Core {
 
     fn daint(&self) -> u32 {
         (0..ENDPOINTS).fold(0, |daint, number| {
-            let mask = self.diepmsk | if self.diepempmsk >> number & 1 == 1 { epint::TXFE } else { 0 };
+            let mask =
+                self.diepmsk | if self.diepempmsk >> number & 1 == 1 { epint::TXFE } else { 0 };
             let input = u32::from(self.diepint(number) & mask != 0);
             let output = u32::from(self.outputs[number].flags & self.doepmsk != 0);
             daint | input << number | output << (16 + number)
@@ -161,7 +167,9 @@ impl Core {
     pub fn peek(&self, offset: u64, now: VirtualNanos) -> Option<u32> {
         if let Some((endpoint, register)) = within(offset, device::IN) {
             let fifo = self.inputs[endpoint].fifo();
-            let free = self.tx_depth(fifo).saturating_sub(self.transmit.get(fifo).map_or(0, Transmit::used));
+            let free = self
+                .tx_depth(fifo)
+                .saturating_sub(self.transmit.get(fifo).map_or(0, Transmit::used));
             return match register {
                 device::CTL => Some(self.inputs[endpoint].ctl()),
                 device::INT => Some(self.diepint(endpoint)),
@@ -227,7 +235,8 @@ impl Core {
         })
     }
 
-    /// A status word that acts when it is taken (RM0433, GRXSTSP: 0011 and 0100 raise an interrupt).
+    /// A status word that acts when it is taken (RM0433, GRXSTSP: 0011 and 0100 raise an
+    /// interrupt).
     fn popped(&mut self, status: u32) {
         let (endpoint, what) = endpoint_and_status(status);
         let Some(output) = self.outputs.get_mut(endpoint) else { return };
@@ -311,7 +320,8 @@ impl Core {
     fn write_reset(&mut self, value: u32) {
         self.grstctl = value & grstctl::TXFNUM;
         if value & grstctl::CSRST != 0 {
-            *self = Self { gusbcfg: self.gusbcfg, device_since: self.device_since, ..Self::default() };
+            *self =
+                Self { gusbcfg: self.gusbcfg, device_since: self.device_since, ..Self::default() };
             return;
         }
         if value & grstctl::RXFFLSH != 0 {

@@ -35,7 +35,8 @@ impl Endpoint {
 
     /// It is written. Returns what the model does not do.
     pub fn write_ctl(&mut self, written: u32) -> Option<&'static str> {
-        let kept = epctl::MPSIZ | epctl::EPTYP | epctl::TXFNUM | if self.is_0 { 0 } else { epctl::USBAEP };
+        let kept =
+            epctl::MPSIZ | epctl::EPTYP | epctl::TXFNUM | if self.is_0 { 0 } else { epctl::USBAEP };
         self.ctl = self.ctl & !kept | written & kept;
         let stall = written & epctl::STALL;
         self.ctl = if self.is_0 { self.ctl | stall } else { self.ctl & !epctl::STALL | stall };

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-/// Words that the core keeps free in the receive FIFO for SETUP packets (RM0433, device FIFO architecture: ten).
+/// Words that the core keeps free in the receive FIFO for SETUP packets (RM0433, device FIFO
+/// architecture: ten).
 const KEPT_FOR_SETUP: usize = 10;
 /// GRXSTSP: bytes, DATA0 or DATA1, and what it is.
 const BCNT_SHIFT: u32 = 4;
@@ -15,7 +16,8 @@ const DATA1: u32 = 2;
 
 /// Bytes as words of the FIFO.
 pub fn words(bytes: &[u8]) -> Vec<u32> {
-    let word = |chunk: &[u8]| chunk.iter().rev().fold(0, |word: u32, byte| word << 8 | u32::from(*byte));
+    let word =
+        |chunk: &[u8]| chunk.iter().rev().fold(0, |word: u32, byte| word << 8 | u32::from(*byte));
     bytes.chunks(4).map(word).collect()
 }
 
@@ -54,7 +56,8 @@ impl Receive {
     pub fn push(&mut self, endpoint: usize, status: u32, data1: bool, bytes: &[u8]) {
         let count = u32::try_from(bytes.len()).expect("a packet");
         let dpid = if data1 { DATA1 } else { 0 };
-        let status = number(endpoint) | count << BCNT_SHIFT | dpid << DPID_SHIFT | status << PKTSTS_SHIFT;
+        let status =
+            number(endpoint) | count << BCNT_SHIFT | dpid << DPID_SHIFT | status << PKTSTS_SHIFT;
         self.entries.push_back(Entry { status, data: words(bytes) });
     }
 

@@ -1,5 +1,5 @@
-//! Offsets and bits of the registers that a driver of a full-speed device uses (RM0433 chapter 57; names as in stm32-metapac's
-//! `otg_v1`).
+//! Offsets and bits of the registers that a driver of a full-speed device uses (RM0433 chapter 57;
+//! names as in stm32-metapac's `otg_v1`).
 
 /// Global registers.
 pub mod global {

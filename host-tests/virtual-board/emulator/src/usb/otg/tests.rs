@@ -20,7 +20,8 @@ const OUT_1: u64 = device::OUT + device::ENDPOINT;
 /// A bulk endpoint of 64 bytes that is active.
 const BULK: u32 = 2 << 18 | epctl::USBAEP | 64;
 
-/// A core that shows itself, after a reset of the bus, with 64 words to receive and 16 for each of two FIFOs.
+/// A core that shows itself, after a reset of the bus, with 64 words to receive and 16 for each of
+/// two FIFOs.
 fn connected() -> Core {
     let mut core = Core::default();
     let mut write = |offset, value| core.write(offset, value, START);
@@ -157,7 +158,11 @@ fn an_out_packet_is_taken_once_and_then_refused_until_nak_is_cleared() {
     assert_eq!(pop(&mut core), (0, 0, 0), "and dropped");
     assert_eq!(core.out(0, 1, Toggle::Data1, &[6]), Handshake::Ack);
     assert_eq!(pop(&mut core), (1, 1, pktsts::OUT_DATA));
-    assert_eq!(core.out(0, 1, Toggle::Data0, &[0; 65]), Handshake::NoResponse, "longer than a packet");
+    assert_eq!(
+        core.out(0, 1, Toggle::Data0, &[0; 65]),
+        Handshake::NoResponse,
+        "longer than a packet"
+    );
 }
 
 #[test]

@@ -68,8 +68,9 @@ impl UsbFunction for Function<'_, '_> {
             return Handshake::NoResponse;
         };
         let found = self.usb.endpoints[number];
-        let takes =
-            found.kind() == Kind::Control && found.receives() != Status::Disabled && !found.has(CTR_RX);
+        let takes = found.kind() == Kind::Control
+            && found.receives() != Status::Disabled
+            && !found.has(CTR_RX);
         if !takes || self.usb.store(number, &data, self.context).is_err() {
             return Handshake::NoResponse;
         }

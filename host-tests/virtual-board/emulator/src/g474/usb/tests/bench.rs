@@ -143,7 +143,8 @@ impl Bench {
 
     pub fn read(&mut self, offset: u32) -> u16 {
         let address = tables::named(NAME).base + u64::from(offset);
-        let found = self.part.read(VirtualNanos(self.now), address, Width::W32).expect("a register");
+        let found =
+            self.part.read(VirtualNanos(self.now), address, Width::W32).expect("a register");
         u16::try_from(found).expect("the upper half is reserved")
     }
 

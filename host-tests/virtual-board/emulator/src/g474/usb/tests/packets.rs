@@ -37,7 +37,10 @@ fn a_packet_is_sent_until_it_is_acknowledged() {
     assert_eq!(bench.at_cable(|usb| usb.input(0, 1)), Input::Nak);
     bench.put_packet(1, &[1, 2, 3]);
     for _ in 0..2 {
-        assert_eq!(bench.at_cable(|usb| usb.input(0, 1)), Input::Data(Toggle::Data0, vec![1, 2, 3]));
+        assert_eq!(
+            bench.at_cable(|usb| usb.input(0, 1)),
+            Input::Data(Toggle::Data0, vec![1, 2, 3])
+        );
     }
     bench.at_cable(|usb| usb.input_acknowledged(0, 1));
     assert_eq!(bench.at_cable(|usb| usb.input(0, 1)), Input::Nak);
@@ -53,7 +56,11 @@ fn a_setup_is_taken_whatever_the_endpoint_says_but_not_before_the_last_was_seen(
     let after = bench.read(EPR);
     assert_eq!(after, CTR_RX | SETUP | 0x2020 | endpoint::DTOG_RX | endpoint::DTOG_TX | 1 << 9);
     assert_eq!(bench.packet(0), REQUEST);
-    assert_eq!(bench.at_cable(|usb| usb.setup(0, 0, REQUEST)), Handshake::NoResponse, "CTR_RX is set");
+    assert_eq!(
+        bench.at_cable(|usb| usb.setup(0, 0, REQUEST)),
+        Handshake::NoResponse,
+        "CTR_RX is set"
+    );
     bench.clear_received(0);
     // NAK to STALL, both ways.
     bench.toggle(0, 0x3030);

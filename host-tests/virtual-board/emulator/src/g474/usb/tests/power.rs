@@ -30,7 +30,11 @@ fn a_reset_on_the_bus_forgets_address_and_endpoints() {
     bench.at_cable(|usb| usb.out(5, 1, Toggle::Data0, &[1]));
     bench.at_cable(|usb| usb.bus_reset());
     assert!(bench.interrupt_is_up());
-    assert_eq!([bench.read(EPR + 4), bench.read(DADDR)], [CTR_RX, 0], "what was received stays known");
+    assert_eq!(
+        [bench.read(EPR + 4), bench.read(DADDR)],
+        [CTR_RX, 0],
+        "what was received stays known"
+    );
     bench.write(DADDR, EF);
     bench.bulk_endpoint(1);
     let out = |usb: &mut Function<'_, '_>| usb.out(0, 1, Toggle::Data0, &[1]);
@@ -75,7 +79,11 @@ fn suspended_it_takes_nothing_and_wakes_on_resume_and_reset() {
     assert_eq!(bench.at_cable(|usb| usb.out(0, 1, Toggle::Data0, &[1])), Handshake::NoResponse);
     bench.at_cable(|usb| usb.resume());
     assert_eq!(bench.read(ISTR) & (WKUP | RESET), WKUP);
-    assert_eq!(bench.read(CNTR), enables | FSUSP, "LPMODE is cleared at once, FSUSP by the firmware");
+    assert_eq!(
+        bench.read(CNTR),
+        enables | FSUSP,
+        "LPMODE is cleared at once, FSUSP by the firmware"
+    );
     bench.write(CNTR, enables);
     bench.write(ISTR, 0);
     assert_eq!(bench.at_cable(|usb| usb.out(0, 1, Toggle::Data0, &[1])), Handshake::Ack);
