@@ -70,7 +70,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     // Where there is none, nothing is armed, and the core says so.
     let gateway = SharedGateway::place(description, random::number(), words, is_bare);
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
-    spawner.spawn(defmt::unwrap!(tasks::deadline::deadline(gateway)));
+    spawner.spawn(defmt::unwrap!(tasks::history::history(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));
     let hosts = ports.spawn(spawner, gateway);

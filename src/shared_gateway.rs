@@ -8,8 +8,8 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use gateway::{
-    Board, BusSetup, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS, Store,
-    Transmit,
+    Board, BusSetup, Changes, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS,
+    Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
@@ -37,10 +37,10 @@ pub struct SharedGateway {
     kept: Mutex<Guard, RefCell<CoreWords>>,
     buses: [Changed; MAX_BUSES],
     links: [Changed; MAX_LINKS],
-    deadline: Changed,
-    /// The next deadline, when it has been worked out.
+    /// The next deadline, where it is another one.
     due: Signal<Guard, Option<embassy_time::Instant>>,
     log: Changed,
+    history: Changed,
     /// This run knows no motor that a run before may have left turning: the enable output stays
     /// inactive.
     is_bare: bool,
@@ -63,9 +63,9 @@ impl SharedGateway {
             kept: Mutex::new(RefCell::new(kept)),
             buses: [const { Signal::new() }; MAX_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
-            deadline: Signal::new(),
             due: Signal::new(),
             log: Signal::new(),
+            history: Signal::new(),
             is_bare,
         });
         shared.with(|core, now| {
@@ -94,23 +94,39 @@ impl SharedGateway {
         self.core.lock(|core| act(&mut core.borrow_mut(), Self::now()))
     }
 
-    /// Tells the core what happened, and every port to poll it again.
+    /// Tells the core what happened, and those for whom it has something to poll it again.
     ///
     /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. Who may move and whether
     /// the e-stop is latched is stored by then; the history follows when the buses have had
     /// their frames, after many trips in parts, so that the next event does not wait long.
     pub fn handle(&self, event: Event<'_>) {
         let enabled = self.with(|core, now| {
-            self.storing(|store| core.handle(now, event, store));
+            let changes = self.storing(|store| core.handle(now, event, store));
+            self.wake(core, changes);
             core.enable_output()
         });
         board::set_enable_output(enabled && !self.is_bare);
-        // Among equals the executor takes first what was woken last.
-        [&self.log, &self.deadline]
-            .into_iter()
-            .chain(&self.links)
-            .chain(&self.buses)
-            .for_each(|changed| changed.signal(()));
+    }
+
+    /// Wakes those who have to poll the core again. Among equals the executor takes first what was
+    /// woken last.
+    fn wake(&self, core: &Gateway, changes: Changes) {
+        if changes.log {
+            self.log.signal(());
+        }
+        if changes.history {
+            self.history.signal(());
+        }
+        if changes.deadline {
+            let due = core.next_deadline();
+            self.due.signal(due.map(|due| embassy_time::Instant::from_micros(due.as_micros())));
+        }
+        for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.has_link(*index)) {
+            link.signal(());
+        }
+        for (_, bus) in (0u8..).zip(&self.buses).filter(|(index, _)| changes.has_bus(*index)) {
+            bus.signal(());
+        }
     }
 
     /// Gives the core the memory that outlives a reset, and closes what it writes.
@@ -146,23 +162,27 @@ impl SharedGateway {
     /// The next frame for a bus.
     #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {
-        let transmit = self.with(|core, now| core.poll_transmit(now, bus));
-        if transmit.is_some() {
-            // A frame on its way opens a reply window.
-            self.deadline.signal(());
-        }
-        transmit
+        self.with(|core, now| {
+            let transmit = core.poll_transmit(now, bus);
+            if transmit.is_some() {
+                let changes = core.take_changes();
+                self.wake(core, changes);
+            }
+            transmit
+        })
     }
 
     /// The slot of a frame that the controller of a bus should give back.
     #[inline(never)]
     pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
-        let slot = self.with(|core, now| core.poll_cancel(now, bus));
-        if slot.is_some() {
-            // The controller must report in time.
-            self.deadline.signal(());
-        }
-        slot
+        self.with(|core, now| {
+            let slot = core.poll_cancel(now, bus);
+            if slot.is_some() {
+                let changes = core.take_changes();
+                self.wake(core, changes);
+            }
+            slot
+        })
     }
 
     /// The next frame for a host link: its length in `out`.
@@ -207,15 +227,6 @@ impl SharedGateway {
         }
     }
 
-    /// When the core wants to be told of the time.
-    #[inline(never)]
-    pub fn next_deadline(&self) -> Option<Instant> {
-        self.with(|core, _| {
-            self.save_some(core);
-            core.next_deadline()
-        })
-    }
-
     /// The next entry of the core's log.
     #[inline(never)]
     pub fn take_log(&self) -> Option<LogEntry> {
@@ -243,18 +254,13 @@ impl SharedGateway {
         self.log.wait().await;
     }
 
-    /// Says when the next tick is due.
-    pub fn set_due(&self, due: Option<embassy_time::Instant>) {
-        self.due.signal(due);
+    /// Waits until a part of the history may be left to store. For one task.
+    pub async fn history_changed(&self) {
+        self.history.wait().await;
     }
 
-    /// Waits until it is said again when the next tick is due. For one task.
+    /// Waits until the core wants to be told of another time: when. For one task.
     pub async fn due_changed(&self) -> Option<embassy_time::Instant> {
         self.due.wait().await
-    }
-
-    /// Waits until the next deadline may have changed. For one task.
-    pub async fn deadline_changed(&self) {
-        self.deadline.wait().await;
     }
 }

@@ -12,18 +12,6 @@ use crate::watchdog::{Life, Watch};
 /// between ticks.
 const LEAST_PAUSE: Duration = Duration::from_micros(20);
 
-/// For ever: work out the next deadline when it may have changed. That takes a while and is not
-/// urgent.
-#[embassy_executor::task]
-pub async fn deadline(gateway: &'static SharedGateway) -> ! {
-    let life = Watch::new(Life::DEADLINES);
-    loop {
-        let due = gateway.next_deadline().map(|due| Instant::from_micros(due.as_micros()));
-        gateway.set_due(due);
-        while life.alive(gateway.deadline_changed()).await.is_none() {}
-    }
-}
-
 /// For ever: tick when the deadline is due.
 #[embassy_executor::task]
 pub async fn tick(gateway: &'static SharedGateway) -> ! {

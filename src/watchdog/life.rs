@@ -40,8 +40,8 @@ const fn byte(count: usize) -> u8 {
 impl Life {
     /// What ticks.
     pub const TICKS: Self = Self(OTHERS + 4);
-    /// What works deadlines out.
-    pub const DEADLINES: Self = Self(OTHERS);
+    /// What stores the history.
+    pub const HISTORY: Self = Self(OTHERS);
     /// What watches the e-stop input.
     pub const E_STOP: Self = Self(OTHERS + 1);
     /// What serves USB.
@@ -98,7 +98,7 @@ impl fmt::Display for Life {
             number @ ..LINK_SENDER => write!(f, "host link {} receiver", number - LINK_RECEIVER),
             number @ ..OTHERS => write!(f, "host link {} sender", number - LINK_SENDER),
             _ => f.write_str(match *self {
-                Self::DEADLINES => "deadlines",
+                Self::HISTORY => "history",
                 Self::TICKS => "ticks",
                 Self::E_STOP => "e-stop input",
                 Self::USB => "USB",

@@ -117,7 +117,7 @@ impl Gateway {
         for bus in touched.into_iter().flatten() {
             self.end_raw(now, bus);
         }
-        self.note_axes();
+        self.settle(self.now);
         self.retention.axis_changed(request.axis);
         Ok(())
     }
@@ -133,7 +133,7 @@ impl Gateway {
         axis.config = config;
         axis.state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
         axis.told_before_reset(told);
-        self.note_axes();
+        self.settle(self.now);
     }
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {
@@ -153,15 +153,9 @@ impl Gateway {
         if let Some(bus) = bus {
             self.end_raw(now, bus);
         }
-        self.note_axes();
+        self.settle(self.now);
         self.retention.axis_changed(axis);
         Ok(())
-    }
-
-    /// Has the buses take notice of a changed configuration.
-    fn note_axes(&mut self) {
-        let Self { axes, buses, .. } = self;
-        buses.iter_mut().for_each(|bus| bus.axes_changed(axes));
     }
 
     /// Whether a configuration that names a motor fits its bus, its protocol and the other axes.

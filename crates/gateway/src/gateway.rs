@@ -1,17 +1,18 @@
 //! The gateway as one object: events in, frames out.
 
 use crate::authority::Authority;
+use crate::axes::{Axes, AxisSet, Is};
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
 use crate::link::Link;
 use crate::log::{Links, LogEntry};
 use crate::outbox::Outbox;
-use crate::port::{Board, BusSetup, Event, Store, Transmit};
+use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
 use crate::retained::Retention;
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use crate::together::Together;
-use crate::{MAX_AXES, MAX_AXES_WIRE, MAX_BUSES};
+use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason};
 
@@ -19,7 +20,7 @@ use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason
 #[derive(Clone)]
 pub struct Gateway {
     pub(crate) board: &'static Board,
-    pub(crate) axes: Vec<Axis, MAX_AXES>,
+    pub(crate) axes: Axes,
     pub(crate) buses: Vec<Bus, MAX_BUSES>,
     pub(crate) links: Links,
     pub(crate) authority: Authority,
@@ -40,6 +41,14 @@ pub struct Gateway {
     pub(crate) history: History,
     pub(crate) retention: Retention,
     pub(crate) now: Instant,
+    /// Buses that may have changed since they were settled, a bit for each.
+    pub(crate) touched_buses: u8,
+    /// Buses that may have changed since time alone was last looked at.
+    pub(crate) unwatched_buses: u8,
+    /// Buses that may have changed since that was last told, a bit for each.
+    pub(crate) changed_buses: u8,
+    /// The next deadline as it was last told.
+    pub(crate) told_deadline: Option<Instant>,
 }
 
 impl Gateway {
@@ -58,7 +67,7 @@ impl Gateway {
     pub const fn unequipped(board: &'static Board, seed: Option<u32>) -> Self {
         Self {
             board,
-            axes: Vec::new(),
+            axes: Axes::new(),
             buses: Vec::new(),
             links: Links::new(),
             authority: Authority::new(),
@@ -73,6 +82,10 @@ impl Gateway {
             history: History::new(),
             retention: Retention::new(),
             now: Instant::from_micros(0),
+            touched_buses: 0,
+            unwatched_buses: 0,
+            changed_buses: 0,
+            told_deadline: None,
         }
     }
 
@@ -80,13 +93,10 @@ impl Gateway {
     /// Another time it does nothing.
     #[inline(never)]
     pub fn equip(&mut self) {
-        if self.epoch.is_none() && self.axes.is_empty() {
+        if self.epoch.is_none() && self.buses.is_empty() {
             self.links.log(LogEntry::NoRandomNumber);
         }
-        while !self.axes.is_full() {
-            let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
-            let _ = self.axes.push(Axis::new(index));
-        }
+        self.axes.init();
         while let Some(port) = self.board.buses.get(self.buses.len()) {
             let index = u8::try_from(self.buses.len()).unwrap_or(u8::MAX);
             if self.buses.push(Bus::new(index, *port)).is_err() {
@@ -100,8 +110,8 @@ impl Gateway {
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
     /// reset before a frame can follow from it. A time earlier than one given before counts as
-    /// that one.
-    pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) {
+    /// that one. Returns who has to ask the core again.
+    pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
         let now = now.max(self.now);
         self.now = now;
         self.remember_trips();
@@ -132,27 +142,76 @@ impl Gateway {
             Event::EStopInput { open } => self.e_stop_input(now, open),
             Event::Tick => {}
         }
+        self.settle(now);
         self.spread_trips(now);
         self.go_on_together(now);
         self.close_barred_raw(now);
+        self.settle(now);
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
         self.save_states(store);
+        self.settle_all(now);
+        self.check_kept(now);
+        self.take_changes()
+    }
+
+    /// Works out anew what is kept of the axes that may have changed.
+    pub(crate) fn settle(&mut self, now: Instant) {
+        self.touched_buses |= self.axes.settle(now, self.now);
+    }
+
+    /// The same for everything, at the end of what an event has brought about.
+    fn settle_all(&mut self, now: Instant) {
+        self.settle(now);
+        let buses = core::mem::take(&mut self.touched_buses);
+        if buses == 0 {
+            return;
+        }
+        for bus in self.buses.iter_mut().filter(|bus| bus.is_in(buses)) {
+            bus.settle(self.now, &self.axes);
+        }
+        self.axes.traffic_is_known();
+        self.unwatched_buses |= buses;
+        self.changed_buses |= buses;
+    }
+
+    /// In tests: every word that is kept is what a look at everything gives.
+    fn check_kept(&self, now: Instant) {
+        if cfg!(debug_assertions) {
+            self.axes.assert_kept(now, self.now);
+            self.buses.iter().for_each(|bus| bus.assert_kept(self.now, &self.axes));
+        }
+    }
+
+    /// Who has to ask the core again since the last time: [`handle`](Self::handle) says so too, and
+    /// what polls a bus asks afterwards.
+    pub fn take_changes(&mut self) -> Changes {
+        let deadline = self.next_deadline();
+        let (links, log) = self.links.take_changed();
+        Changes {
+            buses: core::mem::take(&mut self.changed_buses),
+            links,
+            log,
+            deadline: core::mem::replace(&mut self.told_deadline, deadline) != deadline,
+            history: !self.retention.is_complete(),
+        }
     }
 
     /// New trips go into the history: not while they are news, as their stops are to leave first.
     pub(crate) fn remember_trips(&mut self) {
+        self.settle(self.now);
         let Self { axes, history, starts, .. } = self;
-        for axis in axes {
+        axes.each(axes.which(Is::Unrecorded), |axis| {
             if let Some(trip) = axis.take_unrecorded_trip() {
                 history.push(Incident::Tripped { start: *starts, axis: axis.index, trip });
             }
-        }
+        });
     }
 
     /// One axis of a trip group has tripped: the others do.
     fn spread_trips(&mut self, now: Instant) {
-        while let Some(axis) = self.axes.iter_mut().find(|axis| axis.trip_spreads()) {
+        while let Some(axis) = self.axes.which(Is::Spreading).into_iter().next() {
+            let Some(axis) = self.axes.get_mut(axis) else { return };
             let (origin, Some(group)) = (axis.index, axis.take_spreading_trip()) else { continue };
             self.each_axis(now, |axis, out| {
                 if axis.trip_group() == Some(group) {
@@ -160,22 +219,44 @@ impl Gateway {
                     axis.take_spreading_trip();
                 }
             });
+            self.settle(now);
         }
     }
 
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
+        self.settle(now);
         let Self { buses, axes, links, .. } = self;
-        buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links))
+        let transmit =
+            buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links));
+        self.has_polled(now, bus, transmit.is_some());
+        transmit
+    }
+
+    /// A bus has been polled: who polls it does so until nothing is left.
+    fn has_polled(&mut self, now: Instant, bus: u8, has_changed: bool) {
+        self.touch_bus(bus, has_changed);
+        self.settle_all(now);
+        if has_changed {
+            self.check_kept(now);
+        }
+        self.changed_buses &= !1u8.checked_shl(bus.into()).unwrap_or(0);
+    }
+
+    fn touch_bus(&mut self, bus: u8, has_changed: bool) {
+        self.touched_buses |= u8::from(has_changed).checked_shl(bus.into()).unwrap_or(0);
     }
 
     /// The slot of a frame that the controller of a CAN bus should give back, if there is one:
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
+        self.settle(now);
         let Self { buses, axes, .. } = self;
-        buses.get_mut(usize::from(bus))?.poll_cancel(now, axes)
+        let slot = buses.get_mut(usize::from(bus))?.poll_cancel(now, axes);
+        self.has_polled(now, bus, slot.is_some());
+        slot
     }
 
     /// Writes the next delimited frame for a host link to `out` and returns its length. First
@@ -219,11 +300,17 @@ impl Gateway {
 
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
     pub fn next_deadline(&self) -> Option<Instant> {
-        let axes = self.axes.iter().filter_map(|axis| axis.next_deadline(self.now));
-        let buses = self.buses.iter().filter_map(|bus| bus.next_deadline(self.now, &self.axes));
+        let buses = self.buses.iter().filter_map(Bus::due);
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
         let together = self.together.as_ref().and_then(Together::deadline);
-        axes.chain(buses).chain(links).chain(self.authority.deadline()).chain(together).min()
+        self.axes
+            .first_due()
+            .into_iter()
+            .chain(buses)
+            .chain(links)
+            .chain(self.authority.deadline())
+            .chain(together)
+            .min()
     }
 
     /// Everything that time alone brings about.
@@ -231,42 +318,40 @@ impl Gateway {
         if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
             self.lose_authority(now);
         }
-        let lapsed =
-            self.links.iter_mut().fold(false, |lapsed, link| link.tick(now.as_micros()) | lapsed);
-        if lapsed {
-            self.watch();
+        self.tick_links(now);
+        self.settle(now);
+        let due = self.axes.due(now);
+        if !due.is_empty() {
+            let mut out = Outbox::new(now, &mut self.links);
+            self.axes.each(due, |axis| {
+                axis.expire_motion(now, &mut out);
+                axis.expire_pending(now, &mut out);
+            });
+            self.settle(now);
         }
-        let Self { buses, axes, links, .. } = self;
+        let Self { buses, axes, links, unwatched_buses, touched_buses, .. } = self;
         let mut out = Outbox::new(now, links);
-        // Buses with a stop, and with a setpoint that may be late: the others need no look at their
-        // axes. This is done at every event, and a stop that is asked for waits for it.
-        let [mut with_stops, mut with_late] = [[false; MAX_BUSES]; 2];
-        for axis in axes.iter_mut().filter(|axis| axis.state != AxisState::Unconfigured) {
-            axis.expire_motion(now, &mut out);
-            axis.expire_pending(now, &mut out);
-            let Some(bus) = axis.config.bus().map(usize::from) else { continue };
-            if let Some(with_stop) = with_stops.get_mut(bus).filter(|_| axis.has_stop()) {
-                *with_stop = true;
-            } else if let Some(with_late) =
-                with_late.get_mut(bus).filter(|_| axis.delivery_is_late(now, Duration::ZERO))
-            {
-                *with_late = true;
+        let unwatched = core::mem::take(unwatched_buses);
+        for (index, bus) in (0u8..).zip(buses) {
+            if bus.is_in(unwatched) || bus.due().is_some_and(|at| at <= now) {
+                bus.expire(now, axes, &mut out);
+                *touched_buses |= 1u8.checked_shl(index.into()).unwrap_or(0);
             }
         }
-        for (bus, (stops, late)) in buses.iter_mut().zip(with_stops.into_iter().zip(with_late)) {
-            if stops {
-                bus.report_unsent_stops(now, axes, &mut out);
-            }
-            if bus.config().is_none() {
+        self.settle(now);
+    }
+
+    /// Begins the periods of subscriptions that are due.
+    fn tick_links(&mut self, now: Instant) {
+        for link in 0..MAX_LINKS_WIRE {
+            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            if port.deadline().is_none_or(|at| at > now.as_micros()) {
                 continue;
             }
-            bus.recover(now, axes, &mut out);
-            bus.expire_in_flight(now, axes, &mut out);
-            if late {
-                bus.expire_deliveries(now, axes, &mut out);
-            }
-            if stops {
-                bus.report_delayed_stops(now, axes, &mut out);
+            let has_lapsed = port.tick(now.as_micros());
+            self.links.touch(link);
+            if has_lapsed {
+                self.watch();
             }
         }
     }
@@ -274,9 +359,14 @@ impl Gateway {
     /// Has the axes polled that somebody has subscribed to.
     pub(crate) fn watch(&mut self) {
         let Self { axes, links, .. } = self;
-        for axis in axes {
-            axis.watch(links.iter().any(|link| link.watches(axis.index)));
+        let mut changed = AxisSet::NONE;
+        for axis in axes.iter() {
+            let watched = links.iter().any(|link| link.watches(axis.index));
+            if axis.is_watched() != watched {
+                changed = changed.with(AxisSet::of(axis.index.into()));
+            }
         }
+        axes.each(changed, |axis| axis.watch(!axis.is_watched()));
     }
 
     fn host_bytes(&mut self, now: Instant, link: u8, bytes: &[u8]) {
@@ -295,6 +385,7 @@ impl Gateway {
                 self.execute(now, link, incoming);
             }
         }
+        self.links.touch(link);
     }
 
     pub(crate) fn outbox(&mut self, now: Instant) -> Outbox<'_> {
@@ -317,6 +408,7 @@ impl Gateway {
 
     pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
         let unknown = self.unknown_bus(bus);
+        self.touch_bus(bus, true);
         self.buses.get_mut(usize::from(bus)).ok_or(unknown)
     }
 
@@ -337,7 +429,7 @@ impl Gateway {
         Ok(act(axis, &mut Outbox::new(now, links)))
     }
 
-    /// Calls `act` with every axis.
+    /// Calls `act` with every axis that is configured.
     pub(crate) fn each_axis(
         &mut self,
         now: Instant,
@@ -345,17 +437,16 @@ impl Gateway {
     ) {
         let Self { axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        for axis in axes {
-            act(axis, &mut out);
-        }
+        axes.each(axes.which(Is::Configured), |axis| act(axis, &mut out));
     }
 
     pub(crate) fn on_bus(
         &mut self,
         now: Instant,
         bus: u8,
-        act: impl FnOnce(&mut Bus, &mut [Axis], &mut Outbox<'_>),
+        act: impl FnOnce(&mut Bus, &mut Axes, &mut Outbox<'_>),
     ) {
+        self.touch_bus(bus, true);
         let Self { buses, axes, links, .. } = self;
         if let Some(bus) = buses.get_mut(usize::from(bus)) {
             act(bus, axes, &mut Outbox::new(now, links));

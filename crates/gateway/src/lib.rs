@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod authority;
+mod axes;
 mod axis;
 mod bus;
 mod bus_rules;
@@ -33,7 +34,9 @@ mod together;
 pub use bus_rules::check_bus_config;
 pub use gateway::Gateway;
 pub use log::LogEntry;
-pub use port::{Board, BusPort, BusPortKind, BusSetup, Event, Light, Outgoing, Store, Transmit};
+pub use port::{
+    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, Outgoing, Store, Transmit,
+};
 pub use retained::RETAINED_WORDS;
 pub use rules::{AxisRules, NativeEffect};
 pub use time::{Duration, Instant};
@@ -48,3 +51,6 @@ pub const MAX_LINKS: usize = 3;
 /// [`MAX_AXES`] as the wire carries it.
 #[allow(clippy::cast_possible_truncation)]
 pub(crate) const MAX_AXES_WIRE: u8 = MAX_AXES as u8;
+/// [`MAX_LINKS`] likewise.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) const MAX_LINKS_WIRE: u8 = MAX_LINKS as u8;

@@ -4,10 +4,10 @@ use core::mem::take;
 use core::ops::{Deref, DerefMut};
 
 use heapless::{Deque, Vec};
-use host_protocol::Event;
+use host_protocol::{Error, Event, Reply};
 
 use crate::gateway::Gateway;
-use crate::link::Link;
+use crate::link::{Link, Slot};
 use crate::{MAX_AXES, MAX_LINKS};
 
 /// Entries that can wait.
@@ -54,11 +54,23 @@ pub(crate) struct Links {
     dropped: u32,
     /// The link that is in command, as the log knows it.
     holder: Option<u8>,
+    /// The links that have had something to send since that was last asked, a bit for each.
+    changed: u8,
+    /// The same of the log.
+    log_changed: bool,
 }
 
 impl Links {
     pub const fn new() -> Self {
-        Self { links: Vec::new(), news: Deque::new(), log: Deque::new(), dropped: 0, holder: None }
+        Self {
+            links: Vec::new(),
+            news: Deque::new(),
+            log: Deque::new(),
+            dropped: 0,
+            holder: None,
+            changed: 0,
+            log_changed: false,
+        }
     }
 
     /// Takes an event that every host is told, and the log: soon, by [`hand_out`](Self::hand_out).
@@ -68,6 +80,8 @@ impl Links {
         }
         // It fits: there is room now.
         let _ = self.news.push_back((now_us, *event));
+        self.changed = u8::MAX;
+        self.log_changed = true;
     }
 
     /// Puts what has happened into the queues of the links and into the log, in its order. Due
@@ -89,10 +103,32 @@ impl Links {
     }
 
     fn append(&mut self, entry: LogEntry) {
+        self.log_changed = true;
         // What comes after a loss waits until the loss has been told.
         if self.dropped > 0 || self.log.push_back(entry).is_err() {
             self.dropped = self.dropped.saturating_add(1);
         }
+    }
+
+    /// Answers a request of a link.
+    pub fn reply(&mut self, link: u8, slot: Slot, result: &Result<Reply, Error>) {
+        if let Some(port) = self.links.get_mut(usize::from(link)) {
+            port.reply(slot, result);
+            self.touch(link);
+        }
+    }
+
+    /// A link may have something to send.
+    pub fn touch(&mut self, link: u8) {
+        if self.links.get(usize::from(link)).is_some_and(Link::has_output) {
+            self.changed |= 1u8.checked_shl(link.into()).unwrap_or(0);
+        }
+    }
+
+    /// The links that have got something to send since the last time, a bit for each; and whether
+    /// the log has.
+    pub fn take_changed(&mut self) -> (u8, bool) {
+        (take(&mut self.changed), take(&mut self.log_changed))
     }
 
     /// Adds to the log who is in command, where that has changed.

@@ -27,10 +27,8 @@ impl<'a> Outbox<'a> {
 
     /// Answers a request.
     pub fn answer(&mut self, ticket: Ticket, result: &Result<Reply, Error>) {
-        if let (Some(link), Some(slot)) =
-            (self.links.get_mut(usize::from(ticket.link)), ticket.slot)
-        {
-            link.reply(slot, result);
+        if let Some(slot) = ticket.slot {
+            self.links.reply(ticket.link, slot, result);
         }
     }
 

@@ -1,6 +1,7 @@
 //! What the pins of a board tell the core, and what they show of it: e-stop input, enable output,
 //! light (GUARANTEES G6).
 
+use crate::axes::Is;
 use crate::gateway::Gateway;
 use crate::port::Light;
 use crate::time::Instant;
@@ -29,7 +30,7 @@ impl Gateway {
 
     /// Tells the hosts of an enable output that has changed.
     pub(crate) fn watch_enable_output(&mut self, now: Instant) {
-        let active = !self.axes.iter().any(|axis| axis.is_unreachable());
+        let active = self.axes.which(Is::Unreachable).is_empty();
         if core::mem::replace(&mut self.enabled, active) != active && self.board.enable_output {
             self.outbox(now).event(&Event::EnableOutputChanged { active });
         }

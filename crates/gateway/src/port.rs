@@ -13,7 +13,9 @@
 //!   [`Event::BusState`]. It does not recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops
 //!   what it holds and starts the bus again with that setup, then reports [`Event::BusState`].
-//! - After every call of `handle` it polls: transmissions, host output, the next deadline.
+//! - After every call of `handle` it polls what [`Changes`] names, each until nothing is left, and
+//!   after polling a bus what [`Gateway::take_changes`](crate::Gateway::take_changes) names. After
+//!   a start it polls everything once.
 //!
 //! And for the board:
 //! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that were
@@ -106,6 +108,35 @@ pub enum Event<'a> {
     },
     /// Nothing but time has passed: the deadline of `next_deadline` is due.
     Tick,
+}
+
+/// Who has to ask the core again after an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Changes {
+    /// The buses to poll, a bit for each.
+    pub buses: u8,
+    /// The host links to poll, a bit for each.
+    pub links: u8,
+    /// The log has an entry.
+    pub log: bool,
+    /// The next deadline is another one.
+    pub deadline: bool,
+    /// A part of the history has still to be stored.
+    pub history: bool,
+}
+
+impl Changes {
+    /// Whether a bus is to be polled.
+    #[must_use]
+    pub fn has_bus(self, bus: u8) -> bool {
+        self.buses.checked_shr(bus.into()).is_some_and(|bit| bit & 1 != 0)
+    }
+
+    /// Whether a host link is to be polled.
+    #[must_use]
+    pub fn has_link(self, link: u8) -> bool {
+        self.links.checked_shr(link.into()).is_some_and(|bit| bit & 1 != 0)
+    }
 }
 
 /// What the light of a board shows.

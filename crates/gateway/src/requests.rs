@@ -1,6 +1,7 @@
 //! What each request of a host does.
 
 use crate::MAX_AXES_WIRE;
+use crate::axes::Is;
 use crate::axis::{Axis, JobKind, Restart};
 use crate::bus::Bus;
 use crate::gateway::{Gateway, unknown_bus};
@@ -365,15 +366,16 @@ impl Gateway {
     fn stop_all(&mut self, now: Instant) {
         let Self { axes, buses, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        // What has begun to stop just now, as after an e-stop, is not asked again.
-        for axis in axes.iter_mut().filter(|axis| axis.stop_since() != Some(now)) {
+        axes.each(axes.which(Is::Configured), |axis| {
             // Where no bus carries it an axis at rest has no motor; on one that is off its stop
             // waits until the bus is back.
             let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
-            if !axis.is_idle_or_holding() || carried {
+            // What has begun to stop just now, as after an e-stop, is not asked again.
+            let has_just_begun = axis.stop_since() == Some(now);
+            if !has_just_begun && (!axis.is_idle_or_holding() || carried) {
                 axis.stop(now, &mut out);
             }
-        }
+        });
     }
 
     pub(crate) fn e_stop(&mut self, now: Instant) {

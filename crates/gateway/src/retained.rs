@@ -19,6 +19,7 @@ pub use layout::RETAINED_WORDS;
 
 use core::mem::take;
 
+use crate::axes::Is;
 use crate::axis::{Axis, AxisConfig};
 use crate::bus::Bus;
 use crate::bus_rules;
@@ -29,7 +30,7 @@ use crate::outbox::Outbox;
 use crate::port::Store;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
-use host_protocol::{AxisState, BusConfig, Incident, ProtocolSet, TripReason, requests};
+use host_protocol::{BusConfig, Incident, ProtocolSet, TripReason, requests};
 use layout::{Place, SLOTS, WRITING_AT};
 use slot::{Condition, Found};
 use states::{E_STOPPED, States};
@@ -87,6 +88,11 @@ impl Retention {
             is_damaged: false,
             lost_incidents: 0,
         }
+    }
+
+    /// Whether nothing is left to store.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
     }
 
     /// An axis has been configured or removed.
@@ -164,9 +170,8 @@ impl Gateway {
         self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
-        let is_news = |(axis, bit): (&Axis, u32)| axis.trip.is_some() && states.tripped & bit == 0;
-        self.retention.is_complete =
-            !self.history.has_unsaved() && !self.axes.iter().zip(bits()).any(is_news);
+        let news = self.axes.which(Is::Tripped).bits() & !states.tripped;
+        self.retention.is_complete = !self.history.has_unsaved() && news == 0;
         self.retention.write_states(states, store);
     }
 
@@ -179,6 +184,7 @@ impl Gateway {
             return true;
         }
         self.remember_trips();
+        self.settle(self.now);
         for _ in 0..INCIDENTS_AT_ONCE {
             let Some((index, words)) = self.history.take_unsaved() else { break };
             self.retention.write(Place::Incident(index), &words, store);
@@ -195,11 +201,11 @@ impl Gateway {
     /// Those that have changed; that of an axis also when its motor was told what is kept with it.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, .. } = self;
-        for (axis, bit) in axes.iter_mut().zip(bits()) {
+        axes.each(axes.which(Is::Unsaved), |axis| {
             if axis.take_unsaved() {
-                retention.axes |= bit;
+                retention.axes |= bit(usize::from(axis.index));
             }
-        }
+        });
         let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
         if new_axes | new_buses == 0 {
             return;
@@ -218,28 +224,17 @@ impl Gateway {
 
     /// The states as they are. What has tripped counts as in motion, except for these axes.
     fn states(&self, in_history: u32) -> States {
-        let mut states = States {
+        let which = |is| self.axes.which(is).bits();
+        let tripped = which(Is::Tripped) & in_history;
+        States {
             starts: self.starts,
+            // What holds goes on holding: after a reset each axis is sent its stop action.
+            moving: which(Is::Moving) & !tripped,
+            tripped,
+            unreachable: which(Is::Unreachable) & tripped,
             flags: if self.e_stopped { E_STOPPED } else { 0 },
             silence_us: self.authority.silence().as_micros_u32(),
-            ..States::NONE
-        };
-        for (axis, bit) in self.axes.iter().zip(bits()) {
-            match axis.state {
-                // After a reset each of them is sent its stop action: what held goes on holding.
-                AxisState::Unconfigured | AxisState::Idle | AxisState::Holding => {}
-                AxisState::Tripped { .. } if in_history & bit != 0 => {
-                    states.tripped |= bit;
-                    states.unreachable |= if axis.is_unreachable() { bit } else { 0 };
-                }
-                AxisState::Arming
-                | AxisState::Armed
-                | AxisState::Active
-                | AxisState::Stopping
-                | AxisState::Tripped { .. } => states.moving |= bit,
-            }
         }
-        states
     }
 
     /// Takes over what was saved before a reset; once, before any event. `words` are those of the
@@ -338,9 +333,8 @@ impl Gateway {
             let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
             bus.is_some_and(Bus::is_unserved)
         };
-        for (index, axis) in
-            axes.iter_mut().enumerate().filter(|(_, axis)| axis.state == AxisState::Idle)
-        {
+        axes.each(axes.which(Is::Configured), |axis| {
+            let index = usize::from(axis.index);
             let was_tripped = states.tripped & bit(index) != 0;
             if was_tripped || states.moving & bit(index) != 0 {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
@@ -361,24 +355,20 @@ impl Gateway {
             } else {
                 axis.stop(now, &mut out);
             }
-        }
+        });
+        self.settle(now);
     }
 
     /// Whether an axis has still to see its first stop leave: after a start no host link is opened
     /// before, at most 100 ms.
     pub fn stops_under_way(&self) -> bool {
-        self.axes.iter().any(|axis| axis.stop_has_not_left())
+        !self.axes.which(Is::FirstStop).is_empty()
     }
 }
 
 /// The bit of an axis or a bus; none beyond the word.
 fn bit(index: usize) -> u32 {
     u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0)
-}
-
-/// The bits of all axes in their order.
-fn bits() -> impl Iterator<Item = u32> {
-    core::iter::successors(Some(1u32), |bit| Some(bit << 1))
 }
 
 /// The words of an axis: its configuration, and the timeout last written to its motor.

@@ -33,6 +33,11 @@ impl Gateway {
             history,
             retention,
             now,
+            // Functions of the others, or of who has asked since.
+            touched_buses: _,
+            unwatched_buses: _,
+            changed_buses: _,
+            told_deadline: _,
         } = self;
         for axis in all.iter().take(axes) {
             write!(to, "{axis:?}")?;

@@ -48,6 +48,8 @@ pub struct World {
     told: [Told; MOTORS.len()],
     counts: Counts,
     life: Life,
+    /// Buses that the core has named and that have not been polled since, a bit for each.
+    named: u8,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
     /// Frames that do not reach their bus although the core believes so: a fault that must be
@@ -77,6 +79,7 @@ impl World {
             told: [Told::Unconfigured; MOTORS.len()],
             counts: Counts::default(),
             life: Life::new(),
+            named: u8::MAX,
             trace: None,
             #[cfg(test)]
             swallows: None,

@@ -300,6 +300,11 @@ impl Oracle {
         self.broken(Check::Restless, now, "events follow from each other without end".into());
     }
 
+    /// A bus has been handed a frame, and the event before did not name it.
+    pub fn not_named(&mut self, now: u64, bus: u8) {
+        self.broken(Check::NotNamed, now, format!("bus {bus} has a frame and was not named"));
+    }
+
     /// Everything that has come about by this instant has been told: what is due now?
     pub fn settle(&mut self, now: u64) {
         self.advance(now);

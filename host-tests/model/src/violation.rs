@@ -106,6 +106,8 @@ checks! {
     ResetForgot,
     /// What follows from an event comes to an end: nothing is asked back for what is asked back for it in turn (G4).
     Restless,
+    /// A bus had a frame, and nobody was told to ask for it.
+    NotNamed,
     /// G8: the last 16 trips and starts are remembered, over a reset too.
     HistoryWrong,
     /// G6: after a loss of power nothing is configured.

@@ -28,6 +28,7 @@ pub(crate) use restart::Restart;
 pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
+use crate::axes::Traffic;
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::time::{Duration, Earliest, Instant};
@@ -246,6 +247,11 @@ impl Axis {
     }
 
     /// Whether somebody has subscribed to the axis.
+    pub fn is_watched(&self) -> bool {
+        self.watched
+    }
+
+    /// Whether somebody has subscribed to the axis.
     pub fn watch(&mut self, watched: bool) {
         self.watched = watched;
     }
@@ -359,14 +365,47 @@ impl Axis {
             return None;
         }
         let mut next = Earliest::after(after);
-        next.consider(self.displaced.as_ref().and_then(Displaced::deadline));
-        next.consider(self.pending.as_ref().and_then(Pending::deadline));
-        next.consider(self.motion.as_ref().and_then(Motion::deadline));
+        self.timers().into_iter().for_each(|at| next.consider(at));
         if self.pending.is_none() {
             next.consider(self.next_want_at(after));
         }
-        next.consider(self.job_stalls_at());
-        next.consider(self.stop.as_ref().and_then(Stop::gives_up_at));
         next.at()
+    }
+
+    /// When something of the axis is over.
+    fn timers(&self) -> [Option<Instant>; 5] {
+        [
+            self.displaced.as_ref().and_then(Displaced::deadline),
+            self.pending.as_ref().and_then(Pending::deadline),
+            self.motion.as_ref().and_then(Motion::deadline),
+            self.job_stalls_at(),
+            self.stop.as_ref().and_then(Stop::gives_up_at),
+        ]
+    }
+
+    /// What of the axis decides how long others wait on its bus.
+    pub fn traffic(&self) -> Traffic {
+        let protocol = self.config.protocol();
+        Traffic {
+            bus: self.config.bus(),
+            protocol,
+            is_extended: motor::has_extended_ids(&self.config),
+            objects: self.objects,
+            replies: motor::replies_to_motion(&self.config),
+            stream: motor::stream_word(&self.config),
+        }
+    }
+
+    /// Whether something of the axis is over that nobody has looked at.
+    pub fn is_overdue(&self, now: Instant) -> bool {
+        self.state != AxisState::Unconfigured
+            && self.timers().into_iter().flatten().any(|at| at <= now)
+    }
+
+    /// Whether the axis has something to send.
+    pub fn is_ready(&self, now: Instant) -> bool {
+        self.state != AxisState::Unconfigured
+            && self.pending.is_none()
+            && self.next_want_at(now).is_some_and(|at| at <= now)
     }
 }

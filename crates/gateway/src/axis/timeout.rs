@@ -113,6 +113,11 @@ impl Axis {
         self.written_timeout_ms | if self.owes_restart() { RESTART_OWED } else { 0 }
     }
 
+    /// Whether what outlives a reset of the gateway has still to be saved.
+    pub fn is_unsaved(&self) -> bool {
+        self.is_unsaved
+    }
+
     /// Whether that has changed and has still to be saved.
     pub fn take_unsaved(&mut self) -> bool {
         core::mem::take(&mut self.is_unsaved)

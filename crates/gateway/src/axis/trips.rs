@@ -63,6 +63,11 @@ impl Axis {
         if core::mem::take(&mut self.trip_unrecorded) { self.trip } else { None }
     }
 
+    /// Whether its trip has still to go into the history.
+    pub fn trip_is_unrecorded(&self) -> bool {
+        self.trip_unrecorded
+    }
+
     /// Axes that trip together have the same.
     pub fn trip_group(&self) -> Option<u32> {
         self.config.unsigned(AxisParameter::TripGroup)

@@ -130,6 +130,9 @@ impl Axis {
             let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
             return match (next, job) {
                 // A confirmed stop is only repeated: whoever clears it comes between.
+                (Some((Next::This(Exchange::Stop), at)), Some(_)) if at > now => {
+                    self.earliest(&[job]).filter(|(_, job_at)| *job_at < at).or(next)
+                }
                 (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
                 (None, Some(_)) => self.earliest(&[job]),
                 (Some((Next::This(Exchange::Stop), _)), _) => next,

@@ -2,9 +2,10 @@
 //! G4, G5).
 
 use super::Bus;
+use super::frame_bits::longest_frame_bits;
 use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
-use crate::axis::Axis;
+use crate::axes::{Axes, Is};
 use crate::motor;
 use crate::outbox::Outbox;
 use crate::time::{Duration, Instant};
@@ -22,17 +23,39 @@ const ALLOWANCE: Duration = Duration::from_millis(1);
 /// (GUARANTEES G4).
 const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
+/// What the axes of a bus have it carry, and how long others wait for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bounds {
+    /// Frames beyond the first with which motors answer one motion each.
+    further_replies: u64,
+    /// The frames that motors may send by themselves one behind the other.
+    pub streamed_at_once: u64,
+    /// The share of the bus's time that these take.
+    streamed_permille: u64,
+    /// [`Bus::ordinary_bound`].
+    ordinary: Duration,
+}
+
+impl Bounds {
+    pub const NONE: Self = Self {
+        further_replies: 0,
+        streamed_at_once: 0,
+        streamed_permille: 0,
+        ordinary: Duration::ZERO,
+    };
+}
+
 impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else
     /// talks.
-    fn bound(&self, stops: u64, axes: &[Axis]) -> Duration {
+    fn bound(&self, stops: u64, axes: &Axes) -> Duration {
         match self.kind() {
             // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the
             // id of the stop, which waits for it.
             BusKind::Can => {
                 let replies =
                     if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-                let replies = replies + self.further_replies(axes);
+                let replies = replies + self.bounds.further_replies;
                 let wait = if self.carries(Protocol::D5) {
                     self.line_times().stop_delay()
                 } else {
@@ -41,14 +64,14 @@ impl Bus {
                 let frame = self.frame_time(1);
                 // Behind each stop those motors have their say that answer what was for others, and
                 // are waited for.
-                let objections = if self.axes_here(axes).any(Axis::objects) {
-                    wait + frame
-                } else {
+                let objections = if self.which(Is::Objecting, axes).is_empty() {
                     Duration::ZERO
+                } else {
+                    wait + frame
                 };
                 let alone =
                     SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
-                self.beside_streams(alone, axes)
+                self.beside_streams(alone)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
@@ -56,34 +79,38 @@ impl Bus {
 
     /// What takes so long on a bus to itself, beside the frames that motors here send by
     /// themselves: those that are due when it begins, and those that come due meanwhile.
-    fn beside_streams(&self, alone: Duration, axes: &[Axis]) -> Duration {
-        let frame = self.frame_time(1);
-        let streamed: u64 = self.axes_here(axes).map(|axis| streamed_permille(axis, frame)).sum();
+    fn beside_streams(&self, alone: Duration) -> Duration {
+        let Bounds { streamed_at_once, streamed_permille, .. } = self.bounds;
+        if streamed_at_once == 0 {
+            return alone;
+        }
         // More than the load of a bus may be is refused when it is configured.
-        let left = NonZeroU64::new(1_000 - streamed.min(999)).unwrap_or(NonZeroU64::MIN);
-        (alone + frame.times(self.streamed_at_once(axes))).times(1_000).part(left)
+        let left = NonZeroU64::new(1_000 - streamed_permille.min(999)).unwrap_or(NonZeroU64::MIN);
+        (alone + self.frame_time(streamed_at_once)).times(1_000).part(left)
     }
 
-    /// The frames that motors here may send by themselves one behind the other.
-    pub(super) fn streamed_at_once(&self, axes: &[Axis]) -> u64 {
-        let streams = self.axes_here(axes).filter_map(|axis| motor::stream(&axis.config));
-        streams.map(|stream| stream.frames).sum()
-    }
-
-    /// Frames beyond the first with which motors here answer one motion each.
-    fn further_replies(&self, axes: &[Axis]) -> u64 {
-        let of_other_motors = |axis: &Axis| objections(axis, self.axes_here(axes));
-        self.axes_here(axes)
-            .map(|axis| motor::replies_to_motion(&axis.config) - 1 + of_other_motors(axis))
-            .sum()
+    /// Works out what the axes here have the bus carry, and how long others wait for it.
+    pub(super) fn measure(&mut self, axes: &Axes) {
+        self.longest_frame_bits = longest_frame_bits(self.axes_here(axes));
+        let frame = self.frame_time(1);
+        let mut bounds = Bounds::NONE;
+        for axis in self.axes_here(axes) {
+            let replies = u64::from(motor::replies_to_motion(&axis.config));
+            bounds.further_replies += replies - 1 + objections(axis, self.axes_here(axes));
+            bounds.streamed_at_once +=
+                motor::stream(&axis.config).map_or(0, |stream| stream.frames);
+            bounds.streamed_permille += streamed_permille(axis, frame);
+        }
+        self.bounds = bounds;
+        self.bounds.ordinary = self.ordinary_bound(axes);
     }
 
     /// Within what time a frame that is no stop has left after it was due, if nobody else talks:
     /// behind the stop of each axis here, behind two requests of each, as every other one of an
     /// axis is a poll, with what their replies may take, and behind the own one before: the window
     /// of its reply, and as long again where that may come late.
-    pub(super) fn ordinary_bound(&self, all: &[Axis]) -> Duration {
-        let axes = self.axes_here(all).count() as u64;
+    fn ordinary_bound(&self, all: &Axes) -> Duration {
+        let axes = self.here(all).len().into();
         let window = self.reply_window();
         let exchange = match self.kind() {
             // A request and its reply, and what a D5's reply may wait for; of thrusters so many
@@ -95,30 +122,35 @@ impl Bus {
             }
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };
-        let further = self.frame_time(2 * self.further_replies(all));
+        let further = self.frame_time(2 * self.bounds.further_replies);
         self.bound(axes, all)
-            + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further, all)
+            + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further)
+    }
+
+    /// Within what time a setpoint that is due must have left; at once where nothing carries it.
+    pub(super) fn delivered_within(&self) -> Duration {
+        if self.config.is_some() { self.bounds.ordinary } else { Duration::ZERO }
     }
 
     /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).
-    pub fn expire_deliveries(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
-        let within = if self.config.is_some() { self.ordinary_bound(axes) } else { Duration::ZERO };
-        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+    pub fn expire_deliveries(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+        let within = self.delivered_within();
+        axes.each(self.which(Is::Active, axes), |axis| {
             if axis.delivery_is_late(now, within) {
                 axis.trip(now, TripReason::NotDelivered, out);
             }
-        }
+        });
     }
 
     /// The stops here of which no command has left and that have not been reported: whose, since
     /// when, and when they are due for it.
     fn delayed_stops<'a>(
         &'a self,
-        axes: &'a [Axis],
+        axes: &'a Axes,
     ) -> impl Iterator<Item = (u8, Instant, Instant)> + 'a {
         // Most begin together, and are due together.
         let mut before = None;
-        self.axes_here(axes).filter_map(move |axis| {
+        axes.of(self.which(Is::FirstStop, axes)).filter_map(move |axis| {
             let since = axis.unreported_stop()?;
             let due = before
                 .filter(|(began, _)| *began == since)
@@ -135,12 +167,12 @@ impl Bus {
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
     /// configured carries none, and has no bound.
-    fn unsent_stops<'a>(&'a self, axes: &'a [Axis]) -> impl Iterator<Item = (u8, Instant)> + 'a {
+    fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (u8, Instant)> + 'a {
         let mut within = None;
-        self.axes_here(axes).filter_map(move |axis| {
+        axes.of(self.which(Is::Stopping, axes)).filter_map(move |axis| {
             let since = axis.unsent_stop_since()?;
             let bound = *within.get_or_insert_with(|| {
-                let stops = self.axes_here(axes).filter(|axis| axis.has_stop()).count() as u64;
+                let stops = self.which(Is::Stopping, axes).len().into();
                 if self.config.is_some() { self.bound(stops, axes) } else { Duration::ZERO }
             });
             Some((axis.index, since + bound + NOT_SENT_AFTER))
@@ -148,12 +180,12 @@ impl Bus {
     }
 
     /// When the next stop counts as one that could not be sent.
-    pub fn stop_is_unsent_at(&self, axes: &[Axis]) -> Option<Instant> {
+    pub fn stop_is_unsent_at(&self, axes: &Axes) -> Option<Instant> {
         self.unsent_stops(axes).map(|(_, at)| at).min()
     }
 
     /// Tells the axes whose stop could not be sent; it stays owed.
-    pub fn report_unsent_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn report_unsent_stops(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         loop {
             let unsent = self.unsent_stops(axes).find(|(_, at)| *at <= now);
             let Some(axis) = unsent.and_then(|(index, _)| axes.get_mut(usize::from(index))) else {
@@ -164,13 +196,13 @@ impl Bus {
     }
 
     /// When the next stop that has not left is to be reported.
-    pub(super) fn stop_is_delayed_at(&self, axes: &[Axis]) -> Option<Instant> {
+    pub(super) fn stop_is_delayed_at(&self, axes: &Axes) -> Option<Instant> {
         self.delayed_stops(axes).map(|(.., at)| at).min()
     }
 
     /// Reports the stops whose first frame has not left within their bound, each once: what acts
     /// now is the second layer.
-    pub fn report_delayed_stops(&self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn report_delayed_stops(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         loop {
             let late = self.delayed_stops(axes).find(|(.., at)| *at <= now);
             let Some((index, since, _)) = late else { return };

@@ -39,11 +39,6 @@ pub(super) fn longest_frame_bits<'a>(mut axes: impl Iterator<Item = &'a Axis>) -
 }
 
 impl Bus {
-    /// The configuration of an axis has changed, or a bus has lost or gained one.
-    pub fn axes_changed(&mut self, axes: &[Axis]) {
-        self.longest_frame_bits = longest_frame_bits(self.axes_here(axes));
-    }
-
     /// Time of so many of the longest frames here, each rounded up.
     pub(super) fn frame_time(&self, frames: u64) -> Duration {
         self.bit_time(self.longest_frame_bits).times(frames)

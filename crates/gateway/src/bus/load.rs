@@ -66,7 +66,7 @@ fn exchange_time(kind: BusKind, frame_bits: u64, bitrate: u32) -> Duration {
 /// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to
 /// a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
-    let motion = exchange + frame.times(motor::replies_to_motion(&axis.config) - 1);
+    let motion = exchange + frame.times(u64::from(motor::replies_to_motion(&axis.config)) - 1);
     share(motion, axis.refresh())
         + share(exchange, axis.config.fault_poll())
         + share(exchange, axis.config.state_poll())

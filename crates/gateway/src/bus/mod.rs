@@ -12,10 +12,11 @@ mod transmit;
 pub(crate) use load::check as check_load;
 pub(crate) use raw::Raw;
 
-use crate::axis::Axis;
+use crate::axes::{Axes, AxisSet, Is};
 use crate::outbox::Outbox;
 use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::time::{Duration, Instant};
+use bounds::Bounds;
 use embedded_can::Id;
 use frame_bits::STANDARD_FRAME_BITS;
 use host_protocol::replies::BusReport;
@@ -65,10 +66,16 @@ pub(crate) struct Bus {
     pause: Duration,
     /// The start after which the pause last grew.
     paused_for: Option<u32>,
-    /// Of a frame here, bits; kept where axes change.
+    /// Of a frame here, bits; and how long others wait. Kept, as they change with the
+    /// configuration.
     longest_frame_bits: u64,
+    bounds: Bounds,
+    /// The configuration is another one than they know.
+    has_new_config: bool,
     /// The axis that was served last; the next one after it goes first.
     turn: u8,
+    /// When the bus must be looked at again.
+    due: Option<Instant>,
 }
 
 /// A frame that the port has taken and not yet reported.
@@ -122,7 +129,58 @@ impl Bus {
             pause: Duration::ZERO,
             paused_for: None,
             longest_frame_bits: STANDARD_FRAME_BITS,
+            bounds: Bounds::NONE,
+            has_new_config: false,
             turn: 0,
+            due: None,
+        }
+    }
+
+    /// Whether it is one of these, a bit for each.
+    pub fn is_in(&self, buses: u8) -> bool {
+        buses.checked_shr(self.index.into()).is_some_and(|bit| bit & 1 != 0)
+    }
+
+    /// When the bus must be looked at again.
+    pub fn due(&self) -> Option<Instant> {
+        self.due
+    }
+
+    /// Works out anew what is kept of the bus. `after`: what was due until then has been done.
+    pub fn settle(&mut self, after: Instant, axes: &Axes) {
+        if core::mem::take(&mut self.has_new_config) || axes.has_new_traffic(self.index) {
+            self.measure(axes);
+        }
+        self.due = self.next_deadline(after, axes);
+    }
+
+    /// Panics where what is kept is not what a look at everything gives. For tests.
+    pub fn assert_kept(&self, after: Instant, axes: &Axes) {
+        if self.config.is_some() {
+            let mut fresh = self.clone();
+            fresh.measure(axes);
+            assert_eq!(fresh.bounds, self.bounds);
+            assert_eq!(fresh.longest_frame_bits, self.longest_frame_bits);
+        }
+        assert_eq!(self.next_deadline(after, axes), self.due);
+    }
+
+    /// Everything that time alone brings about.
+    pub fn expire(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+        let stops = !self.which(Is::Stopping, axes).is_empty();
+        if stops {
+            self.report_unsent_stops(now, axes, out);
+        }
+        if self.config.is_none() {
+            return;
+        }
+        self.recover(now, axes, out);
+        self.expire_in_flight(now, axes, out);
+        if axes.first_delivery_due(self.which(Is::Active, axes)).is_some_and(|due| due <= now) {
+            self.expire_deliveries(now, axes, out);
+        }
+        if stops {
+            self.report_delayed_stops(now, axes, out);
         }
     }
 
@@ -150,10 +208,11 @@ impl Bus {
         &mut self,
         now: Instant,
         config: BusConfig,
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         self.config = Some(config);
+        self.has_new_config = true;
         self.pause = Duration::ZERO;
         self.restart(now, axes, out);
     }
@@ -168,11 +227,12 @@ impl Bus {
     /// counts as off, and is never started.
     pub fn restore_unserved(&mut self, config: BusConfig) {
         self.config = Some(config);
+        self.has_new_config = true;
         self.state = BusState::BusOff;
     }
 
     /// Has the port start the bus again; it drops what it holds.
-    fn restart(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    fn restart(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         self.generation = self.generation.wrapping_add(1);
         self.restart_at = None;
         self.started_at = now;
@@ -185,7 +245,7 @@ impl Bus {
         &mut self,
         now: Instant,
         unsafe_access: bool,
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         if self.raw.as_ref().is_some_and(|raw| raw.is_unsafe() == unsafe_access) {
@@ -198,7 +258,7 @@ impl Bus {
     /// Closes the bus for raw frames; those that wait are dropped. After unsafe access it is
     /// started again, so that nothing of it leaves any more, when its motors may already be
     /// axes.
-    pub fn close_raw(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn close_raw(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         if self.raw.take().is_some_and(|raw| raw.is_unsafe()) {
             self.restart(now, axes, out);
         }
@@ -215,7 +275,7 @@ impl Bus {
     }
 
     /// Starts a bus again that has been off for long enough.
-    pub fn recover(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn recover(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         if self.restart_at.is_some_and(|at| at <= now) {
             self.restart(now, axes, out);
         }
@@ -253,7 +313,7 @@ impl Bus {
         now: Instant,
         state: BusState,
         errors: (u16, u16),
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         (self.transmit_errors, self.receive_errors) = errors;
@@ -283,22 +343,22 @@ impl Bus {
             return;
         }
         self.counters.bus_offs = self.counters.bus_offs.saturating_add(1);
-        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+        axes.each(self.here(axes), |axis| {
             axis.trip(now, TripReason::BusOff, out);
             axis.fail(now, Error::BusOff { bus: self.index }, out);
-        }
+        });
         self.empty(now, axes, out);
         // The request that is lost with the bus may be the one that has a motor stopped which
         // should hold.
-        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+        axes.each(self.here(axes), |axis| {
             if axis.state == AxisState::Stopping {
                 axis.trip(now, TripReason::BusOff, out);
             }
-        }
+        });
     }
 
     /// The port has dropped every frame it held.
-    fn empty(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    fn empty(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         self.in_flight = [None; TRANSMIT_SLOTS];
         self.carried_deadline = None;
         self.let_reply_pass = false;
@@ -306,9 +366,17 @@ impl Bus {
         if let Some(raw) = &mut self.raw {
             raw.purge();
         }
-        for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
-            axis.forget_exchanges(now, out);
-        }
+        axes.each(self.here(axes), |axis| axis.forget_exchanges(now, out));
+    }
+
+    /// The axes for this bus.
+    fn here(&self, axes: &Axes) -> AxisSet {
+        axes.on(self.index)
+    }
+
+    /// Those of them of which something is so.
+    fn which(&self, is: Is, axes: &Axes) -> AxisSet {
+        axes.which_on(is, self.index)
     }
 
     pub fn receive_overflow(&mut self, lost: u32) {

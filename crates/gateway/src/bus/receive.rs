@@ -2,6 +2,7 @@
 
 use super::Bus;
 use super::line::Heard;
+use crate::axes::Axes;
 use crate::axis::{Axis, Reception};
 use crate::motor::{self, Received};
 use crate::outbox::Outbox;
@@ -18,7 +19,7 @@ impl Bus {
         &mut self,
         now: Instant,
         frame: CanFrame,
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         self.counters.received = self.counters.received.saturating_add(1);
@@ -31,10 +32,11 @@ impl Bus {
         for received in
             config.protocols.iter().filter_map(|protocol| motor::from_can(protocol, &frame))
         {
-            let wanted = |axis: &&mut Axis| {
+            let wanted = |axis: &&Axis| {
                 is_from(axis, self.index, &received) && motor::accepts_id(&axis.config, &frame)
             };
-            if let Some(axis) = axes.iter_mut().find(wanted) {
+            let sender = self.axes_here(axes).find(wanted).map(|axis| usize::from(axis.index));
+            if let Some(axis) = sender.and_then(|index| axes.get_mut(index)) {
                 understood = true;
                 self.deliver(now, axis, &received, frame.data(), out);
             }
@@ -49,7 +51,7 @@ impl Bus {
         &mut self,
         now: Instant,
         bytes: &[u8],
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         if self.kind() != BusKind::Rs485 || self.config.is_none() {
@@ -72,7 +74,7 @@ impl Bus {
         &mut self,
         now: Instant,
         frame: &[u8; FRAME_LEN],
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         self.counters.received = self.counters.received.saturating_add(1);
@@ -80,8 +82,8 @@ impl Bus {
             .ok()
             .map(|(node, reply)| Received::Rmd { node: node.get(), reply });
         let axis = received.and_then(|received| {
-            let axis = axes.iter_mut().find(|axis| is_from(axis, self.index, &received))?;
-            Some((axis, received))
+            let sender = self.axes_here(axes).find(|axis| is_from(axis, self.index, &received))?;
+            Some((axes.get_mut(usize::from(sender.index))?, received))
         });
         match axis {
             Some((axis, received)) => {

@@ -2,6 +2,7 @@
 //! turn.
 
 use super::{Bus, InFlight};
+use crate::axes::{Axes, Is};
 use crate::axis::{Axis, Priority, Want};
 use crate::motor;
 use crate::time::{Duration, Instant};
@@ -45,7 +46,7 @@ enum Stops {
 
 impl Bus {
     /// The axis to serve now.
-    pub(super) fn choose(&self, now: Instant, axes: &[Axis], room: Room) -> Option<(usize, Want)> {
+    pub(super) fn choose(&self, now: Instant, axes: &Axes, room: Room) -> Option<(usize, Want)> {
         let stops = self.stops(now, axes);
         let may_ordinary = room == Room::Left
             && matches!(stops, Stops::None | Stops::Sent)
@@ -56,14 +57,9 @@ impl Bus {
         if stops == Stops::None && !may_ordinary {
             return None;
         }
-        let last_served = usize::from(self.turn);
         let mut best: Option<(usize, Want, Precedence)> = None;
-        for offset in 1..=axes.len() {
-            let index = (last_served + offset) % axes.len();
-            let Some(axis) = axes.get(index).filter(|axis| axis.config.bus() == Some(self.index))
-            else {
-                continue;
-            };
+        for index in self.which(Is::Ready, axes).behind(self.turn) {
+            let Some(axis) = axes.get(index) else { continue };
             if !may_ordinary && !axis.has_stop() && !axis.is_kept_holding() {
                 continue;
             }
@@ -146,11 +142,11 @@ impl Bus {
         self.in_flight.iter().flatten().any(|f| f.is_first_stop)
     }
 
-    fn stops(&self, now: Instant, axes: &[Axis]) -> Stops {
-        if !self.axes_here(axes).any(Axis::has_stop) {
+    fn stops(&self, now: Instant, axes: &Axes) -> Stops {
+        if self.which(Is::Stopping, axes).is_empty() {
             return Stops::None;
         }
-        if !self.axes_here(axes).any(Axis::stop_has_not_left) {
+        if self.which(Is::FirstStop, axes).is_empty() {
             return Stops::Sent;
         }
         if self.first_stops_bar(now, axes) { Stops::First } else { Stops::Held }
@@ -158,44 +154,41 @@ impl Bus {
 
     /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found
     /// as soon as one of them does.
-    fn first_stops_bar(&self, now: Instant, axes: &[Axis]) -> bool {
-        let bars_for = self.first_stops_bar_for(axes);
+    fn first_stops_bar(&self, now: Instant, axes: &Axes) -> bool {
+        let bars_for = self.first_stops_bar_for();
         let bars = |since: Instant| now < since + bars_for;
         self.kind() == BusKind::Rs485
             || bars(self.first_stops_since)
-            || self
-                .axes_here(axes)
-                .filter_map(|axis| self.first_stop_may_leave_at(axis, axes))
-                .any(bars)
+            || self.first_stops_may_leave(axes).any(bars)
     }
 
     /// Until when first stops bar what is part of other stops: four frame times after one of them
     /// left or may have, and the replies that go before it. A line knows no arbitration: a
     /// first stop always leaves there.
-    pub(super) fn first_stops_bar_until(&self, axes: &[Axis]) -> Option<Instant> {
+    pub(super) fn first_stops_bar_until(&self, axes: &Axes) -> Option<Instant> {
         if self.kind() == BusKind::Rs485 {
             return None;
         }
-        let may_leave =
-            self.axes_here(axes).filter_map(|axis| self.first_stop_may_leave_at(axis, axes));
-        Some(may_leave.max()?.max(self.first_stops_since) + self.first_stops_bar_for(axes))
+        Some(
+            self.first_stops_may_leave(axes).max()?.max(self.first_stops_since)
+                + self.first_stops_bar_for(),
+        )
     }
 
-    fn first_stops_bar_for(&self, axes: &[Axis]) -> Duration {
+    fn first_stops_bar_for(&self) -> Duration {
         let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-        let streamed = self.streamed_at_once(axes);
-        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + streamed)
+        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + self.bounds.streamed_at_once)
     }
 
-    /// From when on the first stop of the axis may leave, while it has not.
-    fn first_stop_may_leave_at(&self, axis: &Axis, axes: &[Axis]) -> Option<Instant> {
-        let since = axis.stop_since().filter(|_| axis.stop_has_not_left())?;
-        Some(since.max(self.id_is_free_at(axis, axes)))
+    /// From when on each first stop that has not left may leave.
+    fn first_stops_may_leave<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = Instant> + 'a {
+        let first_stops = axes.of(self.which(Is::FirstStop, axes));
+        first_stops.filter_map(|axis| Some(axis.stop_since()?.max(self.id_is_free_at(axis, axes))))
     }
 
     /// A frame in the controller that keeps a stop out which goes before it.
-    pub(super) fn keeps_a_stop_out(&self, now: Instant, axes: &[Axis]) -> Option<u8> {
-        if self.is_off() || self.nothing_in_flight() || !self.axes_here(axes).any(Axis::has_stop) {
+    pub(super) fn keeps_a_stop_out(&self, now: Instant, axes: &Axes) -> Option<u8> {
+        if self.is_off() || self.nothing_in_flight() || self.which(Is::Stopping, axes).is_empty() {
             return None;
         }
         // A second frame may go beside whatever is there, but for that of a D5 whose reply is due.
@@ -225,7 +218,7 @@ impl Bus {
 
     /// The highest id of a first stop in the controller that still goes before everything else: a
     /// frame beside it with a lower id would leave before it.
-    pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &[Axis]) -> Option<Id> {
+    pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &Axes) -> Option<Id> {
         let first_stops = self.in_flight.iter().flatten().filter(|f| f.is_first_stop);
         first_stops.filter_map(|f| f.id).max().filter(|_| self.stops(now, axes) == Stops::First)
     }
@@ -236,7 +229,7 @@ impl Bus {
     pub(super) fn empties_for_another_stop(
         &self,
         now: Instant,
-        axes: &[Axis],
+        axes: &Axes,
         chosen: usize,
     ) -> bool {
         if !self.carries(Protocol::D5) || self.nothing_in_flight() {
@@ -268,22 +261,21 @@ impl Bus {
     }
 
     /// Whether one more request leaves the stops of thrusters their bound.
-    fn may_be_answered(&self, axes: &[Axis]) -> bool {
-        let outstanding = || self.axes_here(axes).filter(|axis| axis.awaits_reply()).count();
+    fn may_be_answered(&self, axes: &Axes) -> bool {
+        let outstanding = self.which(Is::Awaiting, axes).len() as usize;
         self.kind() != BusKind::Can
             || !self.carries(Protocol::Thruster)
-            || outstanding() < MAX_OUTSTANDING
+            || outstanding < MAX_OUTSTANDING
     }
 
     /// Who watches waits: for raw access, and while an axis that may move is due within what one
     /// more exchange can take.
-    fn may_watch(&self, now: Instant, axes: &[Axis]) -> bool {
+    fn may_watch(&self, now: Instant, axes: &Axes) -> bool {
         let until =
             now + self.reply_window() + self.bit_time(EXCHANGE_FRAMES * self.longest_frame_bits);
         let due =
             |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
-        self.raw.is_none()
-            && !axes.iter().any(|axis| axis.config.bus() == Some(self.index) && due(axis))
+        self.raw.is_none() && !self.axes_here(axes).any(due)
     }
 
     fn may_send_stop(
@@ -291,7 +283,7 @@ impl Bus {
         now: Instant,
         axis: &Axis,
         want: &Want,
-        axes: &[Axis],
+        axes: &Axes,
         room: Room,
     ) -> bool {
         match self.kind() {
@@ -315,21 +307,21 @@ impl Bus {
     /// may have had to wait for others. What others that can be is bounded, as replies
     /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to
     /// that.
-    pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &[Axis]) -> Instant {
+    pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &Axes) -> Instant {
         let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
         // Another motor's objection may be under way when the bus was quiet for so long, and that
         // of this one behind it.
         let behind = if axis.objects() { self.frame_time(1) } else { Duration::ZERO };
         let delay = self.line_times().stop_delay() + behind;
-        let others =
-            self.bit_time(3 * self.longest_frame_bits).times(self.axes_here(axes).count() as u64);
+        let others = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
         (since.max(self.active_at) + delay).min(since + others + delay)
     }
 
     /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now
     /// could hold it up until the next frame to its motor meets it. No longer than until the
     /// bus has been quiet once when the reply window was over.
-    fn lets_replies_pass(&self, now: Instant, axes: &[Axis]) -> bool {
+    fn lets_replies_pass(&self, now: Instant, axes: &Axes) -> bool {
+        let mut owed = axes.of(self.which(Is::OwedOurId, axes));
         let held_up = |axis: &Axis| {
             axis.reply_with_our_id_since().is_some_and(|since| {
                 let late = since + self.line_times().stop_delay() <= now;
@@ -337,15 +329,14 @@ impl Bus {
                 late && !missed && self.id_is_free_at(axis, axes) > now
             })
         };
-        self.carries(Protocol::D5) && self.axes_here(axes).any(held_up)
+        owed.any(held_up)
     }
 
     /// When every motor has had its say to the latest request, where some answer what was for
     /// others: each under the id of the next frame to it, so that what is no stop waits until
     /// nothing has come for as long as a motor takes and its frame.
-    pub(super) fn objections_are_over_at(&self, axes: &[Axis]) -> Option<Instant> {
-        let objects = self.axes_here(axes).any(Axis::objects);
-        let frame = self.frame_time(1);
-        objects.then(|| self.active_at + self.line_times().stop_delay() + frame)
+    pub(super) fn objections_are_over_at(&self, axes: &Axes) -> Option<Instant> {
+        let object = !self.which(Is::Objecting, axes).is_empty();
+        object.then(|| self.active_at + self.line_times().stop_delay() + self.frame_time(1))
     }
 }

@@ -4,6 +4,7 @@ use super::line::{GAP_BITS, LineTimes};
 use super::load::SERIAL_FRAME_BITS;
 use super::schedule::Room;
 use super::{Bus, InFlight};
+use crate::axes::{Axes, Is};
 use crate::axis::{Axis, Priority, Want};
 use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
@@ -35,7 +36,7 @@ impl Bus {
     pub fn poll_transmit(
         &mut self,
         now: Instant,
-        axes: &mut [Axis],
+        axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
         if self.config.is_none() || self.is_off() || !self.has_room() {
@@ -51,7 +52,7 @@ impl Bus {
     }
 
     /// The port has sent the frame in `slot`.
-    pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut Axes, out: &mut Outbox<'_>) {
         let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
         else {
             return;
@@ -69,18 +70,18 @@ impl Bus {
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.left(now, slot, window, out);
-            let (from, index) = (axis.index, self.index);
-            for other in axes.iter_mut().filter(|other| other.config.bus() == Some(index)) {
+            let from = axis.index;
+            axes.each(self.which(Is::Objecting, axes), |other| {
                 if other.index != from {
                     other.may_object(now);
                 }
-            }
+            });
         }
     }
 
     /// The next frame that the controller should give back: its axis has replaced it, or it keeps a
     /// stop out that goes before it.
-    pub fn poll_cancel(&mut self, now: Instant, axes: &[Axis]) -> Option<u8> {
+    pub fn poll_cancel(&mut self, now: Instant, axes: &Axes) -> Option<u8> {
         if self.kind() != BusKind::Can {
             return None;
         }
@@ -112,7 +113,7 @@ impl Bus {
     }
 
     /// The controller has given back the frame in `slot`.
-    pub fn cancelled(&mut self, now: Instant, slot: u8, axes: &mut [Axis]) {
+    pub fn cancelled(&mut self, now: Instant, slot: u8, axes: &mut Axes) {
         let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
         else {
             return;
@@ -133,7 +134,7 @@ impl Bus {
 
     /// Looks for frames that nobody has acknowledged, or that the controller has not given back, in
     /// time.
-    pub fn expire_in_flight(&mut self, now: Instant, axes: &mut [Axis], out: &mut Outbox<'_>) {
+    pub fn expire_in_flight(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         if self.in_flight.iter().flatten().filter_map(|f| f.cancel_by).any(|by| by <= now) {
             self.restart(now, axes, out);
             return;
@@ -148,11 +149,11 @@ impl Bus {
             self.counters.missed_acknowledgements =
                 self.counters.missed_acknowledgements.saturating_add(1);
             // What is behind it cannot leave either: whatever is armed on this bus is out of reach.
-            for axis in axes.iter_mut().filter(|axis| axis.config.bus() == Some(self.index)) {
+            axes.each(axes.on(self.index), |axis| {
                 if axis.is_armed() {
                     axis.trip(now, TripReason::NotAcknowledged, out);
                 }
-            }
+            });
             if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
                 axis.unacknowledged(now, slot, out);
             }
@@ -165,7 +166,7 @@ impl Bus {
     }
 
     /// Earliest time after `after` at which the bus must be looked at again.
-    pub fn next_deadline(&self, after: Instant, axes: &[Axis]) -> Option<Instant> {
+    pub fn next_deadline(&self, after: Instant, axes: &Axes) -> Option<Instant> {
         if self.config.is_none() {
             return self.stop_is_unsent_at(axes);
         }
@@ -175,24 +176,13 @@ impl Bus {
             next.consider(Some(in_flight.deadline).filter(|_| !in_flight.overdue));
             next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
-        // One look at the axes: most wait for nothing, and a command that comes meanwhile waits for
-        // this.
-        let (mut stops, mut objects, mut delivery) = (false, false, None::<Instant>);
-        for axis in self.axes_here(axes) {
-            stops |= axis.has_stop();
-            objects |= axis.objects();
-            if let Some(due) = axis.delivery_due_at() {
-                delivery = Some(delivery.map_or(due, |earliest| earliest.min(due)));
-            }
-            if axis.reply_with_our_id_since().is_some() {
-                next.consider(Some(self.id_is_free_at(axis, axes)));
-            }
+        for axis in axes.of(self.which(Is::OwedOurId, axes)) {
+            next.consider(Some(self.id_is_free_at(axis, axes)));
         }
-        if objects {
-            next.consider(self.objections_are_over_at(axes));
-        }
-        next.consider(delivery.map(|due| due + self.ordinary_bound(axes)));
-        if stops {
+        next.consider(self.objections_are_over_at(axes));
+        let delivery = axes.first_delivery_due(self.which(Is::Active, axes));
+        next.consider(delivery.map(|due| due + self.delivered_within()));
+        if !self.which(Is::Stopping, axes).is_empty() {
             next.consider(self.first_stops_bar_until(axes));
             next.consider(self.stop_is_delayed_at(axes));
             next.consider(self.stop_is_unsent_at(axes));
@@ -200,7 +190,7 @@ impl Bus {
         if self.kind() == BusKind::Rs485 {
             let times = self.line_times();
             next.consider(Some(self.line.ready_at(times)));
-            for due in self.axes_here(axes).filter_map(Axis::stop_due_at) {
+            for due in axes.of(self.which(Is::Stopping, axes)).filter_map(Axis::stop_due_at) {
                 next.consider(Some(self.line.stop_ready_at(due, times)));
             }
         }
@@ -215,9 +205,8 @@ impl Bus {
         }
     }
 
-    pub(super) fn axes_here<'a>(&self, axes: &'a [Axis]) -> impl Iterator<Item = &'a Axis> {
-        let index = self.index;
-        axes.iter().filter(move |axis| axis.config.bus() == Some(index))
+    pub(super) fn axes_here<'a>(&self, axes: &'a Axes) -> impl Iterator<Item = &'a Axis> + Clone {
+        axes.of(self.here(axes))
     }
 
     pub(super) fn carries(&self, protocol: Protocol) -> bool {

@@ -353,9 +353,14 @@ pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
 
 /// The frames that the motor sends by itself, and how often.
 pub(crate) fn stream(config: &AxisConfig) -> Option<Stream> {
-    match config.protocol()? {
-        Protocol::Thruster => Stream::of_word(config.unsigned(AxisParameter::Stream)?),
-        Protocol::Rmd | Protocol::D5 => None,
+    Stream::of_word(stream_word(config))
+}
+
+/// The same as `stream` of the axis says it; 0 where there are none.
+pub(crate) fn stream_word(config: &AxisConfig) -> u32 {
+    match config.protocol() {
+        Some(Protocol::Thruster) => config.unsigned(AxisParameter::Stream).unwrap_or(0),
+        Some(Protocol::Rmd | Protocol::D5) | None => 0,
     }
 }
 
@@ -369,7 +374,7 @@ pub(crate) fn stream_after(command: &Command) -> Option<u32> {
 }
 
 /// How many frames answer a motion command.
-pub(crate) fn replies_to_motion(config: &AxisConfig) -> u64 {
+pub(crate) fn replies_to_motion(config: &AxisConfig) -> u8 {
     match config.protocol() {
         Some(Protocol::Thruster) => returned::ReturnMode::of(config).count(),
         Some(Protocol::Rmd | Protocol::D5) | None => 1,

@@ -57,9 +57,9 @@ impl ReturnMode {
     }
 
     /// How many frames answer one TC or VC.
-    pub fn count(self) -> u64 {
+    pub fn count(self) -> u8 {
         match self {
-            Self::Frames(frames) => u64::from(frames.bits().count_ones()),
+            Self::Frames(frames) => u8::try_from(frames.bits().count_ones()).unwrap_or(u8::MAX),
             Self::Echo | Self::Headerless | Self::Nothing => 1,
         }
     }

@@ -112,6 +112,8 @@ pub struct Rig {
     sequence: u16,
     /// Things on their way: due time, what.
     due: Vec<(u64, Due)>,
+    /// Buses that the core has named and that have not been polled since, a bit for each.
+    named: u8,
 }
 
 enum Due {
@@ -152,6 +154,7 @@ impl Rig {
             deframer: Deframer::new(),
             sequence: 0,
             due: Vec::new(),
+            named: u8::MAX,
         };
         rig.gateway.restore(rig.now(), &[]);
         rig.handle(Event::EStopInput { open: false });
@@ -167,6 +170,7 @@ impl Rig {
     /// The same, and the board offers something else than before.
     pub fn reset_as(&mut self, board: &'static Board) {
         self.gateway = Gateway::new(board, Some(0x8000_0000));
+        self.named = u8::MAX;
         self.now_us = 500;
         self.due.clear();
         self.held.clear();
@@ -250,7 +254,9 @@ impl Rig {
 
     /// The gateway takes in an event and stores what it must, and that is all.
     pub fn take_in(&mut self, event: Event<'_>) {
-        self.gateway.handle(self.now(), event, &mut |index, word| self.memory[index] = word);
+        let now = self.now();
+        let changes = self.gateway.handle(now, event, &mut |index, word| self.memory[index] = word);
+        self.named |= changes.buses;
     }
 
     /// Stores a part of the rest; whether that was all.
@@ -401,6 +407,7 @@ impl Rig {
     fn give_back(&mut self) {
         for bus in 0..3 {
             while let Some(slot) = self.gateway.poll_cancel(self.now(), bus) {
+                self.assert_named(bus);
                 let held = self.held.len();
                 self.held.retain(|(on, of, _)| (*on, *of) != (bus, slot));
                 if self.held.len() < held && !self.stubborn {
@@ -410,10 +417,20 @@ impl Rig {
         }
     }
 
+    /// Who polls only the buses that the core names misses nothing.
+    fn assert_named(&self, bus: u8) {
+        assert!(
+            self.named >> bus & 1 != 0,
+            "{} µs: bus {bus} has a frame and was not named",
+            self.now_us
+        );
+    }
+
     fn drain(&mut self) {
         self.give_back();
         for bus in 0..3 {
             while let Some(Transmit { slot, frame }) = self.gateway.poll_transmit(self.now(), bus) {
+                self.assert_named(bus);
                 let text = match frame {
                     Outgoing::Can(frame) => can_text(&frame),
                     Outgoing::Serial(bytes) => hex(&bytes),
@@ -426,6 +443,7 @@ impl Rig {
                 }
             }
         }
+        self.named = self.gateway.take_changes().buses;
         let mut out = [0; MAX_FRAME];
         while let Some(length) =
             self.gateway.poll_host(0, &mut out, &mut |index, word| self.memory[index] = word)

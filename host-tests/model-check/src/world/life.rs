@@ -179,6 +179,7 @@ impl World {
     fn start(&mut self, board: &'static Board, keeps: bool) {
         self.life.random_number = self.life.random_number.wrapping_add(RANDOM_STEP);
         *self.gateway = Gateway::new(board, Some(self.life.random_number));
+        self.named = u8::MAX;
         self.inputs.clear();
         for bus in &mut self.buses {
             bus.forget();

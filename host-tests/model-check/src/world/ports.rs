@@ -41,6 +41,9 @@ impl World {
                 self.inputs.clear();
                 return;
             }
+            if matches!(input, Input::Host { .. }) && self.life.links_open_by().is_some() {
+                continue;
+            }
             self.take_in(&input);
             let sent = self.send();
             self.tell();
@@ -58,9 +61,6 @@ impl World {
     /// The core takes in an event, and the model sees what it was.
     fn take_in(&mut self, input: &Input) {
         let now = self.now_us;
-        if matches!(input, Input::Host { .. }) && self.life.links_open_by().is_some() {
-            return;
-        }
         if !matches!(input, Input::Tick) {
             self.note(|| format!("in  {input:X?}"));
         }
@@ -109,7 +109,8 @@ impl World {
         self.counts.events += 1;
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.life.suspend_reset(self.oracle.is_configuring());
-        self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
+        let changes = self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
+        self.named |= changes.buses;
         self.life.stored(self.oracle.latches(now));
     }
 
@@ -152,6 +153,7 @@ impl World {
                 continue;
             }
             while let Some(slot) = self.gateway.poll_cancel(at, bus) {
+                self.check_named(bus);
                 if !self.life.takes_step(false) {
                     return sent;
                 }
@@ -163,6 +165,7 @@ impl World {
             }
             let mut frames = 0;
             while let Some(transmit) = self.gateway.poll_transmit(at, bus) {
+                self.check_named(bus);
                 if !self.life.takes_step(false) {
                     return sent;
                 }
@@ -183,8 +186,17 @@ impl World {
                 self.buses[usize::from(bus)].take(transmit);
             }
             self.buses[usize::from(bus)].begin(now);
+            self.named &= !(1 << bus);
         }
+        self.named |= self.gateway.take_changes().buses;
         sent
+    }
+
+    /// Who polls only the buses that the core names misses nothing.
+    fn check_named(&mut self, bus: u8) {
+        if self.named >> bus & 1 == 0 {
+            self.oracle.not_named(self.now_us, bus);
+        }
     }
 
     /// The model sees what the buses were handed.

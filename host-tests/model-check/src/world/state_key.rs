@@ -25,6 +25,8 @@ impl World {
             line,
             inputs,
             epochs,
+            // Buses that nobody has to ask are asked all the same.
+            named: _,
             // What the model knows too.
             told: _,
             counts: _,

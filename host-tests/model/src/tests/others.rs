@@ -319,6 +319,13 @@ fn the_stop_of_an_e_stop_that_an_idle_axis_never_gets_on_a_bus_that_was_off() {
 }
 
 #[test]
+pub fn a_frame_for_which_nobody_was_told_to_ask() {
+    let mut trace = Trace::new(HOLD);
+    trace.oracle.not_named(trace.now, 0);
+    trace.breaks(Check::NotNamed);
+}
+
+#[test]
 pub fn events_that_follow_from_each_other_without_end() {
     let mut trace = Trace::new(HOLD);
     trace.oracle.never_rests(trace.now);

@@ -100,6 +100,7 @@ impl World {
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
         self.gateway.restore(now, &self.life.words);
+        self.named = u8::MAX;
         self.life.words.resize(RETAINED_WORDS, 0);
         self.tell(Event::EStopInput { open: self.life.e_stop_input_open });
         self.settle();
@@ -122,7 +123,8 @@ impl World {
             return;
         }
         let now = self.gateway_now();
-        self.gateway.handle(now, event, &mut self.life.store());
+        let changes = self.gateway.handle(now, event, &mut self.life.store());
+        self.named |= changes.buses;
     }
 
     /// Whether the gateway listens to its hosts.

@@ -42,6 +42,8 @@ pub struct World {
     strangers: Strangers,
     trace: Trace,
     life: Life,
+    /// Buses that the gateway has named and that have not been polled since, a bit for each.
+    named: u8,
     /// A deadline that the gateway leaves in the past is due again only then, so that time goes
     /// on.
     not_before: Duration,
@@ -77,9 +79,9 @@ impl World {
         let gateway = Box::new(Gateway::new(board, life.take_random_number()));
         let (strangers, trace, not_before) =
             (Strangers::new(seed), Trace::default(), Duration::ZERO);
-        let now = Duration::ZERO;
+        let (now, named) = (Duration::ZERO, u8::MAX);
         let mut world =
-            Self { now, gateway, ports, motors, links, strangers, trace, life, not_before };
+            Self { now, gateway, ports, motors, links, strangers, trace, life, named, not_before };
         world.start_gateway();
         Ok(world)
     }
@@ -276,7 +278,8 @@ impl World {
         }
         self.set_up_ports();
         let now = self.gateway_now();
-        for (bus, port) in (0..).zip(&mut self.ports) {
+        let named = core::mem::take(&mut self.named) | self.gateway.take_changes().buses;
+        for (bus, port) in (0..).zip(&mut self.ports).filter(|(bus, _)| named >> bus & 1 != 0) {
             while let Some(slot) = self.gateway.poll_cancel(now, bus) {
                 port.cancel(slot);
             }

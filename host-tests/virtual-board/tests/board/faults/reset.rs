@@ -171,10 +171,10 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
             "watchdog: no life from host link 1",
         ),
         (
-            "hang of the deadline task",
-            "motor_gateway::tasks::deadline::deadline",
+            "hang of the history task",
+            "motor_gateway::tasks::history::history",
             0,
-            "watchdog: no life from deadlines",
+            "watchdog: no life from history",
         ),
         (
             "hang of the e-stop task",
@@ -211,7 +211,7 @@ pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
     let words = "panic at planted.rs:11: index out of bounds: the len is 3 but the index is 7";
     let panics = [
         ("panic in a CAN task", task("motor_gateway::tasks::can::can", 0)),
-        ("panic in the deadline task", task("motor_gateway::tasks::deadline::deadline", 0)),
+        ("panic in the history task", task("motor_gateway::tasks::history::history", 0)),
         ("panic in a host's receiver", task("motor_gateway::tasks::host::receive", 0)),
         ("panic in the core", Place::Function("gateway::gateway::Gateway::handle")),
     ];

@@ -1,0 +1,407 @@
+//! The axes, and what is kept of them so that nothing is searched: who is on which bus, who stops,
+//! who has something to send, who is due when.
+//!
+//! Each kept word is a function of one axis. Whoever may have changed an axis has touched it, and
+//! [`Axes::settle`] works its words out anew: what an event costs depends on the axes that it
+//! touches.
+
+use crate::axis::Axis;
+use crate::time::Instant;
+use crate::{MAX_AXES, MAX_BUSES};
+use heapless::Vec;
+use host_protocol::{AxisState, Protocol};
+
+/// A set of axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct AxisSet(u32);
+
+const _: () = assert!(MAX_AXES <= u32::BITS as usize, "one bit for each axis");
+
+impl AxisSet {
+    pub const NONE: Self = Self(0);
+
+    /// The one axis; none beyond the set.
+    pub fn of(index: usize) -> Self {
+        Self(u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0))
+    }
+
+    /// Bit 0 is axis 0.
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    pub const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    pub const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// How many.
+    pub const fn len(self) -> u32 {
+        self.0.count_ones()
+    }
+
+    /// Puts an axis in or out.
+    fn put(&mut self, axis: Self, is_in: bool) {
+        *self = if is_in { self.with(axis) } else { self.without(axis) };
+    }
+
+    /// Those behind `last` in their order, then the others.
+    pub fn behind(self, last: u8) -> impl Iterator<Item = usize> {
+        // Two shifts, as one by the whole width is none.
+        let behind = Self(self.0 & (u32::MAX << (u32::from(last) & (u32::BITS - 1)) << 1));
+        behind.into_iter().chain(self.without(behind))
+    }
+}
+
+impl IntoIterator for AxisSet {
+    type Item = usize;
+    type IntoIter = Members;
+
+    fn into_iter(self) -> Members {
+        Members(self.0)
+    }
+}
+
+/// The axes of a set, the lowest first.
+#[derive(Debug, Clone)]
+pub(crate) struct Members(u32);
+
+impl Iterator for Members {
+    type Item = usize;
+
+    fn next(&mut self) -> Option<usize> {
+        let index = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (index < u32::BITS).then_some(index as usize)
+    }
+}
+
+/// What is asked of axes as a set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Is {
+    /// Not `Unconfigured`.
+    Configured,
+    /// It has a stop, under way or confirmed.
+    Stopping,
+    /// No command of its stop has left.
+    FirstStop,
+    /// It has something to send now.
+    Ready,
+    /// A time of it has passed and has not been looked at.
+    Overdue,
+    /// Its motor owes a reply.
+    Awaiting,
+    /// Its motor owes a reply with the id of the next frame to it.
+    OwedOurId,
+    /// Its motor answers requests to others.
+    Objecting,
+    /// It moves by a setpoint.
+    Active,
+    /// Arming, armed, active, stopping or tripped.
+    Moving,
+    Tripped,
+    Unreachable,
+    /// Its trip has still to reach its group.
+    Spreading,
+    /// Its trip is not in the history.
+    Unrecorded,
+    /// What outlives a reset has changed.
+    Unsaved,
+}
+
+impl Is {
+    const ALL: [Self; 15] = [
+        Self::Configured,
+        Self::Stopping,
+        Self::FirstStop,
+        Self::Ready,
+        Self::Overdue,
+        Self::Awaiting,
+        Self::OwedOurId,
+        Self::Objecting,
+        Self::Active,
+        Self::Moving,
+        Self::Tripped,
+        Self::Unreachable,
+        Self::Spreading,
+        Self::Unrecorded,
+        Self::Unsaved,
+    ];
+
+    /// Whether it is so of an axis at `now`.
+    fn so(self, axis: &Axis, now: Instant) -> bool {
+        match self {
+            Self::Configured => axis.state != AxisState::Unconfigured,
+            Self::Stopping => axis.has_stop(),
+            Self::FirstStop => axis.stop_has_not_left(),
+            Self::Ready => axis.is_ready(now),
+            Self::Overdue => axis.is_overdue(now),
+            Self::Awaiting => axis.awaits_reply(),
+            Self::OwedOurId => axis.reply_with_our_id_since().is_some(),
+            Self::Objecting => axis.objects(),
+            Self::Active => axis.state == AxisState::Active,
+            Self::Moving => matches!(
+                axis.state,
+                AxisState::Arming
+                    | AxisState::Armed
+                    | AxisState::Active
+                    | AxisState::Stopping
+                    | AxisState::Tripped { .. }
+            ),
+            Self::Tripped => matches!(axis.state, AxisState::Tripped { .. }),
+            Self::Unreachable => axis.is_unreachable(),
+            Self::Spreading => axis.trip_spreads(),
+            Self::Unrecorded => axis.trip_is_unrecorded(),
+            Self::Unsaved => axis.is_unsaved(),
+        }
+    }
+}
+
+/// What is kept of all axes.
+#[derive(Debug, Clone, PartialEq)]
+struct Kept {
+    /// By bus.
+    on: [AxisSet; MAX_BUSES],
+    /// By [`Is`].
+    which: [AxisSet; Is::ALL.len()],
+    /// When each axis must be looked at again; [`Instant::NEVER`] where time alone changes
+    /// nothing.
+    due: [Instant; MAX_AXES],
+    /// When the setpoint of each is late, but for the time that its bus may take;
+    /// [`Instant::NEVER`] where none is owed.
+    delivery_due: [Instant; MAX_AXES],
+    traffic: [Traffic; MAX_AXES],
+}
+
+/// What of an axis decides how long others wait on its bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Traffic {
+    pub bus: Option<u8>,
+    pub protocol: Option<Protocol>,
+    /// Its frames, or those of its motor, have ids of 29 bits.
+    pub is_extended: bool,
+    /// Its motor answers requests to others.
+    pub objects: bool,
+    /// Frames that answer one motion.
+    pub replies: u8,
+    /// The frames that its motor sends by itself, as `stream` says it.
+    pub stream: u32,
+}
+
+impl Traffic {
+    /// Of an axis without configuration.
+    const NONE: Self = Self {
+        bus: None,
+        protocol: None,
+        is_extended: false,
+        objects: false,
+        replies: 1,
+        stream: 0,
+    };
+}
+
+impl Kept {
+    const NONE: Self = Self {
+        on: [AxisSet::NONE; MAX_BUSES],
+        which: [AxisSet::NONE; Is::ALL.len()],
+        due: [Instant::NEVER; MAX_AXES],
+        delivery_due: [Instant::NEVER; MAX_AXES],
+        traffic: [const { Traffic::NONE }; MAX_AXES],
+    };
+
+    /// Works out what is kept of one axis. `after`: what was due until then has been done. Returns
+    /// whether its traffic is another one.
+    fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> bool {
+        let index = usize::from(axis.index);
+        let one = AxisSet::of(index);
+        let bus = axis.config.bus().map(usize::from);
+        for (here, set) in self.on.iter_mut().enumerate() {
+            set.put(one, bus == Some(here));
+        }
+        for (is, set) in Is::ALL.into_iter().zip(&mut self.which) {
+            set.put(one, is.so(axis, now));
+        }
+        if let Some(due) = self.due.get_mut(index) {
+            *due = axis.next_deadline(after).unwrap_or(Instant::NEVER);
+        }
+        if let Some(due) = self.delivery_due.get_mut(index) {
+            *due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
+        }
+        let traffic = axis.traffic();
+        self.traffic
+            .get_mut(index)
+            .is_some_and(|known| core::mem::replace(known, traffic) != traffic)
+    }
+}
+
+/// The axes of a gateway.
+#[derive(Clone)]
+pub(crate) struct Axes {
+    axes: Vec<Axis, MAX_AXES>,
+    /// Those that may have changed since they were settled.
+    touched: AxisSet,
+    kept: Kept,
+    /// The earliest time of `Kept::due`.
+    first_due: Instant,
+    /// Buses whose traffic is another one than they know, a bit for each.
+    new_traffic: u8,
+}
+
+impl Axes {
+    pub const fn new() -> Self {
+        Self {
+            axes: Vec::new(),
+            touched: AxisSet::NONE,
+            kept: Kept::NONE,
+            first_due: Instant::NEVER,
+            new_traffic: 0,
+        }
+    }
+
+    /// Makes all axes, each where it stays.
+    pub fn init(&mut self) {
+        while !self.axes.is_full() {
+            let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
+            let _ = self.axes.push(Axis::new(index));
+        }
+    }
+
+    pub fn get(&self, index: usize) -> Option<&Axis> {
+        self.axes.get(index)
+    }
+
+    pub fn get_mut(&mut self, index: usize) -> Option<&mut Axis> {
+        self.touched = self.touched.with(AxisSet::of(index));
+        self.axes.get_mut(index)
+    }
+
+    /// Every axis, configured or not.
+    pub fn iter(&self) -> core::slice::Iter<'_, Axis> {
+        self.axes.iter()
+    }
+
+    /// The axes of a set.
+    pub fn of(&self, set: AxisSet) -> impl Iterator<Item = &Axis> + Clone {
+        set.into_iter().filter_map(|index| self.axes.get(index))
+    }
+
+    /// Calls `act` with each axis of a set.
+    pub fn each(&mut self, set: AxisSet, mut act: impl FnMut(&mut Axis)) {
+        for index in set {
+            if let Some(axis) = self.get_mut(index) {
+                act(axis);
+            }
+        }
+    }
+
+    /// The axes for a bus.
+    pub fn on(&self, bus: u8) -> AxisSet {
+        self.kept.on.get(usize::from(bus)).copied().unwrap_or_default()
+    }
+
+    pub fn which(&self, is: Is) -> AxisSet {
+        self.kept.which.get(is as usize).copied().unwrap_or_default()
+    }
+
+    /// The axes for a bus of which something is so.
+    pub fn which_on(&self, is: Is, bus: u8) -> AxisSet {
+        self.which(is).and(self.on(bus))
+    }
+
+    /// When the first of these setpoints is late, but for the time that their bus may take.
+    pub fn first_delivery_due(&self, set: AxisSet) -> Option<Instant> {
+        let due = set.into_iter().filter_map(|index| self.kept.delivery_due.get(index)).min();
+        due.copied().filter(|at| *at < Instant::NEVER)
+    }
+
+    /// When the first axis must be looked at again.
+    pub fn first_due(&self) -> Option<Instant> {
+        Some(self.first_due).filter(|at| *at < Instant::NEVER)
+    }
+
+    /// The axes to which time alone has brought something.
+    pub fn due(&self, now: Instant) -> AxisSet {
+        let overdue = self.which(Is::Overdue);
+        if self.first_due <= now { overdue.with(self.due_by(now)) } else { overdue }
+    }
+
+    fn due_by(&self, now: Instant) -> AxisSet {
+        let mut set = AxisSet::NONE;
+        for index in self.which(Is::Configured) {
+            if self.kept.due.get(index).is_some_and(|at| *at <= now) {
+                set = set.with(AxisSet::of(index));
+            }
+        }
+        set
+    }
+
+    /// Works out anew what is kept of the axes that may have changed. Returns the buses that they
+    /// are or were on, a bit for each. `after`: what was due until then has been done.
+    pub fn settle(&mut self, now: Instant, after: Instant) -> u8 {
+        // What becomes ready meanwhile is asked for before its tick comes.
+        let ripe =
+            if self.first_due <= now && now > after { self.due_by(now) } else { AxisSet::NONE };
+        let touched = core::mem::take(&mut self.touched).with(ripe);
+        if touched.is_empty() {
+            return 0;
+        }
+        let before = self.buses_of(touched);
+        let mut is_new_traffic = false;
+        for index in touched {
+            if let Some(axis) = self.axes.get(index) {
+                is_new_traffic |= self.kept.keep(axis, now, after);
+            }
+        }
+        let due =
+            self.which(Is::Configured).into_iter().filter_map(|index| self.kept.due.get(index));
+        self.first_due = due.min().copied().unwrap_or(Instant::NEVER);
+        let buses = before | self.buses_of(touched);
+        self.new_traffic |= if is_new_traffic { buses } else { 0 };
+        buses
+    }
+
+    /// Whether the axes for a bus have another traffic than it knows.
+    pub fn has_new_traffic(&self, bus: u8) -> bool {
+        self.new_traffic.checked_shr(bus.into()).is_some_and(|bit| bit & 1 != 0)
+    }
+
+    /// Every bus knows its traffic.
+    pub fn traffic_is_known(&mut self) {
+        self.new_traffic = 0;
+    }
+
+    /// Panics where what is kept is not what a look at every axis gives. For tests.
+    pub fn assert_kept(&self, now: Instant, after: Instant) {
+        let mut fresh = Kept::NONE;
+        for axis in self.axes.iter().filter(|axis| !axis.config.is_empty()) {
+            fresh.keep(axis, now, after);
+        }
+        assert_eq!(self.touched, AxisSet::NONE, "axes that are not settled");
+        for (is, (fresh, kept)) in
+            Is::ALL.into_iter().zip(fresh.which.into_iter().zip(self.kept.which))
+        {
+            assert_eq!(fresh, kept, "{is:?}");
+        }
+        assert_eq!(fresh, self.kept);
+        assert_eq!(fresh.due.into_iter().min(), Some(self.first_due));
+    }
+
+    fn buses_of(&self, set: AxisSet) -> u8 {
+        let mut buses = 0;
+        for (bus, on) in self.kept.on.iter().enumerate() {
+            buses |= u8::from(!on.and(set).is_empty()) << bus;
+        }
+        buses
+    }
+}
