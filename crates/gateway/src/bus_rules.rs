@@ -1,7 +1,7 @@
 //! What a bus may be configured with: every check that needs no more than its port. The gateway
 //! makes them, and a program may before it asks.
 
-use crate::motor;
+use crate::protocol;
 use host_protocol::{BusConfig, BusKind, Error, MAX_BITRATES, Protocol, Quantity, REPLY_WINDOW_US};
 
 /// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates,
@@ -26,7 +26,7 @@ pub fn check_bus_config(
     }
     for protocol in protocols.iter() {
         check_kind(bus, kind, protocol)?;
-        if let Some((min, max)) = motor::own_bitrates(protocol) {
+        if let Some((min, max)) = protocol::own_bitrates(protocol) {
             if !(min..=max).contains(&bitrate) {
                 return Err(out_of_range(Quantity::Bitrate, bitrate, min, max));
             }

@@ -5,8 +5,8 @@ use crate::axis::{Address, Axis, AxisConfig};
 use crate::bus::check_load;
 use crate::bus_rules;
 use crate::gateway::Gateway;
-use crate::motor;
 use crate::outbox::Outbox;
+use crate::protocol;
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
@@ -194,10 +194,10 @@ impl Gateway {
                 && other.config.address().is_some()
         };
         for other in self.axes.iter().filter(there) {
-            if let Some(id) = motor::sent_on_an_id_of(config, &other.config) {
+            if let Some(id) = protocol::sent_on_an_id_of(config, &other.config) {
                 return Err(Error::IdInUse { axis, id, other: other.index });
             }
-            if let Some(id) = motor::sent_on_an_id_of(&other.config, config) {
+            if let Some(id) = protocol::sent_on_an_id_of(&other.config, config) {
                 return Err(Error::IdInUse { axis: other.index, id, other: axis });
             }
         }

@@ -3,8 +3,8 @@
 use crate::axis::{JobKind, NativeMotion, Permit};
 use crate::bus_rules;
 use crate::gateway::Gateway;
-use crate::motor::{self, Effect, Native};
 use crate::outbox::Ticket;
+use crate::protocol::{self, Effect, Native};
 use crate::requests::{Outcome, Result};
 use crate::time::Instant;
 use host_protocol::{
@@ -64,7 +64,7 @@ impl Gateway {
             return Err(Error::NotConfigured { axis: request.axis, parameter });
         }
         let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
-        motor::native(request.axis, &request.data, kind, &axis.config)
+        protocol::native(request.axis, &request.data, kind, &axis.config)
     }
 
     /// Whether a native command does the same as the request to stop: that needs no place for its
@@ -153,8 +153,8 @@ impl Gateway {
     /// the others (GUARANTEES G7).
     fn check_node_after(&self, index: u8, native: &Native) -> Result<()> {
         let mut config = self.axis(index)?.config.clone();
-        let node =
-            motor::node_after(&native.command, &config).filter(|node| Some(*node) != config.node());
+        let node = protocol::node_after(&native.command, &config)
+            .filter(|node| Some(*node) != config.node());
         let Some(node) = node else { return Ok(()) };
         config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
         self.check_axis(index, &config)
@@ -163,17 +163,17 @@ impl Gateway {
     /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any
     /// more, and only at its rate it could be set back.
     fn check_bitrate_after(&self, index: u8, native: &Native) -> Result<()> {
-        let Some(bitrate) = motor::bitrate_after(&native.command) else { return Ok(()) };
+        let Some(bitrate) = protocol::bitrate_after(&native.command) else { return Ok(()) };
         let config = &self.axis(index)?.config;
         let (Some(bus), Some(protocol)) = (config.bus(), config.protocol()) else { return Ok(()) };
         let rates = self.bus(bus)?.port().bitrates.iter().copied();
-        if rates.clone().any(|rate| motor::is_within_tolerance(bitrate, rate)) {
+        if rates.clone().any(|rate| protocol::is_within_tolerance(bitrate, rate)) {
             return Ok(());
         }
         Err(bus_rules::not_offered(
             bus,
             bitrate,
-            rates.filter(|rate| motor::can_be_set_to(protocol, *rate)),
+            rates.filter(|rate| protocol::can_be_set_to(protocol, *rate)),
         ))
     }
 
@@ -181,10 +181,10 @@ impl Gateway {
     /// what its axes need. They count from now on, and fewer only once the motor has taken
     /// them.
     fn admit_stream_after(&mut self, index: u8, native: &Native) -> Result<()> {
-        let Some(word) = motor::stream_after(&native.command) else { return Ok(()) };
+        let Some(word) = protocol::stream_after(&native.command) else { return Ok(()) };
         let axis = self.axis_mut(index)?;
-        let streams = motor::stream(&axis.config);
-        if motor::Stream::of_word(word).is_none_or(|new| !new.is_heavier_than(streams)) {
+        let streams = protocol::stream(&axis.config);
+        if protocol::Stream::of_word(word).is_none_or(|new| !new.is_heavier_than(streams)) {
             return Ok(());
         }
         let previous = axis.config.clone();

@@ -2,7 +2,7 @@
 //! G10).
 
 use crate::gateway::Gateway;
-use crate::motor;
+use crate::protocol;
 use crate::requests::Result;
 use crate::time::Instant;
 use host_protocol::{BusKind, Error, Quantity, RawFrame, requests};
@@ -25,7 +25,7 @@ impl Gateway {
         let protocols = bus.config().map(|config| config.protocols).unwrap_or_default();
         let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
         let harmless = match (&request.frame, kind) {
-            (RawFrame::Can(frame), BusKind::Can) => motor::is_harmless_on_can(frame, protocols),
+            (RawFrame::Can(frame), BusKind::Can) => protocol::is_harmless_on_can(frame, protocols),
             (RawFrame::Serial(bytes), BusKind::Rs485) if bytes.is_empty() => {
                 #[allow(clippy::cast_precision_loss)]
                 let max = host_protocol::MAX_SERIAL_FRAME as f32;
@@ -36,7 +36,7 @@ impl Gateway {
                     max,
                 });
             }
-            (RawFrame::Serial(bytes), BusKind::Rs485) => motor::is_harmless_on_serial(bytes),
+            (RawFrame::Serial(bytes), BusKind::Rs485) => protocol::is_harmless_on_serial(bytes),
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
         };
         if !harmless && !raw.is_unsafe() {

@@ -227,7 +227,7 @@ impl Gateway {
         ticket: Ticket,
     ) -> Result<Outcome> {
         let axis = self.idle_axis(request.axis)?;
-        crate::motor::check_timeout(request.timeout_ms, &axis.config)?;
+        crate::protocol::check_timeout(request.timeout_ms, &axis.config)?;
         self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
     }
 
@@ -239,7 +239,7 @@ impl Gateway {
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
         }
-        if !crate::motor::can_confirm(&axis.config) {
+        if !crate::protocol::can_confirm(&axis.config) {
             return Err(Error::CannotConfirm { axis: index });
         }
         if let Some(bus) = axis.config.bus()

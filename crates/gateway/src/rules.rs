@@ -4,7 +4,7 @@
 
 use crate::axis::{Address, AxisConfig};
 use crate::bus_rules;
-use crate::motor::{self, Command, Demand, Effect, Native};
+use crate::protocol::{self, Command, Demand, Effect, Native};
 use host_protocol::{
     AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value,
 };
@@ -65,7 +65,7 @@ impl AxisRules {
     /// # Errors
     /// [`Error::OutOfRange`].
     pub fn check_motor_timeout(&self, timeout_ms: u32) -> Result<(), Error> {
-        motor::check_timeout(timeout_ms, &self.config)
+        protocol::check_timeout(timeout_ms, &self.config)
     }
 
     /// Refuses a setpoint that the axis would not take.
@@ -119,7 +119,7 @@ impl AxisRules {
     }
 
     fn native(&self, data: &[u8]) -> Result<Native, Error> {
-        motor::native(self.axis, data, self.bus, &self.config)
+        protocol::native(self.axis, data, self.bus, &self.config)
     }
 }
 
@@ -138,7 +138,7 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
         return Err(Error::OutOfRange { quantity: Quantity::Node, value, min: 1.0, max });
     }
     match config.stop_action() {
-        Some(action) if !motor::can_stop_by(protocol, action) => {
+        Some(action) if !protocol::can_stop_by(protocol, action) => {
             Err(Error::Unsupported { axis, protocol })
         }
         _ => Ok(()),
@@ -163,13 +163,13 @@ const LIMITS: [AxisParameter; 7] = [
 /// Refuses parameters that do not fit each other, in whatever order they were set.
 pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
     let idle = |limit: &&AxisParameter| {
-        config.get(**limit).is_some() && !motor::can_keep(**limit, bus, config)
+        config.get(**limit).is_some() && !protocol::can_keep(**limit, bus, config)
     };
     if let Some(limit) = LIMITS.iter().find(idle) {
         return Err(Error::CannotMeasure { axis, parameter: limit.number() });
     }
     for parameter in AxisParameter::ALL.iter().copied() {
-        if let Some(protocol) = motor::only_of(parameter)
+        if let Some(protocol) = protocol::only_of(parameter)
             && Some(protocol) != config.protocol()
             && config.get(parameter) != parameter.info().default
         {
@@ -186,7 +186,7 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
         return Err(Error::BrakeStaysOpen { axis });
     }
     check_return_mode(config)?;
-    let least = config.protocol().map_or(0.0, motor::speed_unit_rad_s);
+    let least = config.protocol().map_or(0.0, protocol::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
     let (min, max) = config.position_range();
     within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
@@ -231,7 +231,7 @@ pub(crate) fn check_bus(
 /// The command that carries out a setpoint, or why the axis does not take it.
 pub(crate) fn command(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Result<Command, Error> {
     check_limits(setpoint, config)?;
-    motor::motion(axis, setpoint, config)
+    protocol::motion(axis, setpoint, config)
 }
 
 /// Refuses what is wrong with a relative move wherever it begins.
@@ -245,7 +245,7 @@ pub(crate) fn check_move(
         return Err(Error::NotANumber { quantity: Quantity::Position });
     }
     check_speed_limit(speed_limit_rad_s, config)?;
-    motor::motion(axis, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, config)
+    protocol::motion(axis, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s }, config)
         .map(drop)
 }
 

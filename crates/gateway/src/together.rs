@@ -8,8 +8,8 @@
 
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;
-use crate::motor;
 use crate::outbox::Ticket;
+use crate::protocol;
 use crate::requests::{Outcome, Result};
 use crate::rules;
 use crate::time::Instant;
@@ -75,7 +75,7 @@ impl Gateway {
         }
         let first_config = &self.axis(first)?.config;
         let bus_index = first_config.bus().unwrap_or(u8::MAX);
-        let extended = motor::has_extended_request_id(first_config);
+        let extended = protocol::has_extended_request_id(first_config);
         let mut together = Together {
             ticket,
             members: 0,
@@ -99,11 +99,11 @@ impl Gateway {
             if axis.config.bus() != Some(bus_index) {
                 return barred(index, TogetherBar::OtherBus);
             }
-            if motor::has_extended_request_id(&axis.config) != extended {
+            if protocol::has_extended_request_id(&axis.config) != extended {
                 return barred(index, TogetherBar::OtherFrameType);
             }
             // That the right speed waits is known from the motor's echo alone.
-            if !motor::answers_writes(&axis.config) {
+            if !protocol::answers_writes(&axis.config) {
                 return Err(Error::CannotConfirm { axis: index });
             }
             if axis.is_busy_with_more_than_a_question() {
@@ -146,7 +146,7 @@ impl Gateway {
         for member in members {
             let velocity = Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s };
             let command = rules::command(member.axis, velocity, &self.axis(member.axis)?.config)?;
-            let command = motor::to_wait(command);
+            let command = protocol::to_wait(command);
             self.with_axis(now, member.axis, |axis, out| {
                 axis.start(now, JobKind::Prepare { command }, ticket, out);
             })?;

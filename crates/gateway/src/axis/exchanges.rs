@@ -2,8 +2,8 @@
 
 use super::motion::Motion;
 use super::{Axis, Observation};
-use crate::motor::{self, Command, Exchange, Received, Verdict};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Command, Exchange, Received, Verdict};
 use crate::time::{Duration, Instant};
 use host_protocol::TripReason;
 
@@ -153,14 +153,14 @@ impl Axis {
         {
             displaced.until = Some(now + window);
             self.unanswered_since =
-                motor::is_answered(&displaced.command, &self.config).then_some(now);
+                protocol::is_answered(&displaced.command, &self.config).then_some(now);
             return;
         }
         let Some(pending) = &mut self.pending else { return };
         if pending.slot != slot || pending.until.is_some() {
             return;
         }
-        pending.window = motor::slow_reply(&pending.command).unwrap_or(window);
+        pending.window = protocol::slow_reply(&pending.command).unwrap_or(window);
         pending.until = Some(now + pending.window);
         let pending = *pending;
         self.job_left(&pending.command);
@@ -168,7 +168,7 @@ impl Axis {
         if let Some(stop) = &mut self.stop {
             stop.left(now, pending.exchange, silence);
         }
-        let is_answered = motor::is_answered(&pending.command, &self.config);
+        let is_answered = protocol::is_answered(&pending.command, &self.config);
         self.unanswered_since = is_answered.then_some(now);
         self.objections_due = 0;
         if !is_answered {
@@ -194,14 +194,15 @@ impl Axis {
     /// Whether the request under way is answered by this node, which is not the axis's own.
     pub fn awaits_node(&self, node: u8) -> bool {
         let waiting = self.pending.as_ref().filter(|p| p.is_waiting());
-        waiting.is_some_and(|p| motor::answering_node(&p.command, &self.config) == Some(node))
+        waiting.is_some_and(|p| protocol::answering_node(&p.command, &self.config) == Some(node))
     }
 
     /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for
     /// bit up to their data: where both have one id neither loses the arbitration, and the
     /// error repeats with them until a controller is off.
     pub fn reply_with_our_id_since(&self) -> Option<Instant> {
-        let same_id = self.config.protocol().is_some_and(motor::replies_with_the_id_of_the_request);
+        let same_id =
+            self.config.protocol().is_some_and(protocol::replies_with_the_id_of_the_request);
         self.unanswered_since.filter(|_| same_id)
     }
 
@@ -275,7 +276,7 @@ impl Axis {
         // What has not left cannot be answered: an answer of that kind is one that came twice.
         let displaced = self.displaced.as_ref().filter(|displaced| displaced.until.is_some());
         let late =
-            displaced.map(|displaced| motor::judge(&displaced.command, received, &self.config));
+            displaced.map(|displaced| protocol::judge(&displaced.command, received, &self.config));
         if let Some(verdict) = late.filter(|verdict| *verdict != Verdict::Unrelated) {
             if let Verdict::Answer(seen) = &verdict {
                 self.late_speed(seen);
@@ -292,7 +293,7 @@ impl Axis {
             self.unanswered_since = self.objection_due(now);
             return self.unasked(now, received, out);
         };
-        let verdict = motor::judge(&pending.command, received, &self.config);
+        let verdict = protocol::judge(&pending.command, received, &self.config);
         if verdict != Verdict::Unrelated {
             self.unanswered_since = self.objection_due(now);
         }
@@ -362,14 +363,14 @@ impl Axis {
     }
 
     fn is_answered_like_the_stop(&self, command: &Command) -> bool {
-        let stop = motor::command(Exchange::Stop, &self.config);
-        stop.is_some_and(|stop| motor::are_answered_alike(command, &stop, &self.config))
+        let stop = protocol::command(Exchange::Stop, &self.config);
+        stop.is_some_and(|stop| protocol::are_answered_alike(command, &stop, &self.config))
     }
 
     /// Whether a reply to this command may be the late one to a command sent before.
     fn may_answer_an_older(&self, now: Instant, command: &Command) -> bool {
         let displaced = self.displaced.as_ref().map(|displaced| &displaced.command);
-        let is_alike = |older| motor::are_answered_alike(older, command, &self.config);
+        let is_alike = |older| protocol::are_answered_alike(older, command, &self.config);
         displaced.is_some_and(is_alike)
             || now < self.stop_like_reply_until && self.is_answered_like_the_stop(command)
     }

@@ -6,8 +6,8 @@
 use super::exchanges::{Pending, Silence};
 use super::restart::Restart;
 use super::{Axis, Observation};
-use crate::motor::{self, Command, Exchange};
 use crate::outbox::{Outbox, Ticket};
+use crate::protocol::{self, Command, Exchange};
 use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
@@ -95,7 +95,7 @@ impl JobKind {
     }
 
     fn step(self, index: usize, protocol: Protocol) -> Option<Exchange> {
-        let sequences = motor::sequences(protocol);
+        let sequences = protocol::sequences(protocol);
         let steps = match self {
             Self::Arm { .. } => sequences.arming,
             Self::ReadState => sequences.state,
@@ -109,8 +109,8 @@ impl JobKind {
             Self::OutputOff => &[Exchange::OutputOff],
             Self::Native { command, .. } => {
                 // Whether it has restarted since is seen by its run time before.
-                let before = motor::acts_after_restart(&command).then_some(Exchange::RunTime);
-                let steps = [before, Some(Exchange::Native), motor::read_back(&command)];
+                let before = protocol::acts_after_restart(&command).then_some(Exchange::RunTime);
+                let steps = [before, Some(Exchange::Native), protocol::read_back(&command)];
                 return steps.into_iter().flatten().nth(index);
             }
             Self::NativeMotion => &[Exchange::Motion],
@@ -280,7 +280,7 @@ impl Axis {
             self.job.as_ref().map(|job| job.kind),
             Some(JobKind::Native { asks: false, .. })
         ) && exchange == Exchange::Native;
-        if changes && has_left && motor::sets_ack_level(&pending.command) {
+        if changes && has_left && protocol::sets_ack_level(&pending.command) {
             self.step_done(now, &Observation::default(), &[], out);
             return;
         }
@@ -319,7 +319,7 @@ impl Axis {
     /// A command has left while the job is under way.
     pub(super) fn job_left(&mut self, command: &Command) {
         if let Some(job) = &mut self.job {
-            job.output_on = motor::output_after(command).unwrap_or(job.output_on);
+            job.output_on = protocol::output_after(command).unwrap_or(job.output_on);
         }
     }
 
@@ -406,7 +406,7 @@ impl Axis {
                 if exchange == Exchange::AckLevel
                     && seen
                         .ack_level
-                        .is_some_and(|level| !motor::has_set_ack_level(&command, level)) =>
+                        .is_some_and(|level| !protocol::has_set_ack_level(&command, level)) =>
             {
                 Err(Error::Refused { axis, faults: self.measured.fault_word() })
             }
@@ -538,7 +538,7 @@ impl Axis {
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 if let JobKind::Native { command, .. } = kind
-                    && let Some(stream) = motor::stream_after(&command)
+                    && let Some(stream) = protocol::stream_after(&command)
                 {
                     let _ = self.set_stream(stream);
                 }

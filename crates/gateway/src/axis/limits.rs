@@ -1,8 +1,8 @@
 //! What a motor measures against the limits of its axis: beyond them it trips.
 
 use super::{Axis, Observation};
-use crate::motor;
 use crate::outbox::Outbox;
+use crate::protocol;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState, Error, Quantity, TripReason};
 
@@ -46,7 +46,7 @@ impl Axis {
 
     /// The motor's fault word, if a bit of it bars motion.
     pub(super) fn barring(&self, seen: &Observation) -> Option<u16> {
-        seen.faults.filter(|faults| *faults != motor::warnings(*faults, &self.config))
+        seen.faults.filter(|faults| *faults != protocol::warnings(*faults, &self.config))
     }
 
     /// Without a setpoint an armed axis stands. One reading may be noise: the next one decides, and

@@ -29,8 +29,8 @@ pub(crate) use stop::Stop;
 pub(crate) use wants::{Priority, Want};
 
 use crate::axes::Traffic;
-use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
 use core::num::NonZeroU64;
 use exchanges::{Displaced, Pending, Quiet, Silence};
@@ -242,7 +242,7 @@ impl Axis {
         let awaited = self
             .pending
             .as_ref()
-            .is_some_and(|p| p.is_waiting() && motor::slow_reply(&p.command).is_none());
+            .is_some_and(|p| p.is_waiting() && protocol::slow_reply(&p.command).is_none());
         awaited || self.displaced.as_ref().is_some_and(Displaced::is_awaited)
     }
 
@@ -305,7 +305,7 @@ impl Axis {
     /// The motor's fault word as a host sees it.
     fn faults(&self, now: Instant) -> Option<FaultReading> {
         let word = self.measured.fault_word()?;
-        let warnings = motor::warnings(word, &self.config);
+        let warnings = protocol::warnings(word, &self.config);
         Some(FaultReading { word, warnings, age_us: self.measured.age_us(now, StateField::Faults) })
     }
 
@@ -389,10 +389,10 @@ impl Axis {
         Traffic {
             bus: self.config.bus(),
             protocol,
-            is_extended: motor::has_extended_ids(&self.config),
+            is_extended: protocol::has_extended_ids(&self.config),
             objects: self.objects,
-            replies: motor::replies_to_motion(&self.config),
-            stream: motor::stream_word(&self.config),
+            replies: protocol::replies_to_motion(&self.config),
+            stream: protocol::stream_word(&self.config),
         }
     }
 

@@ -1,8 +1,8 @@
 //! The setpoint in force: a mailbox for the latest one.
 
 use super::{Axis, JobKind};
-use crate::motor::{self, Command, Demand, Exchange};
 use crate::outbox::{Outbox, Ticket};
+use crate::protocol::{self, Command, Demand, Exchange};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
@@ -94,7 +94,7 @@ impl Axis {
         rules::check_demand(self.index, motion.demand, &self.config)?;
         let in_force = self.motion.as_ref().map(|motion| &motion.command);
         // What follows on a target that was near is as near as the motor goes with it.
-        if !(motor::tracks(&command) && in_force.is_some_and(motor::tracks)) {
+        if !(protocol::tracks(&command) && in_force.is_some_and(protocol::tracks)) {
             rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
         }
         self.make_way(now, out);
@@ -148,8 +148,8 @@ impl Axis {
             return Err(Error::Stale { now_us: now.low_bits(), expires_at_us: expired.low_bits() });
         }
         let setpoint = Setpoint::Position { position_rad: 0.0, speed_limit_rad_s };
-        let command = motor::motion(self.index, setpoint, &self.config)?;
-        let further = motor::further(command, start_count, distance_rad, &self.config)?;
+        let command = protocol::motion(self.index, setpoint, &self.config)?;
+        let further = protocol::further(command, start_count, distance_rad, &self.config)?;
         let target = Setpoint::Position { position_rad: further.target_rad, speed_limit_rad_s };
         rules::check_limits(target, &self.config)?;
         self.take_motion(now, further.command, expires, false, out);

@@ -2,8 +2,8 @@
 //! (§2.28), which has not gone on as our clock has.
 
 use super::{Axis, JobKind};
-use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
@@ -91,7 +91,7 @@ impl Axis {
                 self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
                 return true;
             }
-            JobKind::Native { command, .. } if motor::acts_after_restart(command) => {
+            JobKind::Native { command, .. } if protocol::acts_after_restart(command) => {
                 self.set_restart_owed(true);
             }
             _ => {}

@@ -5,7 +5,7 @@ mod confirm;
 mod unreachable;
 
 use super::AxisConfig;
-use crate::motor::Exchange;
+use crate::protocol::Exchange;
 use crate::time::{Duration, Instant};
 
 /// Every stop is sent at least this often.

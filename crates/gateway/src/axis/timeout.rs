@@ -2,7 +2,7 @@
 //! G4).
 
 use super::Axis;
-use crate::motor;
+use crate::protocol;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout, Protocol};
 
@@ -160,7 +160,7 @@ impl Axis {
     }
 
     fn stores_its_timeout(&self) -> bool {
-        self.config.protocol().is_some_and(motor::stores_its_timeout)
+        self.config.protocol().is_some_and(protocol::stores_its_timeout)
     }
 }
 

@@ -1,8 +1,8 @@
 //! What an axis does in a start of several: it prepares or stands by, leads or follows.
 
 use super::{Axis, JobKind};
-use crate::motor::{self, Command, Exchange};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Command, Exchange};
 use crate::time::Instant;
 
 impl Axis {
@@ -45,7 +45,7 @@ impl Axis {
         self.stand_down();
         // No answer to all is printed; one that came would have the id of the next frame.
         self.reply_comes_first(now);
-        self.take_motion(now, motor::at_once(command), expires, false, out);
+        self.take_motion(now, protocol::at_once(command), expires, false, out);
     }
 
     /// It takes part no more.

@@ -1,8 +1,8 @@
 //! Leaving motion: trips, stops and disarming, and the way from one state to another.
 
 use super::{Axis, Stop};
-use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Exchange};
 use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, Error, Event, Protocol, StateField, StopAction, Trip, TripReason,
@@ -166,12 +166,12 @@ impl Axis {
 
     /// Whether the motor has a command that switches its output off.
     pub fn can_let_go(&self) -> bool {
-        motor::command(Exchange::OutputOff, &self.config).is_some()
+        protocol::command(Exchange::OutputOff, &self.config).is_some()
     }
 
     /// Whether the motor has a command that makes it start anew.
     pub fn can_restart(&self) -> bool {
-        motor::command(Exchange::Restart, &self.config).is_some()
+        protocol::command(Exchange::Restart, &self.config).is_some()
     }
 
     /// Whether the motor must be kept polled once it is stopped, for the same reason.

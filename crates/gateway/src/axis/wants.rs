@@ -1,7 +1,7 @@
 //! What an axis wants to send next.
 
 use super::Axis;
-use crate::motor::{self, Command, Exchange};
+use crate::protocol::{self, Command, Exchange};
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState};
 
@@ -97,7 +97,7 @@ impl Axis {
             }
             other => other,
         };
-        motor::command(exchange, &self.config)
+        protocol::command(exchange, &self.config)
     }
 
     /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may
@@ -198,11 +198,11 @@ impl Axis {
         // Where the motor tells for how long it has run, it is asked now and then: it may have
         // restarted by itself.
         if self.poll_turn.wrapping_add(1).is_multiple_of(self.run_time_every())
-            && motor::command(Exchange::RunTime, &self.config).is_some()
+            && protocol::command(Exchange::RunTime, &self.config).is_some()
         {
             return Some(Exchange::RunTime);
         }
-        let sequences = motor::sequences(self.config.protocol()?);
+        let sequences = protocol::sequences(self.config.protocol()?);
         let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);
         let further = |exchange: &Exchange| {
             *exchange != Exchange::Faults
@@ -240,7 +240,7 @@ impl Axis {
                 }
                 _ => false,
             };
-        asked && motor::command(exchange, &self.config).is_some()
+        asked && protocol::command(exchange, &self.config).is_some()
     }
 
     /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else
@@ -250,7 +250,7 @@ impl Axis {
         if holds && (!self.watched || self.poll_turn.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }
-        let state = motor::sequences(self.config.protocol()?).state;
+        let state = protocol::sequences(self.config.protocol()?).state;
         let turn = if holds { self.poll_turn / 2 } else { self.poll_turn };
         self.watched.then(|| self.in_turn(state, turn)).flatten()
     }
@@ -259,6 +259,6 @@ impl Axis {
     fn in_turn(&self, exchanges: &[Exchange], turn: usize) -> Option<Exchange> {
         (0..exchanges.len())
             .filter_map(|offset| exchanges.get((turn + offset) % exchanges.len()).copied())
-            .find(|exchange| motor::command(*exchange, &self.config).is_some())
+            .find(|exchange| protocol::command(*exchange, &self.config).is_some())
     }
 }

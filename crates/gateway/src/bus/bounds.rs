@@ -6,8 +6,8 @@ use super::frame_bits::longest_frame_bits;
 use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use crate::axes::{Axes, Is};
-use crate::motor;
 use crate::outbox::Outbox;
+use crate::protocol;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{BusKind, Event, Protocol, TripReason};
@@ -95,10 +95,10 @@ impl Bus {
         let frame = self.frame_time(1);
         let mut bounds = Bounds::NONE;
         for axis in self.axes_here(axes) {
-            let replies = u64::from(motor::replies_to_motion(&axis.config));
+            let replies = u64::from(protocol::replies_to_motion(&axis.config));
             bounds.further_replies += replies - 1 + objections(axis, self.axes_here(axes));
             bounds.streamed_at_once +=
-                motor::stream(&axis.config).map_or(0, |stream| stream.frames);
+                protocol::stream(&axis.config).map_or(0, |stream| stream.frames);
             bounds.streamed_permille += streamed_permille(axis, frame);
         }
         self.bounds = bounds;

@@ -2,7 +2,7 @@
 
 use super::Bus;
 use crate::axis::Axis;
-use crate::motor;
+use crate::protocol;
 use crate::time::Duration;
 
 /// Bits of a standard frame before its data: start of frame, 11 of the id, RTR, IDE, r0, 4 of the
@@ -34,7 +34,7 @@ const fn longest(header_bits: u64) -> u64 {
 
 /// Bits of the longest frame that these axes send or are answered with.
 pub(super) fn longest_frame_bits<'a>(mut axes: impl Iterator<Item = &'a Axis>) -> u64 {
-    let has_extended = axes.any(|axis| motor::has_extended_ids(&axis.config));
+    let has_extended = axes.any(|axis| protocol::has_extended_ids(&axis.config));
     if has_extended { EXTENDED_FRAME_BITS } else { STANDARD_FRAME_BITS }
 }
 

@@ -4,7 +4,7 @@ use super::frame_bits::longest_frame_bits;
 use super::line::{GAP_BITS, STOP_DELAY};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
-use crate::motor;
+use crate::protocol;
 use crate::time::Duration;
 use host_protocol::{BusConfig, BusKind, Error, Protocol};
 
@@ -66,7 +66,7 @@ fn exchange_time(kind: BusKind, frame_bits: u64, bitrate: u32) -> Duration {
 /// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to
 /// a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
-    let motion = exchange + frame.times(u64::from(motor::replies_to_motion(&axis.config)) - 1);
+    let motion = exchange + frame.times(u64::from(protocol::replies_to_motion(&axis.config)) - 1);
     share(motion, axis.refresh())
         + share(exchange, axis.config.fault_poll())
         + share(exchange, axis.config.state_poll())
@@ -75,7 +75,7 @@ fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
 
 /// The share of the bus that goes to the frames which the axis's motor sends by itself.
 pub(super) fn streamed_permille(axis: &Axis, frame: Duration) -> u64 {
-    motor::stream(&axis.config)
+    protocol::stream(&axis.config)
         .map_or(0, |stream| share(frame.times(stream.frames), stream.interval))
 }
 

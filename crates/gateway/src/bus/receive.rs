@@ -4,8 +4,8 @@ use super::Bus;
 use super::line::Heard;
 use crate::axes::Axes;
 use crate::axis::{Axis, Reception};
-use crate::motor::{self, Received};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Received};
 use crate::time::Instant;
 use host_protocol::{BusKind, CanFrame, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
 use rmd::rs485::FRAME_LEN;
@@ -30,10 +30,10 @@ impl Bus {
         let Some(config) = self.config else { return };
         let mut understood = false;
         for received in
-            config.protocols.iter().filter_map(|protocol| motor::from_can(protocol, &frame))
+            config.protocols.iter().filter_map(|protocol| protocol::from_can(protocol, &frame))
         {
             let wanted = |axis: &&Axis| {
-                is_from(axis, self.index, &received) && motor::accepts_id(&axis.config, &frame)
+                is_from(axis, self.index, &received) && protocol::accepts_id(&axis.config, &frame)
             };
             let sender = self.axes_here(axes).find(wanted).map(|axis| usize::from(axis.index));
             if let Some(axis) = sender.and_then(|index| axes.get_mut(index)) {

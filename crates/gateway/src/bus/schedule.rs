@@ -4,7 +4,7 @@
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
 use crate::axis::{Axis, Priority, Want};
-use crate::motor;
+use crate::protocol;
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::{BusKind, Protocol};
@@ -132,7 +132,7 @@ impl Bus {
     /// Nothing of the axis goes before this.
     fn first_stop_precedence(&self, axis: &Axis) -> Precedence {
         let id = match self.kind() {
-            BusKind::Can => motor::stop_id(&axis.config),
+            BusKind::Can => protocol::stop_id(&axis.config),
             BusKind::Rs485 => None,
         };
         (Priority::FirstStop as u8, id)
@@ -201,7 +201,7 @@ impl Bus {
         if has_room && self.may_go_beside_others(axis) {
             return None;
         }
-        let id = motor::stop_id(&axis.config);
+        let id = protocol::stop_id(&axis.config);
         let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
         let held =
             self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
@@ -288,7 +288,7 @@ impl Bus {
     ) -> bool {
         match self.kind() {
             BusKind::Can => {
-                let id = motor::stop_id(&axis.config);
+                let id = protocol::stop_id(&axis.config);
                 let taken = self.in_flight.iter().flatten().any(|f| f.id == id);
                 let fits = room == Room::All || self.may_go_beside_others(axis);
                 !taken && fits && self.id_is_free_at(axis, axes) <= now

@@ -6,9 +6,9 @@ use super::schedule::Room;
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
 use crate::axis::{Axis, Priority, Want};
-use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
+use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
 use embedded_can::Id;
 use heapless::Vec;
@@ -226,8 +226,8 @@ impl Bus {
     ) -> Option<Transmit> {
         let command = axis.command_for(want.exchange);
         let frame = command.and_then(|command| match self.kind() {
-            BusKind::Can => motor::to_can(&command, &axis.config).map(Outgoing::Can),
-            BusKind::Rs485 => motor::to_serial(&command, &axis.config).map(Outgoing::Serial),
+            BusKind::Can => protocol::to_can(&command, &axis.config).map(Outgoing::Can),
+            BusKind::Rs485 => protocol::to_serial(&command, &axis.config).map(Outgoing::Serial),
         });
         let (Some(command), Some(frame), Some(slot)) = (command, frame, self.free_slot()) else {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);

@@ -6,8 +6,8 @@ use super::{
 };
 use crate::axis::exchanges::Pending;
 use crate::axis::{Axis, Observation};
-use crate::motor::{self, Exchange};
 use crate::outbox::Outbox;
+use crate::protocol::{self, Exchange};
 use crate::time::Instant;
 use host_protocol::{AxisState, Event, Protocol, StopAction};
 
@@ -22,7 +22,7 @@ impl Axis {
         let verifies_brake = self.config.verifies_brake();
         let Some(stop) = &mut self.stop else { return };
         stop.went_on_at = now;
-        let answered = motor::is_answered(&pending.command, &self.config);
+        let answered = protocol::is_answered(&pending.command, &self.config);
         if answered && matches!(pending.exchange, Exchange::Stop | Exchange::CommandedSpeed) {
             stop.unconfirmed = 0;
         }
@@ -122,7 +122,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let restarts = self.is_restarting();
-        let may_wait = motor::command(Exchange::OverwritePending, &self.config).is_some();
+        let may_wait = protocol::command(Exchange::OverwritePending, &self.config).is_some();
         let Some(stop) = &mut self.stop else { return };
         stop.went_on_at = now;
         // A motor that restarts misses stops, and its output is off.
@@ -162,7 +162,7 @@ impl Axis {
         if !stop.acknowledged || stop.sent < STOPS_AT_LEAST {
             return;
         }
-        if motor::command(Exchange::PositionStop, &self.config).is_some() {
+        if protocol::command(Exchange::PositionStop, &self.config).is_some() {
             stop.go(now, Phase::PositionStop);
         } else if protocol == Some(Protocol::D5) {
             stop.go(now, Phase::PendingWrite);

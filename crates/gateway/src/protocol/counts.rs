@@ -1,7 +1,7 @@
 //! Values of SI units as the counts of a manual, or the refusal that names the range in SI units.
 
+use super::convert::Scale;
 use crate::axis::AxisConfig;
-use crate::convert::Scale;
 use host_protocol::{AxisParameter, Error, Quantity};
 
 /// Speed limit and target of a position command, in the motor's units and sense of rotation. 0 is

@@ -1,10 +1,10 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
+use super::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
 use super::native::{Demand, Effect, Native};
 use super::returned::{self, ReturnMode, is_motion};
 use super::{Command, Exchange, Sequences, Verdict, fit, position, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
 use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
 use thruster::{
     Answer, Decidegrees, EncodeError, Faults, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit,

@@ -1,6 +1,7 @@
 //! From the core's words to each protocol's commands and back. One file per protocol; only they and
-//! [`convert`](crate::convert) know a manual's units.
+//! [`convert`] know a manual's units.
 
+mod convert;
 mod counts;
 mod d5;
 mod exchange;
@@ -23,7 +24,6 @@ pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
 pub(crate) use stream::Stream;
 
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
 use crate::port::MAX_SERIAL;
 use crate::time::Duration;
 use embedded_can::Id;

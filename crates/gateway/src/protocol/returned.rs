@@ -1,8 +1,8 @@
 //! What a thruster returns for TC and VC instead of the echo, as its VM is set (Thruster manual
 //! §2.4; PROTOCOL-NOTES T8, T9, T22).
 
+use super::convert;
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
 use host_protocol::AxisParameter;
 use thruster::{
     Deciamps, Decivolts, Headerless, Request, ReturnFlags, ReturnFrames, ReturnedFrame, Rpm,

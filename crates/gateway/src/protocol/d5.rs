@@ -1,9 +1,9 @@
 //! Motors with `D5`/`5D` frames in the core's words.
 
+use super::convert::{self, DEGREES};
 use super::native::{Demand, Effect, Native};
 use super::{Command, Exchange, Sequences, Verdict, fit, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert::{self, DEGREES};
 use d5::{
     AckLevel, Address, Answer, DegreesPerSecond, Node, Register, Reply, Request, Value, Width,
 };

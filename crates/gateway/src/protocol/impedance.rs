@@ -1,8 +1,8 @@
 //! RMD motion mode: impedance setpoints as the packed words of RMD V3.6 §5, in the ranges that the
 //! axis states.
 
+use super::convert;
 use crate::axis::{AxisConfig, Observation};
-use crate::convert;
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint};
 use rmd::{MotionCommand, MotionFeedback};
 

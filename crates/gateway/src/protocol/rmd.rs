@@ -1,9 +1,9 @@
 //! MyActuator RMD (V3.6) in the core's words.
 
+use super::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use super::native::{Demand, Effect, Native};
 use super::{Command, Exchange, Sequences, Verdict, fit, impedance, position, turned};
 use crate::axis::{AxisConfig, Observation};
-use crate::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
 use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
 use rmd::{
     Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request,
