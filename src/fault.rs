@@ -13,7 +13,7 @@ use cortex_m::peripheral::{DCB, MPU, SCB};
 use cortex_m_rt::{ExceptionFrame, exception};
 
 use crate::board;
-use crate::last_words::{self, Text};
+use crate::crash_report::{self, Text};
 
 /// Processor cycles that an attached debug probe is given to fetch the log before the reset wipes
 /// it: 2 ms at 400 MHz. Without a probe there is no wait, and the run after this one logs the text
@@ -167,7 +167,7 @@ fn restart_after(write: impl FnOnce(&mut Text) -> fmt::Result) -> ! {
     cortex_m::interrupt::disable();
     board::set_enable_output(false);
     if !FAULTED.swap(true, Ordering::Relaxed) {
-        last_words::keep(write);
+        crash_report::keep(write);
         if DCB::is_debugger_attached() {
             cortex_m::asm::delay(LOG_GRACE_CYCLES);
         }

@@ -32,10 +32,10 @@ fn write_event(event: Event) {
             reaction_us,
             elapsed_us
         ),
-        Event::AxisUnreachable { axis, stop_sent: true } => {
+        Event::AxisUnreachable { axis, stop_transmitted: true } => {
             defmt::error!("axis {=u8}: unreachable, its motor may be turning", axis)
         }
-        Event::AxisUnreachable { axis, stop_sent: false } => {
+        Event::AxisUnreachable { axis, stop_transmitted: false } => {
             defmt::error!("axis {=u8}: its stop cannot be sent, its motor may be turning", axis)
         }
         Event::AuthorityLost { reason } => defmt::info!("nobody is in command: {}", reason),

@@ -7,13 +7,13 @@
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod crash_report;
+#[cfg(target_os = "none")]
 mod dma_memory;
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]
 mod fdcan;
-#[cfg(target_os = "none")]
-mod last_words;
 #[cfg(target_os = "none")]
 mod line;
 #[cfg(target_os = "none")]
@@ -50,8 +50,8 @@ async fn main(spawner: embassy_executor::Spawner) {
     let words = if is_bare { words.without_the_run_before() } else { words };
     // Not before the retained RAM can be read: a reset in between must find the same reason.
     board::forget_boot_reason();
-    let last_words = last_words::take(boot, is_bare);
-    let (description, ports) = board::start(boot, last_words);
+    let crash_report = crash_report::take(boot, is_bare);
+    let (description, ports) = board::start(boot, crash_report);
     defmt::info!(
         "motor gateway {=str}, build {=str}, on {=str}, started by {}",
         description.firmware,
@@ -59,8 +59,8 @@ async fn main(spawner: embassy_executor::Spawner) {
         description.name,
         boot
     );
-    if !last_words.is_empty() {
-        defmt::error!("the run before this one ended: {=str}", last_words);
+    if !crash_report.is_empty() {
+        defmt::error!("the run before this one ended: {=str}", crash_report);
     }
     if is_bare {
         defmt::error!(

@@ -14,7 +14,7 @@ use core::mem::MaybeUninit;
 use gateway::RETAINED_WORDS;
 use host_protocol::BootReason;
 
-use crate::last_words::RECORD_WORDS;
+use crate::crash_report::RECORD_WORDS;
 use crate::starts::START_WORDS;
 use crate::watchdog::LIFE_WORDS;
 
@@ -26,10 +26,10 @@ pub struct Area {
 }
 
 const CORE: Area = Area { first: 0, words: RETAINED_WORDS };
-/// The last words of a run that failed.
-pub const LAST_WORDS: Area = Area { first: RETAINED_WORDS, words: RECORD_WORDS };
+/// The crash report of a run that failed.
+pub const CRASH_REPORT: Area = Area { first: RETAINED_WORDS, words: RECORD_WORDS };
 /// Who showed life.
-pub const LIFE: Area = Area { first: LAST_WORDS.first + RECORD_WORDS, words: LIFE_WORDS };
+pub const LIFE: Area = Area { first: CRASH_REPORT.first + RECORD_WORDS, words: LIFE_WORDS };
 /// Starts that failed early.
 pub const STARTS: Area = Area { first: LIFE.first + LIFE_WORDS, words: START_WORDS };
 /// The word that closes a group of writes, with a neighbour: no other word shares the 64 bits that

@@ -154,7 +154,7 @@ fn gateway() -> Seeds {
             bus,
             bitrate,
             protocols,
-            wholly_ours: false,
+            exclusive: false,
             reply_window_us: 5_000,
         }));
         script.bytes.extend([step::BUS_STATE, bus, 0, 0, 0, 0, 0]);

@@ -24,7 +24,7 @@ static BOARD: Board = Board {
     firmware: "0.0.0",
     build_id: "fuzz",
     boot: BootReason::Simulated,
-    last_words: "",
+    crash_report: "",
     e_stop_input: false,
     enable_output: false,
     buses: &[

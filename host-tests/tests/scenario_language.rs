@@ -33,7 +33,7 @@ fn a_scenario_that_is_wrong_fails() {
         "expect incidents 2",
         "expect incident 0 Tripped",
         "expect boot Watchdog",
-        "expect last-words gone",
+        "expect crash-report gone",
         "await 0 141#A2",
         "dance",
     ] {

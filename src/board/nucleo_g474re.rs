@@ -276,8 +276,8 @@ pub fn set_enable_output(active: bool) {
     });
 }
 
-/// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
-pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
+/// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
+pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     let has_clock = crystal_swings(boot);
     set_clocks(&mut config.rcc, has_clock);
@@ -329,7 +329,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PA4, p.EXTI4, Pull::Up, Irqs),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
     };
-    (description(boot, last_words, has_clock), ports)
+    (description(boot, crash_report, has_clock), ports)
 }
 
 impl Ports {
@@ -403,7 +403,7 @@ fn boost() {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
+fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) -> Board {
     let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
         defmt::error!(
             "CAN is off: the crystal does not swing, and the chip's own clock is not exact enough"
@@ -422,7 +422,7 @@ fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> B
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,
-        last_words,
+        crash_report,
         e_stop_input: true,
         enable_output: true,
         buses,

@@ -303,8 +303,8 @@ pub fn set_enable_output(active: bool) {
     });
 }
 
-/// Sets clocks, pins and UARTs up. `last_words` is what the run before has left.
-pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
+/// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
+pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         // Instructions only: with a data cache every DMA buffer would have to be cleaned and
         // invalidated.
@@ -360,7 +360,7 @@ pub fn start(boot: BootReason, last_words: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PE11, p.EXTI11, Pull::Up, Irqs),
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(boot, last_words, has_clock), ports)
+    (description(boot, crash_report, has_clock), ports)
 }
 
 impl Ports {
@@ -438,7 +438,7 @@ fn trim_by_usb_2() {
 }
 
 /// What the core must know of this board.
-fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> Board {
+fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) -> Board {
     let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
         defmt::error!(
             "CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough"
@@ -459,7 +459,7 @@ fn description(boot: BootReason, last_words: &'static str, has_clock: bool) -> B
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,
-        last_words,
+        crash_report,
         e_stop_input: true,
         enable_output: true,
         buses,

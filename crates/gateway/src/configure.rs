@@ -39,7 +39,7 @@ impl Gateway {
         let config = BusConfig {
             bitrate: request.bitrate,
             protocols: request.protocols,
-            wholly_ours: request.wholly_ours,
+            exclusive: request.exclusive,
             reply_window_us: request.reply_window_us,
         };
         bus_rules::check_bus_config(request.bus, bus.kind(), bus.port().bitrates, &config)?;

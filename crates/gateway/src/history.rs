@@ -149,7 +149,7 @@ mod tests {
     use host_protocol::{BootReason, Trip};
 
     fn started(start: u32) -> Incident {
-        Incident::Started { start, boot: BootReason::Watchdog, last_words: true }
+        Incident::Started { start, boot: BootReason::Watchdog, has_crash_report: true }
     }
 
     fn tripped(axis: u8, reason: TripReason) -> Incident {

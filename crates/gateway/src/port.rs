@@ -220,7 +220,7 @@ pub struct Board {
     pub boot: host_protocol::BootReason,
     /// What the firmware left behind before this start: the message of a panic, of a fault or of
     /// the watchdog. Empty if there was none; at most 240 bytes.
-    pub last_words: &'static str,
+    pub crash_report: &'static str,
     /// Whether it has an e-stop input.
     pub e_stop_input: bool,
     /// Whether it has an enable output.

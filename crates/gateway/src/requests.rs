@@ -165,8 +165,8 @@ impl Gateway {
                 self.remember_trips();
                 Reply::ReadIncidents(self.history.page(request.first))
             }
-            Request::ReadLastWords(_) => {
-                Reply::ReadLastWords(replies::LastWords { text: text(self.board.last_words) })
+            Request::ReadCrashReport(_) => {
+                Reply::ReadCrashReport(replies::CrashReport { text: text(self.board.crash_report) })
             }
         };
         Ok(Outcome::Now(reply))
@@ -198,7 +198,7 @@ impl Gateway {
             build_id: text(self.board.build_id),
             board: text(self.board.name),
             boot: self.board.boot,
-            panic_recorded: !self.board.last_words.is_empty(),
+            has_crash_report: !self.board.crash_report.is_empty(),
             trips_recorded: self.history.len(),
             max_axes: MAX_AXES_WIRE,
             #[allow(clippy::cast_possible_truncation)]
@@ -502,7 +502,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::ReadState(_)
         | Request::Subscribe(_)
         | Request::ReadIncidents(_)
-        | Request::ReadLastWords(_)
+        | Request::ReadCrashReport(_)
         // Depends on what its bytes do.
         | Request::Native(_) => false,
     }

@@ -38,7 +38,7 @@ use states::{E_STOPPED, States};
 /// Words of an axis: its configuration, then the timeout last written to its motor, ms.
 const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
 
-/// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is wholly ours,
+/// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is exclusive,
 /// reply window.
 const BUS_WORDS: usize = 4;
 
@@ -279,7 +279,7 @@ impl Gateway {
         self.history.push(Incident::Started {
             start,
             boot,
-            last_words: !self.board.last_words.is_empty(),
+            has_crash_report: !self.board.crash_report.is_empty(),
         });
         self.stop_after_reset(now, states);
         self.remember_trips();
@@ -308,7 +308,7 @@ impl Gateway {
                 bus,
                 bitrate: config.bitrate,
                 protocols: config.protocols,
-                wholly_ours: config.wholly_ours,
+                exclusive: config.exclusive,
                 reply_window_us: config.reply_window_us,
             };
             // One that this firmware refuses is left unconfigured, and its axes with it.
@@ -387,18 +387,18 @@ fn axis_from_words(words: &[u32]) -> Option<(AxisConfig, u32)> {
 
 fn bus_words(config: Option<&BusConfig>) -> [u32; BUS_WORDS] {
     config.map_or([0; BUS_WORDS], |config| {
-        let BusConfig { bitrate, protocols, wholly_ours, reply_window_us } = *config;
-        [bitrate, u32::from(protocols.bits()), u32::from(wholly_ours), reply_window_us]
+        let BusConfig { bitrate, protocols, exclusive, reply_window_us } = *config;
+        [bitrate, u32::from(protocols.bits()), u32::from(exclusive), reply_window_us]
     })
 }
 
 fn bus_config(words: &[u32]) -> Option<BusConfig> {
-    let [bitrate, protocols, wholly_ours, reply_window_us] = *words else { return None };
+    let [bitrate, protocols, exclusive, reply_window_us] = *words else { return None };
     if bitrate == 0 {
         return None;
     }
     let protocols = ProtocolSet::from_bits(u8::try_from(protocols).ok()?);
-    Some(BusConfig { bitrate, protocols, wholly_ours: wholly_ours != 0, reply_window_us })
+    Some(BusConfig { bitrate, protocols, exclusive: exclusive != 0, reply_window_us })
 }
 
 #[cfg(test)]
@@ -411,7 +411,7 @@ mod tests {
         let config = BusConfig {
             bitrate: 1_000_000,
             protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::D5]),
-            wholly_ours: true,
+            exclusive: true,
             reply_window_us: 5_000,
         };
         assert_eq!(bus_words(Some(&config)), [1_000_000, 0b101, 1, 5_000]);

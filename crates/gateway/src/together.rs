@@ -122,7 +122,7 @@ impl Gateway {
             return Err(Error::BusOff { bus: bus_index });
         }
         // Whoever is no axis of ours would obey as well.
-        if !bus.config().is_some_and(|config| config.wholly_ours) {
+        if !bus.config().is_some_and(|config| config.exclusive) {
             return barred(first, TogetherBar::SharedBus);
         }
         for axis in self.axes.iter().filter(|axis| axis.config.bus() == Some(bus_index)) {

@@ -52,7 +52,7 @@ wire! {
         /// The protocols spoken on it.
         pub protocols: ProtocolSet,
         /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent too.
-        pub wholly_ours: bool,
+        pub exclusive: bool,
         /// How long a reply is awaited, µs.
         pub reply_window_us: u32,
     }
@@ -76,7 +76,7 @@ wire! {
     #[derive(Copy, Eq, Default)]
     pub struct BusCounters {
         /// Frames sent and, on CAN, acknowledged.
-        pub sent: u32,
+        pub transmitted: u32,
         /// Frames received.
         pub received: u32,
         /// Frames received that answer no request.
@@ -89,7 +89,7 @@ wire! {
         pub receive_overflows: u32,
         /// Frames that no node acknowledged in time.
         pub missed_acknowledgements: u32,
-        /// Frames withdrawn before they were sent.
+        /// Frames cancelled before they were transmitted.
         pub cancelled: u32,
         /// How often the controller went bus-off.
         pub bus_offs: u32,

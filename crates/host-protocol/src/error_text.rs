@@ -358,7 +358,7 @@ fn together_bar(reason: TogetherBar) -> &'static str {
         TogetherBar::Twice => "is named twice",
         TogetherBar::OtherBus => "is on another bus than the first",
         TogetherBar::SharedBus => {
-            "is on a bus that is not declared wholly ours, so that motors unknown to the gateway could start too"
+            "is on a bus that is not declared exclusive, so that motors unknown to the gateway could start too"
         }
         TogetherBar::OtherFrameType => {
             "is asked with CAN ids of another length than the first: no frame reaches both"

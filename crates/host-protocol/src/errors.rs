@@ -36,7 +36,7 @@ wire! {
         Twice,
         /// The axis is on another bus than the first.
         OtherBus,
-        /// The bus is not declared wholly ours: who is no axis could obey as well.
+        /// The bus is not declared exclusive: who is no axis could obey as well.
         SharedBus,
         /// A speed waits in the motor, which is not among those that are to be started.
         WriteWaits,

@@ -171,15 +171,15 @@ events! {
         data: [u8; 8],
         /// How many of them were sent.
         length: u8,
-        /// Frames of this axis that were not asked for and not told, since the event before.
-        untold: u16,
+        /// Frames of this axis that were not asked for and not reported since the event before.
+        unreported: u16,
     }
     /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable, or none could be sent. It may be turning.
     0x800A AxisUnreachable {
         /// The axis.
         axis: u8,
         /// Stops were sent and not confirmed; else its bus carries none, and they go out when it does.
-        stop_sent: bool,
+        stop_transmitted: bool,
     }
     /// Requests of this host link were not executed or not answered, because too many replies were waiting.
     0x800B RequestDropped {

@@ -33,7 +33,7 @@ wire! {
             /// Why.
             boot: BootReason,
             /// Whether the firmware left words behind before it; only those of the latest start are kept.
-            last_words: bool,
+            has_crash_report: bool,
         },
         /// An axis tripped.
         Tripped {

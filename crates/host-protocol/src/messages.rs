@@ -228,7 +228,7 @@ messages! {
     0x0053 RawClose -> Done
 
     0x0060 ReadIncidents -> IncidentPage
-    0x0061 ReadLastWords -> LastWords
+    0x0061 ReadCrashReport -> CrashReport
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

@@ -15,8 +15,8 @@ pub const MAX_BUS_CAPABILITIES: usize = 8;
 pub const MAX_AXIS_SUMMARIES: usize = 16;
 /// Incidents of one [`IncidentPage`].
 pub const MAX_INCIDENTS: usize = 8;
-/// Bytes of [`LastWords`].
-pub const MAX_LAST_WORDS: usize = 240;
+/// Bytes of [`CrashReport`].
+pub const MAX_CRASH_REPORT: usize = 240;
 /// Frames of one [`RawFrames`]: as many of the longest as a message holds.
 pub const MAX_RAW_FRAMES: usize = 6;
 
@@ -41,7 +41,7 @@ wire! {
         /// Why it started last.
         pub boot: BootReason,
         /// Whether the message of a panic is recorded.
-        pub panic_recorded: bool,
+        pub has_crash_report: bool,
         /// Trips and resets recorded.
         pub trips_recorded: u16,
         /// Axes are numbered from 0 to one less than this.
@@ -206,8 +206,8 @@ wire! {
 
     /// What the firmware left behind.
     #[derive(Eq)]
-    pub struct LastWords {
+    pub struct CrashReport {
         /// The message of a panic, of a processor fault or of the watchdog; empty if there was none.
-        pub text: Text<MAX_LAST_WORDS>,
+        pub text: Text<MAX_CRASH_REPORT>,
     }
 }

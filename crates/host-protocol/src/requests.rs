@@ -57,7 +57,7 @@ wire! {
         /// The protocols spoken on it.
         pub protocols: ProtocolSet,
         /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent too.
-        pub wholly_ours: bool,
+        pub exclusive: bool,
         /// How long a reply is awaited, µs, 100 to 200 000.
         pub reply_window_us: u32,
     }
@@ -299,5 +299,5 @@ wire! {
 
     /// Asks what the firmware left behind before it started this time.
     #[derive(Copy, Eq)]
-    pub struct ReadLastWords {}
+    pub struct ReadCrashReport {}
 }

@@ -72,7 +72,7 @@ fn largest_requests() -> Vec<(Request, usize)> {
             bus: u8::MAX,
             bitrate: u32::MAX,
             protocols: ProtocolSet::from_bits(u8::MAX),
-            wholly_ours: true,
+            exclusive: true,
             reply_window_us: u32::MAX,
         }),
         row(BusStatus { bus: u8::MAX }),
@@ -119,7 +119,7 @@ fn largest_requests() -> Vec<(Request, usize)> {
         row(RawReceive { bus: u8::MAX }),
         row(RawClose { bus: u8::MAX }),
         row(ReadIncidents { first: u8::MAX }),
-        row(ReadLastWords {}),
+        row(ReadCrashReport {}),
     ]
 }
 
@@ -136,7 +136,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
         build_id: text(),
         board: text(),
         boot: BootReason::Simulated,
-        panic_recorded: true,
+        has_crash_report: true,
         trips_recorded: u16::MAX,
         max_axes: u8::MAX,
         max_message: u16::MAX,
@@ -146,11 +146,11 @@ fn largest_replies() -> Vec<(Reply, usize)> {
     let config = BusConfig {
         bitrate: u32::MAX,
         protocols: ProtocolSet::from_bits(u8::MAX),
-        wholly_ours: true,
+        exclusive: true,
         reply_window_us: u32::MAX,
     };
     let counters = BusCounters {
-        sent: u32::MAX,
+        transmitted: u32::MAX,
         received: u32::MAX,
         unmatched: u32::MAX,
         late: u32::MAX,
@@ -236,7 +236,7 @@ fn largest_replies() -> Vec<(Reply, usize)> {
             Reply::ReadIncidents(IncidentPage { incidents: full(incident), next: Some(u8::MAX) }),
             IncidentPage::MAX_SIZE,
         ),
-        (Reply::ReadLastWords(LastWords { text: text() }), LastWords::MAX_SIZE),
+        (Reply::ReadCrashReport(CrashReport { text: text() }), CrashReport::MAX_SIZE),
     ]
 }
 

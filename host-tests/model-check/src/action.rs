@@ -102,7 +102,7 @@ pub enum Ask {
         bus: u8,
         window_us: u32,
         protocols: u8,
-        wholly_ours: bool,
+        exclusive: bool,
     },
     Set {
         axis: u8,

@@ -94,7 +94,7 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
         bus,
         window_us: 3_000,
         protocols: BUS_SETUP[usize::from(bus)].1,
-        wholly_ours: false,
+        exclusive: false,
     }));
     let mut axes = Vec::new();
     for (axis, motor) in (0u8..).zip(&MOTORS) {

@@ -41,7 +41,7 @@ pub struct Generator {
     raw_bus: Option<u8>,
     /// How often an axis is moved to another motor, in a thousand.
     moves: u64,
-    /// D5 motors are mostly set in motion several at once: their buses are wholly ours.
+    /// D5 motors are mostly set in motion several at once: their buses are exclusive.
     starts: bool,
     /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that
     /// axes are moved between them.

@@ -59,7 +59,7 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             parameter: host_protocol::GatewayParameter::LinkSilenceUs.number(),
             value: Value::Unsigned(us),
         }),
-        Ask::Bus { bus, window_us, protocols, wholly_ours } => {
+        Ask::Bus { bus, window_us, protocols, exclusive } => {
             let (bitrate, _) = BUS_SETUP[usize::from(bus) % BUS_SETUP.len()];
             let all = [Protocol::Rmd, Protocol::Thruster, Protocol::D5].into_iter().enumerate();
             let spoken: Vec<Protocol> = all
@@ -70,7 +70,7 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
                 bus,
                 bitrate,
                 protocols: ProtocolSet::of(&spoken),
-                wholly_ours,
+                exclusive,
                 reply_window_us: window_us,
             })
         }

@@ -33,14 +33,14 @@ const BOARD_OF_A_START: Board = Board {
     ],
     bus_limit: None,
     links: LINKS,
-    last_words: "",
+    crash_report: "",
     e_stop_input: true,
     enable_output: true,
 };
 
 /// The board when the watchdog has reset it.
 pub static BOARD_AGAIN: Board =
-    Board { boot: BootReason::Watchdog, last_words: "no life from bus 0", ..BOARD_OF_A_START };
+    Board { boot: BootReason::Watchdog, crash_report: "no life from bus 0", ..BOARD_OF_A_START };
 
 /// The buses as the model knows them.
 pub const KINDS: [BusKind; BUSES as usize] =

@@ -63,7 +63,7 @@ pub(crate) struct Bus {
     pub kind: BusKind,
     /// 0 while it is not configured.
     pub bitrate: u32,
-    pub wholly_ours: bool,
+    pub exclusive: bool,
     /// Bits 0 to 2: RMD, thruster, D5 (PROTOCOL.md, `ProtocolSet`).
     pub protocols: u8,
     pub window_us: u64,
@@ -131,7 +131,7 @@ impl Bus {
         Self {
             kind,
             bitrate: 0,
-            wholly_ours: false,
+            exclusive: false,
             protocols: 0,
             window_us: 0,
             held: Vec::new(),

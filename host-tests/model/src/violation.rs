@@ -33,7 +33,7 @@ checks! {
     /// G2: broadcast motion is never sent.
     Broadcast,
     /// G10: what starts several D5 motors goes out once, when a speed waits in each that was named and may move, and nothing in any other of
-    /// its bus, which is wholly ours; its result says what has happened.
+    /// its bus, which is exclusive; its result says what has happened.
     StartUnproved,
     /// G5: the first stop frame leaves within its bound.
     StopLate,

@@ -20,7 +20,7 @@ impl Bench {
                 self.expect_of_stop(what, rest)
             }
             "motor-timeout" => self.expect_motor_timeout(rest),
-            "enable-output" | "boot" | "last-words" | "incident" | "incidents" => {
+            "enable-output" | "boot" | "crash-report" | "incident" | "incidents" => {
                 self.expect_of_gateway(what, rest)
             }
             "stopped" => self.expect_motor(rest, false),
@@ -212,7 +212,7 @@ impl Bench {
         let report = self.client.bus_status(bus).map_err(|e| e.to_string())?;
         let counters = report.counters;
         let count = match words.get(1) {
-            Some(&"sent") => counters.sent,
+            Some(&"transmitted") => counters.transmitted,
             Some(&"received") => counters.received,
             Some(&"unmatched") => counters.unmatched,
             Some(&"late") => counters.late,

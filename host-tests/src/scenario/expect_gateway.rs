@@ -4,14 +4,14 @@ use super::bench::Bench;
 use super::words::parse;
 
 impl Bench {
-    /// `enable-output on|off`, `boot REASON`, `last-words TEXT`, `incidents N`, `incident PLACE
+    /// `enable-output on|off`, `boot REASON`, `crash-report TEXT`, `incidents N`, `incident PLACE
     /// TEXT`
     pub fn expect_of_gateway(&mut self, what: &str, words: &[&str]) -> Result<(), String> {
         match what {
             "enable-output" => self.expect_enable_output(words),
             "boot" => self.expect_text(&format!("{:?}", self.client.hello().boot), words),
-            "last-words" => {
-                let text = self.client.last_words().map_err(|e| e.to_string())?;
+            "crash-report" => {
+                let text = self.client.crash_report().map_err(|e| e.to_string())?;
                 self.expect_text(&text, words)
             }
             _ => self.expect_incidents(what, words),

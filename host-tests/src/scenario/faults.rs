@@ -118,8 +118,8 @@ impl Bench {
             Some(&"software") => BootReason::Software,
             other => return Err(format!("{other:?} is no reason to start")),
         };
-        let last_words = words.get(1..).unwrap_or_default().join(" ");
-        self.world.borrow_mut().reset(boot, last_words.leak());
+        let crash_report = words.get(1..).unwrap_or_default().join(" ");
+        self.world.borrow_mut().reset(boot, crash_report.leak());
         Ok(())
     }
 

@@ -89,13 +89,13 @@ impl Bench {
     fn configure(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
         match verb {
             "bus" => {
-                let wholly_ours = words.last() == Some(&"wholly-ours");
-                let numbers = words.len() - usize::from(wholly_ours);
+                let exclusive = words.last() == Some(&"exclusive");
+                let numbers = words.len() - usize::from(exclusive);
                 let request = requests::ConfigureBus {
                     bus: parse(words, 0, "bus")?,
                     bitrate: parse(words, 1, "bitrate")?,
                     protocols: protocols(words.get(2).copied().unwrap_or_default())?,
-                    wholly_ours,
+                    exclusive,
                     reply_window_us: if numbers > 3 {
                         parse(words, 3, "reply window")?
                     } else {

@@ -48,7 +48,7 @@ pub const NOT_TRIED: [&str; 23] = [
     "RawReceive",
     "RawClose",
     "ReadIncidents",
-    "ReadLastWords",
+    "ReadCrashReport",
 ];
 
 /// The commands that the gateway sends, each with the request that made it. `polls` is what it

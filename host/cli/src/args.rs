@@ -130,7 +130,7 @@ pub enum Command {
     /// for the confirmed stops
     ///
     /// The speed of each waits in it until all are told to start, so that they start in the same
-    /// instant. The bus must be `wholly_ours`, as every D5 motor on it hears that frame, and
+    /// instant. The bus must be `exclusive`, as every D5 motor on it hears that frame, and
     /// nothing may wait in any other.
     #[command(after_help = "Examples:\n  \
             mgw together 3 velocity 10.47 4 velocity -10.47 --for 2\n  \
@@ -344,7 +344,7 @@ pub struct ConfigureArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum ConfigureTarget {
-    /// Set a bus: bitrate=, protocols= (rmd,thruster,d5), wholly_ours=, reply_window_us=
+    /// Set a bus: bitrate=, protocols= (rmd,thruster,d5), exclusive=, reply_window_us=
     Bus {
         /// The bus
         bus: u8,

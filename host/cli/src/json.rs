@@ -30,12 +30,12 @@ pub fn event(message: &EventMessage) -> Value {
         Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
         Event::FrameRejected { reason, count } => json!({ "reason": reason, "count": count }),
         Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": to_json(state) }),
-        Event::MotorNotice { axis, data, length, untold } => {
+        Event::MotorNotice { axis, data, length, unreported } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
-            json!({ "axis": axis, "data": words::hex(data), "untold": untold })
+            json!({ "axis": axis, "data": words::hex(data), "unreported": unreported })
         }
-        Event::AxisUnreachable { axis, stop_sent } => {
-            json!({ "axis": axis, "stop_sent": stop_sent })
+        Event::AxisUnreachable { axis, stop_transmitted } => {
+            json!({ "axis": axis, "stop_transmitted": stop_transmitted })
         }
         Event::RequestDropped { count } => json!({ "count": count }),
         Event::Sample {
@@ -93,11 +93,11 @@ mod tests {
         let message = EventMessage {
             dropped: 0,
             time_us: 7,
-            event: Event::AxisUnreachable { axis: 3, stop_sent: true },
+            event: Event::AxisUnreachable { axis: 3, stop_transmitted: true },
         };
         assert_eq!(
             event(&message).to_string(),
-            r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","stop_sent":true,"time_us":7}"#
+            r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","stop_transmitted":true,"time_us":7}"#
         );
     }
 

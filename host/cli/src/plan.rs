@@ -24,7 +24,7 @@ pub struct BusPlan {
     pub bus: u8,
     pub bitrate: u32,
     pub protocols: ProtocolSet,
-    pub wholly_ours: bool,
+    pub exclusive: bool,
     pub reply_window_us: u32,
 }
 
@@ -124,12 +124,12 @@ fn provision<T: Transport>(
 impl BusPlan {
     /// Reads `NAME=VALUE` pairs.
     pub fn parse(bus: u8, assignments: &[String]) -> Result<Self, Failure> {
-        const NAMES: [&str; 4] = ["bitrate", "protocols", "wholly_ours", "reply_window_us"];
+        const NAMES: [&str; 4] = ["bitrate", "protocols", "exclusive", "reply_window_us"];
         let wrong = |name: &str, text: &str| {
             Failure::Usage(format!("`{text}` is no value for {name} of a bus"))
         };
         let (mut bitrate, mut set) = (None, None);
-        let (mut wholly_ours, mut reply_window_us) = (false, DEFAULT_REPLY_WINDOW_US);
+        let (mut exclusive, mut reply_window_us) = (false, DEFAULT_REPLY_WINDOW_US);
         for assignment in assignments {
             let (name, text) = parameters::split(assignment)?;
             match name {
@@ -137,7 +137,7 @@ impl BusPlan {
                     bitrate = Some(parameters::unsigned(text).ok_or_else(|| wrong(name, text))?)
                 }
                 "protocols" => set = Some(protocols(text.split(','))?),
-                "wholly_ours" => wholly_ours = text.parse().map_err(|_| wrong(name, text))?,
+                "exclusive" => exclusive = text.parse().map_err(|_| wrong(name, text))?,
                 "reply_window_us" => {
                     reply_window_us = parameters::unsigned(text).ok_or_else(|| wrong(name, text))?
                 }
@@ -146,7 +146,7 @@ impl BusPlan {
         }
         match (bitrate, set) {
             (Some(bitrate), Some(protocols)) => {
-                let plan = Self { bus, bitrate, protocols, wholly_ours, reply_window_us };
+                let plan = Self { bus, bitrate, protocols, exclusive, reply_window_us };
                 plan.check().map_err(Failure::would_be_refused)?;
                 Ok(plan)
             }
@@ -158,8 +158,8 @@ impl BusPlan {
     }
 
     fn config(&self) -> BusConfig {
-        let Self { bitrate, protocols, wholly_ours, reply_window_us, .. } = *self;
-        BusConfig { bitrate, protocols, wholly_ours, reply_window_us }
+        let Self { bitrate, protocols, exclusive, reply_window_us, .. } = *self;
+        BusConfig { bitrate, protocols, exclusive, reply_window_us }
     }
 
     /// Refuses what no gateway takes, whatever its board.
@@ -176,7 +176,7 @@ impl BusPlan {
     /// Sends it to a gateway.
     pub fn apply<T: Transport>(&self, client: &mut Client<T>) -> Result<(), ClientError> {
         let window = Duration::from_micros(self.reply_window_us.into());
-        client.configure_bus(self.bus, self.bitrate, self.protocols, self.wholly_ours, window)
+        client.configure_bus(self.bus, self.bitrate, self.protocols, self.exclusive, window)
     }
 }
 
@@ -216,7 +216,7 @@ mod tests {
             bus: 1,
             bitrate: 210_526,
             protocols: ProtocolSet::of(&[Protocol::D5]),
-            wholly_ours: false,
+            exclusive: false,
             reply_window_us: 5_000,
         };
         assert_eq!(plan.buses().collect::<Vec<_>>(), [&bus]);

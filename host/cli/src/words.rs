@@ -132,18 +132,18 @@ fn event_in_words(event: &Event) -> String {
             )
         }
         Event::BusStateChanged { bus, state } => format!("bus {bus} is {state:?}"),
-        Event::MotorNotice { axis, data, length, untold } => {
+        Event::MotorNotice { axis, data, length, unreported } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
-            let before = match untold {
+            let before = match unreported {
                 0 => String::new(),
-                untold => format!(", and {untold} frames before it"),
+                unreported => format!(", and {unreported} frames before it"),
             };
             format!("axis {axis}: the motor sent {} unasked{before}", hex(data))
         }
-        Event::AxisUnreachable { axis, stop_sent: true } => {
+        Event::AxisUnreachable { axis, stop_transmitted: true } => {
             format!("axis {axis} does not confirm its stops and may be turning: cut its power")
         }
-        Event::AxisUnreachable { axis, stop_sent: false } => {
+        Event::AxisUnreachable { axis, stop_transmitted: false } => {
             format!(
                 "the stop of axis {axis} cannot be sent, its motor may be turning: cut its power"
             )

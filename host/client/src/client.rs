@@ -393,7 +393,7 @@ fn no_hello() -> HelloReply {
         build_id: Text::new(),
         board: Text::new(),
         boot: BootReason::PowerOn,
-        panic_recorded: false,
+        has_crash_report: false,
         trips_recorded: 0,
         max_axes: 0,
         max_message: 0,

@@ -74,12 +74,12 @@ impl<T: Transport> Client<T> {
         bus: u8,
         bitrate: u32,
         protocols: ProtocolSet,
-        wholly_ours: bool,
+        exclusive: bool,
         reply_window: Duration,
     ) -> Result<(), ClientError> {
         // Too long for the field is too long for the gateway, which then names the limits.
         let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
-        self.request(&ask::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us })
+        self.request(&ask::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us })
             .map(drop)
     }
 
@@ -120,8 +120,8 @@ impl<T: Transport> Client<T> {
     ///
     /// # Errors
     /// As [`request`](Self::request).
-    pub fn last_words(&mut self) -> Result<String, ClientError> {
-        self.request(&ask::ReadLastWords {}).map(|words| words.text.as_str().to_owned())
+    pub fn crash_report(&mut self) -> Result<String, ClientError> {
+        self.request(&ask::ReadCrashReport {}).map(|words| words.text.as_str().to_owned())
     }
 
     /// Sets a parameter of an axis.

@@ -24,7 +24,7 @@ pub static BOARD: Board = Board {
     firmware: env!("CARGO_PKG_VERSION"),
     build_id: "simulator",
     boot: BootReason::Simulated,
-    last_words: "",
+    crash_report: "",
     e_stop_input: true,
     enable_output: true,
     buses: &[

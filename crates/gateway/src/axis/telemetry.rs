@@ -13,13 +13,13 @@ pub(crate) struct Telemetry {
     /// When the period under way began, the low bits of its µs.
     since: u32,
     /// Frames not told since the latest that was.
-    untold: u16,
+    unreported: u16,
     /// The kinds told in this period, a bit for each.
     told: u8,
 }
 
 impl Telemetry {
-    pub const NONE: Self = Self { since: 0, untold: 0, told: 0 };
+    pub const NONE: Self = Self { since: 0, unreported: 0, told: 0 };
 
     /// A frame of this kind has come. Whether hosts are told, and how many were left out before it.
     pub fn tells(&mut self, now: Instant, kind: u8) -> Option<u16> {
@@ -28,11 +28,11 @@ impl Telemetry {
         }
         let bit = 1u8.checked_shl(u32::from(kind)).unwrap_or_default();
         if self.told & bit != 0 {
-            self.untold = self.untold.saturating_add(1);
+            self.unreported = self.unreported.saturating_add(1);
             return None;
         }
         self.told |= bit;
-        Some(core::mem::take(&mut self.untold))
+        Some(core::mem::take(&mut self.unreported))
     }
 }
 

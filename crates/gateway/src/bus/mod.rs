@@ -407,7 +407,7 @@ fn bits_at(bits: u64, bitrate: u32) -> Duration {
 }
 
 const NO_COUNTS: BusCounters = BusCounters {
-    sent: 0,
+    transmitted: 0,
     received: 0,
     unmatched: 0,
     late: 0,

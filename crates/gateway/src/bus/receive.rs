@@ -107,10 +107,10 @@ impl Bus {
             Reception::Answer => self.line.answered(),
             Reception::Unasked if received.is_notice() => tell(axis.index, data, 0, out),
             Reception::Unasked if received.telemetry().is_some() => {
-                if let Some(untold) =
+                if let Some(unreported) =
                     received.telemetry().and_then(|kind| axis.telemetry.tells(now, kind))
                 {
-                    tell(axis.index, data, untold, out);
+                    tell(axis.index, data, unreported, out);
                 }
             }
             Reception::Late | Reception::Unasked => {
@@ -121,13 +121,13 @@ impl Bus {
 }
 
 /// Tells the hosts what the motor of an axis has sent unasked.
-fn tell(axis: u8, data: &[u8], untold: u16, out: &mut Outbox<'_>) {
+fn tell(axis: u8, data: &[u8], unreported: u16, out: &mut Outbox<'_>) {
     let mut notice = [0; MAX_CAN_DATA];
     for (place, byte) in notice.iter_mut().zip(data) {
         *place = *byte;
     }
     let length = u8::try_from(data.len()).unwrap_or(u8::MAX);
-    out.event(&Event::MotorNotice { axis, data: notice, length, untold });
+    out.event(&Event::MotorNotice { axis, data: notice, length, unreported });
 }
 
 /// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one

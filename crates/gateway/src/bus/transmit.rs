@@ -57,7 +57,7 @@ impl Bus {
         else {
             return;
         };
-        self.counters.sent = self.counters.sent.saturating_add(1);
+        self.counters.transmitted = self.counters.transmitted.saturating_add(1);
         self.active_at = now;
         self.carried_deadline = None;
         self.let_reply_pass = false;

@@ -356,7 +356,7 @@ fn the_longest_messages_pass() {
         build_id: Text::try_from("b".repeat(40).as_str()).unwrap(),
         board: Text::try_from("n".repeat(24).as_str()).unwrap(),
         boot: BootReason::Simulated,
-        panic_recorded: true,
+        has_crash_report: true,
         trips_recorded: u16::MAX,
         max_axes: u8::MAX,
         max_message: u16::MAX,

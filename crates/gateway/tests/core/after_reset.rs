@@ -63,8 +63,12 @@ fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_host
                     axis: 0,
                     trip: Trip { reason: TripReason::Reset, .. }
                 },
-                Incident::Started { start: 2, boot: BootReason::Watchdog, last_words: true },
-                Incident::Started { start: 1, boot: BootReason::Simulated, last_words: false },
+                Incident::Started { start: 2, boot: BootReason::Watchdog, has_crash_report: true },
+                Incident::Started {
+                    start: 1,
+                    boot: BootReason::Simulated,
+                    has_crash_report: false
+                },
             ]
         ),
         "{page:?}"
@@ -166,17 +170,17 @@ fn an_epoch_from_before_is_none_of_a_later_arming() {
 }
 
 #[test]
-fn hello_tells_the_boot_the_last_words_and_how_much_is_remembered() {
+fn hello_tells_the_boot_the_crash_report_and_how_much_is_remembered() {
     let mut rig = moving();
     rig.reset();
     let hello = requests::Hello { protocol_major: 1, protocol_minor: 0, session: 8 };
     let Ok(Reply::Hello(hello)) = rig.ask(Request::Hello(hello)) else { panic!("{:?}", rig.said) };
     assert_eq!(
-        (hello.boot, hello.panic_recorded, hello.trips_recorded),
+        (hello.boot, hello.has_crash_report, hello.trips_recorded),
         (BootReason::Watchdog, true, 3)
     );
-    let words = rig.ask(Request::ReadLastWords(requests::ReadLastWords {}));
-    let Ok(Reply::ReadLastWords(words)) = words else { panic!("{words:?}") };
+    let words = rig.ask(Request::ReadCrashReport(requests::ReadCrashReport {}));
+    let Ok(Reply::ReadCrashReport(words)) = words else { panic!("{words:?}") };
     assert_eq!(words.text, "no life from bus 1");
     let status = rig.ask(Request::GatewayStatus(requests::GatewayStatus {}));
     let Ok(Reply::GatewayStatus(status)) = status else { panic!("{status:?}") };

@@ -31,7 +31,7 @@ pub fn configure_bus(rig: &mut Rig, bus: u8, bitrate: u32, protocols: &[Protocol
         bus,
         bitrate,
         protocols: ProtocolSet::of(protocols),
-        wholly_ours: false,
+        exclusive: false,
         reply_window_us: 5_000,
     };
     rig.ask(Request::ConfigureBus(request)).unwrap();
@@ -276,7 +276,7 @@ pub fn assert_tripped(rig: &mut Rig, reason: TripReason, confirmed: bool) {
 #[track_caller]
 pub fn assert_becomes_unreachable(rig: &mut Rig) {
     run_with_host(rig, 2_000_000);
-    assert_eq!(outcomes(rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     assert_eq!(listed(rig, 0), AxisState::Tripped { confirmed: false });
 }
 

@@ -9,7 +9,7 @@ fn configure(rig: &mut Rig, bitrate: u32, protocols: &[Protocol]) -> Result<Repl
         bus: 1,
         bitrate,
         protocols: ProtocolSet::of(protocols),
-        wholly_ours: false,
+        exclusive: false,
         reply_window_us: 5_000,
     }))
 }

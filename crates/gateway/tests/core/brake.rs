@@ -67,7 +67,7 @@ fn a_motor_that_falls_silent_once_the_brake_is_locked_is_noticed() {
     stop(&mut rig);
     run_with_host(&mut rig, 10_000_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn a_motor_out_of_reach_behind_its_locked_brake_is_confirmed_when_it_is_back() {
     rig.run(300); // the answer to 0x80 has come
     play.borrow_mut().mute = true;
     run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     play.borrow_mut().mute = false;
     let since = rig.now_us;
     run_with_host(&mut rig, 2_000_000);

@@ -70,7 +70,7 @@ fn a_motor_behind_a_cut_cable_becomes_unreachable() {
     move_axis(&mut rig, VELOCITY);
     rig.cut();
     run_with_host(&mut rig, 2_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: false }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: false }]);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }
 
@@ -106,7 +106,7 @@ fn a_stop_that_could_never_leave_is_due_when_the_bus_is_back_however_long_the_mo
     rig.shorted = true;
     rig.bus_off(0);
     run_with_host(&mut rig, 650_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: false }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: false }]);
     let since = rig.now_us;
     rig.shorted = false;
     run_with_host(&mut rig, 100_000); // started again at 700 ms

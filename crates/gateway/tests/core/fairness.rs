@@ -59,7 +59,7 @@ fn a_question_that_stays_unanswered_delays_the_setpoint_by_one_reply_window_and_
         bus: 0,
         bitrate: 1_000_000,
         protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
-        wholly_ours: false,
+        exclusive: false,
         reply_window_us: 40_000,
     }))
     .unwrap();

@@ -237,7 +237,7 @@ fn a_stop_that_could_not_be_sent_makes_its_axis_unreachable_unless_it_was_at_res
     rig.run(1);
     assert_eq!(
         bench::outcomes(&rig),
-        [HostEvent::AxisUnreachable { axis: ONE_TURNS, stop_sent: false }]
+        [HostEvent::AxisUnreachable { axis: ONE_TURNS, stop_transmitted: false }]
     );
     assert!(!rig.gateway.enable_output());
     run_with_host(&mut rig, 10_000_000);
@@ -297,7 +297,10 @@ fn a_stop_that_was_sent_and_cannot_be_repeated_is_not_sent_either() {
     run_with_host(&mut rig, 140_000);
     assert_eq!(bench::outcomes(&rig), []);
     run_with_host(&mut rig, 70_000);
-    assert_eq!(bench::outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: false }]);
+    assert_eq!(
+        bench::outcomes(&rig),
+        [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: false }]
+    );
     bench::assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
 }
 

@@ -46,7 +46,7 @@ fn configure_bus(rig: &mut Rig, bus: u8, protocols: &[Protocol]) {
         bus,
         bitrate: if protocols == [Protocol::D5] { 210_526 } else { 1_000_000 },
         protocols: ProtocolSet::of(protocols),
-        wholly_ours: false,
+        exclusive: false,
         reply_window_us: WINDOW_US,
     };
     rig.ask(Request::ConfigureBus(request)).unwrap();

@@ -75,7 +75,8 @@ fn an_axis_that_becomes_unreachable_while_it_is_cleared_stays_tripped() {
     play.borrow_mut().mute = true;
     run_with_host(&mut rig, 4_000_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
-    while !outcomes(&rig).contains(&HostEvent::AxisUnreachable { axis: 0, stop_sent: true }) {
+    while !outcomes(&rig).contains(&HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true })
+    {
         let clearing = send_clear(&mut rig);
         run_with_host(&mut rig, 100_000);
         assert!(matches!(rig.answer(clearing), Some(Err(_))));

@@ -72,11 +72,10 @@ fn an_unreachable_motor_is_reported_and_left_only_by_the_unsafe_way() {
     move_axis(&mut rig, VELOCITY);
     play.borrow_mut().mute = true;
     run_with_host(&mut rig, 2_000_000);
-    assert!(
-        rig.events()
-            .iter()
-            .any(|event| matches!(event, HostEvent::AxisUnreachable { axis: 0, stop_sent: true }))
-    );
+    assert!(rig.events().iter().any(|event| matches!(
+        event,
+        HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }
+    )));
     assert!(state(&mut rig).trip.unwrap().unreachable);
     assert_eq!(clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
     rig.ask(Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 })).unwrap();

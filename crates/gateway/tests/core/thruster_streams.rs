@@ -42,8 +42,8 @@ fn sampled(rig: &Rig, fields: &[StateField]) -> Vec<Option<f32>> {
 /// The data of the notices that were told, and how many were left out before each.
 fn notices(rig: &Rig) -> Vec<(String, u16)> {
     let told = rig.events().into_iter().filter_map(|event| match event {
-        Event::MotorNotice { axis: 0, data, length: 8, untold } => {
-            Some((crate::text::hex(data), *untold))
+        Event::MotorNotice { axis: 0, data, length: 8, unreported } => {
+            Some((crate::text::hex(data), *unreported))
         }
         _ => None,
     });
@@ -90,8 +90,8 @@ fn a_stream_of_3000_frames_a_second_floods_no_host() {
     }
     let told = notices(&rig);
     assert!((9..=12).contains(&told.len()), "{told:?}");
-    let untold: u32 = told.iter().map(|(_, untold)| u32::from(*untold)).sum();
-    assert!((5_900..9_000).contains(&untold), "{told:?}");
+    let unreported: u32 = told.iter().map(|(_, unreported)| u32::from(*unreported)).sum();
+    assert!((5_900..9_000).contains(&unreported), "{told:?}");
     let samples = rig.events().iter().filter(|event| event.name() == "Sample").count();
     assert!(samples <= 61, "{samples}");
 }

@@ -47,13 +47,13 @@ fn three() -> Rig {
     rig
 }
 
-fn configure_bus(rig: &mut Rig, wholly_ours: bool) {
+fn configure_bus(rig: &mut Rig, exclusive: bool) {
     let protocols = ProtocolSet::of(&[Protocol::D5]);
     let request = requests::ConfigureBus {
         bus: 1,
         bitrate: 210_526,
         protocols,
-        wholly_ours,
+        exclusive,
         reply_window_us: 5_000,
     };
     rig.ask(Request::ConfigureBus(request)).unwrap();

@@ -38,7 +38,7 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
     assert_eq!((listed(&mut rig, 0), outcomes(&rig)), (AxisState::Stopping, vec![]));
     run_with_host(&mut rig, 200_000);
     assert_tripped(&mut rig, TripReason::StopUnconfirmed, false);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     let since = rig.now_us;
     run_with_host(&mut rig, 10_000_000);
     // It answers, so that each time it is given another chance to be seen at rest; it is reported
@@ -48,7 +48,7 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
         silences.len() >= 3 && silences.iter().all(|gap| gap.abs_diff(SILENCE_US) < 10_000),
         "{silences:?}"
     );
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     assert!(state(&mut rig).trip.unwrap().unreachable);
     play.borrow_mut().turning = false;
     run_with_host(&mut rig, 1_000_000);
@@ -94,7 +94,7 @@ fn a_mute_d5_that_answers_reads_only_is_left_alone_too() {
     rig.run(10_000);
     rig.instead(|_| Instead::Nothing);
     run_with_host(&mut rig, 3_000_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     let since = rig.now_us;
     run_with_host(&mut rig, 5_000_000);
     let silences = silences(&rig, 1, since);
@@ -120,7 +120,7 @@ fn a_position_device_that_refuses_its_second_stop_command_is_not_confirmed_and_a
         rig.sent_since(0, since).iter().filter(|text| text.starts_with("30B#4C53")).count();
     assert!((10..=50).contains(&refused), "{refused} refusals in 1 s");
     run_with_host(&mut rig, 4_100_000);
-    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_sent: true }]);
+    assert_eq!(outcomes(&rig), [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }]);
     assert_eq!(bench::clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
 }
 

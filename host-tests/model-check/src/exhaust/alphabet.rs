@@ -127,7 +127,7 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
             bus,
             window_us: WINDOW_US + 1_000,
             protocols: BUS_SETUP[usize::from(bus)].1,
-            wholly_ours: false,
+            exclusive: false,
         },
         // Raw access: a question, motions.
         Ask::RawOpen { bus, unsafe_access: false },

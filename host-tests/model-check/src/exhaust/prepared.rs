@@ -163,7 +163,7 @@ impl Preparation {
         self.steps.push(hello);
         for bus in 0..BUSES {
             let protocols = BUS_SETUP[usize::from(bus)].1;
-            self.ask(Ask::Bus { bus, window_us: WINDOW_US, protocols, wholly_ours: false });
+            self.ask(Ask::Bus { bus, window_us: WINDOW_US, protocols, exclusive: false });
         }
         for axis in pair.axes {
             let motor = &MOTORS[usize::from(axis)];

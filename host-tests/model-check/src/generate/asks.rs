@@ -48,7 +48,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
                 BUS_SETUP.get(usize::from(bus)).map_or(RMD_AND_THRUSTER, |(_, spoken)| *spoken);
             let protocols = if dice.percent(30) { dice.pick(&[1, 3, 4, 7]) } else { protocols };
             let window_us = dice.pick(&[1_000, 3_000, 5_000]);
-            Ask::Bus { bus, window_us, protocols, wholly_ours: dice.percent(50) }
+            Ask::Bus { bus, window_us, protocols, exclusive: dice.percent(50) }
         }
         24 if dice.one_in(2) => {
             let parameter = AxisParameter::WarningsAreFaults.number();

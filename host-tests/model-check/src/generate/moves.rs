@@ -84,12 +84,7 @@ impl Generator {
                 let protocols = self.protocols[usize::from(old)];
                 Action::Ask {
                     link,
-                    ask: Ask::Bus {
-                        bus: old,
-                        window_us: 3_000,
-                        protocols,
-                        wholly_ours: self.starts,
-                    },
+                    ask: Ask::Bus { bus: old, window_us: 3_000, protocols, exclusive: self.starts },
                 }
             } else {
                 Action::Short { bus: old, for_us: self.dice.below(3_000) }
@@ -151,8 +146,7 @@ impl Generator {
     pub(super) fn moves_back(&mut self, axis: u8) -> Action {
         let motor = &MOTORS[usize::from(axis)];
         let protocols = self.protocols[usize::from(motor.bus)];
-        let bus =
-            Ask::Bus { bus: motor.bus, window_us: 3_000, protocols, wholly_ours: self.starts };
+        let bus = Ask::Bus { bus: motor.bus, window_us: 3_000, protocols, exclusive: self.starts };
         let mut asks = vec![Ask::Remove { axis }, bus];
         for (parameter, value) in [
             (AxisParameter::Bus, motor.bus.into()),

@@ -25,7 +25,7 @@ pub(super) fn configuration(
         bus,
         window_us: dice.pick(&[2_000, 3_000, 5_000]),
         protocols,
-        wholly_ours: starts,
+        exclusive: starts,
     }));
     // Mostly all D5 motors or none: those with ids of another length are not started together.
     let extended = dice.pick(&[0, 0, 0, 0, 100, 40]);

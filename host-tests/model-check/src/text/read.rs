@@ -120,7 +120,7 @@ impl Words<'_> {
                 bus: self.number()?,
                 window_us: self.after("window")?,
                 protocols: self.after("protocols")?,
-                wholly_ours: self.0.next() == Some("wholly-ours"),
+                exclusive: self.0.next() == Some("exclusive"),
             },
             "configure" => {
                 let (axis, parameter) = (self.number()?, self.number()?);

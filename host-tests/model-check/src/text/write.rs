@@ -81,9 +81,9 @@ fn asks(ask: &Ask) -> String {
         Ask::Take => "take".into(),
         Ask::Release => "release".into(),
         Ask::Silence { us } => format!("silence {us}"),
-        Ask::Bus { bus, window_us, protocols, wholly_ours } => {
-            let ours = if *wholly_ours { " wholly-ours" } else { "" };
-            format!("bus {bus} window {window_us} protocols {protocols}{ours}")
+        Ask::Bus { bus, window_us, protocols, exclusive } => {
+            let exclusive = if *exclusive { " exclusive" } else { "" };
+            format!("bus {bus} window {window_us} protocols {protocols}{exclusive}")
         }
         Ask::Set { axis, parameter, value } => {
             let value = match value {

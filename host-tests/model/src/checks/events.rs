@@ -31,9 +31,9 @@ impl Oracle {
                     );
                 }
             }
-            News::Unreachable { axis, stop_sent } => {
+            News::Unreachable { axis, stop_transmitted } => {
                 self.history.unreachable(axis);
-                self.judge_unreachable(now, axis.into(), stop_sent);
+                self.judge_unreachable(now, axis.into(), stop_transmitted);
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.unreachable = true;
                     if let Some(duty) = &mut axis.duty {

@@ -167,7 +167,7 @@ impl Oracle {
         place.is_some_and(|place| bus.raw.remove(place).is_some())
     }
 
-    /// A frame to no axis: a stop to all of them, where the bus is wholly ours, or the motor of an
+    /// A frame to no axis: a stop to all of them, where the bus is exclusive, or the motor of an
     /// axis that was changed.
     fn judge_stray(&mut self, now: u64, bus: u8, frame: Frame<'_>, held: &mut Held) {
         let stops = match frame {
@@ -178,7 +178,7 @@ impl Oracle {
             _ => false,
         };
         held.is_stop = stops;
-        let may = stops && self.buses[usize::from(bus)].wholly_ours;
+        let may = stops && self.buses[usize::from(bus)].exclusive;
         let what = if moves_all(frame) || stops { Check::Broadcast } else { Check::RawUnopened };
         if !may {
             self.broken(what, now, format!("bus {bus}: {}", frame.text()));

@@ -23,7 +23,7 @@ impl Oracle {
     ) {
         match *request {
             Request::LinkSilence(us) => self.silence_us = us.into(),
-            Request::ConfigureBus { bus, bitrate, protocols, wholly_ours, reply_window_us } => {
+            Request::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } => {
                 if protocols & D5 != 0 && (protocols != D5 || !D5_BITRATES.contains(&bitrate)) {
                     let seen = format!("bus {bus} at {bitrate} bit/s, protocols {protocols:03b}");
                     self.broken(Check::BusShared, now, seen);
@@ -31,7 +31,7 @@ impl Oracle {
                 if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
                     bus.bitrate = bitrate;
                     bus.protocols = protocols;
-                    bus.wholly_ours = wholly_ours;
+                    bus.exclusive = exclusive;
                     bus.window_us = reply_window_us.into();
                     bus.close_raw(now);
                 }

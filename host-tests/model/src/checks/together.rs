@@ -203,8 +203,8 @@ impl Oracle {
     ) -> Vec<String> {
         let on_bus = |axis: &Axis| is_d5_on(axis, bus);
         let mut wrong = Vec::new();
-        if !self.buses[usize::from(bus)].wholly_ours {
-            wrong.push(format!("bus {bus} is not wholly ours"));
+        if !self.buses[usize::from(bus)].exclusive {
+            wrong.push(format!("bus {bus} is not exclusive"));
         }
         for (index, axis) in (0u8..).zip(&mut self.axes) {
             let is_here = on_bus(axis);

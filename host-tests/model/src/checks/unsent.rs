@@ -41,7 +41,7 @@ impl Oracle {
 
     /// An axis is told to be unreachable: because its stops came to nothing, or because none could
     /// be sent.
-    pub(super) fn judge_unreachable(&mut self, now: u64, index: usize, stop_sent: bool) {
+    pub(super) fn judge_unreachable(&mut self, now: u64, index: usize, stop_transmitted: bool) {
         let Some(duty) = self.axes.get(index).and_then(|axis| axis.duty.as_ref()) else { return };
         // What is owed since this very instant is not what came to nothing: that of before was, and
         // somebody has just cleared it.
@@ -51,8 +51,8 @@ impl Oracle {
         let none_has = duty.left + duty.left_before == 0 && duty.last.is_none();
         // Its frame may have left at the very instant at which time was up.
         let has_just = duty.last.is_some_and(|(at, _)| at < now && now < at + UNSENT_US);
-        if if stop_sent { none_has } else { has_just } {
-            let seen = format!("axis {index} is unreachable, sent: {stop_sent}; {duty:?}");
+        if if stop_transmitted { none_has } else { has_just } {
+            let seen = format!("axis {index} is unreachable, sent: {stop_transmitted}; {duty:?}");
             self.broken(Check::UnsentUntold, now, seen);
         }
     }

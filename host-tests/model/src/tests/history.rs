@@ -3,7 +3,7 @@
 use super::*;
 
 const READ: u16 = 0x60;
-/// Start 1 after power came on, without last words.
+/// Start 1 after power came on, without crash report.
 const STARTED: &[u8] = &[0, 1, 0, 0];
 const STARTED_AGAIN: &[u8] = &[0, 2, 3, 1];
 /// The host fell silent at 5 µs; nothing was measured, and the motor can be reached.

@@ -60,7 +60,7 @@ impl Trace {
             action,
             address: (0x141, 0x241),
         };
-        // 1 000 000 bit/s, RMD, not wholly ours, 3000 µs
+        // 1 000 000 bit/s, RMD, not exclusive, 3000 µs
         trace.done(0, 0x11, &[0, 0xC0, 0x84, 0x3D, 1, 0, 0xB8, 0x17]);
         // bus 0, protocol 1, node 1, the stop action
         for (parameter, value) in [(1, 0), (2, 1), (3, 1), (5, action)] {

@@ -42,7 +42,7 @@ pub fn a_request_id_on_which_another_motor_acts() {
 
 #[test]
 pub fn a_bus_that_d5_motors_share_or_that_is_too_fast_for_them() {
-    // Bus 1, bitrate, protocols, not wholly ours, 3000 µs
+    // Bus 1, bitrate, protocols, not exclusive, 3000 µs
     let configured = |bitrate: [u8; 3], protocols: u8| {
         let mut trace = Trace::new(HOLD);
         trace.done(0, 0x11, &[&[1], &bitrate[..], &[protocols, 0, 0xB8, 0x17]].concat());

@@ -21,10 +21,10 @@ fn d5(node: u8, command: u8, address: u8, value: u8) -> Vec<u8> {
 
 impl Trace {
     /// D5 motors alone on bus 0, at 210 526 bit/s: axes 1 and 2 are armed, axis 3 is at rest.
-    fn of_d5(wholly_ours: u8) -> Self {
+    fn of_d5(exclusive: u8) -> Self {
         let mut trace = Self::new(HOLD);
         trace.done(0, 0x23, &[0]);
-        trace.done(0, 0x11, &[0, 0xDE, 0xEC, 0x0C, 0b100, wholly_ours, 0xB8, 0x17]);
+        trace.done(0, 0x11, &[0, 0xDE, 0xEC, 0x0C, 0b100, exclusive, 0xB8, 0x17]);
         for (axis, node) in [(1, 0x0A), (2, 0x0B), (3, 0x0C)] {
             for (parameter, value) in [(1, 0), (2, 3), (3, node), (5, HOLD)] {
                 trace.done(0, 0x20, &[axis, parameter, 1, value]);

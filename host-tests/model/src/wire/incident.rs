@@ -48,7 +48,7 @@ fn incident(body: &mut Body<'_>) -> Option<Incident> {
     let kind = body.varint(32)?;
     let start = body.u32()?;
     if kind == 0 {
-        let _boot_and_last_words = (body.varint(32)?, body.bool()?);
+        let _boot_and_crash_report = (body.varint(32)?, body.bool()?);
         return Some(Incident::Started { start });
     }
     let axis = body.byte()?;

@@ -61,7 +61,7 @@ pub enum News {
         /// Which axis.
         axis: u8,
         /// Its stop has been sent.
-        stop_sent: bool,
+        stop_transmitted: bool,
     },
 }
 
@@ -75,7 +75,7 @@ pub fn event(message: &Message) -> Option<News> {
         0x8003 => News::State { axis: body.byte()?, state: state(&mut body)? },
         0x8005 => News::EStopLatched,
         0x8006 => News::EStopCleared,
-        0x800A => News::Unreachable { axis: body.byte()?, stop_sent: body.bool()? },
+        0x800A => News::Unreachable { axis: body.byte()?, stop_transmitted: body.bool()? },
         _ => return None,
     })
 }

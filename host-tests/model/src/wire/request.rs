@@ -15,7 +15,7 @@ pub enum Request {
     /// 0x0010: the link silence in microseconds, if it is that parameter.
     LinkSilence(u32),
     /// 0x0011
-    ConfigureBus { bus: u8, bitrate: u32, protocols: u8, wholly_ours: bool, reply_window_us: u32 },
+    ConfigureBus { bus: u8, bitrate: u32, protocols: u8, exclusive: bool, reply_window_us: u32 },
     /// 0x0020: the value as its bits.
     ConfigureAxis { axis: u8, parameter: u16, value: u32 },
     /// 0x0023
@@ -107,7 +107,7 @@ impl Request {
                 bus: b.byte()?,
                 bitrate: b.u32()?,
                 protocols: b.byte()?,
-                wholly_ours: b.bool()?,
+                exclusive: b.bool()?,
                 reply_window_us: b.u32()?,
             },
             0x0020 => {

@@ -94,7 +94,7 @@ impl Session {
                     bus,
                     bitrate: BITRATE,
                     protocols,
-                    wholly_ours: false,
+                    exclusive: false,
                     reply_window_us,
                 },
             );

@@ -549,7 +549,7 @@ mod tests {
         let named =
             |name: fn(&Event) -> Option<u8>| events.iter().filter_map(name).collect::<Vec<_>>();
         let unsent = named(|event| match event {
-            Event::AxisUnreachable { axis, stop_sent: false } => Some(*axis),
+            Event::AxisUnreachable { axis, stop_transmitted: false } => Some(*axis),
             _ => None,
         });
         assert_eq!(unsent, (winners..axes).collect::<Vec<_>>(), "{situation}");

@@ -142,7 +142,7 @@ fn a_raw_frame_goes_out_and_its_answer_comes_in() {
         (status.state, status.transmit_errors, status.receive_errors),
         (BusState::Active, 0, 0)
     );
-    assert_eq!((status.counters.sent, status.counters.received), (1, 1));
+    assert_eq!((status.counters.transmitted, status.counters.received), (1, 1));
     let log = lab.machine.borrow_mut().can_mut(CanPort::Bus0).take_log();
     assert_eq!(
         log.iter().map(|record| record.sender).collect::<Vec<_>>(),

@@ -87,7 +87,7 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.hello().boot, BootReason::Software);
     assert_eq!(offered(&mut lab.client), WITHOUT_CAN);
-    assert_eq!(lab.client.last_words().expect("a text"), "the board's clock has stopped");
+    assert_eq!(lab.client.crash_report().expect("a text"), "the board's clock has stopped");
     assert_eq!(lab.trip(RMD_RS485), Some((TripReason::Reset, true)));
     lab.assert_stopped_by_gateway(RMD_RS485, before);
     for axis in ON_CAN {

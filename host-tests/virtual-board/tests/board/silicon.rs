@@ -193,7 +193,7 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
     }
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.list_axes().expect("a list"), []);
-    let words = lab.client.last_words().expect("a text");
+    let words = lab.client.crash_report().expect("a text");
     assert!(
         words.starts_with(
             "started without configuration, as start after start has failed: hard fault at"
@@ -204,5 +204,5 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
     lab.machine.borrow_mut().reset_by_pin();
     lab.run_for(START);
     lab.client.reconnect().expect("hello");
-    assert_eq!(lab.client.last_words().expect("a text"), "");
+    assert_eq!(lab.client.crash_report().expect("a text"), "");
 }

@@ -26,7 +26,7 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
         "state",
         ">bit/s",
         "protocols",
-        "wholly ours",
+        "exclusive",
         ">reply window µs",
         ">TEC",
         ">REC",
@@ -34,7 +34,7 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
     ]);
     let mut counters = Table::new(&[
         ">bus",
-        ">sent",
+        ">transmitted",
         ">received",
         ">unmatched",
         ">late",
@@ -49,7 +49,7 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
         let count = &report.counters;
         counters.row([
             bus.to_string(),
-            count.sent.to_string(),
+            count.transmitted.to_string(),
             count.received.to_string(),
             count.unmatched.to_string(),
             count.late.to_string(),
@@ -74,7 +74,7 @@ fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
         format!("{:?}", report.state).to_lowercase(),
         or_nothing(config.map(|config| config.bitrate.to_string())),
         or_nothing(config.map(|config| words::protocols(config.protocols))),
-        or_nothing(config.map(|config| yes_or_no(config.wholly_ours))),
+        or_nothing(config.map(|config| yes_or_no(config.exclusive))),
         or_nothing(config.map(|config| config.reply_window_us.to_string())),
         report.transmit_errors.to_string(),
         report.receive_errors.to_string(),

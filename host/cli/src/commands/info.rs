@@ -35,9 +35,9 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         (
             "recorded",
             format!(
-                "{} trips and starts, last words: {}; see mgw trips",
+                "{} trips and starts, crash report: {}; see mgw trips",
                 hello.trips_recorded,
-                yes_or_no(hello.panic_recorded)
+                yes_or_no(hello.has_crash_report)
             ),
         ),
         ("command", status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"))),

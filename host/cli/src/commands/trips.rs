@@ -9,14 +9,14 @@ use crate::session::Session;
 use crate::table::Table;
 use crate::words;
 
-/// Shows what the gateway remembers over a reset: its last words, its trips and its starts.
+/// Shows what the gateway remembers over a reset: its crash report, its trips and its starts.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
-    let last_words = session.client.last_words()?;
+    let crash_report = session.client.crash_report()?;
     let incidents = session.client.incidents()?;
     let out = session.out;
-    out.object(&json!({ "last_words": last_words, "incidents": to_json(&incidents) }))?;
-    if !last_words.is_empty() {
-        out.text(format!("before this start: {last_words}"))?;
+    out.object(&json!({ "crash_report": crash_report, "incidents": to_json(&incidents) }))?;
+    if !crash_report.is_empty() {
+        out.text(format!("before this start: {crash_report}"))?;
     }
     let mut table = Table::new(&[">start", ">time s", "what"]);
     for incident in &incidents {
@@ -27,8 +27,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
 
 fn row(incident: &Incident) -> [String; 3] {
     match incident {
-        Incident::Started { start, boot, last_words } => {
-            let left = if *last_words { ", last words were left" } else { "" };
+        Incident::Started { start, boot, has_crash_report } => {
+            let left = if *has_crash_report { ", crash report kept" } else { "" };
             [start.to_string(), words::seconds(0), format!("started: {boot:?}{left}")]
         }
         Incident::Tripped { start, axis, trip } => [

@@ -114,11 +114,11 @@ impl<'a> Section<'a> {
     fn bus(mut self, bus: u8) -> Result<BusPlan, Failure> {
         let bitrate = self.unsigned("bitrate")?;
         let protocols = self.protocols()?;
-        let wholly_ours =
-            self.take("wholly_ours", "true or false", toml::Value::as_bool)?.unwrap_or(false);
+        let exclusive =
+            self.take("exclusive", "true or false", toml::Value::as_bool)?.unwrap_or(false);
         let reply_window_us = self.unsigned("reply_window_us")?.unwrap_or(DEFAULT_REPLY_WINDOW_US);
         if let Some((name, entry)) = self.entries.first_key_value() {
-            let names = ["bus", "bitrate", "protocols", "wholly_ours", "reply_window_us"];
+            let names = ["bus", "bitrate", "protocols", "exclusive", "reply_window_us"];
             return self
                 .is_right(entry, Err(parameters::unknown("a bus", name, names.into_iter())));
         }
@@ -127,7 +127,7 @@ impl<'a> Section<'a> {
             return Err(self
                 .wrong(self.line, format!("needs bitrate and protocols, for example {example}")));
         };
-        let plan = BusPlan { bus, bitrate, protocols, wholly_ours, reply_window_us };
+        let plan = BusPlan { bus, bitrate, protocols, exclusive, reply_window_us };
         plan.check().map_err(|error| self.wrong(self.line, error))?;
         Ok(plan)
     }

@@ -31,7 +31,7 @@ fn info_tells_who_commands_and_whether_the_e_stop_is_latched() {
 fn trips_lists_what_happened_from_the_latest() {
     let sim = Sim::patient();
     let before = &sim.mgw(&["--json", "trips"]).json_lines()[0];
-    assert_eq!(before["last_words"], "");
+    assert_eq!(before["crash_report"], "");
     assert_eq!(before["incidents"][0]["Started"]["boot"], "Simulated");
     assert!(before["incidents"][1].is_null());
     let mut host = Process::start(&["--port", &sim.port, "arm", "0"]);

@@ -25,7 +25,7 @@ fn what_a_gateway_says_is_shown_and_obeyed_by_no_terminal() {
     let line = mgw(&["--json", "--port", &port, "trips"]).success();
     assert!(!line.trim_end().contains(char::is_control), "{line:?}");
     let value: Value = serde_json::from_str(&line).unwrap();
-    assert_eq!(value["last_words"], "\u{1b}[2Jgone\u{9b}31m");
+    assert_eq!(value["crash_report"], "\u{1b}[2Jgone\u{9b}31m");
 }
 
 /// A gateway for one session, whose texts are commands of a terminal.
@@ -59,14 +59,14 @@ fn hostile_reply(request: &Request) -> Reply {
             build_id: Text::default(),
             board: Text::default(),
             boot: BootReason::PowerOn,
-            panic_recorded: true,
+            has_crash_report: true,
             trips_recorded: 0,
             max_axes: 32,
             max_message: 512,
             buses: Vec::default(),
             time_us: 0,
         }),
-        Request::ReadLastWords(_) => Reply::ReadLastWords(replies::LastWords {
+        Request::ReadCrashReport(_) => Reply::ReadCrashReport(replies::CrashReport {
             text: "\u{1b}[2Jgone\u{9b}31m".parse().unwrap(),
         }),
         Request::ReadIncidents(_) => {

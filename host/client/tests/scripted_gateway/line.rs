@@ -176,7 +176,7 @@ pub fn hello(protocol_major: u16) -> HelloReply {
         build_id: "script".try_into().unwrap(),
         board: "scripted".try_into().unwrap(),
         boot: BootReason::Simulated,
-        panic_recorded: false,
+        has_crash_report: false,
         trips_recorded: 0,
         max_axes: 32,
         max_message: 512,

@@ -84,7 +84,7 @@ fn a_late_reply_after_retry_is_ignored() {
 fn events_that_arrive_while_waiting_are_delivered_in_order() {
     let events = [
         Event::EStopLatched {},
-        Event::AxisUnreachable { axis: 3, stop_sent: true },
+        Event::AxisUnreachable { axis: 3, stop_transmitted: true },
         Event::EStopCleared {},
     ];
     let (line, mut client) = connected(move |heard| match heard.request {
@@ -105,7 +105,7 @@ fn events_that_arrive_while_waiting_are_delivered_in_order() {
     }
     let expected = [
         (11, Event::EStopLatched {}),
-        (12, Event::AxisUnreachable { axis: 3, stop_sent: true }),
+        (12, Event::AxisUnreachable { axis: 3, stop_transmitted: true }),
         (13, Event::EStopCleared {}),
         (14, Event::RequestDropped { count: 2 }),
     ];

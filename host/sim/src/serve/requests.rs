@@ -30,7 +30,7 @@ impl Purpose {
             | Request::ReadState(_)
             | Request::Subscribe(_)
             | Request::ReadIncidents(_)
-            | Request::ReadLastWords(_) => Self::Look,
+            | Request::ReadCrashReport(_) => Self::Look,
             _ => Self::Command,
         }
     }

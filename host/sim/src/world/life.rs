@@ -67,9 +67,9 @@ impl World {
     }
 
     /// Starts the gateway anew. What it was sending is lost, and it remembers what a reset leaves
-    /// alone; after `PowerOn` or `Brownout` nothing. `last_words`: what its firmware left
+    /// alone; after `PowerOn` or `Brownout` nothing. `crash_report`: what its firmware left
     /// behind.
-    pub fn reset(&mut self, boot: BootReason, last_words: &'static str) {
+    pub fn reset(&mut self, boot: BootReason, crash_report: &'static str) {
         if matches!(boot, BootReason::PowerOn | BootReason::Brownout) {
             self.life.words.clear();
         }
@@ -77,7 +77,7 @@ impl World {
         self.ports.iter_mut().for_each(|port| port.reset(now));
         self.links.iter_mut().for_each(HostLink::reset);
         // A core keeps its board for ever; one more is what a start of this simulation costs.
-        let board = Box::leak(Box::new(Board { boot, last_words, ..*self.life.board }));
+        let board = Box::leak(Box::new(Board { boot, crash_report, ..*self.life.board }));
         *self.gateway = Gateway::new(board, self.life.take_random_number());
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;

@@ -33,7 +33,7 @@ fn a_gateway_that_hangs_does_nothing_and_stops_its_motors_when_it_is_reset() {
     assert_eq!(rig.world.borrow().gateway_now().as_micros(), 5_000);
     rig.client.reconnect().unwrap();
     assert_eq!(rig.client.hello().boot, BootReason::Watchdog);
-    assert_eq!(rig.client.last_words().unwrap(), "bus 1 hung");
+    assert_eq!(rig.client.crash_report().unwrap(), "bus 1 hung");
     let resets = rig.client.incidents().unwrap();
     assert!(matches!(resets.last(), Some(Incident::Started { start: 1, .. })), "{resets:?}");
 }

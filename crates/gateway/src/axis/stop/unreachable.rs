@@ -57,7 +57,7 @@ impl Axis {
 
     /// Nothing is known of the motor any more, a locked brake included: all of the stop begins
     /// again.
-    fn becomes_unreachable(&mut self, now: Instant, stop_sent: bool, out: &mut Outbox<'_>) {
+    fn becomes_unreachable(&mut self, now: Instant, stop_transmitted: bool, out: &mut Outbox<'_>) {
         let Some(stop) = &mut self.stop else { return };
         stop.hold_poll = None;
         stop.braked = false;
@@ -73,7 +73,7 @@ impl Axis {
             trip.unreachable = true;
         }
         self.no_longer_confirmed(now, out);
-        out.event(&Event::AxisUnreachable { axis: self.index, stop_sent });
+        out.event(&Event::AxisUnreachable { axis: self.index, stop_transmitted });
     }
 
     /// The stop of a tripped axis has to be confirmed anew, before anybody clears it.

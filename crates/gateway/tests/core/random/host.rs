@@ -192,7 +192,7 @@ fn configure_bus(bus: u8) -> Request {
         bus,
         bitrate,
         protocols,
-        wholly_ours: false,
+        exclusive: false,
         reply_window_us: 3_000,
     };
     Request::ConfigureBus(request)

@@ -30,7 +30,10 @@ pub fn a_mute_motor_is_stopped_although_it_answers_nothing() -> Vec<Reaction> {
         // found again.
         lab.keep(&holds, Duration::from_secs(2));
         events.extend(lab.events());
-        assert!(events.contains(&Event::AxisUnreachable { axis, stop_sent: true }), "{events:?}");
+        assert!(
+            events.contains(&Event::AxisUnreachable { axis, stop_transmitted: true }),
+            "{events:?}"
+        );
         lab.assert_stopped_by_gateway(axis, at);
         lab.outside.inject(&mut lab.machine.borrow_mut(), axis.into(), Injection::Mute(false));
         lab.keep(&holds, Duration::from_secs(2));

@@ -153,7 +153,10 @@ pub fn the_enable_output_is_inactive_while_an_axis_is_unreachable() -> Vec<React
     lab.outside.inject(&mut lab.machine.borrow_mut(), RMD.into(), Injection::Mute(true));
     lab.keep(&holds, Duration::from_secs(2));
     let events = lab.events();
-    assert!(events.contains(&Event::AxisUnreachable { axis: RMD, stop_sent: true }), "{events:?}");
+    assert!(
+        events.contains(&Event::AxisUnreachable { axis: RMD, stop_transmitted: true }),
+        "{events:?}"
+    );
     assert!(events.contains(&Event::EnableOutputChanged { active: false }), "{events:?}");
     assert!(!enabled(&lab));
     assert_eq!(lab.client.gateway_status().expect("a status").enable_output, Some(false));

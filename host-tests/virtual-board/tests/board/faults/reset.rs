@@ -75,9 +75,9 @@ fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<React
     lab.run_for(AFTERWARDS);
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.hello().boot, boot, "{name}");
-    let told = lab.client.last_words().expect("a text");
+    let told = lab.client.crash_report().expect("a text");
     assert!(told.starts_with(words) && told.is_empty() == words.is_empty(), "{name}: {told:?}");
-    assert_eq!(lab.client.hello().panic_recorded, !words.is_empty());
+    assert_eq!(lab.client.hello().has_crash_report, !words.is_empty());
     for axis in AXES {
         lab.assert_stopped_by_gateway(axis, before);
         assert_eq!(lab.trip(axis), Some((TripReason::Reset, true)), "{name}, axis {axis}");
@@ -112,7 +112,7 @@ fn first_byte_to_a_host(lab: &Lab, since: Duration) -> Duration {
 /// The history has the trips of all axes, behind this start and the first one.
 fn assert_remembered(lab: &mut Lab, boot: BootReason, words: bool) {
     let incidents = lab.client.incidents().expect("the history");
-    let started = Incident::Started { start: 2, boot, last_words: words };
+    let started = Incident::Started { start: 2, boot, has_crash_report: words };
     assert!(incidents.contains(&started), "{incidents:?}");
     for axis in AXES {
         let of_axis = |incident: &&Incident| {
@@ -282,11 +282,11 @@ pub fn a_power_cycle_leaves_nothing_configured_and_says_so() -> Vec<Reaction> {
         [],
         "nothing is configured, nothing is armed"
     );
-    assert_eq!(lab.client.last_words().expect("a text"), "");
+    assert_eq!(lab.client.crash_report().expect("a text"), "");
     let history = lab.client.incidents().expect("the history");
     assert_eq!(
         history,
-        [Incident::Started { start: 1, boot: BootReason::PowerOn, last_words: false }]
+        [Incident::Started { start: 1, boot: BootReason::PowerOn, has_crash_report: false }]
     );
     Vec::new()
 }

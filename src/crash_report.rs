@@ -6,7 +6,7 @@ use crc::{CRC_32_ISCSI, Crc, NoTable};
 use host_protocol::BootReason;
 use static_cell::StaticCell;
 
-use crate::retained::{self, LAST_WORDS};
+use crate::retained::{self, CRASH_REPORT};
 use crate::watchdog;
 
 /// Longest text, bytes; what the host protocol can carry of it.
@@ -67,18 +67,18 @@ pub fn keep(write: impl FnOnce(&mut Text) -> fmt::Result) {
     // An error says that it was cut.
     let _ = write(&mut text);
     // Half a record is none.
-    retained::write(LAST_WORDS, MAGIC, 0);
+    retained::write(CRASH_REPORT, MAGIC, 0);
     let (words, _) = text.bytes.as_chunks::<WORD_BYTES>();
     for (index, word) in (TEXT..).zip(words) {
-        retained::write(LAST_WORDS, index, u32::from_le_bytes(*word));
+        retained::write(CRASH_REPORT, index, u32::from_le_bytes(*word));
     }
-    retained::write(LAST_WORDS, LENGTH, u32::try_from(text.length).unwrap_or(u32::MAX));
-    retained::write(LAST_WORDS, CHECK, check(&text));
-    retained::write(LAST_WORDS, MAGIC, RECORDED);
+    retained::write(CRASH_REPORT, LENGTH, u32::try_from(text.length).unwrap_or(u32::MAX));
+    retained::write(CRASH_REPORT, CHECK, check(&text));
+    retained::write(CRASH_REPORT, MAGIC, RECORDED);
     retained::close();
 }
 
-/// Takes what the run before this one has left: its last words, or who failed to show life where
+/// Takes what the run before this one has left: its crash report, or who failed to show life where
 /// the watchdog ended it. Empty if it left nothing. Once, when the retained RAM has been started.
 /// A run without configuration, after many that failed, says so first.
 pub fn take(boot: BootReason, is_bare: bool) -> &'static str {
@@ -87,7 +87,7 @@ pub fn take(boot: BootReason, is_bare: bool) -> &'static str {
     if text.length == 0 && boot == BootReason::Watchdog {
         let _ = watchdog::write_verdict(&mut text);
     }
-    retained::write(LAST_WORDS, MAGIC, 0);
+    retained::write(CRASH_REPORT, MAGIC, 0);
     watchdog::forget();
     retained::close();
     if is_bare {
@@ -102,11 +102,11 @@ fn recorded() -> Option<Text> {
     let mut text = Text::new();
     let (words, _) = text.bytes.as_chunks_mut::<WORD_BYTES>();
     for (index, word) in (TEXT..).zip(words) {
-        *word = retained::read(LAST_WORDS, index).to_le_bytes();
+        *word = retained::read(CRASH_REPORT, index).to_le_bytes();
     }
-    text.length = usize::try_from(retained::read(LAST_WORDS, LENGTH)).ok()?;
-    let is_whole = retained::read(LAST_WORDS, MAGIC) == RECORDED
+    text.length = usize::try_from(retained::read(CRASH_REPORT, LENGTH)).ok()?;
+    let is_whole = retained::read(CRASH_REPORT, MAGIC) == RECORDED
         && text.length <= MAX_TEXT
-        && retained::read(LAST_WORDS, CHECK) == check(&text);
+        && retained::read(CRASH_REPORT, CHECK) == check(&text);
     is_whole.then_some(text)
 }
