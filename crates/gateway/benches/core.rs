@@ -27,7 +27,7 @@ static BOARD: Board = Board {
     firmware: "0.1.0",
     build_id: "bench",
     boot: BootReason::PowerOn,
-    last_words: "",
+    crash_report: "",
     e_stop_input: true,
     enable_output: true,
     buses: &[
@@ -90,7 +90,7 @@ impl Bench {
                 bus,
                 bitrate: 1_000_000,
                 protocols: ProtocolSet::of(&[Protocol::Rmd]),
-                wholly_ours: false,
+                exclusive: false,
                 reply_window_us: 5_000,
             }));
         }
