@@ -4,8 +4,12 @@ extern crate std;
 
 mod can_frame;
 mod line;
+mod table;
 mod vector;
+mod wire;
 
 pub use can_frame::CanFrame;
 pub use line::{check_deframer, deframed};
-pub use vector::{Vector, vectors};
+pub use table::{check_names, fields_in_range, numbers_of};
+pub use vector::{Codec, Decoded, Vector, check, found_on_line, vectors};
+pub use wire::{Wire, hex};

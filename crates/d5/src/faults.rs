@@ -71,28 +71,3 @@ impl defmt::Format for Faults {
         defmt::write!(f, "Faults({=u8:#04x})", self.bits());
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// D5 manual, error states at address 0x12: bits 0x10 and 0x20 have no name and stay.
-    #[test]
-    fn bits_are_those_of_the_table() {
-        assert_eq!(Faults::from_bits_retain(0x42), Faults::STALL | Faults::OVER_CURRENT);
-        assert_eq!(
-            Faults::from_bits_retain(0x8D),
-            Faults::all() - Faults::STALL - Faults::OVER_CURRENT
-        );
-        assert_eq!(Faults::from_bits_retain(0x31).bits(), 0x31);
-    }
-
-    /// D5 manual, register 0x19 and error states at address 0x12: every named bit has one row.
-    #[test]
-    fn every_fault_has_a_row() {
-        assert!(Faults::all().iter().eq(FAULTS.iter().map(|info| info.fault)));
-        let clearable = FAULTS.iter().filter(|info| info.is_clearable).map(|info| info.name);
-        assert!(clearable.eq(["over_current", "stall"]));
-        assert!(Faults::from_bits_retain(0x30).infos().next().is_none());
-    }
-}

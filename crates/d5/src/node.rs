@@ -70,29 +70,3 @@ impl Address {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// D5 manual, table row 1: 0xFE addresses all motors, so it names none.
-    #[test]
-    fn ids_end_below_the_broadcast_id() {
-        assert_eq!(Node::new(0x01).map(Node::get), Ok(0x01));
-        assert_eq!(Node::new(0xFD).map(Node::get), Ok(0xFD));
-        assert_eq!(Address::Broadcast.id(), 0xFE);
-        assert_eq!(Address::new(0xFE), Ok(Address::Broadcast));
-        assert_eq!(Address::new(0x0B), Ok(Address::Node(Node::FACTORY)));
-        assert!(Address::new(0xFF).is_err());
-        for node in [0x00, 0xFE, 0xFF] {
-            let refused = EncodeError::OutOfRange {
-                field: "node",
-                value: i64::from(node),
-                min: 0x01,
-                max: 0xFD,
-            };
-            assert_eq!(Node::new(node), Err(refused));
-            assert_eq!(Node::received(node), Err(DecodeError::Node { node }));
-        }
-    }
-}

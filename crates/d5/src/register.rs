@@ -336,6 +336,3 @@ pub static REGISTERS: [RegisterInfo; 21] = {
         row(Register::MAGNETIC_ANGLE, "magnetic_angle", ReadOnly, Word, Some(0x0000)).range(0, FULL_TURN).value("angle_deg", "deg", Coding::Unsigned),
     ]
 };
-
-#[cfg(test)]
-mod tests;

@@ -36,6 +36,3 @@ impl Reply {
         })
     }
 }
-
-#[cfg(test)]
-mod tests;

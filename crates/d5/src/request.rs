@@ -80,6 +80,3 @@ impl Request {
         Ok(request)
     }
 }
-
-#[cfg(test)]
-mod tests;

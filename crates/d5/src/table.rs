@@ -117,6 +117,3 @@ codec::commands! {
     }
     also rows {}
 }
-
-#[cfg(test)]
-mod tests;

@@ -25,21 +25,3 @@ pub fn decode_temperature(byte: u8) -> Celsius {
     let magnitude = i8::try_from(byte & !BELOW_ZERO).unwrap_or(TEMPERATURE_MAX);
     Celsius(if byte & BELOW_ZERO == 0 { magnitude } else { -magnitude })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// D5 manual, register 0x0B: 0x64 is 100 °C, the top bit is the sign.
-    #[test]
-    fn the_top_bit_is_the_sign() {
-        assert_eq!(decode_temperature(0x64), Celsius(100));
-        assert_eq!(decode_temperature(0x85), Celsius(-5));
-        assert_eq!(decode_temperature(0x80), Celsius(0));
-        assert_eq!(encode_temperature(Celsius(100)), Ok(0x64));
-        assert_eq!(encode_temperature(Celsius(-5)), Ok(0x85));
-        let refused =
-            EncodeError::OutOfRange { field: "temperature", value: -128, min: -127, max: 127 };
-        assert_eq!(encode_temperature(Celsius(-128)), Err(refused));
-    }
-}

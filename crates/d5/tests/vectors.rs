@@ -1,124 +1,141 @@
-//! Runs the golden vectors of `host-tests/vectors/d5*.txt`.
+//! Runs the vectors of `host-tests/vectors/d5*.txt`.
 
-use codec::testing::{CanFrame, Vector, vectors};
-use d5::serial::Deframer;
-use d5::{BuildError, COMMANDS, DecodeError, REGISTERS, Reply, Request, can, decode_frame};
-use embedded_can::Id;
+use std::collections::BTreeSet;
 
-const VECTORS: &str = include_str!("../../../host-tests/vectors/d5.txt");
-const MISPRINTS: &str = include_str!("../../../host-tests/vectors/d5-misprints.txt");
-/// Changes with every vector added or removed, so that none goes missing unseen.
-const COUNT: usize = 122;
-const MISPRINT_COUNT: usize = 6;
+use codec::testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
+use d5::serial::SerialFraming;
+use d5::{
+    Address, Answer, BuildError, COMMANDS, FRAME_LEN, Node, REGISTERS, Reply, Request, answer, can,
+    decode_reply_frame, decode_request_frame,
+};
+use embedded_can::Frame;
 
-#[test]
-fn every_vector_decodes_to_its_meaning_and_back() {
-    let vectors = vectors(VECTORS);
-    for vector in &vectors {
-        match vector.direction {
-            "request" => {
-                let decoded = can::decode_request(&vector.frame());
-                let address = decoded.map(|(address, _)| address);
-                vector.check(decoded.map(|(_, request)| request), |request| {
-                    can::request::<CanFrame>(
-                        Id::Standard(vector.id),
-                        address.expect("decoded"),
-                        request,
-                    )
-                });
-            }
-            "reply" | "event" => {
-                let decoded = can::decode_reply(&vector.frame());
-                let node = decoded.map(|(node, _)| node);
-                vector.check(decoded.map(|(_, reply)| reply), |reply| {
-                    can::reply::<CanFrame>(Id::Standard(vector.id), node.expect("decoded"), reply)
-                });
-            }
-            other => panic!("{}: direction {other}", vector.label),
+/// The frames that the manual prints, and those of its tables.
+const GOLDEN: &str = include_str!("../../../host-tests/vectors/d5.txt");
+/// Misprints, edges, refusals, answers, and what tools build and show.
+const CASES: &str = include_str!("../../../host-tests/vectors/d5-cases.txt");
+
+struct D5;
+
+fn received(frame: &Wire) -> Result<(Node, Reply), String> {
+    can::decode_reply(frame.can()).map_err(|error| format!("{error:?}"))
+}
+
+fn sent(frame: &Wire) -> Result<(Address, Request), String> {
+    can::decode_request(frame.can()).map_err(|error| format!("{error:?}"))
+}
+
+impl Codec for D5 {
+    fn decode(vector: &Vector<'_>, frame: &Wire) -> Result<Decoded, String> {
+        let id = frame.can().id();
+        if vector.kind.ends_with("request") {
+            let (address, request) = sent(frame)?;
+            let encoded = can::request(id, address, &request).map(Wire::Can);
+            return Ok(Decoded::new(&request, encoded, request.name(), &|visit| {
+                request.visit_fields(visit);
+            }));
+        }
+        let (node, reply) = received(frame)?;
+        let encoded = can::reply(id, node, &reply).map(Wire::Can);
+        Ok(Decoded::new(&reply, encoded, reply.name(), &|visit| reply.visit_fields(visit)))
+    }
+
+    fn answer(request: &Wire, reply: &Wire, _: bool) -> String {
+        let Ok((Address::Node(node), request)) = sent(request) else { panic!("{request}") };
+        let (from, reply) = received(reply).expect("a reply");
+        match answer(&request, node, from, &reply) {
+            Answer::Reply(answer) if answer == reply => "Reply".into(),
+            outcome => format!("{outcome:?}"),
         }
     }
-    assert_eq!(vectors.len(), COUNT);
+
+    fn build(_: &str, name: &str, fields: &dyn Fn(&str) -> Option<f64>) -> Result<Wire, String> {
+        let request = Request::build(name, fields).map_err(|error| format!("{error:?}"))?;
+        assert_eq!(request.name(), name);
+        let frame = can::request(
+            can::default_request_id(Node::FACTORY),
+            Address::Node(Node::FACTORY),
+            &request,
+        );
+        frame.map(Wire::Can).map_err(|error| format!("{error:?}"))
+    }
+
+    fn line(pieces: &[Vec<u8>]) -> String {
+        found_on_line::<SerialFraming, FRAME_LEN>(pieces)
+    }
+}
+
+#[test]
+fn golden_vectors() {
+    check::<D5>(GOLDEN, 122);
+    assert!(vectors(GOLDEN).all(|vector| vector.source.contains("D5 manual, ")));
+}
+
+#[test]
+fn cases() {
+    check::<D5>(CASES, 172);
 }
 
 /// The CAN frame and the frame on a serial line are the same bytes: whatever has the right checksum
 /// is found.
 #[test]
 fn every_vector_is_found_on_a_serial_line() {
-    for vector in vectors(VECTORS) {
-        let bytes: [u8; 8] = vector.data.as_slice().try_into().expect("eight bytes");
-        let is_whole = !vector.meaning.starts_with("Err(Checksum")
-            && !vector.meaning.starts_with("Err(Length");
-        let mut deframer = Deframer::new();
-        let line = [&[0x5D, 0xD5, 0x05][..], &bytes].concat();
-        let found: Vec<_> = deframer.push_slice(&line).collect();
-        assert_eq!(found, if is_whole { vec![bytes] } else { vec![] }, "{}", vector.label);
-        if is_whole && !vector.meaning.starts_with("Err") {
-            assert!(decode_frame(&bytes).is_ok(), "{}", vector.label);
-        }
+    for vector in vectors(GOLDEN) {
+        let frame: [u8; 8] = Wire::parse(vector.input).can().data().try_into().expect("8 bytes");
+        let spoilt = ["Err(Checksum", "Err(Length"].map(|error| vector.outcome.starts_with(error));
+        let found = D5::line(&[[&[0x5D, 0xD5, 0x05][..], &frame].concat()]);
+        let hex = Wire::Serial(frame.into()).to_string();
+        assert_eq!(found.contains(&hex), spoilt == [false; 2], "{vector:?}: {found}");
     }
 }
 
 #[test]
-fn misprints_decode_to_what_holds() {
-    let misprints = vectors(MISPRINTS);
-    for vector in &misprints {
-        let shown = match vector.direction {
-            "request" => {
-                can::decode_request(&vector.frame()).map(|(_, request)| format!("{request:?}"))
-            }
-            _ => can::decode_reply(&vector.frame()).map(|(_, reply)| format!("{reply:?}")),
-        };
-        let shown = shown.unwrap_or_else(|error: DecodeError| format!("Err({error:?})"));
-        assert_eq!(shown, vector.meaning, "{}", vector.label);
+fn no_command_lacks_a_vector() {
+    let of = |vector: Vector<'_>| {
+        let decoded = vector.decode::<D5>().ok()?;
+        Some((decoded.name, vector.kind == "request"))
+    };
+    let seen: BTreeSet<_> = vectors(GOLDEN).filter_map(of).collect();
+    for name in COMMANDS.iter().map(|info| info.name).chain(["unknown"]) {
+        assert!(seen.contains(&(name, true)) && seen.contains(&(name, false)), "{name}");
     }
-    assert_eq!(misprints.len(), MISPRINT_COUNT);
-}
-
-#[test]
-fn every_command_has_a_request_and_a_reply() {
-    let vectors = vectors(VECTORS);
-    let request =
-        |vector: &Vector| can::decode_request(&vector.frame()).ok().map(|(_, request)| request);
-    let reply = |vector: &Vector| can::decode_reply(&vector.frame()).ok().map(|(_, reply)| reply);
-    let requests: Vec<Request> =
-        vectors.iter().filter(|vector| vector.direction == "request").filter_map(request).collect();
-    let replies: Vec<Reply> =
-        vectors.iter().filter(|vector| vector.direction != "request").filter_map(reply).collect();
     for info in COMMANDS {
         let fields = |field: &str| Some(if field == "bytes" { 1.0 } else { 16.0 });
-        assert_ne!(
-            Request::build(info.name, &fields),
-            Err(BuildError::UnknownCommand),
-            "{}",
-            info.name
-        );
-        assert!(
-            requests.iter().any(|request| request.name() == info.name),
-            "no request {}",
-            info.name
-        );
-        assert!(replies.iter().any(|reply| reply.name() == info.name), "no reply {}", info.name);
+        assert_ne!(Request::build(info.name, &fields), Err(BuildError::UnknownCommand));
     }
-    for name in ["id", "command", "checksum"] {
-        let is_it =
-            |reply: &Reply| matches!(reply, Reply::Error { error, .. } if error.name() == name);
-        assert!(replies.iter().any(is_it), "no {name} error");
+    for error in ["Id", "Command", "Checksum"] {
+        let is_it = format!("Error {{ error: {error},");
+        assert!(vectors(GOLDEN).any(|vector| vector.outcome.starts_with(&is_it)), "{error}");
     }
-    assert!(requests.iter().any(|request| request.name() == "unknown"));
-    assert!(replies.iter().any(|reply| reply.name() == "unknown"));
 }
 
-/// Every kind of register value is read or written by a vector.
+/// Every kind of register value is read by a vector.
 #[test]
 fn every_coded_register_has_a_vector() {
-    let vectors = vectors(VECTORS);
     for info in REGISTERS.iter().filter(|info| info.field != info.name) {
-        let read = |vector: &&Vector| match can::decode_reply(&vector.frame()) {
+        let is_read = |vector: Vector<'_>| match received(&Wire::parse(vector.input)) {
             Ok((_, Reply::Read { register, value })) => {
                 register == info.register && info.decode(value).is_some()
             }
             _ => false,
         };
-        assert!(vectors.iter().any(|vector| read(&vector)), "{}", info.name);
+        assert!(vectors(GOLDEN).any(is_read), "{}", info.name);
+    }
+}
+
+/// The header tells requests from replies.
+#[test]
+fn a_frame_of_either_direction_is_told_by_its_header() {
+    for vector in vectors(GOLDEN) {
+        let frame = Wire::parse(vector.input).can().data().try_into().expect("8 bytes");
+        let (message, request) = (d5::decode_frame(&frame), decode_request_frame(&frame));
+        match decode_reply_frame(&frame) {
+            Ok((node, reply)) => assert_eq!(message, Ok(d5::Message::Reply(node, reply))),
+            Err(d5::DecodeError::Header { .. }) => {
+                let request = request.map(|(to, request)| d5::Message::Request(to, request));
+                assert_eq!(message, request);
+            }
+            Err(error) => assert_eq!(message, Err(error)),
+        }
     }
 }

@@ -204,6 +204,3 @@ fn data<F: Frame>(frame: &F) -> Result<&[u8; DATA_LEN], DecodeError> {
     <&[u8; DATA_LEN]>::try_from(data)
         .map_err(|_| DecodeError::Length { got: data.len(), expected: DATA_LEN })
 }
-
-#[cfg(test)]
-mod tests;

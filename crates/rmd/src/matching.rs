@@ -140,6 +140,3 @@ fn thrown_back(sent: &[u8; DATA_LEN], received: &[u8; DATA_LEN]) -> bool {
         && sent == received
         && payload.iter().any(|byte| *byte != 0)
 }
-
-#[cfg(test)]
-mod tests;

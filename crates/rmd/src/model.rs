@@ -25,18 +25,3 @@ impl Shown for Model {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// RMD V3.6 §2.32.4.
-    #[test]
-    fn printed_name() {
-        assert_eq!(Model([0x58, 0x38, 0x53, 0x32, 0x56, 0x31, 0x30]).as_str(), Some("X8S2V10"));
-        assert_eq!(Model(*b"RMD L5\0").as_str(), Some("RMD L5"));
-        assert_eq!(Model([0; 7]).as_str(), Some(""));
-        assert_eq!(Model([0x58, 0, 0x53, 0, 0, 0, 0]).as_str(), None);
-        assert_eq!(Model([0xFF; 7]).as_str(), None);
-    }
-}

@@ -51,26 +51,3 @@ impl Encode<Payload> for Node {
         if AT == bus_id::WORD_AT { bus_id::put_word(data, *self) } else { self.0.put::<AT>(data) }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// RMD V3.6 §1.1.2: ids 1 to 32.
-    #[test]
-    fn ids_are_1_to_32() {
-        assert_eq!(Node::new(1).map(Node::get), Ok(1));
-        assert_eq!(Node::new(32).map(Node::get), Ok(32));
-        for node in [0, 33, 0xCD, 0xFF] {
-            assert_eq!(
-                Node::new(node),
-                Err(EncodeError::OutOfRange {
-                    field: "node",
-                    value: i64::from(node),
-                    min: 1,
-                    max: 32
-                })
-            );
-        }
-    }
-}

@@ -100,6 +100,3 @@ impl Reply {
         matches!(self, Reply::TimeoutNotice { .. })
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -126,6 +126,3 @@ impl Request {
         !matches!(self, Request::Reset | Request::SetBaudRate { .. })
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -141,6 +141,3 @@ fn check(frame: &[u8; FRAME_LEN]) -> Result<(), DecodeError> {
     let expected = CHECKSUM.checksum(body);
     if got == expected { Ok(()) } else { Err(DecodeError::Checksum { got, expected }) }
 }
-
-#[cfg(test)]
-mod tests;

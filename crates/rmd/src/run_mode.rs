@@ -89,20 +89,3 @@ impl Encode<Payload> for RunMode {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// RMD V3.6 §2.23.3.
-    #[test]
-    fn listed_modes_have_names() {
-        let modes = [1, 2, 3].map(RunMode::from_code);
-        assert_eq!(modes, [RunMode::Current, RunMode::Velocity, RunMode::Position]);
-        assert_eq!(modes.map(RunMode::code), [1, 2, 3]);
-        assert_eq!(RunMode::from_code(0), RunMode::Unknown(0));
-        assert_eq!(RunMode::from_code(4).name(), None);
-        assert!(RunMode::Unknown(4).check().is_ok());
-        assert!(RunMode::Unknown(3).check().is_err());
-    }
-}

@@ -325,6 +325,3 @@ codec::commands! {
 const fn first([code, ..]: &[u8; DATA_LEN]) -> u8 {
     *code
 }
-
-#[cfg(test)]
-mod tests;

@@ -28,20 +28,3 @@ impl Node {
         self.0
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Thruster manual §1.1.
-    #[test]
-    fn ids_are_1_to_127() {
-        assert_eq!(Node::new(1).unwrap().get(), 1);
-        assert_eq!(Node::new(127).unwrap().get(), 127);
-        for id in [0, 128, 255] {
-            let refused =
-                EncodeError::OutOfRange { field: "node", value: i64::from(id), min: 1, max: 127 };
-            assert_eq!(Node::new(id), Err(refused));
-        }
-    }
-}

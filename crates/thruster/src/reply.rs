@@ -88,6 +88,3 @@ impl Reply {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

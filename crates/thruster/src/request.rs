@@ -90,6 +90,3 @@ impl Request {
         matches!(self.effect(), Effect::Later)
     }
 }
-
-#[cfg(test)]
-mod tests;

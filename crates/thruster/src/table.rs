@@ -285,6 +285,3 @@ codec::commands! {
         STREAM_3 = row("stream_3", ReturnSource::Stream, ReturnedFrame::POSITION);
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,104 +1,113 @@
-//! Runs the golden vectors of `host-tests/vectors/thruster*.txt`.
+//! Runs the vectors of `host-tests/vectors/thruster*.txt`.
 
-use codec::testing::{CanFrame, Vector, vectors};
-use thruster::{BuildError, COMMANDS, Payload, Reply, Request, can};
+use std::collections::BTreeSet;
 
-const VECTORS: &str = include_str!("../../../host-tests/vectors/thruster.txt");
-const MISPRINTS: &str = include_str!("../../../host-tests/vectors/thruster-misprints.txt");
-const HEADERLESS: &str = include_str!("../../../host-tests/vectors/thruster-headerless.txt");
-/// Changes with every vector added or removed, so that none goes missing unseen.
-const COUNT: usize = 118;
-const MISPRINT_COUNT: usize = 10;
-const HEADERLESS_COUNT: usize = 3;
+use codec::testing::{Codec, Decoded, Vector, Wire, check, vectors};
+use thruster::{
+    Answer, BuildError, COMMANDS, Headerless, Node, Payload, Reply, Request, answer, can,
+};
 
-#[test]
-fn every_vector_decodes_to_its_meaning_and_back() {
-    let vectors = vectors(VECTORS);
-    for vector in &vectors {
-        match vector.direction {
-            "request" => {
-                let decoded = can::decode_request(&vector.frame());
-                let node = decoded.map(|(node, _)| node);
-                vector.check(decoded.map(|(_, request)| request), |request| {
-                    can::request::<CanFrame>(node.expect("decoded"), request)
-                });
-            }
-            "reply" | "event" => {
-                let decoded = can::decode_reply(&vector.frame());
-                let node = decoded.map(|(node, _)| node);
-                vector.check(decoded.map(|(_, reply)| reply), |reply| {
-                    can::reply::<CanFrame>(node.expect("decoded"), reply)
-                });
-            }
-            other => panic!("{}: direction {other}", vector.label),
+/// The frames that the manual prints, and those of its tables.
+const GOLDEN: &str = include_str!("../../../host-tests/vectors/thruster.txt");
+/// Misprints, edges, refusals, answers, and what tools build and show.
+const CASES: &str = include_str!("../../../host-tests/vectors/thruster-cases.txt");
+
+struct Thruster;
+
+fn received(frame: &Wire) -> Result<(Node, Reply), String> {
+    match frame {
+        Wire::Can(frame) => can::decode_reply(frame).map_err(|error| format!("{error:?}")),
+        Wire::TooLong(data) | Wire::Serial(data) => {
+            Err(format!("{:?}", Reply::decode(data).unwrap_err()))
         }
     }
-    assert_eq!(vectors.len(), COUNT);
+}
+
+fn sent(frame: &Wire) -> Result<(Node, Request), String> {
+    match frame {
+        Wire::Can(frame) => can::decode_request(frame).map_err(|error| format!("{error:?}")),
+        Wire::TooLong(data) | Wire::Serial(data) => {
+            Err(format!("{:?}", Request::decode(data).unwrap_err()))
+        }
+    }
+}
+
+impl Codec for Thruster {
+    fn decode(vector: &Vector<'_>, frame: &Wire) -> Result<Decoded, String> {
+        if vector.kind == "headerless" {
+            let decoded = can::decode_headerless(frame.can());
+            let (node, values) = decoded.map_err(|error| format!("{error:?}"))?;
+            let encoded = can::headerless(node, &values).map(Wire::Can);
+            return Ok(Decoded::new(&values, encoded, Headerless::NAME, &|visit| {
+                values.visit_fields(visit);
+            }));
+        }
+        if vector.kind.ends_with("request") {
+            let (node, request) = sent(frame)?;
+            let encoded = can::request(node, &request).map(Wire::Can);
+            return Ok(Decoded::new(&request, encoded, request.name(), &|visit| {
+                request.visit_fields(visit);
+            }));
+        }
+        let (node, reply) = received(frame)?;
+        let encoded = can::reply(node, &reply).map(Wire::Can);
+        Ok(Decoded::new(&reply, encoded, reply.name(), &|visit| reply.visit_fields(visit)))
+    }
+
+    fn answer(request: &Wire, reply: &Wire, _: bool) -> String {
+        let (_, request) = sent(request).expect("a request");
+        let (_, reply) = received(reply).expect("a reply");
+        match answer(&request, &reply) {
+            Answer::Reply(answer) if answer == reply => "Reply".into(),
+            outcome => format!("{outcome:?}"),
+        }
+    }
+
+    fn build(_: &str, name: &str, fields: &dyn Fn(&str) -> Option<f64>) -> Result<Wire, String> {
+        let node = Node::new(0x0B).expect("1..=127");
+        let request = Request::build(name, fields).map_err(|error| format!("{error:?}"))?;
+        assert_eq!(request.name(), name);
+        can::request(node, &request).map(Wire::Can).map_err(|error| format!("{error:?}"))
+    }
 }
 
 #[test]
-fn frames_without_a_header_decode_when_asked_and_back() {
-    let vectors = vectors(HEADERLESS);
-    for vector in &vectors {
-        let (node, values) = can::decode_headerless(&vector.frame()).expect(vector.label);
-        vector.check(Ok::<_, ()>(values), |values| can::headerless::<CanFrame>(node, values));
-    }
-    assert_eq!(vectors.len(), HEADERLESS_COUNT);
+fn golden_vectors() {
+    check::<Thruster>(GOLDEN, 118);
+    let sections = vectors(GOLDEN).map(|vector| vector.source);
+    assert!(sections.into_iter().all(|source| source.contains("Thruster manual §")));
 }
 
-/// Printed nine-byte rows fit no frame, so the data alone are decoded.
 #[test]
-fn misprints_decode_to_what_holds() {
-    let misprints = vectors(MISPRINTS);
-    for vector in &misprints {
-        let shown = match vector.direction {
-            "request" => Request::decode(&vector.data).map(|request| format!("{request:?}")),
-            _ => Reply::decode(&vector.data).map(|reply| format!("{reply:?}")),
-        };
-        let shown = shown.unwrap_or_else(|error| format!("Err({error:?})"));
-        assert_eq!(shown, vector.meaning, "{}", vector.label);
-    }
-    assert_eq!(misprints.len(), MISPRINT_COUNT);
+fn cases() {
+    check::<Thruster>(CASES, 179);
 }
 
 /// A command that only devices send is one that cannot be built.
 #[test]
-fn every_command_has_a_request_and_a_reply() {
-    let vectors = vectors(VECTORS);
-    let names =
-        |direction: fn(&str) -> bool, name: fn(&Vector) -> &'static str| -> Vec<&'static str> {
-            vectors.iter().filter(|vector| direction(vector.direction)).map(name).collect()
-        };
-    let requests = names(
-        |direction| direction == "request",
-        |vector| Request::decode(&vector.data).map_or("", |request| request.name()),
-    );
-    let replies = names(
-        |direction| direction != "request",
-        |vector| Reply::decode(&vector.data).map_or("", |reply| reply.name()),
-    );
+fn no_command_lacks_a_vector() {
+    let of = |vector: Vector<'_>| {
+        let decoded = vector.decode::<Thruster>().ok()?;
+        Some((decoded.name, vector.kind == "request"))
+    };
+    let seen: BTreeSet<_> = vectors(GOLDEN).filter_map(of).collect();
     for info in COMMANDS {
         let is_sent = Request::build(info.name, &|_| None) != Err(BuildError::UnknownCommand);
-        assert_eq!(is_sent, requests.contains(&info.name), "request {}", info.name);
-        assert!(replies.contains(&info.name), "no reply {}", info.name);
+        assert_eq!(seen.contains(&(info.name, true)), is_sent, "request {}", info.name);
+        assert!(seen.contains(&(info.name, false)), "no reply {}", info.name);
     }
-    assert!(requests.contains(&"unknown") && replies.contains(&"unknown"));
+    assert!(seen.contains(&("unknown", true)) && seen.contains(&("unknown", false)));
 }
 
 /// Thruster manual §1.3: every set command can be refused; queries cannot.
 #[test]
 fn refusals_have_the_name_of_what_they_refuse() {
     for info in COMMANDS {
-        let Ok(request) = Request::build(info.name, &|field| {
-            Some(if field == "bitrate_kbps" { 10.0 } else { 0.0 })
-        })
-        .or_else(|_| Request::build(info.name, &|_| Some(1.0))) else {
-            continue;
-        };
-        let mut bytes = [0; 8];
+        let built = [10.0, 0.0, 1.0].map(|value| Request::build(info.name, &|_| Some(value)));
+        let Some(request) = built.into_iter().find_map(Result::ok) else { continue };
         let payload = request.encode().expect(info.name);
+        let mut bytes = [0, 0, 0, 0, 0x00, 0x00, 0xEE, 0xEE];
         bytes[..4].copy_from_slice(&payload.as_slice()[..4]);
-        bytes[4..].copy_from_slice(&[0x00, 0x00, 0xEE, 0xEE]);
         let reply = Reply::decode(&bytes).expect(info.name);
         let is_query = info.name.starts_with("read_");
         assert_eq!(matches!(reply, Reply::Refused { .. }), !is_query, "{}", info.name);
