@@ -76,10 +76,7 @@ macro_rules! commands {
 
         $(
             pub(crate) const $ROW: $crate::CommandInfo = $crate::CommandInfo {
-                name: {
-                    const NAME: [u8; stringify!($ROW).len()] = $crate::snake_case(stringify!($ROW));
-                    $crate::ascii(&NAME)
-                },
+                name: $crate::__lower!($ROW),
                 code: codes::$ROW as u16,
                 section: concat!($manual, $section),
                 request: $crate::__fields!(FIELDS $(= $fields)? $($($request)*)?),

@@ -1,13 +1,40 @@
 //! Why a value cannot be encoded. Why bytes cannot be decoded is each codec's own.
 
-use core::fmt;
-
 use crate::shown::Number;
 
-/// A value the manual gives no bytes for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum EncodeError {
+/// Defines an enum of errors, each with its fields and its text.
+#[macro_export]
+macro_rules! errors {
+    (
+        $(#[$meta:meta])* enum $Error:ident;
+        $(
+            $(#[$doc:meta])*
+            $V:ident $({ $($(#[$field_doc:meta])* $f:ident: $t:ty),* $(,)? })? = $text:literal;
+        )*
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum $Error {
+            $($(#[$doc])* $V $({ $($(#[$field_doc])* $f: $t),* })?,)*
+        }
+
+        impl core::fmt::Display for $Error {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                match self {
+                    $($Error::$V $({ $($f),* })? => write!(f, $text),)*
+                }
+            }
+        }
+
+        impl core::error::Error for $Error {}
+    };
+}
+
+errors! {
+    /// A value the manual gives no bytes for.
+    enum EncodeError;
+
     /// The value lies outside the range the manual gives.
     OutOfRange {
         /// Name of the field.
@@ -18,7 +45,7 @@ pub enum EncodeError {
         min: i64,
         /// Highest allowed value.
         max: i64,
-    },
+    } = "{field} {value} is outside {min}..={max}";
     /// The value lies within the range and is refused all the same.
     Forbidden {
         /// Name of the field.
@@ -27,26 +54,10 @@ pub enum EncodeError {
         value: i64,
         /// Why it is refused.
         reason: &'static str,
-    },
+    } = "{field} {value} is refused: {reason}";
     /// The CAN frame type took neither the id nor the data.
-    Frame,
+    Frame = "the CAN frame type refused the frame";
 }
-
-impl fmt::Display for EncodeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            EncodeError::OutOfRange { field, value, min, max } => {
-                write!(f, "{field} {value} is outside {min}..={max}")
-            }
-            EncodeError::Forbidden { field, value, reason } => {
-                write!(f, "{field} {value} is refused: {reason}")
-            }
-            EncodeError::Frame => write!(f, "the CAN frame type refused the frame"),
-        }
-    }
-}
-
-impl core::error::Error for EncodeError {}
 
 /// Refuses a value outside `min..=max`.
 #[inline]

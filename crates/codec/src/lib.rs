@@ -31,7 +31,9 @@ mod count;
 mod deframer;
 mod error;
 mod field;
+mod flags;
 mod layout;
+mod node;
 mod shown;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;

@@ -1,26 +1,5 @@
 //! The fault byte of register 0x12.
 
-bitflags::bitflags! {
-    /// Faults, several at once (D5 manual, error states at address 0x12).
-    ///
-    /// Bits without a name stay as received.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-    pub struct Faults: u8 {
-        /// Circuit board too hot.
-        const BOARD_HOT = 0x01;
-        /// Over-current; [`Register::CLEAR_PROTECTION`](crate::Register::CLEAR_PROTECTION) clears it.
-        const OVER_CURRENT = 0x02;
-        /// Over-voltage.
-        const OVER_VOLTAGE = 0x04;
-        /// Under-voltage.
-        const UNDER_VOLTAGE = 0x08;
-        /// Stall; [`Register::CLEAR_PROTECTION`](crate::Register::CLEAR_PROTECTION) clears it.
-        const STALL = 0x40;
-        /// Motor too hot.
-        const MOTOR_HOT = 0x80;
-    }
-}
-
 /// One bit of the fault byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -34,40 +13,34 @@ pub struct FaultInfo {
     pub is_clearable: bool,
 }
 
-/// Every bit the manual lists, the lowest first (D5 manual, error states at address 0x12).
-pub const FAULTS: &[FaultInfo] = &[
-    info(Faults::BOARD_HOT, "board_hot"),
-    info(Faults::OVER_CURRENT, "over_current"),
-    info(Faults::OVER_VOLTAGE, "over_voltage"),
-    info(Faults::UNDER_VOLTAGE, "under_voltage"),
-    info(Faults::STALL, "stall"),
-    info(Faults::MOTOR_HOT, "motor_hot"),
-];
+const fn info(fault: Faults, name: &'static str, is_clearable: bool) -> FaultInfo {
+    FaultInfo { fault, name, is_clearable }
+}
 
-const fn info(fault: Faults, name: &'static str) -> FaultInfo {
-    FaultInfo { fault, name, is_clearable: Faults::CLEARABLE.contains(fault) }
+codec::flags! {
+    /// Faults, several at once (D5 manual, error states at address 0x12).
+    ///
+    /// Bits without a name stay as received.
+    struct Faults: u8;
+
+    /// Every bit the manual lists, the lowest first (D5 manual, error states at address 0x12).
+    FAULTS of FaultInfo by info;
+
+    /// Circuit board too hot.
+    BOARD_HOT = 0x01, false;
+    /// Over-current; [`Register::CLEAR_PROTECTION`](crate::Register::CLEAR_PROTECTION) clears it.
+    OVER_CURRENT = 0x02, true;
+    /// Over-voltage.
+    OVER_VOLTAGE = 0x04, false;
+    /// Under-voltage.
+    UNDER_VOLTAGE = 0x08, false;
+    /// Stall; [`Register::CLEAR_PROTECTION`](crate::Register::CLEAR_PROTECTION) clears it.
+    STALL = 0x40, true;
+    /// Motor too hot.
+    MOTOR_HOT = 0x80, false;
 }
 
 impl Faults {
     /// What a 1 to register 0x19 clears (D5 manual, register 0x19).
     pub const CLEARABLE: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
-
-    /// The table's row of every listed bit that is set, the lowest first.
-    pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
-        FAULTS.iter().filter(move |info| self.contains(info.fault))
-    }
-
-    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has
-    /// it.
-    pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
-        let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
-        listed.for_each(|info| visit(info.name));
-    }
-}
-
-#[cfg(feature = "defmt")]
-impl defmt::Format for Faults {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "Faults({=u8:#04x})", self.bits());
-    }
 }

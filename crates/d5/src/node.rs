@@ -1,34 +1,15 @@
 //! The motor's id on its bus, and to whom a request goes.
 
-use codec::check_range;
-
 use crate::error::{DecodeError, EncodeError};
 
-/// Id of one motor, 0x01..=0xFD. The manual gives no range; 0xFE is the broadcast id.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Node(u8);
+codec::node! {
+    /// Id of one motor, 0x01..=0xFD. The manual gives no range; 0xFE is the broadcast id.
+    struct Node in 0x01..=0xFD;
+}
 
 impl Node {
-    /// Lowest id.
-    pub const MIN: u8 = 0x01;
-    /// Highest id.
-    pub const MAX: u8 = 0xFD;
     /// The id from the factory, which a reset restores (D5 manual, table row 6).
     pub const FACTORY: Node = Node(0x0B);
-
-    /// The motor with this id; refuses anything outside [`Node::MIN`]..=[`Node::MAX`].
-    pub const fn new(node: u8) -> Result<Node, EncodeError> {
-        match check_range("node", node as i64, Self::MIN as i64, Self::MAX as i64) {
-            Ok(()) => Ok(Node(node)),
-            Err(error) => Err(error),
-        }
-    }
-
-    /// The id as a number, 0x01..=0xFD.
-    pub const fn get(self) -> u8 {
-        self.0
-    }
 
     /// The motor that a received id byte names.
     pub(crate) fn received(node: u8) -> Result<Node, DecodeError> {

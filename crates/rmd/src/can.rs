@@ -10,10 +10,9 @@ use crate::bus_id::{self, Access};
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
 use crate::motion_mode::{MotionCommand, MotionFeedback};
-use crate::node::Node;
+use crate::node::{Node, Target};
 use crate::reply::Reply;
 use crate::request::Request;
-use crate::target::Target;
 
 /// Request id of a motor = this + node: 0x141..=0x160 (RMD V3.6 §1.1.2).
 pub const REQUEST_BASE: u16 = 0x140;

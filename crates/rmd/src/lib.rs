@@ -49,7 +49,6 @@ mod request;
 pub mod rs485;
 mod run_mode;
 mod table;
-mod target;
 mod units;
 
 pub use baud::BaudCode;
@@ -64,7 +63,7 @@ pub use motion::Motion;
 pub use motion_mode::{
     MotionCommand, MotionFeedback, MotionRanges, MotionState, MotionTarget, Span,
 };
-pub use node::Node;
+pub use node::{Node, Target};
 pub use notice::RawNotice;
 pub use pid::PidGains;
 pub use ramp::Ramp;
@@ -72,7 +71,6 @@ pub use reply::Reply;
 pub use request::Request;
 pub use run_mode::RunMode;
 pub use table::COMMANDS;
-pub use target::Target;
 pub use units::{
     Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
     DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds,

@@ -14,10 +14,9 @@ pub use self::scan::{Piece, Scan};
 use crate::bus_id::{self, Access};
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
-use crate::node::Node;
+use crate::node::{Node, Target};
 use crate::reply::Reply;
 use crate::request::Request;
-use crate::target::Target;
 
 /// Header, id, length, data and checksum.
 pub const FRAME_LEN: usize = HEADER_LEN + DATA_LEN + CHECKSUM_LEN;

@@ -3,8 +3,8 @@
 use codec::testing::{CanFrame, check_deframer, check_names};
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 use rmd::{
-    BaudCode, COMMANDS, EncodeError, FaultLevel, Faults, FieldValue, MotionCommand, MotionFeedback,
-    MotionRanges, Node, RawNotice, Reply, Request, Span, can, rs485,
+    BaudCode, COMMANDS, EncodeError, FAULTS, FaultLevel, Faults, FieldValue, MotionCommand,
+    MotionFeedback, MotionRanges, Node, RawNotice, Reply, Request, Span, can, rs485,
 };
 
 fn node(id: u8) -> Node {
@@ -112,6 +112,8 @@ fn what_requests_do() {
 /// RMD V3.6 §8.2: the level 1 rows that have a bit.
 #[test]
 fn level_1_is_stall_phase_current_and_calibration() {
+    let level_1 = FAULTS.iter().filter(|info| info.level == FaultLevel::UntilRestart);
+    assert!(level_1.map(|info| info.fault).eq(Faults::UNTIL_RESTART.iter()));
     assert_eq!(Faults::UNTIL_RESTART.bits(), 0x0092);
     assert_eq!(Faults::from_bits_retain(0x0104).level(), Some(FaultLevel::Recovers));
     assert_eq!(Faults::from_bits_retain(0x0106).level(), Some(FaultLevel::UntilRestart));

@@ -1,41 +1,7 @@
 //! The fault word of EF and FR.
 
-use codec::{FieldInfo, FieldKind, Shown, Visit};
-
-bitflags::bitflags! {
-    /// Faults, several at once (Thruster manual §3): low byte is byte 7 of the reply, high byte is byte 6.
-    ///
-    /// Bits without a name stay as received: the example of §2.6 sets the reserved bit 14.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-    pub struct Faults: u16 {
-        /// EEPROM access failed; output off, no recovery by itself.
-        const EE_ACCESS = 1 << 0;
-        /// EEPROM data invalid; output off, no recovery by itself.
-        const EE_DATA = 1 << 1;
-        /// Over-current; output off, no recovery by itself.
-        const OVER_CURRENT = 1 << 2;
-        /// Over-voltage; reported only.
-        const OVER_VOLTAGE = 1 << 3;
-        /// Under-voltage; reported only.
-        const UNDER_VOLTAGE = 1 << 4;
-        /// Stall; output off, no recovery by itself.
-        const STALL = 1 << 6;
-        /// Encoder; position commands have no effect, no recovery by itself.
-        const ENCODER = 1 << 7;
-        /// Driver over 120 °C; output limited until at most 100 °C.
-        const DRIVER_HOT = 1 << 8;
-        /// Motor over 120 °C; output limited until at most 100 °C.
-        const MOTOR_HOT = 1 << 9;
-        /// Zero protection; output barred until the signal has crossed zero.
-        const ZERO_PROTECTION = 1 << 10;
-        /// Communication timeout; output off until the next command, which also clears this bit.
-        const TIMEOUT = 1 << 11;
-        /// Driver temperature sensor; reported only.
-        const DRIVER_SENSOR = 1 << 12;
-        /// Motor temperature sensor; reported only.
-        const MOTOR_SENSOR = 1 << 13;
-    }
-}
+use self::FaultAction::{BarOutput, IgnorePosition, LimitOutput, OutputOff, Report};
+use self::FaultRecovery::{BySelf, Cooled, Never, NextCommand, ZeroSignal};
 
 /// What a device does about a fault, besides reporting it (Thruster manual §3, protections).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,7 +58,7 @@ const HOT: u8 = 120;
 /// At this temperature it no longer is, °C (Thruster manual §3).
 const COOL: u8 = 100;
 
-const fn row(
+const fn info(
     fault: Faults,
     name: &'static str,
     level: u8,
@@ -103,26 +69,43 @@ const fn row(
     FaultInfo { fault, name, level, action, recovery, threshold }
 }
 
-/// Every fault of the manual, by bit (Thruster manual §3, protections).
-pub const FAULTS: &[FaultInfo] = {
-    use FaultAction::{BarOutput, IgnorePosition, LimitOutput, OutputOff, Report};
-    use FaultRecovery::{BySelf, Cooled, Never, NextCommand, ZeroSignal};
-    &[
-        row(Faults::EE_ACCESS, "ee_access", 1, OutputOff, Never),
-        row(Faults::EE_DATA, "ee_data", 1, OutputOff, Never),
-        row(Faults::OVER_CURRENT, "over_current", 1, OutputOff, Never),
-        row(Faults::OVER_VOLTAGE, "over_voltage", 2, Report, BySelf),
-        row(Faults::UNDER_VOLTAGE, "under_voltage", 2, Report, BySelf),
-        row(Faults::STALL, "stall", 1, OutputOff, Never),
-        row(Faults::ENCODER, "encoder", 2, IgnorePosition, Never),
-        row(Faults::DRIVER_HOT, "driver_hot", 2, LimitOutput, Cooled(COOL)),
-        row(Faults::MOTOR_HOT, "motor_hot", 2, LimitOutput, Cooled(COOL)),
-        row(Faults::ZERO_PROTECTION, "zero_protection", 2, BarOutput, ZeroSignal),
-        row(Faults::TIMEOUT, "timeout", 2, OutputOff, NextCommand),
-        row(Faults::DRIVER_SENSOR, "driver_sensor", 2, Report, BySelf),
-        row(Faults::MOTOR_SENSOR, "motor_sensor", 2, Report, BySelf),
-    ]
-};
+codec::flags! {
+    /// Faults, several at once (Thruster manual §3): low byte is byte 7 of the reply, high byte is
+    /// byte 6.
+    ///
+    /// Bits without a name stay as received: the example of §2.6 sets the reserved bit 14.
+    struct Faults: u16;
+
+    /// Every fault of the manual, by bit (Thruster manual §3, protections).
+    FAULTS of FaultInfo by info;
+
+    /// EEPROM access failed; output off, no recovery by itself.
+    EE_ACCESS = 1 << 0, 1, OutputOff, Never;
+    /// EEPROM data invalid; output off, no recovery by itself.
+    EE_DATA = 1 << 1, 1, OutputOff, Never;
+    /// Over-current; output off, no recovery by itself.
+    OVER_CURRENT = 1 << 2, 1, OutputOff, Never;
+    /// Over-voltage; reported only.
+    OVER_VOLTAGE = 1 << 3, 2, Report, BySelf;
+    /// Under-voltage; reported only.
+    UNDER_VOLTAGE = 1 << 4, 2, Report, BySelf;
+    /// Stall; output off, no recovery by itself.
+    STALL = 1 << 6, 1, OutputOff, Never;
+    /// Encoder; position commands have no effect, no recovery by itself.
+    ENCODER = 1 << 7, 2, IgnorePosition, Never;
+    /// Driver over 120 °C; output limited until at most 100 °C.
+    DRIVER_HOT = 1 << 8, 2, LimitOutput, Cooled(COOL);
+    /// Motor over 120 °C; output limited until at most 100 °C.
+    MOTOR_HOT = 1 << 9, 2, LimitOutput, Cooled(COOL);
+    /// Zero protection; output barred until the signal has crossed zero.
+    ZERO_PROTECTION = 1 << 10, 2, BarOutput, ZeroSignal;
+    /// Communication timeout; output off until the next command, which also clears this bit.
+    TIMEOUT = 1 << 11, 2, OutputOff, NextCommand;
+    /// Driver temperature sensor; reported only.
+    DRIVER_SENSOR = 1 << 12, 2, Report, BySelf;
+    /// Motor temperature sensor; reported only.
+    MOTOR_SENSOR = 1 << 13, 2, Report, BySelf;
+}
 
 impl Faults {
     /// What a device only reports, its output unlimited: bits 3, 4, 12 and 13 (Thruster manual §3,
@@ -132,31 +115,4 @@ impl Faults {
     /// A temperature sensor that is broken, so that its temperature means nothing (Thruster manual
     /// §3).
     pub const TEMPERATURE_SENSORS: Faults = Self::DRIVER_SENSOR.union(Self::MOTOR_SENSOR);
-
-    /// The table's row of every listed bit that is set, the lowest first.
-    pub fn infos(self) -> impl Iterator<Item = &'static FaultInfo> {
-        FAULTS.iter().filter(move |info| self.contains(info.fault))
-    }
-
-    /// Hands on the name of every listed bit in a word, as [`FieldValue`](crate::FieldValue) has
-    /// it.
-    pub(crate) fn visit_names(word: u32, visit: &mut dyn FnMut(&'static str)) {
-        let listed = FAULTS.iter().filter(|info| word & u32::from(info.fault.bits()) != 0);
-        listed.for_each(|info| visit(info.name));
-    }
-}
-
-impl Shown for Faults {
-    const INFO: FieldInfo = FieldInfo::other(FieldKind::Flags, "");
-
-    fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
-        field.visit_flags(visit, self.bits(), Faults::visit_names);
-    }
-}
-
-#[cfg(feature = "defmt")]
-impl defmt::Format for Faults {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "Faults({=u16:#06x})", self.bits());
-    }
 }

@@ -1,8 +1,6 @@
 //! What a device returns by itself or instead of an echo: the frames of VM and SR.
 
-use codec::{
-    BuildError, Built, CommandInfo, Decode, Encode, FieldInfo, FieldKind, Fields, Shown, Visit,
-};
+use codec::{CommandInfo, Decode, Encode, FieldInfo, FieldKind, Shown, Visit};
 
 use crate::command;
 use crate::error::DecodeError;
@@ -12,107 +10,63 @@ use crate::payload::Payload;
 use crate::table;
 use crate::units::{Celsius, Deciamps, Decidegrees, Decivolts, Rpm};
 
-bitflags::bitflags! {
+codec::flags! {
     /// Which frames are returned: byte 7 of VM (Thruster manual §2.4), byte 5 of SR (§2.5).
     ///
     /// The reserved bits 3 to 7 stay as received.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-    pub struct ReturnFrames: u8 {
-        /// Frame 1: speed, voltage, current.
-        const MOTION = 1 << 0;
-        /// Frame 2: status, motor temperature, driver temperature.
-        const CONDITION = 1 << 1;
-        /// Frame 3: absolute and relative position.
-        const POSITION = 1 << 2;
-    }
+    struct ReturnFrames: u8, sent;
+
+    /// Frame 1: speed, voltage, current.
+    MOTION = 1 << 0;
+    /// Frame 2: status, motor temperature, driver temperature.
+    CONDITION = 1 << 1;
+    /// Frame 3: absolute and relative position.
+    POSITION = 1 << 2;
 }
 
-bitflags::bitflags! {
+codec::flags! {
     /// How frames are returned: byte 6 of VM (Thruster manual §2.4).
     ///
-    /// The sentence above the table contradicts it; the table holds. The reserved bits 2 to 7 stay as received.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-    pub struct ReturnFlags: u8 {
-        /// Nothing is returned at all.
-        const NO_RETURN = 1 << 0;
-        /// One frame without a header is returned; see [`Headerless`].
-        const NO_HEADER = 1 << 1;
+    /// The sentence above the table contradicts it; the table holds. The reserved bits 2 to 7 stay
+    /// as received.
+    struct ReturnFlags: u8, sent;
+
+    /// Nothing is returned at all.
+    NO_RETURN = 1 << 0;
+    /// One frame without a header is returned; see [`Headerless`].
+    NO_HEADER = 1 << 1;
+}
+
+/// VM has nothing before its flags (Thruster manual §2.4).
+impl Decode<Payload> for ReturnFlags {
+    fn get<const AT: usize>(data: &Payload) -> Result<ReturnFlags, DecodeError> {
+        u16::get::<DATA>(data).map(upper).map(ReturnFlags::from_bits_retain)
     }
 }
 
-/// How such a mask of bits is named, built and put on the wire; `$get` is what it finds in the
-/// bytes before it.
-macro_rules! mask {
-    ($Mask:ident, [$($BIT:ident: $name:literal),*], $get:expr) => {
-        impl $Mask {
-            /// Hands on the name of every bit of the mask.
-            fn visit_names(raw: u32, hand_on: &mut dyn FnMut(&'static str)) {
-                for (bit, name) in [$(($Mask::$BIT, $name)),*] {
-                    if raw & u32::from(bit.bits()) != 0 {
-                        hand_on(name);
-                    }
-                }
-            }
-        }
-
-        impl Shown for $Mask {
-            const INFO: FieldInfo = FieldInfo::flags("", $Mask::all().bits() as i64);
-
-            fn visit(&self, field: &FieldInfo, visit: &mut Visit<'_>) {
-                field.visit_flags(visit, self.bits(), $Mask::visit_names);
-            }
-        }
-
-        impl Built for $Mask {
-            fn build(field: &FieldInfo, fields: &Fields<'_>) -> Result<$Mask, BuildError> {
-                fields.count(field).map($Mask::from_bits_retain)
-            }
-        }
-
-        impl Decode<Payload> for $Mask {
-            fn get<const AT: usize>(data: &Payload) -> Result<$Mask, DecodeError> {
-                let bits: u8 = $get(data, AT)?;
-                Ok($Mask::from_bits_retain(bits))
-            }
-        }
-
-        impl Encode<Payload> for $Mask {
-            fn put<const AT: usize>(&self, data: &mut Payload) {
-                data.put_bytes::<AT>([self.bits()]);
-            }
-        }
-    };
+impl Encode<Payload> for ReturnFlags {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        data.put_bytes::<AT>([self.bits()]);
+    }
 }
 
-// VM has nothing before its flags (Thruster manual §2.4).
-mask!(ReturnFlags, [NO_RETURN: "no_return", NO_HEADER: "no_header"], |data: &Payload, _| {
-    u16::get::<DATA>(data).map(upper)
-});
-// SR has nothing before its frames (Thruster manual §2.5); in VM they stand behind the flags.
-mask!(
-    ReturnFrames,
-    [MOTION: "motion", CONDITION: "condition", POSITION: "position"],
-    |data: &Payload, at| {
+/// SR has nothing before its frames (Thruster manual §2.5); in VM they stand behind the flags.
+impl Decode<Payload> for ReturnFrames {
+    fn get<const AT: usize>(data: &Payload) -> Result<ReturnFrames, DecodeError> {
         let [reserved, in_stream, _, in_return] = data.data()?;
-        match (at, reserved) {
-            (FRAMES_OF_STREAM, 0) => Ok(in_stream),
-            (FRAMES_OF_STREAM, got) => Err(DecodeError::FixedByte { offset: DATA, got, expected: 0 }),
-            _ => Ok(in_return),
+        match (AT, reserved) {
+            (FRAMES_OF_STREAM, 0) => Ok(ReturnFrames::from_bits_retain(in_stream)),
+            (FRAMES_OF_STREAM, got) => {
+                Err(DecodeError::FixedByte { offset: DATA, got, expected: 0 })
+            }
+            _ => Ok(ReturnFrames::from_bits_retain(in_return)),
         }
-    }
-);
-
-#[cfg(feature = "defmt")]
-impl defmt::Format for ReturnFrames {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "ReturnFrames({=u8:#04x})", self.bits());
     }
 }
 
-#[cfg(feature = "defmt")]
-impl defmt::Format for ReturnFlags {
-    fn format(&self, f: defmt::Formatter<'_>) {
-        defmt::write!(f, "ReturnFlags({=u8:#04x})", self.bits());
+impl Encode<Payload> for ReturnFrames {
+    fn put<const AT: usize>(&self, data: &mut Payload) {
+        data.put_bytes::<AT>([self.bits()]);
     }
 }
 
