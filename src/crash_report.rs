@@ -1,4 +1,4 @@
-//! What a run that failed has to say: a text in retained RAM, read once by the run after it.
+//! Why a run failed: a text in retained RAM, read once by the run after it.
 
 use core::fmt::{self, Write};
 
@@ -78,8 +78,8 @@ pub fn keep(write: impl FnOnce(&mut Text) -> fmt::Result) {
     retained::close();
 }
 
-/// Takes what the run before this one has left: its crash report, or who failed to show life where
-/// the watchdog ended it. Empty if it left nothing. Once, when the retained RAM has been started.
+/// Takes the crash report of the run before, or which loop failed to check in where the watchdog
+/// ended it. Empty if there is none. Once, when the retained RAM has been started.
 /// A run without configuration, after many that failed, says so first.
 pub fn take(boot: BootReason, is_bare: bool) -> &'static str {
     static LAST: StaticCell<Text> = StaticCell::new();

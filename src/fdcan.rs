@@ -4,16 +4,16 @@
 //! through its registers, because the core must know which frame the bus has acknowledged, and
 //! because the driver sends a remote frame that asks for data as a data frame.
 
+mod can_events;
 mod controller;
 mod element;
-mod happenings;
 mod message_ram;
 mod port;
 mod timing;
 
+pub(crate) use can_events::instance;
+pub use can_events::{CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO};
 pub use controller::{Controller, ErrorState};
-pub(crate) use happenings::instance;
-pub use happenings::{FIFO, Happening, Happenings, Instance, InterruptHandler, OTHER_FIFO};
 pub use message_ram::MessageRam;
 pub use port::{CanPort, FdcanPort};
 pub use timing::{Timing, bitrates};

@@ -27,9 +27,9 @@ mod shared_gateway;
 #[cfg(target_os = "none")]
 mod starts;
 #[cfg(target_os = "none")]
-mod tasks;
+mod task_budget;
 #[cfg(target_os = "none")]
-mod turn;
+mod tasks;
 #[cfg(target_os = "none")]
 mod usb;
 #[cfg(target_os = "none")]

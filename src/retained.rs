@@ -16,7 +16,7 @@ use host_protocol::BootReason;
 
 use crate::crash_report::RECORD_WORDS;
 use crate::starts::START_WORDS;
-use crate::watchdog::LIFE_WORDS;
+use crate::watchdog::CHECK_IN_WORDS;
 
 /// A part of this RAM.
 #[derive(Clone, Copy)]
@@ -26,12 +26,13 @@ pub struct Area {
 }
 
 const CORE: Area = Area { first: 0, words: RETAINED_WORDS };
-/// The crash report of a run that failed.
+/// The crash report of the run before.
 pub const CRASH_REPORT: Area = Area { first: RETAINED_WORDS, words: RECORD_WORDS };
-/// Who showed life.
-pub const LIFE: Area = Area { first: CRASH_REPORT.first + RECORD_WORDS, words: LIFE_WORDS };
+/// Which loops checked in.
+pub const CHECK_INS: Area =
+    Area { first: CRASH_REPORT.first + RECORD_WORDS, words: CHECK_IN_WORDS };
 /// Starts that failed early.
-pub const STARTS: Area = Area { first: LIFE.first + LIFE_WORDS, words: START_WORDS };
+pub const STARTS: Area = Area { first: CHECK_INS.first + CHECK_IN_WORDS, words: START_WORDS };
 /// The word that closes a group of writes, with a neighbour: no other word shares the 64 bits that
 /// it may be protected with.
 const CLOSING: usize = (STARTS.first + START_WORDS).next_multiple_of(2);

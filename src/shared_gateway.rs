@@ -96,7 +96,7 @@ impl SharedGateway {
 
     /// Tells the core what happened, and those for whom it has something to poll it again.
     ///
-    /// The buses are urgent ([`Turn`](crate::turn::Turn)) and come next. Who may move and whether
+    /// The buses are urgent ([`TaskBudget`](crate::task_budget)) and come next. Who may move and whether
     /// the e-stop is latched is stored by then; the history follows when the buses have had
     /// their frames, after many trips in parts, so that the next event does not wait long.
     pub fn handle(&self, event: Event<'_>) {
@@ -172,7 +172,7 @@ impl SharedGateway {
         })
     }
 
-    /// The slot of a frame that the controller of a bus should give back.
+    /// The slot of a frame that the controller of a bus should cancel.
     #[inline(never)]
     pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
         self.with(|core, now| {
@@ -216,14 +216,14 @@ impl SharedGateway {
         &self,
         bus: u8,
         current: Option<BusSetup>,
-        life: &Watch,
+        watch: &Watch,
     ) -> Option<BusSetup> {
         loop {
             let setup = self.bus_setup(bus);
             if setup != current {
                 return setup;
             }
-            life.alive(self.bus_changed(bus)).await;
+            watch.wait(self.bus_changed(bus)).await;
         }
     }
 

@@ -1,18 +1,18 @@
-//! The independent watchdog, and who must show life before it is fed.
+//! The independent watchdog, and the loops that must check in before it is fed.
 //!
 //! It runs from its own oscillator and resets the board 50 ms after it was last fed. It is fed only
-//! when every watched loop has come round since: so a loop that hangs, one that waits for ever and
+//! when every watched loop has checked in since: so a loop that hangs, one that waits for ever and
 //! one that never gets the processor all end the same way. A debugger does not stop it: where the
 //! core is halted for longer, the board starts again and stops its motors.
 //!
-//! So that the next run can say who failed, retained RAM keeps which task has the processor, and
-//! who was missing.
+//! So that the next run can say which loop failed, retained RAM keeps which task has the processor,
+//! and which were missing.
 
-mod life;
+mod check_in;
 mod verdict;
 
-pub use life::{Life, Watch, missing, pulse};
-pub use verdict::{LIFE_WORDS, forget, note_missing, write_verdict};
+pub use check_in::{TaskId, Watch, missing, pulse};
+pub use verdict::{CHECK_IN_WORDS, forget, note_missing, write_verdict};
 
 use embassy_stm32::pac::iwdg::vals::Key;
 

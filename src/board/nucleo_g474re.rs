@@ -181,7 +181,7 @@ line::instance!(USART1, DMA1_CH3, Irqs);
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {
     w.set_rxfifo(fdcan::FIFO, true);
     w.set_rxfifo(fdcan::OTHER_FIFO, true);
-    w.set_smsg(true); // sent, given back
+    w.set_smsg(true); // transmitted, cancelled
     w.set_tferr(true); // event FIFO
     w.set_misc(true);
     w.set_berr(true); // passive
@@ -210,13 +210,13 @@ impl UsbPort {
 const KEPT: pac::usb::vals::Stat = pac::usb::vals::Stat::from_bits(0);
 
 /// Has an endpoint begin with DATA0 when it is enabled next. Until then it is disabled: nothing
-/// else turns its toggle meanwhile.
+/// else flips its toggle meanwhile.
 pub fn begin_with_data0(bus: &mut impl Bus, endpoint: EndpointAddress) {
     bus.endpoint_set_enabled(endpoint, false);
     let register = pac::USB.epr(endpoint.index());
     register.modify(|w| {
-        // A 1 turns a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this
-        // toggle turns.
+        // A 1 flips a toggle or a bit of a status, a 0 clears CTR (RM0440, USB_EPnR): only this
+        // toggle flips.
         let (receives, transmits) = (w.dtog_rx(), w.dtog_tx());
         w.set_dtog_rx(receives && endpoint.is_out());
         w.set_dtog_tx(transmits && endpoint.is_in());

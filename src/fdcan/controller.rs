@@ -1,4 +1,4 @@
-//! A running controller: frames in by slot, happenings out, error state, withdrawal.
+//! A running controller: frames in by slot, events out, error state, cancellation.
 
 use embassy_stm32::can::Can;
 use embassy_stm32::pac;
@@ -8,14 +8,14 @@ use embedded_can::Id;
 use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::{BusState, CanFrame};
 
+use super::can_events::{CanEvent, CanEvents, Instance};
 use super::element;
-use super::happenings::{Happening, Happenings, Instance};
 use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
-/// How long the controller may take to give a frame back.
-const WITHDRAWAL_DEADLINE: Duration = Duration::from_millis(1);
+/// How long the controller may take to cancel a frame.
+const CANCELLATION_DEADLINE: Duration = Duration::from_millis(1);
 /// How often that is looked at.
-const WITHDRAWAL_POLL: Duration = Duration::from_micros(20);
+const CANCELLATION_POLL: Duration = Duration::from_micros(20);
 /// How often a bit is read that the controller sets within a few of its clocks; a bound, not a
 /// measure of time.
 const REGISTER_POLLS: usize = 1000;
@@ -37,18 +37,18 @@ struct Held {
     id: Id,
     /// Its place in the transmit queue.
     place: usize,
-    /// Asked back, and not yet known to be sent or given back.
-    asked_back: bool,
-    /// What has become of it, where another frame has taken its place since: the registers speak
-    /// of that one now.
+    /// Its cancellation is requested; not yet known whether it is transmitted or cancelled.
+    cancel_requested: bool,
+    /// Its outcome, where another frame has taken its place since: the registers are about that
+    /// one now.
     fate: Option<Fate>,
 }
 
-/// What becomes of a frame in the controller.
+/// The outcome of a frame in the controller.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
-    Sent,
-    GivenBack,
+    Transmitted,
+    Cancelled,
 }
 
 impl Held {
@@ -56,9 +56,9 @@ impl Held {
         let told = || {
             let (sent, cancelled) = (registers.txbto().read(), registers.txbcf().read());
             if sent.to(self.place) {
-                Some(Fate::Sent)
+                Some(Fate::Transmitted)
             } else {
-                (self.asked_back && cancelled.cf(self.place)).then_some(Fate::GivenBack)
+                (self.cancel_requested && cancelled.cf(self.place)).then_some(Fate::Cancelled)
             }
         };
         self.fate.or_else(told)
@@ -69,7 +69,7 @@ impl Held {
 pub struct Controller<'d> {
     registers: Fdcan,
     message_ram: MessageRam,
-    happenings: &'static Happenings,
+    events: &'static CanEvents,
     /// Holds the clock and the pins.
     _driver: Can<'d>,
     /// The frames in the controller, by slot.
@@ -83,59 +83,60 @@ impl<'d> Controller<'d> {
         Self {
             registers: T::registers(),
             message_ram: T::message_ram(),
-            happenings: T::happenings(),
+            events: T::events(),
             _driver: driver,
             held: [None; TRANSMIT_SLOTS],
             waiting: None,
         }
     }
 
-    /// Waits for the next happening; the slot of a frame that was sent or given back is free again
+    /// Waits for the next event; the slot of a frame that was transmitted or cancelled is free again
     /// when it has returned.
-    pub async fn next(&mut self) -> Happening {
+    pub async fn next(&mut self) -> CanEvent {
         loop {
-            let happening = self.happenings.next().await;
-            match happening {
-                Happening::Transmitted(slot) if !self.release(slot) => continue,
-                Happening::CancellationFinished => match self.given_back() {
-                    Some(slot) => return Happening::Cancelled(slot),
+            let event = self.events.next().await;
+            match event {
+                CanEvent::Transmitted(slot) if !self.release(slot) => continue,
+                CanEvent::CancellationFinished => match self.take_cancelled() {
+                    Some(slot) => return CanEvent::Cancelled(slot),
                     None => continue,
                 },
-                happening => return happening,
+                event => return event,
             }
         }
     }
 
-    /// Asks a frame back. It is reported as sent or as cancelled.
+    /// Requests that a frame is cancelled. It is reported as transmitted or as cancelled.
     pub fn cancel(&mut self, slot: u8) {
         if self.waiting.take_if(|(waiting, _)| *waiting == slot).is_some() {
-            self.happenings.report(Happening::Cancelled(slot));
+            self.events.report(CanEvent::Cancelled(slot));
         } else if let Some(Some(held @ Held { fate: None, .. })) =
             self.held.get_mut(usize::from(slot))
         {
-            held.asked_back = true;
+            held.cancel_requested = true;
             let place = held.place;
             self.registers.txbcr().write(|w| w.set_cr(place, true));
         }
     }
 
-    /// Frees the slot of a frame that was asked back and has left its place without having been
-    /// sent; one that was sent all the same is reported as such.
-    fn given_back(&mut self) -> Option<u8> {
+    /// Frees the slot of a cancelled frame, and returns it; one that was transmitted all the same is
+    /// reported as such.
+    fn take_cancelled(&mut self) -> Option<u8> {
         let registers = self.registers;
-        let is_back = |held: &Held| held.fate(registers) == Some(Fate::GivenBack);
-        let (slot, held) =
-            (0u8..).zip(&mut self.held).find(|(_, held)| held.as_ref().is_some_and(is_back))?;
+        let is_cancelled = |held: &Held| held.fate(registers) == Some(Fate::Cancelled);
+        let (slot, held) = (0u8..)
+            .zip(&mut self.held)
+            .find(|(_, held)| held.as_ref().is_some_and(is_cancelled))?;
         *held = None;
-        // Another one may be back too.
-        self.happenings.report(Happening::CancellationFinished);
+        // Another one may be cancelled too.
+        self.events.report(CanEvent::CancellationFinished);
         self.send_waiting();
         Some(slot)
     }
 
     /// How many received frames were lost since the last call.
     pub fn take_lost(&self) -> u32 {
-        self.happenings.take_lost()
+        self.events.take_lost()
     }
 
     /// Whether a frame can be taken over.
@@ -162,16 +163,16 @@ impl<'d> Controller<'d> {
             return;
         }
         if let Some(held) = self.held.get_mut(usize::from(slot)) {
-            *held = Some(Held { id: frame.id(), place, asked_back: false, fate: None });
+            *held = Some(Held { id: frame.id(), place, cancel_requested: false, fate: None });
         }
         self.waiting = None;
         self.message_ram.put(place, element::to_send(&frame, slot));
         self.registers.txbar().write(|w| w.set_ar(place, true));
     }
 
-    /// Notes what has become of the frame that was in a place: the request of the next one there
-    /// clears what TXBCF and TXBTO say of it. A stop need not wait until the task has come to
-    /// it. False if neither says anything yet.
+    /// Notes the outcome of the frame that was in a place: the request of the next one there clears
+    /// what TXBCF and TXBTO say of it. So a stop need not wait until the task has read it. False if
+    /// neither says anything yet.
     fn note_fate(&mut self, place: usize) -> bool {
         let registers = self.registers;
         self.held.iter_mut().flatten().filter(|held| held.place == place).all(|held| {
@@ -180,23 +181,23 @@ impl<'d> Controller<'d> {
         })
     }
 
-    /// Frees the slot of a sent frame; false if it held none, as after a withdrawal.
+    /// Frees the slot of a transmitted frame; false if it held none, as after a cancellation.
     fn release(&mut self, slot: u8) -> bool {
         let held = self.held.get_mut(usize::from(slot)).and_then(Option::take).is_some();
         self.send_waiting();
         held
     }
 
-    /// Takes every frame back that has not been sent. Afterwards none is reported as sent any more.
-    pub async fn withdraw_all(&mut self) {
+    /// Cancels every frame that has not been transmitted. Afterwards none is reported as transmitted.
+    pub async fn cancel_all(&mut self) {
         self.waiting = None;
         self.held = [None; TRANSMIT_SLOTS];
         self.registers
             .txbcr()
             .write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cr(place, true)));
-        let deadline = Instant::now() + WITHDRAWAL_DEADLINE;
+        let deadline = Instant::now() + CANCELLATION_DEADLINE;
         while self.registers.txbrp().read().0 != 0 && Instant::now() < deadline {
-            Timer::after(WITHDRAWAL_POLL).await;
+            Timer::after(CANCELLATION_POLL).await;
         }
         if self.registers.txbrp().read().0 != 0 {
             defmt::debug!("the CAN controller kept frames; they are wiped");

@@ -7,7 +7,7 @@ use embassy_stm32::can::{
 };
 use embassy_stm32::interrupt::typelevel::Binding;
 
-use super::happenings::{self, Instance};
+use super::can_events::{self, Instance};
 use super::{Controller, InterruptHandler, Timing};
 
 /// Every frame goes into the first FIFO, remote frames too.
@@ -62,10 +62,10 @@ where
                 .set_global_filter(ACCEPT_ALL)
                 .set_automatic_bus_off_recovery(false),
         );
-        T::happenings().clear();
-        happenings::route_interrupts::<T>();
+        T::events().clear();
+        can_events::route_interrupts::<T>();
         let driver = setup.into_normal_mode();
-        happenings::drop_needless_interrupts(T::registers());
+        can_events::drop_needless_interrupts(T::registers());
         Controller::new::<T>(driver)
     }
 }

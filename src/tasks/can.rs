@@ -5,20 +5,20 @@ use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
 
 use crate::board;
-use crate::fdcan::{CanPort, Controller, ErrorState, Happening};
+use crate::fdcan::{CanEvent, CanPort, Controller, ErrorState};
 use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
-use crate::watchdog::{Life, Watch};
+use crate::task_budget::{TaskBudget, Urgency};
+use crate::watchdog::{TaskId, Watch};
 
 /// For ever: run the bus as configured, start it again when the configuration changes.
 #[embassy_executor::task(pool_size = board::CAN_BUSES)]
 pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dyn CanPort) -> ! {
-    let life = Watch::new(Life::bus(bus));
-    let turn = Turn::of(Urgency::Bus).await;
+    let watch = Watch::new(TaskId::bus(bus));
+    let budget = TaskBudget::new(Urgency::Bus).await;
     let mut current = None;
     loop {
-        current = gateway.other_bus_setup(bus, current, &life).await;
+        current = gateway.other_bus_setup(bus, current, &watch).await;
         let Some(setup) = current else { continue };
         let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == setup.bitrate)
         else {
@@ -33,7 +33,7 @@ pub async fn can(gateway: &'static SharedGateway, bus: u8, port: &'static mut dy
             reported: None,
             losses: LineErrors::default(),
         }
-        .run(setup, &life, &turn)
+        .run(setup, &watch, &budget)
         .await;
     }
 }
@@ -50,7 +50,7 @@ struct CanBus<'d> {
 
 impl CanBus<'_> {
     /// Until the setup changes.
-    async fn run(mut self, setup: BusSetup, life: &Watch, turn: &Turn) {
+    async fn run(mut self, setup: BusSetup, watch: &Watch, budget: &TaskBudget) {
         self.follow_error_state().await;
         let mut followed = false;
         while self.gateway.bus_setup_to_poll(self.bus) == Some(setup) {
@@ -59,16 +59,16 @@ impl CanBus<'_> {
             // A full queue must not keep the other tasks waiting; what another task's event brings
             // about counts there.
             if core::mem::take(&mut followed) {
-                turn.end().await;
+                budget.spend().await;
             } else {
-                turn.pause().await;
+                budget.pause().await;
             }
-            if let Either::Second(happening) = turn.wait(self.next(life)).await {
-                self.follow(happening).await;
+            if let Either::Second(event) = budget.wait(self.next(watch)).await {
+                self.follow(event).await;
                 self.report_losses();
                 followed = true;
                 // What follows from it takes as long again, and a demand may have come.
-                turn.pause().await;
+                budget.pause().await;
             }
         }
     }
@@ -76,10 +76,10 @@ impl CanBus<'_> {
     /// Waits until the core wants something or the controller does something. The core goes first:
     /// what it wants may be a stop, and a frame that has come can wait. Meanwhile nothing may
     /// say that the error state changes: each pulse looks.
-    async fn next(&mut self, life: &Watch) -> Either<(), Happening> {
+    async fn next(&mut self, watch: &Watch) -> Either<(), CanEvent> {
         loop {
             let changed = self.gateway.bus_changed(self.bus);
-            if let Some(next) = life.alive(select(changed, self.controller.next())).await {
+            if let Some(next) = watch.wait(select(changed, self.controller.next())).await {
                 return next;
             }
             self.follow_error_state().await;
@@ -87,22 +87,22 @@ impl CanBus<'_> {
     }
 
     /// Tells the core what the controller did.
-    async fn follow(&mut self, happening: Happening) {
+    async fn follow(&mut self, event: CanEvent) {
         let bus = self.bus;
-        match happening {
-            Happening::Transmitted(slot) => self.gateway.handle(Event::Transmitted { bus, slot }),
-            Happening::Cancelled(slot) => self.gateway.handle(Event::Cancelled { bus, slot }),
-            Happening::Received(frame) => {
+        match event {
+            CanEvent::Transmitted(slot) => self.gateway.handle(Event::Transmitted { bus, slot }),
+            CanEvent::Cancelled(slot) => self.gateway.handle(Event::Cancelled { bus, slot }),
+            CanEvent::Received(frame) => {
                 defmt::trace!("bus {=u8}: heard {}", bus, frame);
                 self.gateway.handle(Event::CanReceived { bus, frame });
             }
-            Happening::ErrorState => self.follow_error_state().await,
+            CanEvent::ErrorState => self.follow_error_state().await,
             // The controller keeps these for itself.
-            Happening::CancellationFinished => {}
+            CanEvent::CancellationFinished => {}
         }
     }
 
-    /// Asks back what the core has replaced.
+    /// Cancels what the core has replaced.
     fn cancel(&mut self) {
         while let Some(slot) = self.gateway.poll_cancel(self.bus) {
             self.controller.cancel(slot);
@@ -126,15 +126,15 @@ impl CanBus<'_> {
         }
     }
 
-    /// Reports a changed error state. Bus-off: takes all frames back first; the core then has the
-    /// bus started again.
+    /// Reports a changed error state. Bus-off: cancels all frames first; the core then has the bus
+    /// started again.
     async fn follow_error_state(&mut self) {
         let now = self.controller.error_state();
         if self.reported == Some(now) {
             return;
         }
         if self.controller.is_stopped() {
-            self.controller.withdraw_all().await;
+            self.controller.cancel_all().await;
         }
         self.log_state(now);
         self.reported = Some(now);

@@ -5,8 +5,8 @@ use embassy_time::{Duration, Instant, Timer};
 use gateway::Event;
 
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
-use crate::watchdog::{Life, Watch};
+use crate::task_budget::{TaskBudget, Urgency};
+use crate::watchdog::{TaskId, Watch};
 
 /// A deadline that stays in the past does not keep the processor from the other tasks: least time
 /// between ticks.
@@ -15,15 +15,15 @@ const LEAST_PAUSE: Duration = Duration::from_micros(20);
 /// For ever: tick when the deadline is due.
 #[embassy_executor::task]
 pub async fn tick(gateway: &'static SharedGateway) -> ! {
-    let life = Watch::new(Life::TICKS);
-    let turn = Turn::of(Urgency::Deadline).await;
+    let watch = Watch::new(TaskId::TICKS);
+    let budget = TaskBudget::new(Urgency::Deadline).await;
     let mut due = None;
     loop {
-        match turn.wait(life.alive(due_or_changed(gateway, due))).await {
+        match budget.wait(watch.wait(due_or_changed(gateway, due))).await {
             Some(Either::First(())) => {
                 due = None;
                 gateway.handle(Event::Tick);
-                turn.end().await;
+                budget.spend().await;
                 Timer::after(LEAST_PAUSE).await;
             }
             Some(Either::Second(changed)) => due = changed,

@@ -7,8 +7,8 @@ use host_protocol::MAX_FRAME;
 use crate::board;
 use crate::line::{LineErrors, Overflow, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
-use crate::watchdog::{Life, Watch};
+use crate::task_budget::{TaskBudget, Urgency};
+use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 128;
@@ -24,8 +24,8 @@ const DELIMITER: u8 = 0;
 /// For ever: bytes from the host to the core.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
-    let life = Watch::new(Life::link_receiver(link));
-    let turn = Turn::of(Urgency::Demand).await;
+    let watch = Watch::new(TaskId::link_receiver(link));
+    let budget = TaskBudget::new(Urgency::Demand).await;
     let mut chunk = [0; CHUNK];
     let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
     let (mut heard, mut silent_errors) = (0, 0);
@@ -41,18 +41,18 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             silent_errors = 0;
             line.events.ask_for_restart();
         }
-        match turn.wait(life.alive(line.read(&mut chunk))).await {
+        match budget.wait(watch.wait(line.read(&mut chunk))).await {
             Some(Ok(0)) | None => {}
             Some(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 gateway.handle(Event::HostBytes { link, bytes });
                 // On a busy line there is always another byte: the others must have the processor
                 // in between.
-                turn.end().await;
+                budget.spend().await;
                 // The rest of a frame is taken with its end, not a byte at a time; behind a full
                 // chunk there is more already.
                 if length < CHUNK {
-                    let _ = turn.wait(with_timeout(REST, line.events.arrived())).await;
+                    let _ = budget.wait(with_timeout(REST, line.events.arrived())).await;
                 }
             }
             Some(Err(Overflow)) => {
@@ -61,7 +61,7 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 }
                 // What follows is the rest of some frame: this ends what had come of one.
                 gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
-                turn.end().await;
+                budget.spend().await;
             }
         }
     }
@@ -70,13 +70,13 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
 /// For ever: frames from the core to the host.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -> ! {
-    let life = Watch::new(Life::link_sender(link));
+    let watch = Watch::new(TaskId::link_sender(link));
     let mut frame = [0; MAX_FRAME];
     loop {
-        life.show();
+        watch.check_in();
         gateway.save().await;
         let Some(length) = gateway.poll_host(link, &mut frame) else {
-            while life.alive(gateway.link_changed(link)).await.is_none() {}
+            while watch.wait(gateway.link_changed(link)).await.is_none() {}
             continue;
         };
         if line.send(frame.get(..length).unwrap_or_default()).await.is_err() {

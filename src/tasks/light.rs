@@ -15,7 +15,7 @@ use embassy_time::{Duration, Ticker};
 use gateway::Light;
 
 use crate::shared_gateway::SharedGateway;
-use crate::watchdog::{Life, Watch};
+use crate::watchdog::{TaskId, Watch};
 
 /// A bit of a pattern lasts so long.
 const STEP: Duration = Duration::from_millis(100);
@@ -35,12 +35,12 @@ const fn pattern(light: Light) -> u16 {
 /// For ever.
 #[embassy_executor::task]
 pub async fn light(gateway: &'static SharedGateway, mut light: Output<'static>) -> ! {
-    let life = Watch::new(Life::LIGHT);
+    let watch = Watch::new(TaskId::LIGHT);
     let mut ticker = Ticker::every(STEP);
     let mut steps = (0..u16::BITS).cycle();
     loop {
         let is_on = steps.next().is_some_and(|step| pattern(gateway.light()) & (1 << step) != 0);
         light.set_level(if is_on { Level::High } else { Level::Low });
-        while life.alive(ticker.next()).await.is_none() {}
+        while watch.wait(ticker.next()).await.is_none() {}
     }
 }

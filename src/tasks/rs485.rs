@@ -7,8 +7,8 @@ use host_protocol::BusState;
 use crate::board;
 use crate::line::{LineErrors, Overflow, Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
-use crate::watchdog::{Life, Watch};
+use crate::task_budget::{TaskBudget, Urgency};
+use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 64;
@@ -22,20 +22,23 @@ pub async fn rs485(
     mut receiver: Receiver,
     mut sender: Sender,
 ) -> ! {
-    let life = Watch::new(Life::bus(bus));
+    let watch = Watch::new(TaskId::bus(bus));
     loop {
-        let Some(setup) = gateway.other_bus_setup(bus, None, &life).await else { continue };
+        let Some(setup) = gateway.other_bus_setup(bus, None, &watch).await else { continue };
         if let Err(error) = sender.set_bits_per_second(setup.bitrate) {
             defmt::warn!("bus {=u8}: {=u32} baud: {}", bus, setup.bitrate, error);
-            gateway.other_bus_setup(bus, Some(setup), &life).await;
+            gateway.other_bus_setup(bus, Some(setup), &watch).await;
             continue;
         }
         defmt::info!("bus {=u8}: RS485 at {=u32} baud", bus, setup.bitrate);
         report(gateway, bus, BusState::Active);
         // What has come is looked at first: when the line is free for the next frame, a stop too,
         // follows from it.
-        select(receive(gateway, bus, &mut receiver), send(gateway, bus, &mut sender, setup, &life))
-            .await;
+        select(
+            receive(gateway, bus, &mut receiver),
+            send(gateway, bus, &mut sender, setup, &watch),
+        )
+        .await;
     }
 }
 
@@ -46,12 +49,14 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
 
 /// Bytes from the bus to the core, our own echo included.
 async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
-    let life = Watch::new(Life::bus_receiver(bus));
-    let turn = Turn::of(Urgency::Bus).await;
+    let watch = Watch::new(TaskId::bus_receiver(bus));
+    let budget = TaskBudget::new(Urgency::Bus).await;
     let mut chunk = [0; CHUNK];
     let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
     loop {
-        let Some(result) = turn.wait(life.alive(receiver.read(&mut chunk))).await else { continue };
+        let Some(result) = budget.wait(watch.wait(receiver.read(&mut chunk))).await else {
+            continue;
+        };
         let mut lost = receiver.events.take_errors();
         if let Some(so_far) = errors.add(lost) {
             defmt::warn!("bus {=u8}: {=u32} line errors so far", bus, so_far);
@@ -73,7 +78,7 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
         if lost > 0 {
             gateway.handle(Event::ReceiveOverflow { bus, lost });
         }
-        turn.end().await;
+        budget.spend().await;
     }
 }
 
@@ -83,11 +88,11 @@ async fn send(
     bus: u8,
     sender: &mut Sender,
     setup: BusSetup,
-    life: &Watch,
+    watch: &Watch,
 ) {
     let mut heard = None;
     while gateway.bus_setup(bus) == Some(setup) {
-        life.show();
+        watch.check_in();
         sender.between_bytes().await;
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
@@ -114,7 +119,7 @@ async fn send(
             Some(Transmit { frame: Outgoing::Can(_), .. }) => {
                 defmt::error!("bus {=u8}: a CAN frame for RS485", bus)
             }
-            None => while life.alive(gateway.bus_changed(bus)).await.is_none() {},
+            None => while watch.wait(gateway.bus_changed(bus)).await.is_none() {},
         }
     }
 }

@@ -7,8 +7,8 @@ use embassy_time::{Duration, Timer, with_timeout};
 use gateway::Event;
 
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
-use crate::watchdog::{Life, Watch};
+use crate::task_budget::{TaskBudget, Urgency};
+use crate::watchdog::{TaskId, Watch};
 
 /// Open for this long counts as pressed. What a motor's cable couples into the cable of the button
 /// is shorter: a machine that stops for nothing would have its button bridged. A contact bounces
@@ -23,24 +23,24 @@ const RELEASED: Duration = Duration::from_millis(10);
 /// makes it quick: the level is read at each pulse too.
 #[embassy_executor::task]
 pub async fn e_stop(gateway: &'static SharedGateway, mut contact: ExtiInput<'static, Async>) -> ! {
-    let life = Watch::new(Life::E_STOP);
-    let _urgent = Turn::of(Urgency::Demand).await;
+    let watch = Watch::new(TaskId::E_STOP);
+    let _urgent = TaskBudget::new(Urgency::Demand).await;
     let mut open = contact.is_high();
     loop {
         gateway.handle(Event::EStopInput { open });
         if open {
-            until_released(&mut contact, &life).await;
+            until_released(&mut contact, &watch).await;
         } else {
-            until_pressed(&mut contact, &life).await;
+            until_pressed(&mut contact, &watch).await;
         }
         open = !open;
     }
 }
 
 /// Until it has been open at both ends of [`PRESSED`].
-async fn until_pressed(contact: &mut ExtiInput<'static, Async>, life: &Watch) {
+async fn until_pressed(contact: &mut ExtiInput<'static, Async>, watch: &Watch) {
     loop {
-        if life.alive(contact.wait_for_high()).await.is_some() {
+        if watch.wait(contact.wait_for_high()).await.is_some() {
             Timer::after(PRESSED).await;
             if contact.is_high() {
                 return;
@@ -50,9 +50,9 @@ async fn until_pressed(contact: &mut ExtiInput<'static, Async>, life: &Watch) {
 }
 
 /// Until it has stayed closed for [`RELEASED`].
-async fn until_released(contact: &mut ExtiInput<'static, Async>, life: &Watch) {
+async fn until_released(contact: &mut ExtiInput<'static, Async>, watch: &Watch) {
     loop {
-        if life.alive(contact.wait_for_low()).await.is_some() {
+        if watch.wait(contact.wait_for_low()).await.is_some() {
             if with_timeout(RELEASED, contact.wait_for_high()).await.is_err() {
                 return;
             }

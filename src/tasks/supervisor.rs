@@ -1,10 +1,10 @@
-//! Feeds the watchdog while everybody who is watched shows life.
+//! Feeds the watchdog while every watched loop checks in.
 
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::{starts, watchdog};
 
-/// How often everybody has to come round, and the watchdog is fed.
+/// How often every loop has to check in, and the watchdog is fed.
 const PERIOD: Duration = Duration::from_millis(10);
 /// Periods without a feed after which those who are missing are noted: no longer a late one, and
 /// before the watchdog strikes.

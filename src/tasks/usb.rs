@@ -13,9 +13,9 @@ use host_protocol::MAX_FRAME;
 use crate::board::UsbPort;
 use crate::line::LineErrors;
 use crate::shared_gateway::SharedGateway;
-use crate::turn::{Turn, Urgency};
+use crate::task_budget::{TaskBudget, Urgency};
 use crate::usb::{self, PACKET, Receiver, Sender};
-use crate::watchdog::{Life, Watch};
+use crate::watchdog::{TaskId, Watch};
 
 /// What frames of the host protocol end with.
 const DELIMITER: u8 = 0;
@@ -34,7 +34,7 @@ pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort, spawn
         device.run(),
         receive(gateway, link, receiver),
         usb::bootloader::follow_requests(gateway),
-        show_life(Life::USB),
+        check_in(TaskId::USB),
     )
     .await;
 }
@@ -42,29 +42,29 @@ pub async fn usb(gateway: &'static SharedGateway, link: u8, port: UsbPort, spawn
 /// For ever: frames from the core to the host.
 #[embassy_executor::task]
 async fn usb_sender(gateway: &'static SharedGateway, link: u8, sender: Sender) {
-    join(send(gateway, link, sender), show_life(Life::link_sender(link))).await;
+    join(send(gateway, link, sender), check_in(TaskId::link_sender(link))).await;
 }
 
-/// For ever: shows that the task comes round. What it carries may wait for ever for a host.
-async fn show_life(life: Life) -> ! {
-    let life = Watch::new(life);
+/// For ever: checks in for a task whose other work may wait for ever for a host.
+async fn check_in(task: TaskId) -> ! {
+    let watch = Watch::new(task);
     loop {
-        life.alive(pending::<()>()).await;
+        watch.wait(pending::<()>()).await;
     }
 }
 
 /// For ever: bytes from the host to the core.
 async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
-    let turn = Turn::of(Urgency::Demand).await;
+    let budget = TaskBudget::new(Urgency::Demand).await;
     let mut packet = [0; PACKET as usize];
     loop {
-        let mut bytes = turn.wait(receiver.receive(&mut packet)).await;
+        let mut bytes = budget.wait(receiver.receive(&mut packet)).await;
         while !bytes.is_empty() {
             let (frame, rest) = bytes.split_at(first_frame(bytes));
             gateway.handle(Event::HostBytes { link, bytes: frame });
             bytes = rest;
             // A host that never stops writing must leave the processor to the others.
-            turn.end_one_of_many().await;
+            budget.spend_one_of_many().await;
         }
     }
 }

@@ -1,34 +1,33 @@
 //! What retained RAM knows of the tasks, for the run after one that the watchdog ended.
 //!
-//! The executor says which task it gives the processor to. A task that never gives it back is the
-//! one it was given last; where a task only waits for ever, the supervisor still runs and notes who
-//! is missing.
+//! The executor says which task it polls. A task whose poll never returns is the last one that it
+//! named; where a task only waits for ever, the supervisor still runs and notes which is missing.
 
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use super::Life;
-use super::life::LIVES;
-use crate::retained::{self, LIFE};
+use super::TaskId;
+use super::check_in::TASKS;
+use crate::retained::{self, CHECK_INS};
 
 /// The task that has the processor, by the address that the executor knows it by; 0: none has.
 const RUNNING: usize = 0;
-/// Who was missing when the watchdog was no longer fed, as a mask; 0: nobody.
+/// The loops that were missing when the watchdog was no longer fed, as a mask; 0: none.
 const MISSING: usize = 1;
 /// The task of each loop.
-const TASKS: usize = 2;
+const FIRST_TASK: usize = 2;
 /// Words in all.
-pub const LIFE_WORDS: usize = TASKS + LIVES;
+pub const CHECK_IN_WORDS: usize = FIRST_TASK + TASKS;
 
-/// A loop has shown life: it belongs to the task that has the processor.
-pub fn note_task(life: Life) {
-    retained::write(LIFE, TASKS + life.index(), retained::read(LIFE, RUNNING));
+/// A loop has checked in: it belongs to the task that has the processor.
+pub fn note_task(task: TaskId) {
+    retained::write(CHECK_INS, FIRST_TASK + task.index(), retained::read(CHECK_INS, RUNNING));
     retained::push();
 }
 
 /// The watchdog is not fed, as these are missing; 0 when all are back.
 pub fn note_missing(missing: u32) {
-    retained::write(LIFE, MISSING, missing);
+    retained::write(CHECK_INS, MISSING, missing);
     retained::push();
 }
 
@@ -37,36 +36,37 @@ static READ: AtomicBool = AtomicBool::new(false);
 
 /// Forgets the run before. To be closed.
 pub fn forget() {
-    (0..LIFE_WORDS).for_each(|index| retained::write(LIFE, index, 0));
+    (0..CHECK_IN_WORDS).for_each(|index| retained::write(CHECK_INS, index, 0));
     READ.store(true, Ordering::Relaxed);
 }
 
-/// Says who failed to show life in the run before.
+/// Says which loop failed to check in in the run before.
 pub fn write_verdict(text: &mut impl Write) -> fmt::Result {
-    let (missing, running) = (retained::read(LIFE, MISSING), retained::read(LIFE, RUNNING));
+    let (missing, running) =
+        (retained::read(CHECK_INS, MISSING), retained::read(CHECK_INS, RUNNING));
     text.write_str("watchdog: ")?;
     if missing != 0 {
-        text.write_str("no life from ")?;
+        text.write_str("no check-in from ")?;
         let mut between = "";
-        for life in Life::all().filter(|life| missing & life.bit() != 0) {
-            write!(text, "{between}{life}")?;
+        for task in TaskId::all().filter(|task| missing & task.bit() != 0) {
+            write!(text, "{between}{task}")?;
             between = ", ";
         }
         return Ok(());
     }
-    let name = |life: &Life| retained::read(LIFE, TASKS + life.index()) == running;
-    match (running, Life::all().find(name)) {
+    let name = |task: &TaskId| retained::read(CHECK_INS, FIRST_TASK + task.index()) == running;
+    match (running, TaskId::all().find(name)) {
         (0, _) => text.write_str("the processor was lost at the start or in an interrupt"),
-        (_, Some(life)) => write!(text, "no life from {life}, which kept the processor"),
-        (task, None) => {
-            write!(text, "no life from the task at {task:#010x}, which kept the processor")
+        (_, Some(task)) => write!(text, "no check-in from {task}, which kept the processor"),
+        (address, None) => {
+            write!(text, "no check-in from the task at {address:#010x}, which kept the processor")
         }
     }
 }
 
 fn set_running(task: u32) {
     if READ.load(Ordering::Relaxed) {
-        retained::write(LIFE, RUNNING, task);
+        retained::write(CHECK_INS, RUNNING, task);
         retained::push();
     }
 }

@@ -39,8 +39,11 @@ const BOARD_OF_A_START: Board = Board {
 };
 
 /// The board when the watchdog has reset it.
-pub static BOARD_AGAIN: Board =
-    Board { boot: BootReason::Watchdog, crash_report: "no life from bus 0", ..BOARD_OF_A_START };
+pub static BOARD_AGAIN: Board = Board {
+    boot: BootReason::Watchdog,
+    crash_report: "no check-in from bus 0",
+    ..BOARD_OF_A_START
+};
 
 /// The buses as the model knows them.
 pub const KINDS: [BusKind; BUSES as usize] =

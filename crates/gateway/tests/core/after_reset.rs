@@ -181,7 +181,7 @@ fn hello_tells_the_boot_the_crash_report_and_how_much_is_remembered() {
     );
     let words = rig.ask(Request::ReadCrashReport(requests::ReadCrashReport {}));
     let Ok(Reply::ReadCrashReport(words)) = words else { panic!("{words:?}") };
-    assert_eq!(words.text, "no life from bus 1");
+    assert_eq!(words.text, "no check-in from bus 1");
     let status = rig.ask(Request::GatewayStatus(requests::GatewayStatus {}));
     let Ok(Reply::GatewayStatus(status)) = status else { panic!("{status:?}") };
     assert_eq!((status.starts, status.holder), (2, None));

@@ -35,7 +35,7 @@ const BOARD_VALUES: Board = Board {
 /// The same board after its watchdog has reset it.
 pub static BOARD_AGAIN: Board = BOARD_AGAIN_VALUES;
 const BOARD_AGAIN_VALUES: Board =
-    Board { boot: BootReason::Watchdog, crash_report: "no life from bus 1", ..BOARD_VALUES };
+    Board { boot: BootReason::Watchdog, crash_report: "no check-in from bus 1", ..BOARD_VALUES };
 
 /// The same again, without the clock that CAN needs.
 pub static BOARD_WITHOUT_CAN: Board = Board {

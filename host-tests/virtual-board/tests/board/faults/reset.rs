@@ -148,46 +148,56 @@ pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction>
 
 /// Each kind of task.
 pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
-    let rs485 = format!("watchdog: no life from bus {}", bus_rs485());
+    let rs485 = format!("watchdog: no check-in from bus {}", bus_rs485());
     let hangs = [
-        ("hang of a CAN task", "motor_gateway::tasks::can::can", 0, "watchdog: no life from bus 0"),
+        (
+            "hang of a CAN task",
+            "motor_gateway::tasks::can::can",
+            0,
+            "watchdog: no check-in from bus 0",
+        ),
         (
             "hang of the other CAN task",
             "motor_gateway::tasks::can::can",
             1,
-            "watchdog: no life from bus 1",
+            "watchdog: no check-in from bus 1",
         ),
         ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, &rs485),
         (
             "hang of a host's receiver",
             "motor_gateway::tasks::host::receive",
             0,
-            "watchdog: no life from host link 0",
+            "watchdog: no check-in from host link 0",
         ),
         (
             "hang of a host's sender",
             "motor_gateway::tasks::host::send",
             1,
-            "watchdog: no life from host link 1",
+            "watchdog: no check-in from host link 1",
         ),
         (
             "hang of the history task",
             "motor_gateway::tasks::history::history",
             0,
-            "watchdog: no life from history",
+            "watchdog: no check-in from history",
         ),
         (
             "hang of the e-stop task",
             "motor_gateway::tasks::safety::e_stop",
             0,
-            "watchdog: no life from e-stop input",
+            "watchdog: no check-in from e-stop input",
         ),
-        ("hang of the USB task", "motor_gateway::tasks::usb::usb", 0, "watchdog: no life from USB"),
+        (
+            "hang of the USB task",
+            "motor_gateway::tasks::usb::usb",
+            0,
+            "watchdog: no check-in from USB",
+        ),
         (
             "hang of the light's task",
             "motor_gateway::tasks::light::light",
             0,
-            "watchdog: no life from light",
+            "watchdog: no check-in from light",
         ),
         ("hang of the supervisor", "motor_gateway::tasks::supervisor::supervisor", 0, "watchdog: "),
     ];

@@ -22,9 +22,9 @@ use host_protocol::CanFrame;
 use super::element;
 use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
-/// Happenings waiting for the task: 1.5 ms of the shortest frames at 1 Mbit/s (47 bits each).
+/// Events waiting for the task: 1.5 ms of the shortest frames at 1 Mbit/s (47 bits each).
 const DEPTH: usize = 32;
-/// Places that received frames leave free, so that a report of a sent frame is never lost.
+/// Places that received frames leave free, so that the report of a transmitted frame is never lost.
 const RESERVED: usize = 4;
 const _: () = assert!(TRANSMIT_SLOTS < RESERVED);
 
@@ -37,12 +37,12 @@ const MORE_THAN_A_FIFO: usize = 8;
 
 /// Something the controller did.
 #[derive(Clone, Copy)]
-pub enum Happening {
-    /// The frame sent with this marker was acknowledged by another node.
+pub enum CanEvent {
+    /// The frame with this marker was transmitted: another node has acknowledged it.
     Transmitted(u8),
-    /// The frame of this slot was given back: it has not been sent and will not be.
+    /// The frame of this slot was cancelled: it has not been transmitted and will not be.
     Cancelled(u8),
-    /// The controller has dealt with a request to give a frame back.
+    /// The controller has dealt with a request to cancel a frame.
     CancellationFinished,
     /// A frame arrived.
     Received(CanFrame),
@@ -50,17 +50,18 @@ pub enum Happening {
     ErrorState,
 }
 
-/// The happenings of one controller.
-pub struct Happenings {
-    queue: Channel<CriticalSectionRawMutex, Happening, DEPTH>,
-    /// [`Happening::CancellationFinished`], and [`Happening::ErrorState`]: however often they come, they take no place from a frame.
+/// The events of one controller.
+pub struct CanEvents {
+    queue: Channel<CriticalSectionRawMutex, CanEvent, DEPTH>,
+    /// [`CanEvent::CancellationFinished`] and [`CanEvent::ErrorState`]: however often they come, they
+    /// take no place from a frame.
     cancellation_finished: Signal<CriticalSectionRawMutex, ()>,
     error_state: Signal<CriticalSectionRawMutex, ()>,
     /// Received frames lost since the last look, in the controller or here.
     lost: AtomicU32,
 }
 
-impl Happenings {
+impl CanEvents {
     /// None yet.
     pub const fn new() -> Self {
         Self {
@@ -79,9 +80,8 @@ impl Happenings {
         self.lost.store(0, Ordering::Relaxed);
     }
 
-    /// Waits for the next happening. A frame that is given back makes room for a stop: that comes
-    /// first.
-    pub async fn next(&self) -> Happening {
+    /// Waits for the next event. A cancelled frame comes first: it makes room for a stop.
+    pub async fn next(&self) -> CanEvent {
         match select3(
             self.cancellation_finished.wait(),
             self.queue.receive(),
@@ -89,9 +89,9 @@ impl Happenings {
         )
         .await
         {
-            Either3::First(()) => Happening::CancellationFinished,
-            Either3::Second(happening) => happening,
-            Either3::Third(()) => Happening::ErrorState,
+            Either3::First(()) => CanEvent::CancellationFinished,
+            Either3::Second(event) => event,
+            Either3::Third(()) => CanEvent::ErrorState,
         }
     }
 
@@ -108,27 +108,27 @@ impl Happenings {
     fn received(&self, frame: Option<CanFrame>) {
         match frame {
             Some(frame) if self.queue.free_capacity() > RESERVED => {
-                self.report(Happening::Received(frame))
+                self.report(CanEvent::Received(frame))
             }
             _ => self.count_lost(),
         }
     }
 
-    /// Adds a happening of the controller itself.
-    pub(super) fn report(&self, happening: Happening) {
-        match happening {
-            Happening::CancellationFinished => self.cancellation_finished.signal(()),
-            Happening::ErrorState => self.error_state.signal(()),
-            // Received frames leave room for what becomes of ours: as many as there are slots, and
+    /// Adds an event of the controller itself.
+    pub(super) fn report(&self, event: CanEvent) {
+        match event {
+            CanEvent::CancellationFinished => self.cancellation_finished.signal(()),
+            CanEvent::ErrorState => self.error_state.signal(()),
+            // Received frames leave room for the outcome of ours: as many as there are slots, and
             // one that waits.
             _ => {
-                let _ = self.queue.try_send(happening);
+                let _ = self.queue.try_send(event);
             }
         }
     }
 }
 
-/// A controller of the chip whose happenings are kept.
+/// A controller of the chip whose events are kept.
 pub trait Instance: can::Instance {
     /// Its registers.
     fn registers() -> Fdcan;
@@ -137,8 +137,8 @@ pub trait Instance: can::Instance {
     /// Routes every interrupt that [`route_interrupts`] chooses to the second line: how they are
     /// grouped is the chip's.
     fn route_to_second_line();
-    /// Its happenings.
-    fn happenings() -> &'static Happenings;
+    /// Its events.
+    fn events() -> &'static CanEvents;
 }
 
 /// Makes a controller of the chip an [`Instance`]: its name, where its part of the message RAM
@@ -162,9 +162,9 @@ macro_rules! instance {
             fn route_to_second_line() {
                 embassy_stm32::pac::$name.ils().write($second_line);
             }
-            fn happenings() -> &'static $crate::fdcan::Happenings {
-                static HAPPENINGS: $crate::fdcan::Happenings = $crate::fdcan::Happenings::new();
-                &HAPPENINGS
+            fn events() -> &'static $crate::fdcan::CanEvents {
+                static EVENTS: $crate::fdcan::CanEvents = $crate::fdcan::CanEvents::new();
+                &EVENTS
             }
         }
     };
@@ -176,7 +176,7 @@ pub(crate) use instance;
 pub fn route_interrupts<T: Instance>() {
     T::route_to_second_line();
     let controller = T::registers();
-    // Every place tells when it has given its frame back.
+    // Every place tells when its frame is cancelled.
     controller.txbcie().write_value(Txbcie((1 << TRANSMIT_PLACES) - 1));
     controller.ie().write(|w| {
         w.set_rfle(FIFO, true);
@@ -187,7 +187,7 @@ pub fn route_interrupts<T: Instance>() {
     });
 }
 
-/// Takes back what the driver's start added and nobody reads: the event FIFO reports sent frames.
+/// Disables the interrupts that the driver's start added: the event FIFO reports transmitted frames.
 pub fn drop_needless_interrupts(controller: Fdcan) {
     controller.ie().modify(|w| {
         w.set_rfne(OTHER_FIFO, false);
@@ -203,23 +203,23 @@ pub struct InterruptHandler<T: Instance> {
 impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
     unsafe fn on_interrupt() {
         let controller = T::registers();
-        let happenings = T::happenings();
+        let events = T::events();
         let flags = controller.ir().read();
         // Cleared before the FIFOs are emptied, so that what arrives meanwhile raises the line
         // again.
         controller.ir().write_value(flags);
 
         if flags.rfl(FIFO) {
-            happenings.count_lost();
+            events.count_lost();
         }
         // A reply comes after the request that it answers.
         take_transmitted::<T>();
         take_received::<T>();
         if flags.tcf() {
-            happenings.report(Happening::CancellationFinished);
+            events.report(CanEvent::CancellationFinished);
         }
         if flags.bo() || flags.ep() || flags.ew() {
-            happenings.report(Happening::ErrorState);
+            events.report(CanEvent::ErrorState);
         }
     }
 }
@@ -233,7 +233,7 @@ fn take_transmitted<T: Instance>() {
         }
         let marker = element::event_marker(T::message_ram().event(usize::from(status.efgi())));
         controller.txefa().write(|w| w.set_efai(status.efgi()));
-        T::happenings().report(Happening::Transmitted(marker));
+        T::events().report(CanEvent::Transmitted(marker));
     }
 }
 
@@ -246,6 +246,6 @@ fn take_received<T: Instance>() {
         }
         let words = T::message_ram().received(usize::from(status.fgi()));
         controller.rxfa(FIFO).write(|w| w.set_fai(status.fgi()));
-        T::happenings().received(element::received(words));
+        T::events().received(element::received(words));
     }
 }

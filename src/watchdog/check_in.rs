@@ -1,4 +1,4 @@
-//! Who is watched, and who has shown life since the watchdog was last fed.
+//! Which loops are watched, and which of them have checked in since the watchdog was last fed.
 
 use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -11,9 +11,9 @@ use gateway::{MAX_BUSES, MAX_LINKS};
 
 use super::verdict;
 
-/// A loop that must come round: a bit of the masks here.
+/// A loop that must check in: a bit of the masks here.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Life(u8);
+pub struct TaskId(u8);
 
 /// [`MAX_BUSES`] and [`MAX_LINKS`] in a byte.
 const BUSES: u8 = byte(MAX_BUSES);
@@ -25,11 +25,11 @@ const BUS_RECEIVER: u8 = BUS + BUSES;
 const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
 const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
 const OTHERS: u8 = LINK_SENDER + LINKS;
-/// How many there are.
+/// Number of loops.
 const ALL: u8 = OTHERS + 5;
-/// The same.
-pub const LIVES: usize = ALL as usize;
-const _: () = assert!(LIVES <= u32::BITS as usize);
+/// The same, for arrays.
+pub const TASKS: usize = ALL as usize;
+const _: () = assert!(TASKS <= u32::BITS as usize);
 
 #[expect(clippy::cast_possible_truncation, reason = "checked")]
 const fn byte(count: usize) -> u8 {
@@ -37,14 +37,14 @@ const fn byte(count: usize) -> u8 {
     count as u8
 }
 
-impl Life {
-    /// What ticks.
+impl TaskId {
+    /// Ticks.
     pub const TICKS: Self = Self(OTHERS + 4);
     /// What stores the history.
     pub const HISTORY: Self = Self(OTHERS);
-    /// What watches the e-stop input.
+    /// Watches the e-stop input.
     pub const E_STOP: Self = Self(OTHERS + 1);
-    /// What serves USB.
+    /// Serves USB.
     pub const USB: Self = Self(OTHERS + 2);
     /// The light.
     pub const LIGHT: Self = Self(OTHERS + 3);
@@ -90,7 +90,7 @@ impl Life {
 }
 
 /// As a user reads it.
-impl fmt::Display for Life {
+impl fmt::Display for TaskId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             number @ ..BUS_RECEIVER => write!(f, "bus {}", number - BUS),
@@ -108,40 +108,40 @@ impl fmt::Display for Life {
     }
 }
 
-/// Who is watched.
+/// The loops that are watched, as a mask.
 static WATCHED: AtomicU32 = AtomicU32::new(0);
-/// Who has shown life since the last pulse that found everybody alive.
-static SHOWN: AtomicU32 = AtomicU32::new(0);
-/// "Come round."
-static PULSES: [Signal<ThreadModeRawMutex, ()>; LIVES] = [const { Signal::new() }; LIVES];
+/// Those that have checked in since none was missing, as a mask.
+static CHECKED_IN: AtomicU32 = AtomicU32::new(0);
+/// Has a loop check in.
+static PULSES: [Signal<ThreadModeRawMutex, ()>; TASKS] = [const { Signal::new() }; TASKS];
 
-/// A loop that is watched as long as this lives.
-pub struct Watch(Life);
+/// A loop is watched as long as this exists.
+pub struct Watch(TaskId);
 
 impl Watch {
-    /// From now on. For one loop each.
-    pub fn new(life: Life) -> Self {
+    /// Watches a loop from now on; once for each.
+    pub fn new(task: TaskId) -> Self {
         // Tasks alone come here, so nothing comes between load and store.
-        WATCHED.store(WATCHED.load(Ordering::Relaxed) | life.bit(), Ordering::Relaxed);
-        Self(life)
+        WATCHED.store(WATCHED.load(Ordering::Relaxed) | task.bit(), Ordering::Relaxed);
+        Self(task)
     }
 
-    /// Shows life, then waits; at the latest the next pulse ends the waiting, with nothing. `work`
-    /// must bear being dropped.
-    pub async fn alive<F: Future>(&self, work: F) -> Option<F::Output> {
-        self.show();
+    /// Checks in, then waits for `work`, at most until the next pulse, which returns `None`. `work`
+    /// may be dropped at any time.
+    pub async fn wait<F: Future>(&self, work: F) -> Option<F::Output> {
+        self.check_in();
         match select(work, PULSES[self.0.index()].wait()).await {
             Either::First(result) => Some(result),
             Either::Second(()) => None,
         }
     }
 
-    /// Shows life.
-    pub fn show(&self) {
-        let (shown, life) = (SHOWN.load(Ordering::Relaxed), self.0);
-        if shown & life.bit() == 0 {
-            SHOWN.store(shown | life.bit(), Ordering::Relaxed);
-            verdict::note_task(life);
+    /// Checks in.
+    pub fn check_in(&self) {
+        let (checked_in, task) = (CHECKED_IN.load(Ordering::Relaxed), self.0);
+        if checked_in & task.bit() == 0 {
+            CHECKED_IN.store(checked_in | task.bit(), Ordering::Relaxed);
+            verdict::note_task(task);
         }
     }
 }
@@ -152,21 +152,21 @@ impl Drop for Watch {
     }
 }
 
-/// Who is watched and has not shown life, as a mask. When nobody is missing, everybody has to show
-/// life anew.
+/// The watched loops that have not checked in, as a mask. When none is missing, all have to check in
+/// again.
 pub fn missing() -> u32 {
-    let missing = WATCHED.load(Ordering::Relaxed) & !SHOWN.load(Ordering::Relaxed);
+    let missing = WATCHED.load(Ordering::Relaxed) & !CHECKED_IN.load(Ordering::Relaxed);
     if missing == 0 {
-        SHOWN.store(0, Ordering::Relaxed);
+        CHECKED_IN.store(0, Ordering::Relaxed);
     }
     missing
 }
 
-/// Has every loop come round, one after the other: what an interrupt wakes meanwhile waits for one
-/// of them, not for all.
+/// Has every watched loop check in, one after the other: what an interrupt wakes meanwhile waits for
+/// one of them, not for all.
 pub async fn pulse() {
-    for (life, pulse) in Life::all().zip(&PULSES) {
-        if WATCHED.load(Ordering::Relaxed) & life.bit() != 0 {
+    for (task, pulse) in TaskId::all().zip(&PULSES) {
+        if WATCHED.load(Ordering::Relaxed) & task.bit() != 0 {
             pulse.signal(());
             yield_now().await;
         }

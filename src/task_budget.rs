@@ -1,0 +1,88 @@
+//! Which task goes first where several are ready: those between an event and the frames that must
+//! follow from it.
+//!
+//! One executor polls all tasks, and a poll is not interrupted by another task. Urgent tasks, which
+//! serve the buses and what can stop them, go before the others. So that a flood on one of them
+//! starves no other, a task that never has to wait goes behind all others when its budget is spent.
+
+use core::cell::Cell;
+use core::pin::pin;
+
+use embassy_executor::Metadata;
+use embassy_futures::yield_now;
+
+/// The order of the tasks; among equals the one that has waited longer goes first.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Urgency {
+    /// Every other task: frames to the hosts, the log.
+    None,
+    /// Deadlines: where one falls due together with a demand, the frames of the demand go first.
+    Deadline,
+    /// Buses.
+    Bus,
+    /// What can demand a stop: hosts and the e-stop input.
+    Demand,
+}
+
+/// Rounds that an urgent task may run without having to wait before it goes behind all others.
+const BUDGET: u8 = 4;
+
+/// The budget of an urgent task's loop: the rounds it has run without having to wait.
+pub struct TaskBudget {
+    task: &'static Metadata,
+    urgency: Urgency,
+    spent: Cell<u8>,
+}
+
+impl TaskBudget {
+    /// Gives the task that runs this an urgency.
+    pub async fn new(urgency: Urgency) -> Self {
+        let task = Metadata::for_current_task().await;
+        task.set_priority(urgency as u8);
+        Self { task, urgency, spent: Cell::new(0) }
+    }
+
+    /// Waits for the event that a round begins with; a budget is full again where it has to wait.
+    pub async fn wait<F: Future>(&self, event: F) -> F::Output {
+        // A `spend` that was dropped leaves another urgency.
+        self.task.set_priority(self.urgency as u8);
+        let mut event = pin!(event);
+        core::future::poll_fn(|context| {
+            let poll = event.as_mut().poll(context);
+            if poll.is_pending() {
+                self.spent.set(0);
+            }
+            poll
+        })
+        .await
+    }
+
+    /// Lets tasks of the same urgency go first, within a long round.
+    pub async fn pause(&self) {
+        yield_now().await;
+    }
+
+    /// Ends a round behind which the next is ready, as a packet holds several requests: buses and
+    /// deadlines go first too, and all tasks when the budget is spent.
+    pub async fn spend_one_of_many(&self) {
+        self.task.set_priority(Urgency::Deadline as u8);
+        self.yield_once().await;
+    }
+
+    /// Ends a round: tasks of the same urgency go first, and all tasks when the budget is spent.
+    pub async fn spend(&self) {
+        self.yield_once().await;
+    }
+
+    async fn yield_once(&self) {
+        let spent = self.spent.get() + 1;
+        let is_spent = spent >= BUDGET;
+        self.spent.set(if is_spent { 0 } else { spent });
+        if is_spent {
+            self.task.set_priority(Urgency::None as u8);
+        }
+        yield_now().await;
+        self.task.set_priority(self.urgency as u8);
+    }
+}
