@@ -22,12 +22,14 @@ wire! {
         Active,
         /// The stop action is under way, by request.
         Stopping,
-        /// Stopped by the gateway, for a reason that `ReadState` tells; latched until it is cleared.
+        /// Stopped by the gateway, for a reason that `ReadState` tells; latched until it is
+        /// cleared.
         Tripped {
             /// Whether the motor has confirmed the stop.
             confirmed: bool,
         },
-        /// At rest, as `Idle`, with the motor's output on: the motor holds its position, until `OutputOff`.
+        /// At rest, as `Idle`, with the motor's output on: the motor holds its position, until
+        /// `OutputOff`.
         Holding,
     }
 
@@ -56,8 +58,8 @@ wire! {
             /// Speed on the way, rad/s, above 0.
             speed_limit_rad_s: f32,
         },
-        /// A spring and a damper at the shaft: torque = stiffness × (position − measured position) + damping × (velocity −
-        /// measured velocity) + torque.
+        /// A spring and a damper at the shaft: torque = stiffness × (position − measured position)
+        /// + damping × (velocity − measured velocity) + torque.
         Impedance {
             /// Where the spring is at rest, rad, positive is counter-clockwise.
             position_rad: f32,
@@ -141,7 +143,8 @@ wire! {
         pub position_rad: Option<f32>,
         /// A.
         pub current_a: Option<f32>,
-        /// Whether so many stops stayed unconfirmed that the motor counts as unreachable, or none could be sent.
+        /// Whether so many stops stayed unconfirmed that the motor counts as unreachable, or none
+        /// could be sent.
         pub unreachable: bool,
     }
 
@@ -175,7 +178,8 @@ wire! {
     pub struct FaultReading {
         /// Bits as in the manual of the motor; 0 is no fault.
         pub word: u16,
-        /// Those of its bits that only warn: they neither bar arming nor trip the axis as it is configured.
+        /// Those of its bits that only warn: they neither bar arming nor trip the axis as it is
+        /// configured.
         pub warnings: u16,
         /// Since it was received, µs.
         pub age_us: u32,

@@ -1,12 +1,19 @@
 //! The errors: one table of number, name and data. A request that was not executed is answered with
 //! one of them.
 
+use core::fmt;
+
 use crate::axis::{AxisState, TripReason};
 use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
 use crate::encode::{EncodeError, encode};
+use crate::error_text::{
+    Bounds, Faults, KindOf, NextEpoch, OTHER_VERSION, Offered, RequestName, abilities, next_step,
+    together_bar, way_to_idle,
+};
+use crate::field_doc::field_doc;
 use crate::frame::Kind;
-use crate::messages::{DecodeError, MessageInfo, decode_body};
+use crate::messages::{DecodeError, decode_body, numbered};
 use crate::protocol::Protocol;
 use crate::size::{MaxSize, wire};
 use crate::value::Quantity;
@@ -19,9 +26,11 @@ wire! {
         None,
         /// D5: it looks like acknowledge level 0, at which the motor answers nothing.
         AckLevelZero,
-        /// CAN: no node acknowledges frames; the cable, the power of the motor or the bitrate is wrong.
+        /// CAN: no node acknowledges frames; the cable, the power of the motor or the bitrate is
+        /// wrong.
         NotAcknowledged,
-        /// D5: a write, which the motor does not answer if its acknowledge level is below the axis's `d5_ack_level`.
+        /// D5: a write, which the motor does not answer if its acknowledge level is below the
+        /// axis's `d5_ack_level`.
         AckLevelBelow,
     }
 }
@@ -36,56 +45,45 @@ wire! {
         Twice,
         /// The axis is on another bus than the first.
         OtherBus,
-        /// The bus is not declared exclusive: who is no axis could obey as well.
+        /// The bus is not declared exclusive: motors that are no axis could obey as well.
         SharedBus,
-        /// A speed waits in the motor, which is not among those that are to be started.
+        /// A speed waits in the motor, which is not among those to be started.
         WriteWaits,
         /// The axis is asked with ids of another length than the first: no one frame reaches both.
         OtherFrameType,
     }
 }
 
-/// One table: the number in the header, the variant and its data, which is the body.
+/// One table: the number in the header, the variant, its data, which is the body, and its text for
+/// people: what was wrong, what is allowed, the next step.
 macro_rules! errors {
     ($(
         $(#[$meta:meta])+
-        $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? }
+        $number:literal $name:ident { $($field:ident: $type:ty),* } $text:literal $(, $value:expr)*;
     )+) => {
-        /// Why a request was refused or failed. The number is in the header of the frame, the data is its
-        /// body.
+        /// Why a request was refused or failed. The number is in the header of the frame, the data
+        /// is its body.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Error {
-            $($(#[$meta])+ $name { $($(#[$field_meta])+ $field: $type),* },)+
-            /// On the host: an error of a later version, its data left unread. A gateway never sends it.
+            $($(#[$meta])+ $name { $(#[doc = field_doc!($field)] $field: $type),* },)+
+            /// On the host: an error of a later version, its data left unread. A gateway never
+            /// sends it.
             Unknown {
                 /// Its number.
                 number: u16,
             },
         }
 
-        /// Every error's number and name.
-        pub const ERRORS: &[MessageInfo] = &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+        numbered! { Error ERRORS $($number $name)+ }
 
         /// Longest body of an error, bytes.
         pub(crate) const MAX_ERROR_BODY: usize =
             crate::size::largest(&[$(0 $(+ <$type as MaxSize>::MAX_SIZE)*),+]);
 
         impl Error {
-            /// The number in the header.
-            #[must_use]
-            pub const fn number(&self) -> u16 {
-                match self { $(Self::$name { .. } => $number,)+ Self::Unknown { number } => *number }
-            }
-
-            /// The name, as in the table of PROTOCOL.md.
-            #[must_use]
-            pub const fn name(&self) -> &'static str {
-                match self { $(Self::$name { .. } => stringify!($name),)+ Self::Unknown { .. } => "Unknown" }
-            }
-
-            /// The error of a frame with this number and body; [`Error::Unknown`] if the number is not in the
-            /// table.
+            /// The error of a frame with this number and body; [`Error::Unknown`] if the number is
+            /// not in the table.
             ///
             /// # Errors
             /// The body is not that of this number.
@@ -104,7 +102,11 @@ macro_rules! errors {
             ///
             /// # Errors
             /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
-            pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
+            pub fn encode_frame(
+                &self,
+                sequence: u16,
+                out: &mut [u8],
+            ) -> Result<usize, EncodeError> {
                 let number = self.number();
                 match self {
                     $(Self::$name { $($field),* } => {
@@ -114,387 +116,240 @@ macro_rules! errors {
                 }
             }
         }
+
+        impl fmt::Display for Error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match *self {
+                    $(Self::$name { $($field),* } => {
+                        $(let _ = $field;)*
+                        write!(f, $text $(, $value)*)
+                    })+
+                    Self::Unknown { number } => {
+                        write!(f, "the gateway answers with error {number}; {OTHER_VERSION}")
+                    }
+                }
+            }
+        }
     };
 }
 
 errors! {
     /// No request has this number.
-    1 UnknownRequest {
-        /// The number.
-        number: u16,
-    }
+    1 UnknownRequest { number: u16 } "the gateway knows no request {number:#06x}; {OTHER_VERSION}";
     /// The body is not the one of this request.
-    2 BadBody {
-        /// The request.
-        number: u16,
-    }
+    2 BadBody { number: u16 }
+        "the body of request {} cannot be read; {OTHER_VERSION}", RequestName(number);
     /// The host speaks a major version of the protocol that this gateway does not.
-    3 UnsupportedVersion {
-        /// What the gateway speaks.
-        gateway_major: u16,
-        /// What the host speaks.
-        host_major: u16,
-    }
+    3 UnsupportedVersion { gateway_major: u16, host_major: u16 }
+        "the gateway speaks version {gateway_major} of the protocol and the host version \
+        {host_major}; update the older of the two";
     /// Another host link has the right to command.
-    4 NotInCommand {
-        /// That link.
-        holder: u8,
-    }
+    4 NotInCommand { holder: u8 }
+        "host link {holder} is in command; wait until it releases authority or falls silent (stop, \
+        disarm and e-stop work from here too)";
     /// There is no such axis.
-    5 UnknownAxis {
-        /// What was asked for.
-        axis: u8,
-        /// Axes are numbered from 0 to one less than this.
-        max_axes: u8,
-    }
+    5 UnknownAxis { axis: u8, max_axes: u8 }
+        "there is no axis {axis}; axes are numbered below {max_axes}";
     /// There is no such bus.
-    6 UnknownBus {
-        /// What was asked for.
-        bus: u8,
-        /// Buses are numbered from 0 to one less than this.
-        buses: u8,
-    }
+    6 UnknownBus { bus: u8, buses: u8 } "there is no bus {bus}; buses are numbered below {buses}";
     /// A required parameter of the axis is not set.
-    7 NotConfigured {
-        /// The axis.
-        axis: u8,
-        /// Number of the first parameter that is missing.
-        parameter: u16,
-    }
+    7 NotConfigured { axis: u8, parameter: u16 }
+        "axis {axis} lacks {}; set it first", Quantity::Parameter(parameter);
     /// A value is not in its range; nothing was changed, nothing is clamped.
-    8 OutOfRange {
-        /// Which value.
-        quantity: Quantity,
-        /// What was asked for, in the quantity's unit.
-        value: f32,
-        /// The smallest allowed.
-        min: f32,
-        /// The largest allowed.
-        max: f32,
-    }
+    8 OutOfRange { quantity: Quantity, value: f32, min: f32, max: f32 }
+        "{}", Bounds { quantity, value, min, max };
     /// A value is NaN or infinite.
-    9 NotANumber {
-        /// Which value.
-        quantity: Quantity,
-    }
+    9 NotANumber { quantity: Quantity } "{quantity} is not a finite number; give one";
     /// No parameter has this number.
-    10 UnknownParameter {
-        /// The number.
-        parameter: u16,
-    }
+    10 UnknownParameter { parameter: u16 }
+        "no parameter here has the number {parameter}; {OTHER_VERSION}";
     /// The parameter takes another kind of value.
-    11 WrongType {
-        /// Number of the parameter.
-        parameter: u16,
-    }
+    11 WrongType { parameter: u16 }
+        "{} takes another kind of value; {}", Quantity::Parameter(parameter), KindOf(parameter);
     /// The axis is not armed.
-    12 NotArmed {
-        /// The axis.
-        axis: u8,
-        /// Its state.
-        state: AxisState,
-    }
+    12 NotArmed { axis: u8, state: AxisState } "axis {axis} is {state}; arm it first";
     /// The axis is tripped.
-    13 Tripped {
-        /// The axis.
-        axis: u8,
-        /// Why.
-        reason: TripReason,
-    }
+    13 Tripped { axis: u8, reason: TripReason }
+        "axis {axis} is tripped: {reason}; remove the cause, then clear the axis";
     /// The setpoint had expired when it arrived.
-    14 Stale {
-        /// Low 32 bits of the gateway time, µs.
-        now_us: u32,
-        /// When it expired, µs.
-        expires_at_us: u32,
-    }
+    14 Stale { now_us: u32, expires_at_us: u32 }
+        "the setpoint expires at {expires_at_us} µs and it is {now_us} µs; send one that expires \
+        later, within the axis's TTL";
     /// The setpoint belongs to an epoch that is over.
-    15 StaleEpoch {
-        /// The epoch of the axis, if it is armed.
-        current: Option<u32>,
-    }
+    15 StaleEpoch { current: Option<u32> }
+        "the setpoint belongs to an epoch that is over; {}", NextEpoch(current);
     /// The axis is carrying out another request.
-    16 Busy {
-        /// The axis.
-        axis: u8,
-    }
+    16 Busy { axis: u8 }
+        "axis {axis} is carrying out another request; send this one after its reply";
     /// The protocol of the motor has no such command.
-    17 Unsupported {
-        /// The axis.
-        axis: u8,
-        /// Its protocol.
-        protocol: Protocol,
-    }
+    17 Unsupported { axis: u8, protocol: Protocol }
+        "axis {axis} speaks {protocol}, which has no such command; it {}", abilities(protocol);
     /// The motor did not reply.
-    18 NoReply {
-        /// The axis.
-        axis: u8,
-        /// What may be behind it.
-        hint: NoReplyHint,
-    }
+    18 NoReply { axis: u8, hint: NoReplyHint }
+        "the motor of axis {axis} did not reply; {}", next_step(hint);
     /// The CAN controller of the bus is bus-off.
-    19 BusOff {
-        /// The bus.
-        bus: u8,
-    }
+    19 BusOff { bus: u8 }
+        "bus {bus} is off after too many errors; check its cable for a short and its bitrate, it \
+        recovers by itself";
     /// The motor as it is set could not confirm a stop.
-    20 CannotConfirm {
-        /// The axis.
-        axis: u8,
-    }
+    20 CannotConfirm { axis: u8 }
+        "the motor of axis {axis} is set so that it could not confirm a stop; give a D5 an \
+        acknowledge level above 0, and a thruster a VM that returns something";
     /// The motor turns; arming needs standstill.
-    21 NotStandstill {
-        /// The axis.
-        axis: u8,
-        /// Its speed, rad/s.
-        velocity_rad_s: f32,
-    }
+    21 NotStandstill { axis: u8, velocity_rad_s: f32 }
+        "the motor of axis {axis} turns at {velocity_rad_s} rad/s; let it come to a standstill \
+        first";
     /// The motor reports a fault.
-    22 MotorFault {
-        /// The axis.
-        axis: u8,
-        /// The motor's own fault word.
-        faults: u16,
-    }
+    22 MotorFault { axis: u8, faults: u16 }
+        "the motor of axis {axis} reports a fault, {}; remove its cause first",
+        Faults(Some(faults));
     /// Nothing is known of the motor's own timeout, and the axis does not allow that.
-    23 MotorTimeoutUnknown {
-        /// The axis.
-        axis: u8,
-    }
+    23 MotorTimeoutUnknown { axis: u8 }
+        "nothing is known of the timeout of the motor of axis {axis}; provision it, or set \
+        allow_unknown_motor_timeout";
     /// The e-stop of the gateway is latched.
-    24 EStopped {}
+    24 EStopped {} "the e-stop is latched; clear the gateway first";
     /// What this configuration has to send does not fit onto the bus.
-    25 BusOverloaded {
-        /// The bus.
-        bus: u8,
-        /// What is needed, 1/1000 of the bitrate.
-        needed_permille: u32,
-        /// What is available, 1/1000 of the bitrate.
-        available_permille: u32,
-    }
+    25 BusOverloaded { bus: u8, needed_permille: u32, available_permille: u32 }
+        "this would take {needed_permille} ‰ of bus {bus}, of which {available_permille} ‰ are \
+        available; refresh or poll less often, or use a higher bitrate, or have motors send less \
+        by themselves";
     /// The bus is not open for raw frames.
-    26 RawNotOpen {
-        /// The bus.
-        bus: u8,
-    }
-    /// The bus is open for raw frames, so nothing on it can be armed, or configured there while it is open for unsafe access.
-    27 RawOpen {
-        /// The bus.
-        bus: u8,
-    }
+    26 RawNotOpen { bus: u8 } "bus {bus} is not open for raw frames; open it first";
+    /// The bus is open for raw frames, so nothing on it can be armed, or configured there while it
+    /// is open for unsafe access.
+    27 RawOpen { bus: u8 } "bus {bus} is open for raw frames; close it first";
     /// This needs the axis to be idle.
-    29 NotIdle {
-        /// The axis.
-        axis: u8,
-        /// Its state.
-        state: AxisState,
-    }
+    29 NotIdle { axis: u8, state: AxisState }
+        "axis {axis} is {state} and this needs it idle; {} first", way_to_idle(state);
     /// Another axis has this bus and node.
-    30 NodeInUse {
-        /// The other axis.
-        axis: u8,
-    }
+    30 NodeInUse { axis: u8 }
+        "axis {axis} has this bus and node; choose another node or remove that axis";
     /// The bus is not configured for this protocol.
-    31 ProtocolNotOnBus {
-        /// The bus.
-        bus: u8,
-        /// The protocol.
-        protocol: Protocol,
-    }
+    31 ProtocolNotOnBus { bus: u8, protocol: Protocol }
+        "bus {bus} is not configured for {protocol}; configure it so first";
     /// The bus is not of the kind that this needs.
-    32 WrongBusKind {
-        /// The bus.
-        bus: u8,
-        /// What it is.
-        kind: BusKind,
-    }
+    32 WrongBusKind { bus: u8, kind: BusKind } "bus {bus} is {kind}; use a bus of the other kind";
     /// The motor has not confirmed its stop.
-    33 StopNotConfirmed {
-        /// The axis.
-        axis: u8,
-    }
+    33 StopNotConfirmed { axis: u8 }
+        "the motor of axis {axis} has not confirmed its stop; see that it has power and replies, \
+        the stop is being repeated";
     /// What tripped the axis is still there.
-    34 CauseRemains {
-        /// The axis.
-        axis: u8,
-        /// Why it tripped.
-        reason: TripReason,
-    }
+    34 CauseRemains { axis: u8, reason: TripReason }
+        "what tripped axis {axis} is still there: {reason}; remove it first";
     /// The motor refused the command.
-    35 Refused {
-        /// The axis.
-        axis: u8,
-        /// The motor's own fault word, where it could be read.
-        faults: Option<u16>,
-    }
+    35 Refused { axis: u8, faults: Option<u16> }
+        "the motor of axis {axis} refused the command, {}; remove the fault or the limit first",
+        Faults(faults);
     /// Arming was interrupted by a stop, a disarm or a trip.
-    36 ArmingAborted {
-        /// The axis.
-        axis: u8,
-        /// What it became.
-        state: AxisState,
-    }
+    36 ArmingAborted { axis: u8, state: AxisState }
+        "arming was interrupted and axis {axis} is {state}; see why, then arm again";
     /// A position setpoint with speed limit 0, which some motors take as no limit.
-    37 SpeedLimitZero {
-        /// The axis.
-        axis: u8,
-    }
+    37 SpeedLimitZero { axis: u8 }
+        "a position setpoint for axis {axis} needs a speed limit above 0; some motors take 0 as no \
+        limit";
     /// The bus is not configured.
-    38 BusNotConfigured {
-        /// The bus.
-        bus: u8,
-    }
+    38 BusNotConfigured { bus: u8 } "bus {bus} is not configured; configure it first";
     /// More frames wait for the bus than it can hold.
-    39 QueueFull {
-        /// The bus.
-        bus: u8,
-    }
+    39 QueueFull { bus: u8 } "too many frames wait for bus {bus}; send more slowly";
     /// The bus carries an axis that is not idle, so it cannot be configured.
-    40 BusInUse {
-        /// The bus.
-        bus: u8,
-        /// That axis.
-        axis: u8,
-    }
-    /// The axis has not tripped, or its motor confirms its stop: it has nothing that the request clears.
-    41 NothingToClear {
-        /// The axis.
-        axis: u8,
-    }
+    40 BusInUse { bus: u8, axis: u8 }
+        "axis {axis} on bus {bus} is not idle; disarm or clear it first";
+    /// The axis has not tripped, or its motor confirms its stop: it has nothing that the request
+    /// clears.
+    41 NothingToClear { axis: u8 }
+        "axis {axis} has nothing that this clears: clear needs a trip, clear-unreachable a motor \
+        that does not confirm its stop";
     /// The motor's own timeout is off.
-    42 MotorTimeoutOff {
-        /// The axis.
-        axis: u8,
-    }
+    42 MotorTimeoutOff { axis: u8 }
+        "the timeout of the motor of axis {axis} is off, or longer than 60 s; provision it, or set \
+        allow_no_motor_timeout";
     /// A newer setpoint has taken the place of this motion before the motor had answered it.
-    43 Superseded {
-        /// The axis.
-        axis: u8,
-    }
+    43 Superseded { axis: u8 }
+        "a newer setpoint for axis {axis} came before the motor had answered this; send one at a \
+        time";
     /// The bytes are no command of the motor's manual, or carry a value that it does not allow.
-    44 NotACommand {
-        /// The axis.
-        axis: u8,
-        /// Its protocol.
-        protocol: Protocol,
-    }
+    44 NotACommand { axis: u8, protocol: Protocol }
+        "axis {axis} speaks {protocol}, and these bytes are no command of that manual or carry a \
+        value that it does not allow; see mgw encode --protocol {} --list", protocol.name();
     /// The bytes name another motor than that of the axis, or all motors.
-    45 NotThisNode {
-        /// The axis.
-        axis: u8,
-        /// The node of its motor.
-        node: u8,
-    }
-    /// What this native command makes the motor do is not known, so that no limit can be held against it.
-    46 CannotCheckLimit {
-        /// The axis.
-        axis: u8,
-        /// What is limited.
-        quantity: Quantity,
-    }
+    45 NotThisNode { axis: u8, node: u8 }
+        "the bytes are not for node {node}, the motor of axis {axis}; broadcasts and other motors \
+        are reached with raw frames only";
+    /// What this native command makes the motor do is not known, so that no limit can be held
+    /// against it.
+    46 CannotCheckLimit { axis: u8, quantity: Quantity }
+        "this command does not say what {quantity} the motor of axis {axis} would reach, so that \
+        no limit can be kept; use a setpoint, or a command that says it";
     /// The e-stop input is open: the e-stop cannot be cleared.
     47 EStopInputOpen {}
-    /// An axis would be sent frames on a CAN id on which the motor of another axis of the bus acts or answers.
-    48 IdInUse {
-        /// The axis that is sent frames.
-        axis: u8,
-        /// The id.
-        id: CanId,
-        /// The axis whose motor uses it.
-        other: u8,
-    }
+        "the e-stop input is open; release its button or mend its cable, then clear the gateway";
+    /// An axis would be sent frames on a CAN id on which the motor of another axis of the bus acts
+    /// or answers.
+    48 IdInUse { axis: u8, id: CanId, other: u8 }
+        "axis {axis} would be sent frames on CAN id {id}, on which the motor of axis {other} acts \
+        or answers; choose another node or d5_request_id, or another bus";
     /// The raw frame may do more than read a motor, and the bus is not open for unsafe access.
-    49 RawNotHarmless {
-        /// The bus.
-        bus: u8,
-    }
+    49 RawNotHarmless { bus: u8 }
+        "the frame may do more than read a motor of bus {bus}; use an axis, or remove the axes of \
+        this bus and open it for unsafe access";
     /// An axis is configured on the bus, so it cannot be opened for unsafe raw access.
-    50 AxisOnBus {
-        /// The bus.
-        bus: u8,
-        /// That axis.
-        axis: u8,
-    }
+    50 AxisOnBus { bus: u8, axis: u8 }
+        "axis {axis} is configured on bus {bus}; unsafe raw access needs a bus without axes";
     /// Nothing on this axis measures what the parameter limits, nor does a setpoint carry it.
-    53 CannotMeasure {
-        /// The axis.
-        axis: u8,
-        /// Number of the limit.
-        parameter: u16,
-    }
+    53 CannotMeasure { axis: u8, parameter: u16 }
+        "{} would limit nothing on axis {axis}: its motor does not measure that, and takes no such \
+        setpoint; leave it out (a thruster measures positions as a position_device, an RMD torque \
+        on CAN)", Quantity::Parameter(parameter);
     /// The chip's random generator gave no number, so epochs could repeat.
     58 NoRandomNumber {}
+        "the chip's random generator gave no number at the start, so epochs could repeat and \
+        nothing is armed; start the gateway again, and replace its board if that does not help";
     /// This needs an axis whose motor holds.
-    60 NotHolding {
-        /// The axis.
-        axis: u8,
-        /// Its state.
-        state: AxisState,
-    }
+    60 NotHolding { axis: u8, state: AxisState }
+        "axis {axis} is {state}; only the output of a holding motor can be switched off";
     /// The motor's holding brake is locked: a motion would end in a stall.
-    61 BrakeLocked {
-        /// The axis.
-        axis: u8,
-    }
-    /// Arming frees the brake, and the stop action would leave it open with the motor's output off: what hangs on it would fall.
-    62 BrakeStaysOpen {
-        /// The axis.
-        axis: u8,
-    }
-    /// The motor did not restart within 3 s: it has not been silent, or its run time did not begin again.
-    63 NotRestarted {
-        /// The axis.
-        axis: u8,
-    }
+    61 BrakeLocked { axis: u8 }
+        "the brake of the motor of axis {axis} is locked; set release_brake_when_arming, or \
+        allow_unverified_brake too where its firmware does not tell (0x9A byte 3)";
+    /// Arming frees the brake, and the stop action would leave it open with the motor's output off:
+    /// what hangs on it would fall.
+    62 BrakeStaysOpen { axis: u8 }
+        "axis {axis} frees its brake when it is armed, and a stop by coast leaves it open: choose \
+        hold or brake";
+    /// The motor did not restart within 3 s: it has not been silent, or its run time did not begin
+    /// again.
+    63 NotRestarted { axis: u8 }
+        "the motor of axis {axis} was told to restart and did not within 3 s; switch it off and on";
     /// The motor was told something that acts after a restart, and has not restarted since.
-    64 RestartOwed {
-        /// The axis.
-        axis: u8,
-    }
-    /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be set.
-    65 BitrateNotOffered {
-        /// The bus.
-        bus: u8,
-        /// What was asked for, bit/s.
-        bitrate: u32,
-        /// What could be had there instead, bit/s; 0 behind the last one.
-        offered: [u32; MAX_BITRATES],
-    }
+    64 RestartOwed { axis: u8 }
+        "the motor of axis {axis} has a new zero point that acts after a restart, and was not seen \
+        to restart: have it do so (0x76), and arm the axis";
+    /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be
+    /// set.
+    65 BitrateNotOffered { bus: u8, bitrate: u32, offered: [u32; MAX_BITRATES] }
+        "bus {bus} cannot run at {bitrate} bit/s; it offers{}", Offered(offered);
     /// The protocol shares a bus with no other.
-    66 NeedsOwnBus {
-        /// The bus.
-        bus: u8,
-        /// The protocol.
-        protocol: Protocol,
-    }
-    /// The parameter means nothing to the motor of the axis: only motors of this protocol have what it sets.
-    67 ParameterNeedsProtocol {
-        /// The axis.
-        axis: u8,
-        /// The parameter.
-        parameter: u16,
-        /// The protocol.
-        protocol: Protocol,
-    }
-    /// D5: register 0x2B of the motor is 1. It holds by its brake and ignores speeds, and no command of the manual frees it.
-    68 BrakeOn {
-        /// The axis.
-        axis: u8,
-    }
+    66 NeedsOwnBus { bus: u8, protocol: Protocol }
+        "{protocol} motors share no bus with others; configure bus {bus} for {protocol} alone";
+    /// The parameter means nothing to the motor of the axis: only motors of this protocol have what
+    /// it sets.
+    67 ParameterNeedsProtocol { axis: u8, parameter: u16, protocol: Protocol }
+        "{} means something to {protocol} motors only, and that of axis {axis} is another: give it \
+        its default, or remove the axis first", Quantity::Parameter(parameter);
+    /// D5: register 0x2B of the motor is 1. It holds by its brake and ignores speeds, and no
+    /// command of the manual frees it.
+    68 BrakeOn { axis: u8 }
+        "axis {axis} is not armed: register 0x2B of its motor is 1, so it holds by its brake and \
+        ignores speeds";
     /// `StartTogether` is refused because of this axis; see the reason.
-    69 CannotStartTogether {
-        /// The axis.
-        axis: u8,
-        /// Why.
-        reason: TogetherBar,
-    }
-    /// The value of this parameter is no CAN id: bits 0 to 30 are one of 11 bits, or with bit 31 set one of 29 bits.
-    70 NotACanId {
-        /// The parameter.
-        parameter: u16,
-        /// Its value.
-        value: u32,
-    }
+    69 CannotStartTogether { axis: u8, reason: TogetherBar }
+        "the motors are not started together: axis {axis} {}", together_bar(reason);
+    /// The value of this parameter is no CAN id: bits 0 to 30 are one of 11 bits, or with bit 31
+    /// set one of 29 bits.
+    70 NotACanId { parameter: u16, value: u32 }
+        "{}: 0x{value:X} is no CAN id; there are {}",
+        Quantity::Parameter(parameter), CanId::ALLOWED;
 }
 
 impl core::error::Error for Error {}

@@ -3,8 +3,9 @@
 use crate::axis::{AxisState, FaultReading, Reading, Trip};
 use crate::bus::BusState;
 use crate::encode::{EncodeError, encode};
+use crate::field_doc::field_doc;
 use crate::frame::Kind;
-use crate::messages::{DecodeError, MessageInfo, decode_body};
+use crate::messages::{DecodeError, decode_body, numbered};
 use crate::protocol::StateField;
 use crate::size::{MaxSize, largest, wire};
 
@@ -17,7 +18,7 @@ wire! {
     pub enum AuthorityLossReason {
         /// Nothing valid came from it for the configured time.
         Silence,
-        /// It gave the right back.
+        /// The host released it.
         Released,
     }
 }
@@ -39,42 +40,34 @@ pub struct EventMessage {
 macro_rules! events {
     ($(
         $(#[$meta:meta])+
-        $number:literal $name:ident { $($(#[$field_meta:meta])+ $field:ident: $type:ty),* $(,)? }
+        $number:literal $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }
     )+) => {
         /// What happened.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Event {
-            $($(#[$meta])+ $name { $($(#[$field_meta])+ $field: $type),* },)+
-            /// On the host: an event of a later version, its fields left unread. A gateway never sends it.
+            $($(#[$meta])+ $name { $(
+                $(#[$field_meta])*
+                #[doc = field_doc!($field $(#[$field_meta])*)]
+                $field: $type
+            ),* },)+
+            /// On the host: an event of a later version, its fields left unread. A gateway never
+            /// sends it.
             Unknown {
                 /// Its number.
                 number: u16,
             },
         }
 
-        /// Every event's number and name.
-        pub const EVENTS: &[MessageInfo] = &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+        numbered! { Event EVENTS $($number $name)+ }
 
         /// Longest body of an event, bytes.
         pub(crate) const MAX_EVENT_BODY: usize =
             u32::MAX_SIZE + u64::MAX_SIZE + largest(&[$(0 $(+ <$type as MaxSize>::MAX_SIZE)*),+]);
 
         impl Event {
-            /// The number in the header.
-            #[must_use]
-            pub const fn number(&self) -> u16 {
-                match self { $(Self::$name { .. } => $number,)+ Self::Unknown { number } => *number }
-            }
-
-            /// The name, as in the table of PROTOCOL.md.
-            #[must_use]
-            pub const fn name(&self) -> &'static str {
-                match self { $(Self::$name { .. } => stringify!($name),)+ Self::Unknown { .. } => "Unknown" }
-            }
-
-            /// Writes the whole delimited frame and returns its length. `sequence` counts the events of the
-            /// link.
+            /// Writes the whole delimited frame and returns its length. `sequence` counts the
+            /// events of the link.
             ///
             /// # Errors
             /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
@@ -90,7 +83,9 @@ macro_rules! events {
                     $(Self::$name { $($field),* } => {
                         encode(Kind::Event, sequence, number, &(dropped, time_us, $($field,)*), out)
                     })+
-                    Self::Unknown { .. } => encode(Kind::Event, sequence, number, &(dropped, time_us), out),
+                    Self::Unknown { .. } => {
+                        encode(Kind::Event, sequence, number, &(dropped, time_us), out)
+                    }
                 }
             }
         }
@@ -117,16 +112,14 @@ macro_rules! events {
 events! {
     /// An axis tripped.
     0x8001 Tripped {
-        /// The axis.
         axis: u8,
         /// Why, and its last values.
         trip: Trip,
     }
     /// The motor has confirmed the stop of an axis.
     0x8002 StopConfirmed {
-        /// The axis.
         axis: u8,
-        /// From the trip or the stop request until the first stop frame had left on the bus, µs.
+        /// From the trip or the stop request until the first stop frame was transmitted, µs.
         reaction_us: u32,
         /// From the trip or the stop request until the confirmation, µs.
         elapsed_us: u32,
@@ -134,17 +127,9 @@ events! {
         standstill: Option<bool>,
     }
     /// An axis changed its state.
-    0x8003 StateChanged {
-        /// The axis.
-        axis: u8,
-        /// Its new state.
-        state: AxisState,
-    }
+    0x8003 StateChanged { axis: u8, state: AxisState }
     /// This host link no longer has the right to command.
-    0x8004 AuthorityLost {
-        /// Why.
-        reason: AuthorityLossReason,
-    }
+    0x8004 AuthorityLost { reason: AuthorityLossReason }
     /// The e-stop is latched: every axis trips, none can be armed.
     0x8005 EStopLatched {}
     /// The e-stop is cleared.
@@ -157,15 +142,9 @@ events! {
         count: u32,
     }
     /// A bus changed its error state.
-    0x8008 BusStateChanged {
-        /// The bus.
-        bus: u8,
-        /// Its new state.
-        state: BusState,
-    }
+    0x8008 BusStateChanged { bus: u8, state: BusState }
     /// A motor sent something that was not asked for.
     0x8009 MotorNotice {
-        /// The axis.
         axis: u8,
         /// Its data bytes; those after `length` are 0.
         data: [u8; 8],
@@ -174,23 +153,24 @@ events! {
         /// Frames of this axis that were not asked for and not reported since the event before.
         unreported: u16,
     }
-    /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable, or none could be sent. It may be turning.
+    /// So many stops of an axis stayed unconfirmed that its motor counts as unreachable, or none
+    /// could be sent. It may be turning.
     0x800A AxisUnreachable {
-        /// The axis.
         axis: u8,
-        /// Stops were sent and not confirmed; else its bus carries none, and they go out when it does.
+        /// Stops were sent and not confirmed; else its bus carries none, and they go out when it
+        /// does.
         stop_transmitted: bool,
     }
-    /// Requests of this host link were not executed or not answered, because too many replies were waiting.
+    /// Requests of this host link were not executed or not answered, because too many replies were
+    /// waiting.
     0x800B RequestDropped {
         /// How many since the last such event.
         count: u32,
     }
-    /// How an axis is, by subscription. What was not subscribed to or has not been measured is missing.
+    /// How an axis is, by subscription. What was not subscribed to or has not been measured is
+    /// missing.
     0x800C Sample {
-        /// The axis.
         axis: u8,
-        /// Its state.
         state: AxisState,
         /// rad.
         position_rad: Option<Reading>,
@@ -217,18 +197,17 @@ events! {
         /// Its new level.
         active: bool,
     }
-    /// The first stop frame of an axis has not left within its bound, once for each stop: others fill the bus, or it is dead.
+    /// The first stop frame of an axis was not transmitted within its bound, once for each stop:
+    /// others fill the bus, or it is dead.
     0x800F StopDelayed {
-        /// The bus.
         bus: u8,
-        /// The axis.
         axis: u8,
         /// From the trip or the stop request until now, µs.
         waiting_us: u32,
     }
-    /// The motor has echoed what its brake was told and does not show it; the axis has `allow_unverified_brake`.
+    /// The motor has echoed what its brake was told and does not show it; the axis has
+    /// `allow_unverified_brake`.
     0x8010 BrakeUnverified {
-        /// The axis.
         axis: u8,
         /// What the brake was told: locked, or freed.
         locked: bool,

@@ -32,7 +32,8 @@ wire! {
             start: u32,
             /// Why.
             boot: BootReason,
-            /// Whether the firmware left words behind before it; only those of the latest start are kept.
+            /// Whether the run before left a crash report; only that of the latest start is
+            /// kept.
             has_crash_report: bool,
         },
         /// An axis tripped.

@@ -9,7 +9,8 @@
 //!
 //! let mut out = [0; MAX_FRAME];
 //! let length = Request::Ping(Ping {}).encode_frame(1, &mut out).unwrap();
-//! assert_eq!(out[..length], [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00]);
+//! let bytes = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
+//! assert_eq!(out[..length], bytes);
 //!
 //! let mut deframer = Deframer::new();
 //! let mut pings = 0;
@@ -34,6 +35,7 @@ mod encode;
 mod error_text;
 mod errors;
 mod events;
+mod field_doc;
 mod frame;
 mod incident;
 pub mod messages;

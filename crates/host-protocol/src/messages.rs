@@ -79,6 +79,70 @@ pub fn request_name(number: u16) -> Option<&'static str> {
     REQUESTS.iter().find(|info| info.number == number).map(|info| info.name)
 }
 
+/// Numbers, names and frames of requests or replies; a reply has those of its request.
+macro_rules! frames {
+    ($kind:ident $($number:literal $name:ident)+) => {
+        impl $kind {
+            /// The number in the header.
+            #[must_use]
+            pub const fn number(&self) -> u16 {
+                match self { $(Self::$name(_) => $number),+ }
+            }
+
+            /// The name of the request, as in the table of PROTOCOL.md.
+            #[must_use]
+            pub const fn name(&self) -> &'static str {
+                match self { $(Self::$name(_) => stringify!($name)),+ }
+            }
+
+            /// Writes the whole delimited frame and returns its length. `sequence` is that of the
+            /// request.
+            ///
+            /// # Errors
+            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
+            pub fn encode_frame(
+                &self,
+                sequence: u16,
+                out: &mut [u8],
+            ) -> Result<usize, EncodeError> {
+                match self {
+                    $(Self::$name(body) => encode(Kind::$kind, sequence, $number, body, out)),+
+                }
+            }
+        }
+    };
+}
+
+/// Numbers and names of errors or events, and the table of them.
+macro_rules! numbered {
+    ($kind:ident $table:ident $($number:literal $name:ident)+) => {
+        /// The number and the name of each.
+        pub const $table: &[$crate::MessageInfo] =
+            &[$($crate::MessageInfo { number: $number, name: stringify!($name) }),+];
+
+        impl $kind {
+            /// The number in the header.
+            #[must_use]
+            pub const fn number(&self) -> u16 {
+                match self {
+                    $(Self::$name { .. } => $number,)+
+                    Self::Unknown { number } => *number,
+                }
+            }
+
+            /// The name, as in the table of PROTOCOL.md.
+            #[must_use]
+            pub const fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$name { .. } => stringify!($name),)+
+                    Self::Unknown { .. } => "Unknown",
+                }
+            }
+        }
+    };
+}
+pub(crate) use numbered;
+
 macro_rules! messages {
     ($($number:literal $name:ident -> $reply:ident)+) => {
         /// Every request.
@@ -98,21 +162,13 @@ macro_rules! messages {
         }
 
         /// Every request's number and name.
-        pub const REQUESTS: &[MessageInfo] = &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+        pub const REQUESTS: &[MessageInfo] =
+            &[$(MessageInfo { number: $number, name: stringify!($name) }),+];
+
+        frames! { Request $($number $name)+ }
+        frames! { Reply $($number $name)+ }
 
         impl Request {
-            /// The number in the header.
-            #[must_use]
-            pub const fn number(&self) -> u16 {
-                match self { $(Self::$name(_) => $number),+ }
-            }
-
-            /// The name, as in the table of PROTOCOL.md.
-            #[must_use]
-            pub const fn name(&self) -> &'static str {
-                match self { $(Self::$name(_) => stringify!($name)),+ }
-            }
-
             /// The request of a frame with this number and body.
             ///
             /// # Errors
@@ -124,31 +180,9 @@ macro_rules! messages {
                 };
                 request.map_err(|_| Error::BadBody { number })
             }
-
-            /// Writes the whole delimited frame and returns its length.
-            ///
-            /// # Errors
-            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
-            pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
-                match self {
-                    $(Self::$name(request) => encode(Kind::Request, sequence, $number, request, out)),+
-                }
-            }
         }
 
         impl Reply {
-            /// The number in the header: that of the request.
-            #[must_use]
-            pub const fn number(&self) -> u16 {
-                match self { $(Self::$name(_) => $number),+ }
-            }
-
-            /// The name of the request.
-            #[must_use]
-            pub const fn name(&self) -> &'static str {
-                match self { $(Self::$name(_) => stringify!($name)),+ }
-            }
-
             /// The reply of a frame with this number and body.
             ///
             /// # Errors
@@ -157,16 +191,6 @@ macro_rules! messages {
                 match number {
                     $($number => decode_body(number, body).map(Self::$name),)+
                     _ => Err(DecodeError::UnknownNumber { number }),
-                }
-            }
-
-            /// Writes the whole delimited frame and returns its length. `sequence` is that of the request.
-            ///
-            /// # Errors
-            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
-            pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
-                match self {
-                    $(Self::$name(reply) => encode(Kind::Reply, sequence, $number, reply, out)),+
                 }
             }
         }
@@ -183,8 +207,8 @@ macro_rules! messages {
                 }
             }
 
-            const _: () = assert!(<requests::$name as MaxSize>::MAX_SIZE <= MAX_BODY, "request too long");
-            const _: () = assert!(<replies::$reply as MaxSize>::MAX_SIZE <= MAX_BODY, "reply too long");
+            const _: () = assert!(<requests::$name>::MAX_SIZE <= MAX_BODY, "request too long");
+            const _: () = assert!(<replies::$reply>::MAX_SIZE <= MAX_BODY, "reply too long");
         )+
     };
 }

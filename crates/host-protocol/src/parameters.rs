@@ -150,8 +150,11 @@ macro_rules! parameters {
     (
         $(#[$meta:meta])*
         $name:ident;
-        $($(#[doc = $doc:literal])+ $number:literal $variant:ident $text:literal: $kind:ident($unit:literal)
-            [$min:expr, $max:expr] $default:tt;)+
+        $(
+            $(#[doc = $doc:literal])+
+            $number:literal $variant:ident $text:literal:
+                $kind:ident($unit:literal) [$min:expr, $max:expr] $default:tt;
+        )+
     ) => {
         $(#[$meta])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -169,7 +172,8 @@ macro_rules! parameters {
                 self as u16
             }
 
-            /// The place in [`ALL`](Self::ALL), from 0. Numbers may have gaps between them, places have none.
+            /// The place in [`ALL`](Self::ALL), from 0. Numbers may have gaps between them, places
+            /// have none.
             #[must_use]
             pub const fn place(self) -> usize {
                 enum Place { $($variant),+ }
@@ -224,7 +228,8 @@ macro_rules! parameters {
             /// Whether `value` is one that this parameter can have.
             ///
             /// # Errors
-            /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or [`Error::OutOfRange`] with the bounds.
+            /// [`Error::WrongType`], [`Error::NotANumber`], [`Error::NotACanId`] or
+            /// [`Error::OutOfRange`] with the bounds.
             pub fn check(self, value: Value) -> Result<(), Error> {
                 self.info().check(value)
             }
@@ -254,7 +259,9 @@ parameters! {
     5 StopAction "stop_action": Unsigned("") [1, 3] required;
     /// How far ahead a setpoint may expire.
     6 TtlUs "ttl_us": Unsigned("µs") [5_000, 60_000_000] 100_000;
-    /// How often a setpoint in force is sent to the motor again; at least every third of the motor's own timeout, every 20 ms where that is unknown, as a D5's is: it can be switched on and off, and nothing tells how long it is.
+    /// How often a setpoint in force is sent to the motor again; at least every third of the
+    /// motor's own timeout, every 20 ms where that is unknown, as a D5's is: it can be switched on
+    /// and off, and nothing tells how long it is.
     7 RefreshUs "refresh_us": Unsigned("µs") [1_000, 1_000_000] 20_000;
     /// How often the fault word of an armed axis is read.
     8 FaultPollUs "fault_poll_us": Unsigned("µs") [20_000, 1_000_000] 100_000;
@@ -262,7 +269,8 @@ parameters! {
     9 StatePollUs "state_poll_us": Unsigned("µs") [5_000, 1_000_000] 50_000;
     /// Missing replies in a row that trip the axis.
     10 MissedReplies "missed_replies": Unsigned("") [2, 20] 3;
-    /// Up to this speed the motor counts as standing; at least one unit of its reading: 1 °/s of an RMD and a D5, 1 rpm of a thruster.
+    /// Up to this speed the motor counts as standing; at least one unit of its reading: 1 °/s of an
+    /// RMD and a D5, 1 rpm of a thruster.
     11 StandstillRadS "standstill_rad_s": Float("rad/s") [0.0, 10.0] 0.105;
     /// Unconfirmed stops after which the motor counts as unreachable.
     12 StopsBeforeUnreachable "stops_before_unreachable": Unsigned("") [3, 100] 10;
@@ -280,15 +288,19 @@ parameters! {
     18 SignalLimit "signal_limit": Float("") [0.0, 1.0] optional;
     /// The highest temperature of motor or driver.
     19 TemperatureLimitC "temperature_limit_c": Float("°C") [-40.0, 200.0] optional;
-    /// How far beyond a limit a measured value may be before it trips the axis, as a fraction of the limit, for positions of at least 1 rad.
+    /// How far beyond a limit a measured value may be before it trips the axis, as a fraction of
+    /// the limit, for positions of at least 1 rad.
     20 LimitMargin "limit_margin": Float("") [0.0, 1.0] 0.1;
     /// Lets the axis arm though nothing is known of the motor's own timeout.
     21 AllowUnknownMotorTimeout "allow_unknown_motor_timeout": Bool("") [false, true] false;
     /// D5: the acknowledge level that the motor is set to.
     22 D5AckLevel "d5_ack_level": Unsigned("") [0, 2] 2;
-    /// D5: CAN id of requests, of 11 bits, or with bit 31 set of 29, where it is not the number of the motor as one of 11 bits. The manual gives neither ids nor frame type: that it is this number is an assumption.
+    /// D5: CAN id of requests, of 11 bits, or with bit 31 set of 29, where it is not the number of
+    /// the motor as one of 11 bits. The manual gives neither ids nor frame type: that it is this
+    /// number is an assumption.
     23 D5RequestId "d5_request_id": Unsigned("") [0, 0x9FFF_FFFF] optional;
-    /// D5: CAN id of replies, of 11 bits, or with bit 31 set of 29; without it any will do, as the frame itself names its motor. That a reply has the id of its request is an assumption.
+    /// D5: CAN id of replies, of 11 bits, or with bit 31 set of 29; without it any will do, as the
+    /// frame itself names its motor. That a reply has the id of its request is an assumption.
     24 D5ReplyId "d5_reply_id": Unsigned("") [0, 0x9FFF_FFFF] optional;
     /// Thruster protocol: the device has an encoder.
     25 PositionDevice "position_device": Bool("") [false, true] false;
@@ -312,17 +324,25 @@ parameters! {
     34 TripGroup "trip_group": Unsigned("") [1, 32] optional;
     /// Lets the axis arm though the motor's own timeout is off, or longer than 60 s.
     35 AllowNoMotorTimeout "allow_no_motor_timeout": Bool("") [false, true] false;
-    /// Above this speed an armed axis without a setpoint trips; 5 times standstill_rad_s unless set.
+    /// Above this speed an armed axis without a setpoint trips; 5 times standstill_rad_s unless
+    /// set.
     36 UncommandedRadS "uncommanded_rad_s": Float("rad/s") [0.0, 10_000.0] optional;
     /// Lets the motor of an armed axis turn without a setpoint: by hand, by wind or water.
     37 AllowUncommanded "allow_uncommanded": Bool("") [false, true] false;
-    /// RMD: what the motor says of its brake (0x9A byte 3) is not believed, as newer firmware does not tell: an echoed 0x77 counts as released, an echoed 0x78 and 1 s as locked.
+    /// RMD: what the motor says of its brake (0x9A byte 3) is not believed, as newer firmware does
+    /// not tell: an echoed 0x77 counts as released, an echoed 0x78 and 1 s as locked.
     38 AllowUnverifiedBrake "allow_unverified_brake": Bool("") [false, true] false;
-    /// Thruster protocol: bytes 5 to 7 of the SR that the device is set to, as one number: 0x10000, 0x20000 and 0x40000 for the frames 1, 2 and 3 that it sends by itself, plus the milliseconds between them. The load of the bus counts them; a native SR that the device takes sets it.
+    /// Thruster protocol: bytes 5 to 7 of the SR that the device is set to, as one number: 0x10000,
+    /// 0x20000 and 0x40000 for the frames 1, 2 and 3 that it sends by itself, plus the milliseconds
+    /// between them. The load of the bus counts them; a native SR that the device takes sets it.
     39 Stream "stream": Unsigned("") [0, 0xFF_FFFF] 0;
-    /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the device only reports, bar arming and trip like its faults. A broken sensor does anyway where the axis has temperature_limit_c.
+    /// Thruster protocol: over-voltage, under-voltage and a broken temperature sensor, which the
+    /// device only reports, bar arming and trip like its faults. A broken sensor does anyway where
+    /// the axis has temperature_limit_c.
     44 WarningsAreFaults "warnings_are_faults": Bool("") [false, true] false;
-    /// Thruster protocol: bytes 6 and 7 of the VM that the device is set to, as one number. 0: it echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with bit 8 it returns nothing and cannot be armed.
+    /// Thruster protocol: bytes 6 and 7 of the VM that the device is set to, as one number. 0: it
+    /// echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with
+    /// bit 8 it returns nothing and cannot be armed.
     45 ReturnMode "return_mode": Unsigned("") [0, 0x0307] 0;
 }
 

@@ -111,7 +111,8 @@ numbered! {
 }
 
 numbered! {
-    /// What the gateway does with a motor to stop it; there is no default, the configuration chooses.
+    /// What the gateway does with a motor to stop it; there is no default, the configuration
+    /// chooses.
     pub enum StopAction {
         /// Output off; the motor runs out.
         Coast = 1 "coast",

@@ -40,7 +40,7 @@ wire! {
         pub board: Text<24>,
         /// Why it started last.
         pub boot: BootReason,
-        /// Whether the message of a panic is recorded.
+        /// Whether the run before left a crash report.
         pub has_crash_report: bool,
         /// Trips and resets recorded.
         pub trips_recorded: u16,
@@ -89,15 +89,16 @@ wire! {
         pub holder: Option<u8>,
         /// Whether the e-stop is latched, so that nothing can be armed.
         pub e_stop_latched: bool,
-        /// Whether the e-stop input is open: its button is pressed or its cable cut. Nothing where the board has no such
-        /// input.
+        /// Whether the e-stop input is open: its button is pressed or its cable cut. Nothing where
+        /// the board has no such input.
         pub e_stop_input_open: Option<bool>,
         /// Whether the enable output is active. Nothing where the board has no such output.
         pub enable_output: Option<bool>,
-        /// Whether the chip's random generator gave the number from which epochs count. Without it nothing is armed.
+        /// Whether the chip's random generator gave the number from which epochs count. Without it
+        /// nothing is armed.
         pub random_number: bool,
-        /// Whether a word that a reset should have left alone had changed at this start: the e-stop was latched and every axis
-        /// tripped.
+        /// Whether a word that a reset should have left alone had changed at this start: the e-stop
+        /// was latched and every axis tripped.
         pub memory_damaged: bool,
         /// Why the board offers a bus without bitrates, if it does.
         pub bus_limit: Option<BusLimit>,
@@ -138,9 +139,7 @@ wire! {
     /// How an axis is.
     #[derive(Copy)]
     pub struct AxisReport {
-        /// Its number.
         pub axis: u8,
-        /// Its state.
         pub state: AxisState,
         /// Its epoch, while it is armed.
         pub epoch: Option<u32>,
@@ -148,7 +147,6 @@ wire! {
         pub trip: Option<Trip>,
         /// rad, positive is counter-clockwise.
         pub position_rad: Option<Reading>,
-        /// rad/s, positive is counter-clockwise.
         pub velocity_rad_s: Option<Reading>,
         /// A, positive drives counter-clockwise.
         pub current_a: Option<Reading>,
@@ -182,8 +180,8 @@ wire! {
     /// What the motor answered to a native command.
     #[derive(Eq)]
     pub struct NativeReply {
-        /// The data field of its reply; empty where the motor does not answer the command, and where the command was
-        /// carried out as a stop of the axis.
+        /// The data field of its reply; empty where the motor does not answer the command, and
+        /// where the command was carried out as a stop of the axis.
         pub data: Bytes<MAX_CAN_DATA>,
     }
 
@@ -204,10 +202,11 @@ wire! {
         pub next: Option<u8>,
     }
 
-    /// What the firmware left behind.
+    /// Why the run before failed.
     #[derive(Eq)]
     pub struct CrashReport {
-        /// The message of a panic, of a processor fault or of the watchdog; empty if there was none.
+        /// The message of a panic, of a processor fault or of the watchdog; empty if there was
+        /// none.
         pub text: Text<MAX_CRASH_REPORT>,
     }
 }

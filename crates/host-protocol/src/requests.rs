@@ -21,8 +21,8 @@ wire! {
         pub protocol_major: u16,
         /// [`PROTOCOL_MINOR`](crate::PROTOCOL_MINOR) of the host.
         pub protocol_minor: u16,
-        /// A random number, new for each connection: it starts a new session, in which no earlier request
-        /// counts as repeated.
+        /// A random number, new for each connection: it starts a new session, in which no earlier
+        /// request counts as repeated.
         pub session: u32,
     }
 
@@ -34,7 +34,7 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct TakeAuthority {}
 
-    /// Gives the right to command back. Whatever is armed is stopped and disarmed; nothing trips.
+    /// Releases the right to command. Armed axes are stopped and disarmed; nothing trips.
     #[derive(Copy, Eq)]
     pub struct ReleaseAuthority {}
 
@@ -50,13 +50,13 @@ wire! {
     /// Starts a bus, or restarts it differently.
     #[derive(Copy, Eq)]
     pub struct ConfigureBus {
-        /// Number of the bus, from 0.
         pub bus: u8,
         /// bit/s, one that [`HelloReply`](crate::replies::HelloReply) lists.
         pub bitrate: u32,
         /// The protocols spoken on it.
         pub protocols: ProtocolSet,
-        /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent too.
+        /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent
+        /// too.
         pub exclusive: bool,
         /// How long a reply is awaited, µs, 100 to 200 000.
         pub reply_window_us: u32,
@@ -64,10 +64,7 @@ wire! {
 
     /// Asks how a bus is.
     #[derive(Copy, Eq)]
-    pub struct BusStatus {
-        /// Number of the bus, from 0.
-        pub bus: u8,
-    }
+    pub struct BusStatus { pub bus: u8 }
 
     /// Asks how the gateway itself is: who commands, e-stop, enable output.
     #[derive(Copy, Eq)]
@@ -76,7 +73,6 @@ wire! {
     /// Sets a parameter of an axis.
     #[derive(Copy)]
     pub struct ConfigureAxis {
-        /// Number of the axis, from 0.
         pub axis: u8,
         /// Number of an [`AxisParameter`](crate::AxisParameter).
         pub parameter: u16,
@@ -87,7 +83,6 @@ wire! {
     /// Asks for a parameter of an axis.
     #[derive(Copy, Eq)]
     pub struct ReadAxisParameter {
-        /// Number of the axis, from 0.
         pub axis: u8,
         /// Number of an [`AxisParameter`](crate::AxisParameter).
         pub parameter: u16,
@@ -102,15 +97,11 @@ wire! {
 
     /// Forgets an axis and its parameters.
     #[derive(Copy, Eq)]
-    pub struct RemoveAxis {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct RemoveAxis { pub axis: u8 }
 
     /// Programs the motor's own timeout, the second layer of safety. Writes to the motor's memory.
     #[derive(Copy, Eq)]
     pub struct ProvisionMotorTimeout {
-        /// Number of the axis, from 0.
         pub axis: u8,
         /// ms.
         pub timeout_ms: u32,
@@ -118,17 +109,11 @@ wire! {
 
     /// Allows motion, after the steps that the motor's protocol needs; opens an epoch.
     #[derive(Copy, Eq)]
-    pub struct Arm {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct Arm { pub axis: u8 }
 
     /// Ends the permission to move, through the stop action. Needs no authority.
     #[derive(Copy, Eq)]
-    pub struct Disarm {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct Disarm { pub axis: u8 }
 
     /// Runs the stop action. Needs no authority.
     #[derive(Copy, Eq)]
@@ -137,51 +122,43 @@ wire! {
         pub target: StopTarget,
     }
 
-    /// Emergency stop: trips every axis that may move, stops the others too, and latches the gateway until it is
-    /// cleared. Needs no authority.
+    /// Emergency stop: trips every axis that may move, stops the others too, and latches the
+    /// gateway until it is cleared. Needs no authority.
     #[derive(Copy, Eq)]
     pub struct EStop {}
 
-    /// Clears a trip whose stop is confirmed and whose cause is gone, or the latched e-stop. Never arms.
+    /// Clears a trip whose stop is confirmed and whose cause is gone, or the latched e-stop. Never
+    /// arms.
     #[derive(Copy, Eq)]
     pub struct Clear {
         /// What to clear.
         pub target: ClearTarget,
     }
 
-    /// Unsafe: forgets the trip of an axis whose motor cannot be reached, or does not come to rest within 5 s. The
-    /// motor may still be turning, and the gateway does nothing more about it. Only for a motor that is known to be without power.
+    /// Unsafe: forgets the trip of an axis whose motor cannot be reached, or does not come to rest
+    /// within 5 s. The motor may still be turning, and the gateway does nothing more about it. Only
+    /// for a motor that is known to be without power.
     #[derive(Copy, Eq)]
-    pub struct ClearUnreachable {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct ClearUnreachable { pub axis: u8 }
 
-    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop. The axis is idle once the
-    /// motor has acknowledged.
+    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop.
+    /// The axis is idle once the motor has acknowledged.
     #[derive(Copy, Eq)]
-    pub struct OutputOff {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct OutputOff { pub axis: u8 }
 
-    /// Restarts the motor of a tripped axis whose stop is confirmed, waits until it is back, and clears the trip: some faults last until
-    /// a restart. During the restart, at most 3 s, the motor's output is off and what it held may drop. Never arms.
+    /// Restarts the motor of a tripped axis whose stop is confirmed, waits until it is back, and
+    /// clears the trip: some faults last until a restart. During the restart, at most 3 s, the
+    /// motor's output is off and what it held may drop. Never arms.
     #[derive(Copy, Eq)]
-    pub struct ClearByRestart {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct ClearByRestart { pub axis: u8 }
 
     /// Says what an armed axis should do now.
     #[derive(Copy)]
     pub struct Setpoint {
-        /// Number of the axis, from 0.
         pub axis: u8,
-        /// The epoch that [`Arm`] returned.
         pub epoch: u32,
-        /// The low 32 bits of the gateway time at which it expires, µs; later than now by at most the axis's
-        /// TTL.
+        /// The low 32 bits of the gateway time at which it expires, µs; later than now by at most
+        /// the axis's TTL.
         pub expires_at_us: u32,
         /// What to do.
         pub setpoint: SetpointValue,
@@ -189,20 +166,14 @@ wire! {
 
     /// Asks how an axis is.
     #[derive(Copy, Eq)]
-    pub struct ReadState {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-    }
+    pub struct ReadState { pub axis: u8 }
 
-    /// Moves an armed axis by a distance: reads its position once, and from then on holds the target like a position
-    /// setpoint. To be kept up with position setpoints to that target.
+    /// Moves an armed axis by a distance: reads its position once, and from then on holds the
+    /// target like a position setpoint. To be kept up with position setpoints to that target.
     #[derive(Copy)]
     pub struct MoveRelative {
-        /// Number of the axis, from 0.
         pub axis: u8,
-        /// The epoch that [`Arm`] returned.
         pub epoch: u32,
-        /// As in [`Setpoint`].
         pub expires_at_us: u32,
         /// rad, positive is counter-clockwise.
         pub distance_rad: f32,
@@ -210,12 +181,11 @@ wire! {
         pub speed_limit_rad_s: f32,
     }
 
-    /// Has the motor of an axis carry out a command of its own manual. The gateway reads the bytes before it acts: what
-    /// moves obeys the rules of setpoints, what stops is a stop, what changes the motor needs an idle axis, and
-    /// what only asks is free.
+    /// Has the motor of an axis carry out a command of its own manual. The gateway reads the bytes
+    /// before it acts: what moves obeys the rules of setpoints, what stops is a stop, what changes
+    /// the motor needs an idle axis, and what only asks is free.
     #[derive(Eq)]
     pub struct Native {
-        /// Number of the axis, from 0.
         pub axis: u8,
         /// For commands that move: the epoch that [`Arm`] returned.
         pub epoch: u32,
@@ -225,10 +195,10 @@ wire! {
         pub data: Bytes<MAX_CAN_DATA>,
     }
 
-    /// Sets several D5 motors of one bus in motion by one frame (D5 manual, quick start (3) and (4)): the speed of each waits in it until
-    /// all are told to execute. From then on each is a setpoint like any other, to be kept up by [`Setpoint`].
+    /// Sets several D5 motors of one bus in motion by one frame (D5 manual, quick start (3) and
+    /// (4)): the speed of each waits in it until all are told to execute. From then on each is a
+    /// setpoint like any other, to be kept up by [`Setpoint`].
     pub struct StartTogether {
-        /// As in [`Setpoint`].
         pub expires_at_us: u32,
         /// The armed axes with their speeds, two or more.
         pub members: Vec<Member, MAX_MEMBERS>,
@@ -236,17 +206,11 @@ wire! {
 
     /// An axis that is started together with others.
     #[derive(Copy)]
-    pub struct Member {
-        /// Number of the axis, from 0.
-        pub axis: u8,
-        /// The epoch that [`Arm`] returned.
-        pub epoch: u32,
-        /// rad/s, positive is counter-clockwise.
-        pub velocity_rad_s: f32,
-    }
+    pub struct Member { pub axis: u8, pub epoch: u32, pub velocity_rad_s: f32 }
 
-    /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis in each period. A new
-    /// subscription replaces the one before; it ends 5 s after the last valid frame of the host.
+    /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis
+    /// in each period. A new subscription replaces the one before; it ends 5 s after the last valid
+    /// frame of the host.
     #[derive(Copy, Eq)]
     pub struct Subscribe {
         /// The axes: bit 0 is axis 0. None ends the subscription.
@@ -257,20 +221,19 @@ wire! {
         pub period_us: u32,
     }
 
-    /// Opens a bus for raw frames. Refused unless every axis on it is idle; while it is open arming there is
-    /// refused.
+    /// Opens a bus for raw frames. Refused unless every axis on it is idle; while it is open arming
+    /// there is refused.
     #[derive(Copy, Eq)]
     pub struct RawOpen {
-        /// Number of the bus, from 0.
         pub bus: u8,
-        /// Frames that may move motors are sent too. Refused while an axis is configured on the bus.
+        /// Frames that may move motors are sent too. Refused while an axis is configured on the
+        /// bus.
         pub unsafe_access: bool,
     }
 
     /// Sends a raw frame on an open bus.
     #[derive(Eq)]
     pub struct RawSend {
-        /// Number of the bus, from 0.
         pub bus: u8,
         /// The frame.
         pub frame: RawFrame,
@@ -278,17 +241,11 @@ wire! {
 
     /// Fetches the frames received on an open bus since the last time.
     #[derive(Copy, Eq)]
-    pub struct RawReceive {
-        /// Number of the bus, from 0.
-        pub bus: u8,
-    }
+    pub struct RawReceive { pub bus: u8 }
 
     /// Closes a bus for raw frames.
     #[derive(Copy, Eq)]
-    pub struct RawClose {
-        /// Number of the bus, from 0.
-        pub bus: u8,
-    }
+    pub struct RawClose { pub bus: u8 }
 
     /// Asks for the last trips and starts, which outlive a reset.
     #[derive(Copy, Eq)]
@@ -297,7 +254,7 @@ wire! {
         pub first: u8,
     }
 
-    /// Asks what the firmware left behind before it started this time.
+    /// Asks for the crash report of the run before.
     #[derive(Copy, Eq)]
     pub struct ReadCrashReport {}
 }

@@ -119,7 +119,11 @@ macro_rules! wire {
         $(#[$meta])*
         #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        pub struct $name { $($(#[$field_meta])* pub $field: $type),* }
+        pub struct $name { $(
+            $(#[$field_meta])*
+            #[doc = $crate::field_doc::field_doc!($field $(#[$field_meta])*)]
+            pub $field: $type
+        ),* }
 
         impl $crate::MaxSize for $name {
             const MAX_SIZE: usize = 0 $(+ <$type as $crate::MaxSize>::MAX_SIZE)*;
@@ -147,7 +151,10 @@ macro_rules! wire {
         #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum $name {
-            $($(#[$variant_meta])* $variant $(($($inner),+))? $({ $($(#[$field_meta])* $field: $type),+ })?),+
+            $(
+                $(#[$variant_meta])*
+                $variant $(($($inner),+))? $({ $($(#[$field_meta])* $field: $type),+ })?
+            ),+
         }
 
         impl $crate::MaxSize for $name {
@@ -160,7 +167,10 @@ macro_rules! wire {
             };
             const LAYOUT: u32 = $crate::size::layout_of(
                 stringify!($name $($variant $(($($inner),+))? $({ $($field)+ })?)+),
-                &[$($($(<$inner as $crate::MaxSize>::LAYOUT,)+)? $($(<$type as $crate::MaxSize>::LAYOUT,)+)?)+],
+                &[$(
+                    $($(<$inner as $crate::MaxSize>::LAYOUT,)+)?
+                    $($(<$type as $crate::MaxSize>::LAYOUT,)+)?
+                )+],
             );
         }
 

@@ -1,0 +1,48 @@
+//! The documentation of fields that several messages have.
+
+/// Makes `field_doc!`, which gives the documentation of a field by its name, or nothing where the
+/// message documents it itself.
+macro_rules! field_docs {
+    ($dollar:tt $($name:ident $text:literal;)+) => {
+        macro_rules! field_doc {
+            ($dollar field:ident $dollar(#[$dollar doc:meta])+) => { "" };
+            $(($name) => { $text };)+
+        }
+        pub(crate) use field_doc;
+    };
+}
+
+field_docs! { $
+    available_permille "What is available, 1/1000 of the bitrate.";
+    axis "Number of the axis, from 0.";
+    bitrate "bit/s.";
+    bus "Number of the bus, from 0.";
+    buses "Buses are numbered from 0 to one less than this.";
+    current "The epoch of the axis, if it is armed.";
+    epoch "The epoch that [`Arm`](crate::requests::Arm) returned.";
+    expires_at_us "Low 32 bits of the gateway time at which the setpoint expires, µs; later than \
+        now by at most the TTL of the axis.";
+    faults "The motor's own fault word, where it could be read.";
+    gateway_major "What the gateway speaks.";
+    hint "What may be behind it.";
+    holder "The host link that has it.";
+    host_major "What the host speaks.";
+    id "The CAN id.";
+    kind "What it is.";
+    max "The largest allowed.";
+    max_axes "Axes are numbered from 0 to one less than this.";
+    min "The smallest allowed.";
+    needed_permille "What is needed, 1/1000 of the bitrate.";
+    node "The node of its motor.";
+    now_us "Low 32 bits of the gateway time, µs.";
+    number "Its number.";
+    offered "What could be had there instead, bit/s; 0 behind the last one.";
+    other "The axis whose motor uses it.";
+    parameter "Number of the parameter.";
+    protocol "The protocol of the motor.";
+    quantity "Which value.";
+    reason "Why.";
+    state "The state of the axis.";
+    value "What it is, in its own unit.";
+    velocity_rad_s "rad/s, positive is counter-clockwise.";
+}
