@@ -39,6 +39,10 @@ pub enum Action {
     Stubborn { bus: u8, for_us: u64 },
     /// The port reports that it lost frames.
     Overflow { bus: u8 },
+    /// The port of a bus that exists or not reports that a frame has left a slot that holds none.
+    StraySlot { bus: u8, slot: u8 },
+    /// The clock goes back by this much for one tick.
+    ClockBack { by_us: u64 },
     /// The watchdog resets the gateway.
     Reset,
     /// It does, and so many of the words that the last e-stop wrote to what outlives a reset are

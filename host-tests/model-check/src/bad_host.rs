@@ -33,7 +33,7 @@ pub struct Outcome {
 /// # Errors
 /// The promise that was broken, or the axis whose stop was forgotten.
 pub fn run(seed: u64, frames: u64) -> Result<Outcome, String> {
-    let mut dice = Dice::Seeded(seed);
+    let mut dice = Dice::seeded(seed);
     let mut world = World::new(1_000);
     let axes = moving(&mut world)?;
     let for_us = frames * PAUSE_US + 100_000;

@@ -148,6 +148,12 @@ impl Bus {
         self.coming.clear();
     }
 
+    /// Cable and controller are whole, and nobody else sends.
+    pub fn mend(&mut self) {
+        (self.cut_until, self.short_until, self.stubborn_until) = (0, 0, 0);
+        self.foreign.clear();
+    }
+
     pub fn load(&mut self, now: u64, id: u32, length: u8, (pause_us, for_us): (u64, u64)) {
         let length = usize::from(length).min(8);
         self.foreign.push(Foreign { id, length, pause_us, next_us: now, until_us: now + for_us });

@@ -5,39 +5,35 @@ use std::collections::VecDeque;
 /// Where the numbers come from.
 #[derive(Debug, Clone)]
 pub enum Dice {
-    /// SplitMix64: every seed is a good one.
-    Seeded(u64),
+    /// A seed: every one is a good one.
+    Seeded(fastrand::Rng),
     /// A fuzzer chooses them: as many bytes for each as it has use for, and zeros when there are
     /// none left.
     Given(VecDeque<u8>),
 }
 
 impl Dice {
+    /// The numbers of a seed.
+    pub fn seeded(seed: u64) -> Self {
+        Self::Seeded(fastrand::Rng::with_seed(seed))
+    }
+
     /// Whether the bytes of a fuzzer are used up.
     #[must_use]
     pub fn is_spent(&self) -> bool {
         matches!(self, Self::Given(bytes) if bytes.is_empty())
     }
 
-    fn next(&mut self, end: u64) -> u64 {
-        let state = match self {
-            Self::Seeded(state) => state,
-            Self::Given(bytes) => {
-                let wanted = if end <= 1 << 8 { 1 } else { end.ilog2().div_ceil(8) };
-                return (0..wanted)
-                    .fold(0, |value, _| value << 8 | u64::from(bytes.pop_front().unwrap_or(0)));
-            }
-        };
-        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = *state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
     /// A number below `end`.
     pub fn below(&mut self, end: u64) -> u64 {
-        self.next(end) % end
+        match self {
+            Self::Seeded(random) => random.u64(..end),
+            Self::Given(bytes) => {
+                let wanted = if end <= 1 << 8 { 1 } else { end.ilog2().div_ceil(8) };
+                let next = |value, _| value << 8 | u64::from(bytes.pop_front().unwrap_or(0));
+                (0..wanted).fold(0, next) % end
+            }
+        }
     }
 
     /// True once in so many times.
@@ -52,7 +48,7 @@ impl Dice {
 
     /// Any byte.
     pub fn byte(&mut self) -> u8 {
-        self.next(1 << 8).to_le_bytes()[0]
+        self.below(1 << 8).to_le_bytes()[0]
     }
 
     /// Fewer than `end` bytes.

@@ -52,7 +52,7 @@ impl Generator {
     /// The steps of this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        let mut dice = Dice::Seeded(seed);
+        let mut dice = Dice::seeded(seed);
         let starts = dice.percent(50);
         let protocols = if !starts && dice.percent(60) {
             [RMD_AND_THRUSTER, RMD_AND_THRUSTER, 1, BUS_SETUP[3].1]

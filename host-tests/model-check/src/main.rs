@@ -163,6 +163,8 @@ fn run_seed(seed: u64, known: &[String]) -> (Counts, Option<Counterexample>) {
         }
         judged = violations.len();
     }
+    let moving = world.not_at_rest_in_the_end();
+    assert!(moving.is_empty(), "not at rest although everything works: {moving:?}");
     (world.counts(), None)
 }
 

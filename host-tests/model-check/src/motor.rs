@@ -3,6 +3,7 @@
 use crate::action::Does;
 use crate::plant::Wired;
 use host_protocol::{Protocol, StopAction};
+use promise_model::Place;
 
 /// How fast a shaft follows, per second.
 const FOLLOWS: f64 = 200.0;
@@ -100,6 +101,41 @@ impl Motor {
                 self.disobeys_until = now + for_us;
             }
         }
+    }
+
+    /// Whether it is at this place and acknowledges in time what it is told there.
+    pub fn acknowledges(&self, place: &Place) -> bool {
+        const SILENT: u16 = 0x100;
+        // Its rhythm and two frames of a bus for D5.
+        const IN_TIME_US: u64 = 2_000;
+        let Wired { bus, protocol, node, .. } = self.wired;
+        let answers = match protocol {
+            Protocol::Rmd => true,
+            Protocol::Thruster => {
+                self.returns & SILENT == 0 && u32::from(self.returns) == place.return_mode
+            }
+            Protocol::D5 => matches!(place.d5_ids, [None, None]),
+        };
+        place.wiring == [bus, protocol.number(), node].map(Some)
+            && place.window_us >= IN_TIME_US
+            && answers
+    }
+
+    /// It answers what is for it and obeys from now on, and has no fault.
+    pub fn mend(&mut self, now: u64) {
+        self.turn(now);
+        *self = Self {
+            wanted: self.wanted,
+            speed: self.speed,
+            angle: self.angle,
+            seen_us: now,
+            started_us: self.started_us.min(now),
+            brake_released: self.brake_released,
+            prepared: self.prepared,
+            own_id: self.own_id,
+            returns: self.returns,
+            ..Self::new(self.wired)
+        };
     }
 
     /// What it is when it is switched on again. Whether VM is kept the manual does not say: here it

@@ -209,11 +209,9 @@ impl World {
                 self.hear(bus, arbitration(&frame), frame.data());
             }
             OnWire::Ours { slot, frame: Outgoing::Serial(bytes), garbled } => {
-                let mut echo = bytes.to_vec();
-                if let Some(byte) = echo.get_mut(4).filter(|_| garbled) {
-                    *byte ^= 0x10;
+                for bytes in self.echo(bytes.to_vec(), garbled) {
+                    self.feed(Input::Serial { bus, bytes });
                 }
-                self.feed(Input::Serial { bus, bytes: echo });
                 self.feed(Input::Transmitted { bus, slot });
                 if !garbled {
                     self.hear_bytes(bus, &bytes);
@@ -222,6 +220,20 @@ impl World {
             OnWire::Can { id, data } => self.feed(Input::Can { bus, id, data }),
             OnWire::Serial(bytes) => self.feed(Input::Serial { bus, bytes }),
         }
+    }
+
+    /// What the gateway hears of its own bytes, in two parts: of garbled ones a bit is wrong, or
+    /// nothing is heard. The time chooses which.
+    fn echo(&self, mut bytes: Vec<u8>, garbled: bool) -> [Vec<u8>; 2] {
+        let any = |end: usize| usize::try_from(self.now_us).unwrap_or(0) % end.max(1);
+        let (part, place) = (any(bytes.len()), any(bytes.len()));
+        if garbled && any(3) == 0 {
+            bytes.clear();
+        } else if let Some(byte) = bytes.get_mut(place).filter(|_| garbled) {
+            *byte ^= 1 << any(8);
+        }
+        let behind = bytes.split_off(part.min(bytes.len()));
+        [bytes, behind]
     }
 
     /// The motors of a serial line hear bytes: wherever a frame begins in them, they find it.

@@ -152,6 +152,19 @@ pub(crate) struct Asked {
     pub left_us: u64,
 }
 
+/// Where an axis is configured to find its motor, and what to expect there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Bus, protocol and node.
+    pub wiring: [Option<u8>; 3],
+    /// D5: the ids of requests and replies that were set.
+    pub d5_ids: [Option<u32>; 2],
+    /// Thruster: bytes 6 and 7 of its VM.
+    pub return_mode: u32,
+    /// How long replies are awaited on its bus.
+    pub window_us: u64,
+}
+
 /// One axis.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Axis {

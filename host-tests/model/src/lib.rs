@@ -27,6 +27,7 @@ mod state_text;
 mod violation;
 mod wire;
 
+pub use axis::Place;
 pub use bus::BusKind;
 pub use can_id::{EXTENDED, is_extended, rank};
 pub use oracle::{Frame, Oracle};

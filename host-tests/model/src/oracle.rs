@@ -1,6 +1,6 @@
 //! The oracle: what it is told, and what it is asked.
 
-use crate::axis::{Axis, Cause, Duty};
+use crate::axis::{Axis, Cause, Duty, Place};
 use crate::bus::{Bus, BusKind, Held};
 use crate::checks::{History, Unlisted};
 use crate::link::Link;
@@ -154,6 +154,14 @@ impl Oracle {
     pub fn owed(&self, link: u8) -> usize {
         let records = self.links.get(usize::from(link)).map(|link| &link.records);
         records.map_or(0, |records| records.iter().filter(|record| record.result.is_none()).count())
+    }
+
+    /// Where an axis is configured to find its motor, and what to expect there.
+    #[must_use]
+    pub fn place(&self, axis: u8) -> Place {
+        let Some(axis) = self.axes.get(usize::from(axis)) else { return Place::default() };
+        let bus = axis.bus().and_then(|bus| self.buses.get(bus));
+        Place { window_us: bus.map_or(0, |bus| bus.window_us), ..axis.place() }
     }
 
     /// How many axes are on a bus.

@@ -70,6 +70,8 @@ checks! {
     ResultMissing,
     /// G9: a repeated request gets the same bytes.
     ResultChanged,
+    /// G9: a host is told one whole frame after another, and loses no event while it reads.
+    ToldInPart,
     /// G10: raw access only where it is open, while every axis there is at rest and no e-stop is latched.
     RawUnopened,
     /// G10: a raw frame that a lenient motor might obey is refused.

@@ -30,7 +30,6 @@ mod motors;
 mod natives;
 mod obedience;
 mod pins;
-mod random;
 mod raw_access;
 mod raw_frames;
 mod raw_matrix;

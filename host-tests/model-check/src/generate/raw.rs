@@ -180,7 +180,7 @@ mod tests {
         let next = frame(2, [0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]);
         let mut whole = 0;
         for seed in 0..50 {
-            let both = [head(&mut Dice::Seeded(seed), &next), next.clone()].concat();
+            let both = [head(&mut Dice::seeded(seed), &next), next.clone()].concat();
             whole += usize::from(crc16(&both[..11]).to_le_bytes() == both[11..13]);
         }
         assert!(whole > 30, "{whole} of 50");

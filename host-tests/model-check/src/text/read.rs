@@ -68,6 +68,8 @@ impl Words<'_> {
             "stray" => Action::Stray { bus: self.number()?, id: self.number()?, data: self.hex()? },
             "noise" => Action::Noise { bus: self.number()?, bytes: self.hex()? },
             "stubborn" => Action::Stubborn { bus: self.number()?, for_us: self.number()? },
+            "stray-slot" => Action::StraySlot { bus: self.number()?, slot: self.number()? },
+            "clock-back" => Action::ClockBack { by_us: self.number()? },
             "overflow" => Action::Overflow { bus: self.number()? },
             "reset" => Action::Reset,
             "damaging-reset" => Action::DamagingReset { words: self.number()? },

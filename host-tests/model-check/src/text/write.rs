@@ -41,6 +41,8 @@ fn action(action: &Action) -> String {
         Action::Noise { bus, bytes } => format!("noise {bus} {}", hex(bytes)),
         Action::Stubborn { bus, for_us } => format!("stubborn {bus} {for_us}"),
         Action::Overflow { bus } => format!("overflow {bus}"),
+        Action::StraySlot { bus, slot } => format!("stray-slot {bus} {slot}"),
+        Action::ClockBack { by_us } => format!("clock-back {by_us}"),
         Action::Reset => "reset".into(),
         Action::DamagingReset { words } => format!("damaging-reset {words}"),
         Action::ResetWhileSaving { words, garbles } => {

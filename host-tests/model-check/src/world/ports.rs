@@ -55,6 +55,11 @@ impl World {
             sent.into_iter().for_each(|sent| self.witness(sent));
             self.oracle.settle(self.now_us);
             self.count();
+            if matches!(input, Input::Tick) && self.inputs.is_empty() {
+                let deadline = self.gateway.next_deadline().map(Instant::as_micros);
+                let is_over = deadline.is_none_or(|at| at > self.now_us);
+                assert!(is_over, "{} µs: a tick leaves {deadline:?} due", self.now_us);
+            }
         }
     }
 

@@ -5,7 +5,9 @@ use super::life::Countdown;
 use super::ports::Input;
 use crate::action::{Action, Ask};
 use crate::bus::{Bus, OnWire};
-use crate::plant::LISTENER;
+use crate::plant::{AXES, LISTENER};
+use gateway::{Event, Instant};
+use promise_model::Told;
 
 impl World {
     /// Does what a step says.
@@ -88,7 +90,50 @@ impl World {
             }
             Action::PowerLoss => self.lose_power(),
             Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
+            Action::StraySlot { bus, slot } => {
+                let held = self.buses.get(usize::from(*bus)).map(Bus::slots).unwrap_or_default();
+                if !held.contains(slot) {
+                    self.feed(Input::Transmitted { bus: *bus, slot: *slot });
+                }
+            }
+            Action::ClockBack { by_us } => {
+                let before = Instant::from_micros(now.saturating_sub(*by_us));
+                self.gateway.handle(before, Event::Tick, &mut self.life.store());
+                self.feed(Input::Tick);
+            }
         }
+    }
+
+    /// Everything works again and a host asks for an e-stop: the axes that have not come to rest
+    /// after that, although their motor is where it was and acknowledges.
+    pub fn not_at_rest_in_the_end(&mut self) -> Vec<(u8, Told)> {
+        // An unreachable motor is left alone for longer than its own timeout: 90 s here.
+        const WITHIN_S: u32 = 100;
+        let now = self.now_us;
+        self.motors.iter_mut().for_each(|motor| motor.mend(now));
+        self.buses.iter_mut().for_each(Bus::mend);
+        self.hosts.iter_mut().for_each(|host| host.unread_until = now);
+        self.act(&Action::Ask { link: LISTENER, ask: Ask::EStop });
+        let mut moving = Vec::new();
+        for _ in 0..WITHIN_S {
+            self.run_to(self.since_start_us() + 1_000_000);
+            moving = self.moving().collect();
+            if moving.is_empty() {
+                break;
+            }
+        }
+        moving
+    }
+
+    fn moving(&self) -> impl Iterator<Item = (u8, Told)> {
+        let answered = (0..AXES)
+            .zip(&self.motors)
+            .filter(|(axis, motor)| motor.acknowledges(&self.oracle.place(*axis)));
+        let told = answered.map(|(axis, _)| (axis, self.oracle.told(axis)));
+        told.filter(|(_, told)| {
+            !told.is_at_rest()
+                && !matches!(told, Told::Unconfigured | Told::Tripped { confirmed: true })
+        })
     }
 
     fn on_bus(&mut self, bus: u8, act: impl FnOnce(&mut Bus)) {

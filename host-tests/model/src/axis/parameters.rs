@@ -1,6 +1,6 @@
 //! What the hosts have configured of an axis.
 
-use super::{Axis, Waiting};
+use super::{Axis, Place, Waiting};
 use crate::can_id::is_extended;
 use crate::motor::{Goal, Protocol, Reading, Returns, Timeout};
 
@@ -14,6 +14,7 @@ mod parameter {
     pub const TTL_US: (u16, u32) = (6, 100_000);
     pub const REFRESH_US: (u16, u32) = (7, 20_000);
     pub const FAULT_POLL_US: (u16, u32) = (8, 100_000);
+    pub const STATE_POLL_US: (u16, u32) = (9, 50_000);
     pub const MISSED_REPLIES: (u16, u32) = (10, 3);
     pub const STANDSTILL: (u16, f32) = (11, 0.105);
     pub const STOP_REPEAT_US: (u16, u32) = (13, 500_000);
@@ -131,6 +132,10 @@ impl Axis {
 
     pub fn fault_poll_us(&self) -> u64 {
         self.get(parameter::FAULT_POLL_US).into()
+    }
+
+    pub fn state_poll_us(&self) -> u64 {
+        self.get(parameter::STATE_POLL_US).into()
     }
 
     pub fn missed_replies(&self) -> u64 {
@@ -284,6 +289,12 @@ impl Axis {
     pub fn wiring(&self) -> [Option<u8>; 3] {
         [parameter::BUS, parameter::PROTOCOL, parameter::NODE]
             .map(|number| self.parameters.get(&number).and_then(|value| u8::try_from(*value).ok()))
+    }
+
+    pub fn place(&self) -> Place {
+        let d5_ids = [self.d5_request_id(), self.d5_reply_id()];
+        let return_mode = self.get(parameter::RETURN_MODE);
+        Place { wiring: self.wiring(), d5_ids, return_mode, window_us: 0 }
     }
 
     /// Whether a measured value is beyond a limit and its margin (G3; PROTOCOL.md, `limit_margin`).

@@ -10,8 +10,8 @@ use crate::wire::Told;
 /// Missing replies that trip must span this (G3).
 const SILENT_SPAN_US: u64 = 50_000;
 /// Allowance: how far apart the requests are whose replies are missed. An armed axis is asked or
-/// refreshed every 20 ms where its motor's timeout is not known, and its state every 50 ms; each
-/// unanswered request takes two reply windows.
+/// refreshed every 20 ms where its motor's timeout is not known, else as often as its polls are
+/// configured; each unanswered request takes two reply windows.
 const SILENT_STEP_US: u64 = 50_000;
 /// Allowance: how long a stop that was answered by nothing may take to be sent again, beside the
 /// rhythm of G4: the steps of the brake are slow ones.
@@ -85,8 +85,8 @@ impl Oracle {
         let Some(bus) = axis.bus().and_then(|bus| self.buses.get(bus)) else { return };
         let (heard_us, outside) = axis.heard;
         let silent = (now - heard_us).saturating_sub(bus.outside_us(now) - outside);
-        let within =
-            SILENT_SPAN_US + (axis.missed_replies() + 1) * (SILENT_STEP_US + 2 * bus.window_us);
+        let step = SILENT_STEP_US.max(axis.fault_poll_us().min(axis.state_poll_us()));
+        let within = SILENT_SPAN_US + (axis.missed_replies() + 1) * (step + 2 * bus.window_us);
         if silent > within {
             self.owe_stop(index, Cause::Silent, now);
         }

@@ -3,7 +3,7 @@
 use super::grants::in_force;
 use crate::oracle::Oracle;
 use crate::violation::Check;
-use crate::wire::{Clears, Kind, Message, Request, event, report};
+use crate::wire::{Clears, Kind, Message, Request, event, events_lost, report};
 
 /// Errors (PROTOCOL.md, Errors) that come before authority is looked at.
 const READ_BEFORE_AUTHORITY: [u16; 8] = [1, 2, 5, 6, 7, 17, 44, 45];
@@ -13,12 +13,18 @@ impl Oracle {
     /// Bytes for a host leave the gateway.
     pub fn from_gateway(&mut self, now: u64, link: u8, bytes: &[u8]) {
         self.advance(now);
+        let mut frames = 0;
         for byte in bytes {
             let Some(port) = self.links.get_mut(usize::from(link)) else { return };
             let Some(message) = port.outgoing.push(*byte) else { continue };
+            frames += 1;
             match message.kind {
                 Kind::Reply | Kind::Error => self.result(now, link, &message),
                 Kind::Event => {
+                    if link == self.listener && events_lost(&message) != Some(0) {
+                        let seen = format!("link {link} reads, and events are lost");
+                        self.broken(Check::ToldInPart, now, seen);
+                    }
                     // Other links tell the same, later or not at all.
                     if link == self.listener
                         && let Some(news) = event(&message)
@@ -30,6 +36,10 @@ impl Oracle {
                     self.broken(Check::ResultUnasked, now, "a request of the gateway".into())
                 }
             }
+        }
+        if frames != 1 {
+            let seen = format!("link {link}: {frames} whole frames in {bytes:02X?}");
+            self.broken(Check::ToldInPart, now, seen);
         }
     }
 

@@ -53,6 +53,16 @@ pub fn a_second_result() {
 }
 
 #[test]
+pub fn half_a_frame_and_an_event_that_is_lost() {
+    let latched = |lost| frame(4, 0, 0x8005, &[lost, 0]);
+    for said in [&latched(0)[..5], &latched(1)] {
+        let mut trace = Trace::new(HOLD);
+        trace.oracle.from_gateway(trace.now, 2, said);
+        trace.breaks(Check::ToldInPart);
+    }
+}
+
+#[test]
 pub fn a_request_without_a_result() {
     let mut trace = Trace::new(HOLD);
     trace.ask(0, 0x41, &[0]);

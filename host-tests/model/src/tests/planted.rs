@@ -30,6 +30,7 @@ fn planted(check: Check) -> fn() {
         Check::ResultUnasked => hosts::a_second_result,
         Check::ResultMissing => hosts::a_request_without_a_result,
         Check::ResultChanged => hosts::a_repeated_request_that_gets_other_bytes,
+        Check::ToldInPart => hosts::half_a_frame_and_an_event_that_is_lost,
         Check::RawUnopened => motion::a_raw_frame_on_a_bus_that_is_not_open,
         Check::RawHarmful => others::raw_frames_that_a_lenient_motor_obeys,
         Check::WrongMotor => others::a_frame_to_no_axis_that_frees_the_brake_of_one,

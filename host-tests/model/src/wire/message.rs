@@ -65,6 +65,11 @@ pub enum News {
     },
 }
 
+/// How many events before this one the host has lost.
+pub fn events_lost(message: &Message) -> Option<u32> {
+    Body(message.body()).u32()
+}
+
 /// What an event says, if the promises speak of it.
 pub fn event(message: &Message) -> Option<News> {
     let mut body = Body(message.body());

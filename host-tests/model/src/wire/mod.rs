@@ -11,6 +11,6 @@ mod request;
 pub use body::Body;
 pub use frame::{Deframer, Kind, Message, frame};
 pub use incident::Incident;
-pub use message::{News, Told, event};
+pub use message::{News, Told, event, events_lost};
 pub use report::{Listed, Report, report};
 pub use request::{Clears, Request, Stops};
