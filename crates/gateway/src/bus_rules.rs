@@ -1,7 +1,7 @@
 //! What a bus may be configured with: every check that needs no more than its port. The gateway
 //! makes them, and a program may before it asks.
 
-use crate::protocol;
+use crate::protocol::Info;
 use host_protocol::{BusConfig, BusKind, Error, MAX_BITRATES, Protocol, Quantity, REPLY_WINDOW_US};
 
 /// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates,
@@ -26,13 +26,14 @@ pub fn check_bus_config(
     }
     for protocol in protocols.iter() {
         check_kind(bus, kind, protocol)?;
-        if let Some((min, max)) = protocol::own_bitrates(protocol) {
-            if !(min..=max).contains(&bitrate) {
-                return Err(out_of_range(Quantity::Bitrate, bitrate, min, max));
-            }
-            if protocols.iter().any(|other| other != protocol) {
-                return Err(Error::NeedsOwnBus { bus, protocol });
-            }
+        let info = Info::of(protocol);
+        if let Some((min, max)) = info.can_bitrates.filter(|_| kind == BusKind::Can)
+            && !(min..=max).contains(&bitrate)
+        {
+            return Err(out_of_range(Quantity::Bitrate, bitrate, min, max));
+        }
+        if info.alone && protocols.iter().any(|other| other != protocol) {
+            return Err(Error::NeedsOwnBus { bus, protocol });
         }
     }
     Ok(())
@@ -55,8 +56,5 @@ fn out_of_range(quantity: Quantity, value: u32, min: u32, max: u32) -> Error {
 
 /// Which protocol runs on which kind of bus.
 pub(crate) fn check_kind(bus: u8, kind: BusKind, protocol: Protocol) -> Result<(), Error> {
-    match (protocol, kind) {
-        (Protocol::Rmd, _) | (Protocol::Thruster | Protocol::D5, BusKind::Can) => Ok(()),
-        (_, BusKind::Rs485) => Err(Error::WrongBusKind { bus, kind }),
-    }
+    if Info::of(protocol).runs_on(kind) { Ok(()) } else { Err(Error::WrongBusKind { bus, kind }) }
 }

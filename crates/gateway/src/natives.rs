@@ -4,7 +4,7 @@ use crate::axis::{JobKind, NativeMotion, Permit};
 use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
-use crate::protocol::{self, Effect, Native};
+use crate::protocol::{self, Effect, Native, Sets};
 use crate::requests::{Outcome, Result};
 use crate::time::Instant;
 use host_protocol::{
@@ -153,9 +153,12 @@ impl Gateway {
     /// the others (GUARANTEES G7).
     fn check_node_after(&self, index: u8, native: &Native) -> Result<()> {
         let mut config = self.axis(index)?.config.clone();
-        let node = protocol::node_after(&native.command, &config)
-            .filter(|node| Some(*node) != config.node());
-        let Some(node) = node else { return Ok(()) };
+        let (Sets::Node(node) | Sets::NextNode(node)) = native.command.sets() else {
+            return Ok(());
+        };
+        if Some(node) == config.node() {
+            return Ok(());
+        }
         config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
         self.check_axis(index, &config)
     }
@@ -163,25 +166,21 @@ impl Gateway {
     /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any
     /// more, and only at its rate it could be set back.
     fn check_bitrate_after(&self, index: u8, native: &Native) -> Result<()> {
-        let Some(bitrate) = protocol::bitrate_after(&native.command) else { return Ok(()) };
-        let config = &self.axis(index)?.config;
-        let (Some(bus), Some(protocol)) = (config.bus(), config.protocol()) else { return Ok(()) };
+        let Sets::Bitrate(bitrate) = native.command.sets() else { return Ok(()) };
+        let Some(bus) = self.axis(index)?.config.bus() else { return Ok(()) };
         let rates = self.bus(bus)?.port().bitrates.iter().copied();
         if rates.clone().any(|rate| protocol::is_within_tolerance(bitrate, rate)) {
             return Ok(());
         }
-        Err(bus_rules::not_offered(
-            bus,
-            bitrate,
-            rates.filter(|rate| protocol::can_be_set_to(protocol, *rate)),
-        ))
+        let offered = rates.filter(|rate| protocol::can_be_set_to(*rate));
+        Err(bus_rules::not_offered(bus, bitrate, offered))
     }
 
     /// Refuses frames that the motor would send by itself and that the bus could not carry beside
     /// what its axes need. They count from now on, and fewer only once the motor has taken
     /// them.
     fn admit_stream_after(&mut self, index: u8, native: &Native) -> Result<()> {
-        let Some(word) = protocol::stream_after(&native.command) else { return Ok(()) };
+        let Sets::Stream(word) = native.command.sets() else { return Ok(()) };
         let axis = self.axis_mut(index)?;
         let streams = protocol::stream(&axis.config);
         if protocol::Stream::of_word(word).is_none_or(|new| !new.is_heavier_than(streams)) {

@@ -201,7 +201,7 @@ pub enum BusPortKind {
     /// A half-duplex serial port.
     Rs485 {
         /// The receiver stays on while we transmit, so every byte sent is heard back first. It
-        /// must be true then: the answer to 0x80 and 0x81 has the same bytes, so on a line
+        /// must be true then: the answer to a stop may have the same bytes, so on a line
         /// that gives no echo no stop is ever confirmed.
         local_echo: bool,
     },

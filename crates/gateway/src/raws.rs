@@ -36,7 +36,9 @@ impl Gateway {
                     max,
                 });
             }
-            (RawFrame::Serial(bytes), BusKind::Rs485) => protocol::is_harmless_on_serial(bytes),
+            (RawFrame::Serial(bytes), BusKind::Rs485) => {
+                protocol::is_harmless_on_serial(bytes, protocols)
+            }
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
         };
         if !harmless && !raw.is_unsafe() {

@@ -11,9 +11,9 @@ use crate::outbox::{Outbox, Ticket};
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
-    AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusKind, ClearTarget, Error,
-    Event, MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply, Request,
-    StopTarget, Text, TripReason, Vec, replies, requests,
+    AuthorityLossReason, AxisParameter, AxisState, BusCapability, ClearTarget, Error, Event,
+    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text, TripReason, Vec,
+    replies, requests,
 };
 
 /// What a request comes to.
@@ -520,13 +520,9 @@ fn text<const N: usize>(full: &str) -> Text<N> {
 }
 
 fn capability(bus: &Bus) -> BusCapability {
-    let protocols = match bus.kind() {
-        BusKind::Can => ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster, Protocol::D5]),
-        BusKind::Rs485 => ProtocolSet::of(&[Protocol::Rmd]),
-    };
     BusCapability {
         kind: bus.kind(),
         bitrates: bus.port().bitrates.iter().copied().take(host_protocol::MAX_BITRATES).collect(),
-        protocols,
+        protocols: crate::protocol::on(bus.kind()),
     }
 }

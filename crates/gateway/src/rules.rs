@@ -4,10 +4,8 @@
 
 use crate::axis::{Address, AxisConfig};
 use crate::bus_rules;
-use crate::protocol::{self, Command, Demand, Effect, Native};
-use host_protocol::{
-    AxisParameter, BusKind, Error, Protocol, Quantity, Setpoint, StopAction, Value,
-};
+use crate::protocol::{self, Command, Demand, Effect, Info, Native};
+use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
 
 /// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
 #[derive(Debug, Clone)]
@@ -92,15 +90,14 @@ impl AxisRules {
     /// # Errors
     /// Those of data that are no command to the motor of this axis.
     pub fn native_effect(&self, data: &[u8]) -> Result<NativeEffect, Error> {
-        let Native { command, effect } = self.native(data)?;
-        Ok(match effect {
+        Ok(match self.native(data)?.effect {
             Effect::Asks => NativeEffect::Asks,
             Effect::Changes { .. } => NativeEffect::Changes,
             Effect::Stops | Effect::Rests(_) => NativeEffect::Stops,
             Effect::Moves(_) => NativeEffect::Moves,
-            // No D5 motor moves by a distance: these are a speed that waits, and what starts it.
-            Effect::MovesOnce(_) if matches!(command, Command::D5(_)) => NativeEffect::Prepares,
-            Effect::MovesOnce(_) => NativeEffect::MovesOnce,
+            Effect::MovesOnce(Demand::Distance { .. }) => NativeEffect::MovesOnce,
+            // A setpoint that waits in the motor, and what starts it.
+            Effect::MovesOnce(_) => NativeEffect::Prepares,
         })
     }
 
@@ -128,25 +125,19 @@ impl AxisRules {
 pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
     let Some(Address { bus: number, protocol, node }) = config.address() else { return Ok(()) };
     bus_rules::check_kind(number, bus, protocol)?;
-    let max = match protocol {
-        Protocol::Rmd => rmd::Node::MAX,
-        Protocol::Thruster => thruster::Node::MAX,
-        Protocol::D5 => d5::Node::MAX,
-    };
-    if node > max {
-        let (value, max) = (f32::from(node), f32::from(max));
+    let info = Info::of(protocol);
+    if node > info.last_node {
+        let (value, max) = (f32::from(node), f32::from(info.last_node));
         return Err(Error::OutOfRange { quantity: Quantity::Node, value, min: 1.0, max });
     }
     match config.stop_action() {
-        Some(action) if !protocol::can_stop_by(protocol, action) => {
-            Err(Error::Unsupported { axis, protocol })
-        }
+        Some(action) if info.stop(action).is_none() => Err(Error::Unsupported { axis, protocol }),
         _ => Ok(()),
     }
 }
 
-/// As far as a target of RMD 0xA3, or the first one of 0xA5, may lie from where the motor is, rad:
-/// it goes there at once, without a ramp.
+/// As far as a target without a speed limit, or the first one that a motor tracks, may lie from
+/// where the motor is, rad: it goes there at once, without a ramp.
 const NEAR_RAD: f32 = 0.2;
 
 /// The limits of an axis.
@@ -162,11 +153,13 @@ const LIMITS: [AxisParameter; 7] = [
 
 /// Refuses parameters that do not fit each other, in whatever order they were set.
 pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Result<(), Error> {
-    let idle = |limit: &&AxisParameter| {
-        config.get(**limit).is_some() && !protocol::can_keep(**limit, bus, config)
-    };
-    if let Some(limit) = LIMITS.iter().find(idle) {
-        return Err(Error::CannotMeasure { axis, parameter: limit.number() });
+    if let Some(info) = Info::of_axis(config) {
+        let acting = (info.limits)(bus, config);
+        let idle =
+            |limit: &&AxisParameter| config.get(**limit).is_some() && !acting.contains(limit);
+        if let Some(limit) = LIMITS.iter().find(idle) {
+            return Err(Error::CannotMeasure { axis, parameter: limit.number() });
+        }
     }
     for parameter in AxisParameter::ALL.iter().copied() {
         if let Some(protocol) = protocol::only_of(parameter)
@@ -180,25 +173,21 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
             });
         }
     }
-    // 0x80 leaves the brake as it is (RMD V3.6 §2.15), and a hanging load falls.
+    // Coasting leaves the brake as it is, and a hanging load falls.
     let coasts = config.stop_action() == Some(StopAction::Coast);
     if coasts && config.flag(AxisParameter::ReleaseBrakeWhenArming) {
         return Err(Error::BrakeStaysOpen { axis });
     }
     check_return_mode(config)?;
-    let least = config.protocol().map_or(0.0, protocol::speed_unit_rad_s);
+    let least = Info::of_axis(config).map_or(0.0, Info::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
     let (min, max) = config.position_range();
     within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
 }
 
-/// Bits of VM that the manual gives no meaning (Thruster manual §2.4): a device set so may return
-/// anything.
-const RETURN_MODE_RESERVED: u32 = !0x0307;
-
 fn check_return_mode(config: &AxisConfig) -> Result<(), Error> {
     let mode = config.unsigned(AxisParameter::ReturnMode).unwrap_or_default();
-    if mode & RETURN_MODE_RESERVED == 0 {
+    if mode & protocol::RETURN_MODE_RESERVED == 0 {
         return Ok(());
     }
     #[allow(clippy::cast_precision_loss)] // for people to read
@@ -212,8 +201,7 @@ fn within_range(parameter: AxisParameter, value: f32, min: f32, max: f32) -> Res
     Err(Error::OutOfRange { quantity: Quantity::Parameter(parameter.number()), value, min, max })
 }
 
-/// Refuses an impedance on a serial bus: motion mode has CAN ids of its own and no serial form (RMD
-/// V3.6 §5).
+/// Refuses an impedance on a serial bus: it has no serial form.
 pub(crate) fn check_bus(
     axis: u8,
     bus: BusKind,
@@ -275,8 +263,8 @@ pub(crate) fn check_demand(axis: u8, demand: Demand, config: &AxisConfig) -> Res
     }
 }
 
-/// Refuses a target that the motor would jump to unless it is near where it is (RMD V3.6 §2.19.4,
-/// PROTOCOL-NOTES R33). `measured` is where it was, and how far it has gone since.
+/// Refuses a target that the motor would jump to unless it is near where it is (PROTOCOL-NOTES
+/// R33). `measured` is where it was, and how far it has gone since.
 pub(crate) fn check_nearness(
     axis: u8,
     demand: Demand,

@@ -1,20 +1,19 @@
-//! Several D5 motors set in motion by one frame (D5 manual, quick start (3), (4) and (7), table
-//! rows 11 to 13).
+//! Several motors set in motion by one frame.
 //!
-//! Each motor is told a speed that waits in it (04) and asked whether it does; every other D5 of
-//! the bus is shown to have nothing that waits. Then one frame, 05 to all, starts what waits, and
-//! from there on each speed is a setpoint like any other (GUARANTEES G2, G10). Where one of them
-//! cannot go on, all that were told a speed are stopped: their stop overwrites what waits.
+//! Each motor is told a speed that waits in it and asked whether it does; every other motor of the
+//! bus is shown to have nothing that waits. Then one frame to all starts what waits, and from there
+//! on each speed is a setpoint like any other (GUARANTEES G2, G10). Where one of them cannot go on,
+//! all that were told a speed are stopped: their stop overwrites what waits.
 
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
-use crate::protocol;
+use crate::protocol::{self, Info};
 use crate::requests::{Outcome, Result};
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
-    AxisState, Error, Protocol, Reply, Setpoint, TogetherBar, replies, requests::StartTogether,
+    AxisState, Error, Reply, Setpoint, TogetherBar, replies, requests::StartTogether,
 };
 
 /// A start under way.
@@ -89,8 +88,9 @@ impl Gateway {
             self.refuse_e_stopped(index)?;
             let axis = self.axis(index)?;
             let expires = axis.permission(now, member.epoch, *expires_at_us)?;
-            if axis.config.protocol() != Some(Protocol::D5) {
-                let protocol = axis.config.protocol().unwrap_or(Protocol::D5);
+            if let Some(protocol) = axis.config.protocol()
+                && !Info::of(protocol).starts_together
+            {
                 return Err(Error::Unsupported { axis: index, protocol });
             }
             if together.is_member(axis) {
@@ -103,7 +103,7 @@ impl Gateway {
                 return barred(index, TogetherBar::OtherFrameType);
             }
             // That the right speed waits is known from the motor's echo alone.
-            if !protocol::answers_writes(&axis.config) {
+            if !protocol::answers_stops(&axis.config) {
                 return Err(Error::CannotConfirm { axis: index });
             }
             if axis.is_busy_with_more_than_a_question() {
@@ -126,7 +126,8 @@ impl Gateway {
             return barred(first, TogetherBar::SharedBus);
         }
         for axis in self.axes.iter().filter(|axis| axis.config.bus() == Some(bus_index)) {
-            if together.is_member(axis) || axis.config.protocol() != Some(Protocol::D5) {
+            let obeys = Info::of_axis(&axis.config).is_some_and(|info| info.starts_together);
+            if together.is_member(axis) || !obeys {
                 continue;
             }
             let index = axis.index;

@@ -125,7 +125,7 @@ impl AxisConfig {
     }
 
     /// Whether the axis says that its motor has a holding brake: its stop locks it, or its arming
-    /// frees it (RMD V3.6 §2.26, §2.27). Of other motors the brake is not judged.
+    /// frees it. Of other motors the brake is not judged.
     pub fn has_brake(&self) -> bool {
         self.stop_action() == Some(StopAction::Brake)
             || self.flag(AxisParameter::ReleaseBrakeWhenArming)

@@ -3,7 +3,7 @@
 use super::motion::Motion;
 use super::{Axis, Observation};
 use crate::outbox::Outbox;
-use crate::protocol::{self, Command, Exchange, Received, Verdict};
+use crate::protocol::{self, Command, Exchange, Info, Received, Sets, Unasked, Verdict};
 use crate::time::{Duration, Instant};
 use host_protocol::TripReason;
 
@@ -194,15 +194,14 @@ impl Axis {
     /// Whether the request under way is answered by this node, which is not the axis's own.
     pub fn awaits_node(&self, node: u8) -> bool {
         let waiting = self.pending.as_ref().filter(|p| p.is_waiting());
-        waiting.is_some_and(|p| protocol::answering_node(&p.command, &self.config) == Some(node))
+        waiting.is_some_and(|p| p.command.sets() == Sets::Node(node))
     }
 
     /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for
     /// bit up to their data: where both have one id neither loses the arbitration, and the
     /// error repeats with them until a controller is off.
     pub fn reply_with_our_id_since(&self) -> Option<Instant> {
-        let same_id =
-            self.config.protocol().is_some_and(protocol::replies_with_the_id_of_the_request);
+        let same_id = Info::of_axis(&self.config).is_some_and(|info| info.free_ids);
         self.unanswered_since.filter(|_| same_id)
     }
 
@@ -269,7 +268,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Reception {
         self.heard(now);
-        if received.is_objection() {
+        if received.unasked() == Unasked::Objection {
             self.objects = true;
             self.objections_due = self.objections_due.saturating_sub(1);
         }
@@ -539,9 +538,9 @@ impl Axis {
     /// sends by itself everything.
     fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Reception {
         let seen = received.observation(&self.config);
-        let told = match received.telemetry() {
-            Some(_) => seen,
-            None => Observation { faults: seen.faults, ..Observation::default() },
+        let told = match received.unasked() {
+            Unasked::Telemetry(_) => seen,
+            _ => Observation { faults: seen.faults, ..Observation::default() },
         };
         self.observe(now, &told, out);
         Reception::Unasked

@@ -7,7 +7,7 @@ use super::exchanges::{Pending, Silence};
 use super::restart::Restart;
 use super::{Axis, Observation};
 use crate::outbox::{Outbox, Ticket};
-use crate::protocol::{self, Command, Exchange};
+use crate::protocol::{self, Command, Exchange, Info, Sets};
 use crate::time::{Duration, Instant};
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{
@@ -95,12 +95,12 @@ impl JobKind {
     }
 
     fn step(self, index: usize, protocol: Protocol) -> Option<Exchange> {
-        let sequences = protocol::sequences(protocol);
+        let info = Info::of(protocol);
         let steps = match self {
-            Self::Arm { .. } => sequences.arming,
-            Self::ReadState => sequences.state,
-            Self::Clear => sequences.clearing,
-            Self::Restart(_) => return Restart::step(index, sequences.clearing),
+            Self::Arm { .. } => info.arming,
+            Self::ReadState => info.state,
+            Self::Clear => info.clearing,
+            Self::Restart(_) => return Restart::step(index, info.clearing),
             Self::Provision { timeout_ms } => {
                 return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch]
                     .get(index)
@@ -109,8 +109,9 @@ impl JobKind {
             Self::OutputOff => &[Exchange::OutputOff],
             Self::Native { command, .. } => {
                 // Whether it has restarted since is seen by its run time before.
-                let before = protocol::acts_after_restart(&command).then_some(Exchange::RunTime);
-                let steps = [before, Some(Exchange::Native), protocol::read_back(&command)];
+                let restarts = command.sets() == Sets::AfterRestart;
+                let before = restarts.then_some(Exchange::RunTime);
+                let steps = [before, Some(Exchange::Native), command.read_back()];
                 return steps.into_iter().flatten().nth(index);
             }
             Self::NativeMotion => &[Exchange::Motion],
@@ -280,21 +281,21 @@ impl Axis {
             self.job.as_ref().map(|job| job.kind),
             Some(JobKind::Native { asks: false, .. })
         ) && exchange == Exchange::Native;
-        if changes && has_left && protocol::sets_ack_level(&pending.command) {
+        if changes && has_left && matches!(pending.command.sets(), Sets::AckLevel(_)) {
             self.step_done(now, &Observation::default(), &[], out);
             return;
         }
         // What changes the motor is sent once: whether it was carried out is not known.
         let tries = if changes { 1 } else { self.config.missed_replies() };
-        let is_d5 = self.config.protocol() == Some(Protocol::D5);
+        let may_be_mute = protocol::command(Exchange::AckLevel, &self.config).is_some();
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
         job.since = now;
         if job.unanswered >= tries {
             let hint = match exchange {
                 _ if !has_left => NoReplyHint::NotAcknowledged,
-                _ if changes && is_d5 => NoReplyHint::AckLevelBelow,
-                // A D5 motor at acknowledgement level 0 answers nothing, not even this (D12).
+                _ if changes && may_be_mute => NoReplyHint::AckLevelBelow,
+                // A motor at acknowledgement level 0 answers nothing, not even this.
                 Exchange::AckLevel => NoReplyHint::AckLevelZero,
                 _ => NoReplyHint::None,
             };
@@ -318,8 +319,8 @@ impl Axis {
 
     /// A command has left while the job is under way.
     pub(super) fn job_left(&mut self, command: &Command) {
-        if let Some(job) = &mut self.job {
-            job.output_on = protocol::output_after(command).unwrap_or(job.output_on);
+        if let (Some(job), Sets::Output(on)) = (&mut self.job, command.sets()) {
+            job.output_on = on;
         }
     }
 
@@ -406,7 +407,7 @@ impl Axis {
                 if exchange == Exchange::AckLevel
                     && seen
                         .ack_level
-                        .is_some_and(|level| !protocol::has_set_ack_level(&command, level)) =>
+                        .is_some_and(|level| command.sets() != Sets::AckLevel(level)) =>
             {
                 Err(Error::Refused { axis, faults: self.measured.fault_word() })
             }
@@ -454,7 +455,7 @@ impl Axis {
         if seen.run_time_ms.is_some() && self.owes_restart() {
             return Err(Error::RestartOwed { axis });
         }
-        // A motion against a locked brake ends in a stall (RMD V3.6 §2.12, §2.27).
+        // A motion against a locked brake ends in a stall.
         if seen.brake_locked == Some(true)
             && !self.brake_is_freed_unseen()
             && self.config.has_brake()
@@ -538,7 +539,7 @@ impl Axis {
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 if let JobKind::Native { command, .. } = kind
-                    && let Some(stream) = protocol::stream_after(&command)
+                    && let Sets::Stream(stream) = command.sets()
                 {
                     let _ = self.set_stream(stream);
                 }

@@ -12,7 +12,7 @@ pub(crate) struct Observation {
     pub position_count: Option<i32>,
     pub velocity_rad_s: Option<f32>,
     pub current_a: Option<f32>,
-    /// RMD motion mode; compared with the limit, not kept.
+    /// Compared with the limit, not kept.
     pub torque_nm: Option<f32>,
     pub voltage_v: Option<f32>,
     pub motor_temperature_c: Option<f32>,
@@ -21,19 +21,19 @@ pub(crate) struct Observation {
     pub faults: Option<u16>,
     /// Every fault since the motor started, where it keeps such a record.
     pub fault_record: Option<u16>,
-    /// RMD: the holding brake is locked.
+    /// The holding brake is locked.
     pub brake_locked: Option<bool>,
-    /// RMD: time since the motor started.
+    /// Time since the motor started.
     pub run_time_ms: Option<u32>,
-    /// D5: the acknowledgement level read back.
+    /// The acknowledgement level read back.
     pub ack_level: Option<u8>,
-    /// D5: the motor's own communication timeout is switched on.
+    /// The motor's own communication timeout is switched on.
     pub timeout_on: Option<bool>,
-    /// D5: an asynchronous write waits for its trigger.
+    /// An asynchronous write waits for its trigger.
     pub write_pending: Option<bool>,
-    /// D5: the commanded speed read back is zero.
+    /// The commanded speed read back is zero.
     pub commanded_zero: Option<bool>,
-    /// RMD: a motion was answered by zeros, which may as well be the request of 0 thrown back.
+    /// A motion was answered by zeros, which may as well be the request of 0 thrown back.
     pub may_be_thrown_back: bool,
 }
 

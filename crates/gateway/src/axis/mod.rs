@@ -57,7 +57,7 @@ pub(crate) struct Axis {
     motor_timeout: MotorTimeout,
     /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or
     /// something may have changed it since. It outlives a reset of the gateway, and arming
-    /// writes it to a thruster again, also where `motor_timeout` is unknown.
+    /// writes it again where the motor may lose it, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
@@ -106,19 +106,19 @@ pub(crate) struct Axis {
     uncommanded_since: Option<Instant>,
     /// When the request left that the motor has not answered.
     unanswered_since: Option<Instant>,
-    /// RMD: time since the motor started, as last read.
+    /// Time since the motor started, as last read.
     run_time: RunTime,
     /// Requests in a row for it that told nothing.
     run_time_unread: u8,
-    /// RMD: the motor was told something that acts after a restart, and has not been seen to
+    /// The motor was told something that acts after a restart, and has not been seen to
     /// restart since.
     restart_owed: bool,
-    /// D5: an asynchronous write waited in the motor when it was last asked.
+    /// An asynchronous write waited in the motor when it was last asked.
     write_waits: bool,
     /// What hosts have been told of the frames that its motor sends by itself.
     pub telemetry: Telemetry,
-    /// D5: the motor has answered a request to another one with an id error (D5 manual, table row
-    /// 5), and will again.
+    /// The motor has answered a request to another one, saying that it was not for it, and will
+    /// again.
     objects: bool,
     /// How often it may still do so, since the last frame to it.
     objections_due: u8,

@@ -1,9 +1,9 @@
-//! A restart of the motor (RMD V3.6 §2.25): asked for, waited out, and seen by its run time
-//! (§2.28), which has not gone on as our clock has.
+//! A restart of the motor: asked for, waited out, and seen by its run time,
+//! which has not gone on as our clock has.
 
 use super::{Axis, JobKind};
 use crate::outbox::Outbox;
-use crate::protocol::{self, Exchange};
+use crate::protocol::{Exchange, Sets};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
@@ -91,7 +91,7 @@ impl Axis {
                 self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
                 return true;
             }
-            JobKind::Native { command, .. } if protocol::acts_after_restart(command) => {
+            JobKind::Native { command, .. } if command.sets() == Sets::AfterRestart => {
                 self.set_restart_owed(true);
             }
             _ => {}

@@ -1,5 +1,5 @@
-//! How much hosts are told of the frames that a motor sends by itself: a thruster can be set to one
-//! each millisecond.
+//! How much hosts are told of the frames that a motor sends by itself: it may be one each
+//! millisecond.
 
 use crate::time::Instant;
 

@@ -2,9 +2,9 @@
 //! G4).
 
 use super::Axis;
-use crate::protocol;
+use crate::protocol::Info;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisParameter, Error, MotorTimeout, Protocol};
+use host_protocol::{AxisParameter, Error, MotorTimeout};
 
 /// A timeout that acts later than this counts as off (GUARANTEES G1).
 const LONGEST_TIMEOUT_MS: u32 = 60_000;
@@ -46,10 +46,15 @@ impl Axis {
         }
     }
 
-    /// Whether arming settles what is known: a D5 is asked for its switch, a thruster is told again
-    /// what was provisioned.
+    /// Whether arming settles what is known: it asks the motor, or tells it again what was
+    /// provisioned.
     pub fn arming_settles_the_timeout(&self) -> bool {
-        self.config.protocol() == Some(Protocol::D5) || self.renewed_timeout_ms().is_some()
+        self.tells_whether_on() || self.renewed_timeout_ms().is_some()
+    }
+
+    /// Whether the motor tells that its timeout is on, and has a length of its own.
+    fn tells_whether_on(&self) -> bool {
+        Info::of_axis(&self.config).is_some_and(|info| info.reads_timeout_switch)
     }
 
     /// The timeout that arming writes again, ms: the one provisioned, where the motor loses it with
@@ -91,14 +96,13 @@ impl Axis {
         }
     }
 
-    /// The motor has taken a timeout. That of a D5 has a length of its own, and its switch has been
-    /// read back; others count the time given.
+    /// The motor has taken a timeout: it was read back that it is on, or counts as long as written.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
-        self.motor_timeout = match (timeout_ms, self.config.protocol()) {
-            (0, _) => MotorTimeout::Off,
-            (_, Some(Protocol::D5)) => MotorTimeout::Verified,
-            (other, _) if is_as_good_as_none(other) => MotorTimeout::Off,
+        self.motor_timeout = match timeout_ms {
+            0 => MotorTimeout::Off,
+            _ if self.tells_whether_on() => MotorTimeout::Verified,
+            other if is_as_good_as_none(other) => MotorTimeout::Off,
             _ => {
                 self.written_timeout_ms = timeout_ms;
                 self.is_unsaved = true;
@@ -141,9 +145,7 @@ impl Axis {
     }
 
     /// The motor's own timeout, where the gateway has programmed one that the motor must still
-    /// have, or has once it is armed. A D5's stays unknown although it can be read back:
-    /// register 0x11 only switches it on and off, and no register and no page of the manual
-    /// tells how long it is.
+    /// have, or has once it is armed. Where the motor only tells that it is on it stays unknown.
     pub(super) fn programmed_timeout(&self) -> Option<Duration> {
         let holds = !self.is_armed() || matches!(self.motor_timeout, MotorTimeout::Written { .. });
         let timeout = Duration::from_millis(u64::from(self.written_timeout_ms));
@@ -160,7 +162,7 @@ impl Axis {
     }
 
     fn stores_its_timeout(&self) -> bool {
-        self.config.protocol().is_some_and(protocol::stores_its_timeout)
+        Info::of_axis(&self.config).is_some_and(|info| info.stores_timeout)
     }
 }
 

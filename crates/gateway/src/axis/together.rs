@@ -2,7 +2,7 @@
 
 use super::{Axis, JobKind};
 use crate::outbox::Outbox;
-use crate::protocol::{self, Command, Exchange};
+use crate::protocol::{self, Exchange};
 use crate::time::Instant;
 
 impl Axis {
@@ -23,14 +23,15 @@ impl Axis {
 
     /// The frame that starts all of them becomes the motion of this one. It goes out once.
     pub fn lead(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
-        self.take_motion(now, Command::D5Execute, expires, true, out);
+        if let Some(command) = protocol::command(Exchange::ExecuteAll, &self.config) {
+            self.take_motion(now, command, expires, true, out);
+        }
     }
 
     /// Whether that frame has left.
     pub fn has_executed(&self) -> bool {
-        let Some(motion) =
-            self.motion.as_ref().filter(|motion| motion.command == Command::D5Execute)
-        else {
+        let executes = protocol::command(Exchange::ExecuteAll, &self.config);
+        let Some(motion) = self.motion.as_ref().filter(|m| Some(m.command) == executes) else {
             return false;
         };
         let under_way =

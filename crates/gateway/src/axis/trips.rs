@@ -2,10 +2,10 @@
 
 use super::{Axis, Stop};
 use crate::outbox::Outbox;
-use crate::protocol::{self, Exchange};
+use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event, Protocol, StateField, StopAction, Trip, TripReason,
+    AxisParameter, AxisState, Error, Event, StateField, StopAction, Trip, TripReason,
 };
 
 impl Axis {
@@ -153,10 +153,13 @@ impl Axis {
         self.config.stop_action() == Some(StopAction::Hold)
     }
 
-    /// Whether the axis holds and must be polled for it: an RMD holds only while it hears something
-    /// (0xB3).
+    /// Whether the axis holds and must be polled for it.
     pub fn is_kept_holding(&self) -> bool {
-        self.state == AxisState::Holding && self.config.protocol() == Some(Protocol::Rmd)
+        self.state == AxisState::Holding && self.holds_while_polled()
+    }
+
+    fn holds_while_polled(&self) -> bool {
+        Info::of_axis(&self.config).is_some_and(|info| info.polled_to_hold)
     }
 
     /// Whether a stop of this axis is confirmed only at standstill.
@@ -176,8 +179,7 @@ impl Axis {
 
     /// Whether the motor must be kept polled once it is stopped, for the same reason.
     pub(super) fn must_hold(&self) -> bool {
-        self.config.protocol() == Some(Protocol::Rmd)
-            && self.config.stop_action() == Some(StopAction::Hold)
+        self.holds_while_polled() && self.config.stop_action() == Some(StopAction::Hold)
     }
 
     fn announce(&self, out: &mut Outbox<'_>) {

@@ -1,7 +1,7 @@
 //! What an axis wants to send next.
 
 use super::Axis;
-use crate::protocol::{self, Command, Exchange};
+use crate::protocol::{self, Command, Exchange, Info};
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, AxisState};
 
@@ -202,20 +202,20 @@ impl Axis {
         {
             return Some(Exchange::RunTime);
         }
-        let sequences = protocol::sequences(self.config.protocol()?);
+        let info = Info::of_axis(&self.config)?;
         let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);
         let further = |exchange: &Exchange| {
             *exchange != Exchange::Faults
-                && !sequences.polls.contains(exchange)
+                && !info.polls.contains(exchange)
                 && self.is_asked_for(*exchange)
         };
         if place == 2 {
-            let count = sequences.state.iter().filter(|exchange| further(exchange)).count();
+            let count = info.state.iter().filter(|exchange| further(exchange)).count();
             if let Some(turn) = round.checked_rem(count) {
-                return sequences.state.iter().copied().filter(further).nth(turn);
+                return info.state.iter().copied().filter(further).nth(turn);
             }
         }
-        self.in_turn(sequences.polls, self.poll_turn - round)
+        self.in_turn(info.polls, self.poll_turn - round)
     }
 
     fn run_time_every(&self) -> usize {
@@ -250,7 +250,7 @@ impl Axis {
         if holds && (!self.watched || self.poll_turn.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }
-        let state = protocol::sequences(self.config.protocol()?).state;
+        let state = Info::of_axis(&self.config)?.state;
         let turn = if holds { self.poll_turn / 2 } else { self.poll_turn };
         self.watched.then(|| self.in_turn(state, turn)).flatten()
     }

@@ -7,10 +7,10 @@ use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use crate::axes::{Axes, Is};
 use crate::outbox::Outbox;
-use crate::protocol;
+use crate::protocol::{self, Info};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
-use host_protocol::{BusKind, Event, Protocol, TripReason};
+use host_protocol::{BusKind, Event, TripReason};
 
 /// [`MAX_OUTSTANDING`] as a divisor.
 const OUTSTANDING: NonZeroU64 = NonZeroU64::new(MAX_OUTSTANDING as u64).unwrap();
@@ -28,6 +28,11 @@ const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 pub(super) struct Bounds {
     /// Frames beyond the first with which motors answer one motion each.
     further_replies: u64,
+    /// Requests outstanding at most, where replies to them win the arbitration against stops; else
+    /// 0.
+    pub outranking_replies: u64,
+    /// A motor's reply may have the id of the next frame to it.
+    pub shares_ids: bool,
     /// The frames that motors may send by themselves one behind the other.
     pub streamed_at_once: u64,
     /// The share of the bus's time that these take.
@@ -39,6 +44,8 @@ pub(super) struct Bounds {
 impl Bounds {
     pub const NONE: Self = Self {
         further_replies: 0,
+        outranking_replies: 0,
+        shares_ids: false,
         streamed_at_once: 0,
         streamed_permille: 0,
         ordinary: Duration::ZERO,
@@ -50,13 +57,11 @@ impl Bus {
     /// talks.
     fn bound(&self, stops: u64, axes: &Axes) -> Duration {
         match self.kind() {
-            // F(2k − 1 + m) until it starts, and one F more until it has left; a D5's reply has the
-            // id of the stop, which waits for it.
+            // F(2k − 1 + m) until it starts, and one F more until it has left; it waits for a reply
+            // that has its id.
             BusKind::Can => {
-                let replies =
-                    if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-                let replies = replies + self.bounds.further_replies;
-                let wait = if self.carries(Protocol::D5) {
+                let replies = self.bounds.outranking_replies + self.bounds.further_replies;
+                let wait = if self.bounds.shares_ids {
                     self.line_times().stop_delay()
                 } else {
                     Duration::ZERO
@@ -94,6 +99,13 @@ impl Bus {
         self.longest_frame_bits = longest_frame_bits(self.axes_here(axes));
         let frame = self.frame_time(1);
         let mut bounds = Bounds::NONE;
+        for protocol in self.config.iter().flat_map(|config| config.protocols.iter()) {
+            let info = Info::of(protocol);
+            bounds.shares_ids |= info.free_ids;
+            if info.replies_outrank_stops {
+                bounds.outranking_replies = MAX_OUTSTANDING as u64;
+            }
+        }
         for axis in self.axes_here(axes) {
             let replies = u64::from(protocol::replies_to_motion(&axis.config));
             bounds.further_replies += replies - 1 + objections(axis, self.axes_here(axes));
@@ -113,12 +125,14 @@ impl Bus {
         let axes = self.here(all).len().into();
         let window = self.reply_window();
         let exchange = match self.kind() {
-            // A request and its reply, and what a D5's reply may wait for; of thrusters so many
-            // share a window.
+            // A request and its reply, and what a reply with its id may wait for; where so many may
+            // be outstanding they share a window.
             BusKind::Can => {
-                let thrusters = self.carries(Protocol::Thruster);
-                self.frame_time(3)
-                    + if thrusters { window.part(OUTSTANDING) } else { Duration::ZERO }
+                let share = match self.bounds.outranking_replies {
+                    0 => Duration::ZERO,
+                    _ => window.part(OUTSTANDING),
+                };
+                self.frame_time(3) + share
             }
             BusKind::Rs485 => self.line_times().frame.times(2) + self.line_times().gap + window,
         };

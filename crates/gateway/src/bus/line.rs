@@ -1,24 +1,38 @@
 //! A half-duplex serial line: whose turn it is, our own echo, and the frames in the byte stream.
 
 use crate::port::MAX_SERIAL;
+use crate::protocol::{Deframer, Info, Serial, SerialFrame};
 use crate::time::{Duration, Instant};
-use heapless::Deque;
-use rmd::rs485::{Deframer, FRAME_LEN};
+use heapless::{Deque, Vec};
+use host_protocol::ProtocolSet;
 
 /// Idle bits between the last byte heard and the next byte sent.
 pub(super) const GAP_BITS: u64 = 20;
 /// The part of a reply window that delays a stop, at most (GUARANTEES G5).
 pub(super) const STOP_DELAY: Duration = Duration::from_millis(1);
 
+/// Bits of a byte, with start and stop bit.
+const BYTE_BITS: u64 = 10;
+
+/// The form of frames on a line with these protocols: one has the line to itself.
+pub(super) fn serial_of(protocols: ProtocolSet) -> Option<&'static Serial> {
+    protocols.iter().find_map(|protocol| Info::of(protocol).serial.as_ref())
+}
+
+/// Bits of such a frame; of the longest that a line can have where it is not known.
+pub(super) fn serial_frame_bits(serial: Option<&Serial>) -> u64 {
+    BYTE_BITS * serial.map_or(SerialFrame::new().capacity(), |serial| serial.frame_len) as u64
+}
+
 /// What a byte from the line is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Heard {
     /// Our own.
     Echo,
     /// Somebody else's.
     Byte,
     /// Somebody else's, and the last of a frame.
-    Frame([u8; FRAME_LEN]),
+    Frame(SerialFrame),
 }
 
 /// The state of one serial line.
@@ -29,8 +43,12 @@ pub(super) struct Line {
     echo: Deque<u8, MAX_SERIAL>,
     /// The frame that we have sent, as long as its echo may still come behind bytes that are not
     /// ours.
-    sent_frame: Option<[u8; FRAME_LEN]>,
-    deframer: Deframer,
+    sent_frame: Option<SerialFrame>,
+    /// How its frames look, and what finds them.
+    serial: Option<&'static Serial>,
+    deframer: Option<Deframer>,
+    /// What earlier deframers have rejected.
+    rejected_before: u32,
     /// When the last byte was sent or heard.
     active_at: Instant,
     /// When the port took what we sent last.
@@ -78,7 +96,9 @@ impl Line {
             local_echo,
             echo: Deque::new(),
             sent_frame: None,
-            deframer: Deframer::new(),
+            serial: None,
+            deframer: None,
+            rejected_before: 0,
             active_at: Instant::from_micros(0),
             taken_at: Instant::from_micros(0),
             sent_at: Instant::from_micros(0),
@@ -86,11 +106,28 @@ impl Line {
         }
     }
 
+    /// From now on the frames of these protocols are found.
+    pub fn configure(&mut self, protocols: ProtocolSet) {
+        self.rejected_before = self.rejected();
+        self.serial = serial_of(protocols);
+        self.deframer = self.serial.map(|serial| serial.deframer.clone());
+    }
+
+    pub fn serial(&self) -> Option<&'static Serial> {
+        self.serial
+    }
+
     pub fn restart(&mut self) {
         self.echo.clear();
         self.sent_frame = None;
-        self.deframer.reset();
+        self.reset_deframer();
         self.awaited = None;
+    }
+
+    fn reset_deframer(&mut self) {
+        if let Some(deframer) = &mut self.deframer {
+            deframer.reset();
+        }
     }
 
     /// From when on a frame may be sent that is no stop.
@@ -115,11 +152,11 @@ impl Line {
     pub fn taken(&mut self, now: Instant, bytes: &[u8]) {
         self.taken_at = now;
         self.awaited = None;
-        self.deframer.reset();
+        self.reset_deframer();
         self.echo.clear();
         self.sent_frame = None;
         if self.local_echo {
-            self.sent_frame = bytes.try_into().ok();
+            self.sent_frame = Vec::from_slice(bytes).ok();
             for byte in bytes {
                 // The echo queue holds the longest transmission.
                 let _ = self.echo.push_back(*byte);
@@ -158,10 +195,10 @@ impl Line {
             Some(_) => self.echo.clear(),
             None => {}
         }
-        match self.deframer.push(byte) {
-            // 0x80 and 0x81 are answered by the same bytes: taken for the answer, our own echo
-            // would confirm a stop.
-            Some(frame) if self.sent_frame == Some(frame) => {
+        match self.deframer.as_mut().and_then(|deframer| deframer.push(byte)) {
+            // A stop may be answered by the same bytes: taken for the answer, our own echo would
+            // confirm it.
+            Some(frame) if self.sent_frame.as_ref() == Some(&frame) => {
                 self.sent_frame = None;
                 Heard::Byte
             }
@@ -172,6 +209,7 @@ impl Line {
 
     /// Bytes that belonged to no frame, since the start.
     pub fn rejected(&self) -> u32 {
-        self.deframer.rejected()
+        let rejected = self.deframer.as_ref().map_or(0, Deframer::rejected);
+        self.rejected_before.saturating_add(rejected)
     }
 }

@@ -1,18 +1,16 @@
 //! Whether what the axes of a bus must send and hear fits on it.
 
 use super::frame_bits::longest_frame_bits;
-use super::line::{GAP_BITS, STOP_DELAY};
+use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits, serial_of};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
 use crate::protocol;
 use crate::time::Duration;
-use host_protocol::{BusConfig, BusKind, Error, Protocol};
+use host_protocol::{BusConfig, BusKind, Error};
 
 /// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and
 /// retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
-/// Bits of the 13 bytes of an RMD frame on RS485, with start and stop bits.
-pub(super) const SERIAL_FRAME_BITS: u64 = 130;
 /// What a motor on RS485 takes to begin its reply.
 const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
 
@@ -23,7 +21,7 @@ pub(crate) fn check<'a>(
     axes: impl Iterator<Item = &'a Axis> + Clone,
 ) -> Result<(), Error> {
     let frame_bits = longest_frame_bits(axes.clone());
-    let exchange = exchange_time(bus.kind(), frame_bits, config.bitrate);
+    let exchange = exchange_time(bus.kind(), frame_bits, config);
     let frame = bits_at(frame_bits, config.bitrate);
     let needed_by = |axis: &Axis| {
         let objections = objections(axis, axes.clone());
@@ -44,21 +42,18 @@ pub(crate) fn check<'a>(
     })
 }
 
-/// How many other motors of the bus answer a request to this one by saying that it was not for them
-/// (D5 manual, table row 5).
+/// How many other motors of the bus answer a request to this one by saying that it was not for them.
 pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) -> u64 {
-    if axis.config.protocol() != Some(Protocol::D5) {
-        return 0;
-    }
     axes.filter(|other| other.index != axis.index && other.objects()).count() as u64
 }
 
 /// Time that one request and its reply take.
-fn exchange_time(kind: BusKind, frame_bits: u64, bitrate: u32) -> Duration {
+fn exchange_time(kind: BusKind, frame_bits: u64, config: &BusConfig) -> Duration {
     match kind {
-        BusKind::Can => bits_at(2 * frame_bits, bitrate),
+        BusKind::Can => bits_at(2 * frame_bits, config.bitrate),
         BusKind::Rs485 => {
-            bits_at(2 * SERIAL_FRAME_BITS + 2 * GAP_BITS, bitrate) + SERIAL_TURNAROUND
+            let frame_bits = serial_frame_bits(serial_of(config.protocols));
+            bits_at(2 * frame_bits + 2 * GAP_BITS, config.bitrate) + SERIAL_TURNAROUND
         }
     }
 }

@@ -212,6 +212,7 @@ impl Bus {
         out: &mut Outbox<'_>,
     ) {
         self.config = Some(config);
+        self.line.configure(config.protocols);
         self.has_new_config = true;
         self.pause = Duration::ZERO;
         self.restart(now, axes, out);

@@ -5,10 +5,9 @@ use super::line::Heard;
 use crate::axes::Axes;
 use crate::axis::{Axis, Reception};
 use crate::outbox::Outbox;
-use crate::protocol::{self, Received};
+use crate::protocol::{self, Received, Unasked};
 use crate::time::Instant;
 use host_protocol::{BusKind, CanFrame, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
-use rmd::rs485::FRAME_LEN;
 
 /// Bits of silence between bytes that belong to different raw frames: two bytes' time.
 const RAW_IDLE_BITS: u64 = 20;
@@ -70,27 +69,16 @@ impl Bus {
         self.counters.rejected = self.line.rejected();
     }
 
-    fn serial_frame(
-        &mut self,
-        now: Instant,
-        frame: &[u8; FRAME_LEN],
-        axes: &mut Axes,
-        out: &mut Outbox<'_>,
-    ) {
+    fn serial_frame(&mut self, now: Instant, frame: &[u8], axes: &mut Axes, out: &mut Outbox<'_>) {
         self.counters.received = self.counters.received.saturating_add(1);
-        let received = rmd::rs485::decode_reply(frame)
-            .ok()
-            .map(|(node, reply)| Received::Rmd { node: node.get(), reply });
-        let axis = received.and_then(|received| {
+        let axis = self.line.serial().and_then(|serial| {
+            let received = (serial.decode)(frame)?;
             let sender = self.axes_here(axes).find(|axis| is_from(axis, self.index, &received))?;
-            Some((axes.get_mut(usize::from(sender.index))?, received))
+            let data = frame.get(serial.data_at..)?.first_chunk::<MAX_CAN_DATA>()?;
+            Some((axes.get_mut(usize::from(sender.index))?, received, data))
         });
         match axis {
-            Some((axis, received)) => {
-                let [.., d0, d1, d2, d3, d4, d5, d6, d7, _, _] = frame;
-                let data = [*d0, *d1, *d2, *d3, *d4, *d5, *d6, *d7];
-                self.deliver(now, axis, &received, &data, out);
-            }
+            Some((axis, received, data)) => self.deliver(now, axis, &received, data, out),
             None => self.counters.unmatched = self.counters.unmatched.saturating_add(1),
         }
     }
@@ -103,17 +91,19 @@ impl Bus {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        match axis.received(now, received, data, out) {
-            Reception::Answer => self.line.answered(),
-            Reception::Unasked if received.is_notice() => tell(axis.index, data, 0, out),
-            Reception::Unasked if received.telemetry().is_some() => {
-                if let Some(unreported) =
-                    received.telemetry().and_then(|kind| axis.telemetry.tells(now, kind))
-                {
+        let unasked = match axis.received(now, received, data, out) {
+            Reception::Answer => return self.line.answered(),
+            Reception::Late => Unasked::Late,
+            Reception::Unasked => received.unasked(),
+        };
+        match unasked {
+            Unasked::Notice => tell(axis.index, data, 0, out),
+            Unasked::Telemetry(kind) => {
+                if let Some(unreported) = axis.telemetry.tells(now, kind) {
                     tell(axis.index, data, unreported, out);
                 }
             }
-            Reception::Late | Reception::Unasked => {
+            Unasked::Late | Unasked::Objection => {
                 self.counters.late = self.counters.late.saturating_add(1);
             }
         }

@@ -7,10 +7,10 @@ use crate::axis::{Axis, Priority, Want};
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
-use host_protocol::{BusKind, Protocol};
+use host_protocol::BusKind;
 
-/// Requests outstanding on a CAN bus with thrusters; a thruster's stop can lose to the replies of
-/// so many motors (GUARANTEES G5).
+/// Requests outstanding on a CAN bus where replies win the arbitration against stops: a stop can
+/// lose to so many (GUARANTEES G5).
 pub(super) const MAX_OUTSTANDING: usize = 4;
 /// The frames of a request and its reply, on CAN or RS485.
 const EXCHANGE_FRAMES: u64 = 2;
@@ -176,8 +176,8 @@ impl Bus {
     }
 
     fn first_stops_bar_for(&self) -> Duration {
-        let replies = if self.carries(Protocol::Thruster) { MAX_OUTSTANDING as u64 } else { 0 };
-        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + self.bounds.streamed_at_once)
+        let replies = self.bounds.outranking_replies + self.bounds.streamed_at_once;
+        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies)
     }
 
     /// From when on each first stop that has not left may leave.
@@ -191,9 +191,9 @@ impl Bus {
         if self.is_off() || self.nothing_in_flight() || self.which(Is::Stopping, axes).is_empty() {
             return None;
         }
-        // A second frame may go beside whatever is there, but for that of a D5 whose reply is due.
+        // A second frame may go beside whatever is there, unless a reply with its id is due.
         let has_room = self.free_slot().is_some();
-        if has_room && !self.carries(Protocol::D5) {
+        if has_room && !self.bounds.shares_ids {
             return None;
         }
         let (index, _) = self.choose(now, axes, Room::All)?;
@@ -232,7 +232,7 @@ impl Bus {
         axes: &Axes,
         chosen: usize,
     ) -> bool {
-        if !self.carries(Protocol::D5) || self.nothing_in_flight() {
+        if !self.bounds.shares_ids || self.nothing_in_flight() {
             return false;
         }
         let is_asked_back = self.in_flight.iter().flatten().any(|f| f.cancel_by.is_some());
@@ -260,11 +260,11 @@ impl Bus {
             && (self.kind() == BusKind::Can || self.line.ready_at(self.line_times()) <= now)
     }
 
-    /// Whether one more request leaves the stops of thrusters their bound.
+    /// Whether one more request leaves stops that lose to replies their bound.
     fn may_be_answered(&self, axes: &Axes) -> bool {
         let outstanding = self.which(Is::Awaiting, axes).len() as usize;
         self.kind() != BusKind::Can
-            || !self.carries(Protocol::Thruster)
+            || self.bounds.outranking_replies == 0
             || outstanding < MAX_OUTSTANDING
     }
 
@@ -308,7 +308,8 @@ impl Bus {
     /// are let pass: of each axis the reply that was due as well, the first stop, and the reply to
     /// that.
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &Axes) -> Instant {
-        let Some(since) = axis.reply_with_our_id_since() else { return Instant::from_micros(0) };
+        let since = axis.reply_with_our_id_since().filter(|_| self.kind() == BusKind::Can);
+        let Some(since) = since else { return Instant::from_micros(0) };
         // Another motor's objection may be under way when the bus was quiet for so long, and that
         // of this one behind it.
         let behind = if axis.objects() { self.frame_time(1) } else { Duration::ZERO };

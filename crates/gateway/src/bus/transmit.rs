@@ -1,7 +1,6 @@
 //! What is handed to a bus, and what becomes of it.
 
-use super::line::{GAP_BITS, LineTimes};
-use super::load::SERIAL_FRAME_BITS;
+use super::line::{GAP_BITS, LineTimes, serial_frame_bits};
 use super::schedule::Room;
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
@@ -12,7 +11,7 @@ use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
 use embedded_can::Id;
 use heapless::Vec;
-use host_protocol::{BusKind, Protocol, RawFrame, TripReason};
+use host_protocol::{BusKind, RawFrame, TripReason};
 
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES
 /// G3).
@@ -200,17 +199,13 @@ impl Bus {
     pub(super) fn line_times(&self) -> LineTimes {
         LineTimes {
             gap: self.bit_time(GAP_BITS),
-            frame: self.bit_time(SERIAL_FRAME_BITS),
+            frame: self.bit_time(serial_frame_bits(self.line.serial())),
             window: self.reply_window(),
         }
     }
 
     pub(super) fn axes_here<'a>(&self, axes: &'a Axes) -> impl Iterator<Item = &'a Axis> + Clone {
         axes.of(self.here(axes))
-    }
-
-    pub(super) fn carries(&self, protocol: Protocol) -> bool {
-        self.config.as_ref().is_some_and(|config| config.protocols.contains(protocol))
     }
 
     pub(super) fn free_slot(&self) -> Option<u8> {
@@ -227,7 +222,9 @@ impl Bus {
         let command = axis.command_for(want.exchange);
         let frame = command.and_then(|command| match self.kind() {
             BusKind::Can => protocol::to_can(&command, &axis.config).map(Outgoing::Can),
-            BusKind::Rs485 => protocol::to_serial(&command, &axis.config).map(Outgoing::Serial),
+            BusKind::Rs485 => protocol::to_serial(&command, &axis.config)
+                .and_then(|frame| Vec::from_slice(&frame).ok())
+                .map(Outgoing::Serial),
         });
         let (Some(command), Some(frame), Some(slot)) = (command, frame, self.free_slot()) else {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
@@ -235,7 +232,8 @@ impl Bus {
         };
         self.turn = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
-        let may_come = axis.reply_with_our_id_since().is_some() || axis.objects();
+        let may_come = self.kind() == BusKind::Can
+            && (axis.reply_with_our_id_since().is_some() || axis.objects());
         let may_collide = may_come && !self.let_reply_pass;
         let frames = self.frame_time(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);

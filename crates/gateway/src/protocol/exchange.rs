@@ -18,6 +18,8 @@ pub(crate) enum Exchange {
     /// Carry out the asynchronous write that waits, a speed of 0, so that nothing waits any more
     /// (D5).
     ExecutePending,
+    /// Have every motor of the bus carry out what waits in it (D5).
+    ExecuteAll,
     /// Read the commanded speed back (D5: how a motor confirms that does not answer writes).
     CommandedSpeed,
     /// Lock the holding brake (RMD).

@@ -1,8 +1,8 @@
 //! Native commands: data bytes of a manual, decoded before the gateway acts on them.
 
-use super::{Command, d5, rmd, thruster, to_can, to_serial};
+use super::{Command, Info, to_can, to_serial};
 use crate::axis::AxisConfig;
-use host_protocol::{AxisParameter, BusKind, Error, Protocol, Setpoint};
+use host_protocol::{AxisParameter, BusKind, Error, Setpoint};
 
 /// A decoded native command and what it does.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,15 +64,10 @@ pub(crate) fn native(
     let Some(protocol) = config.protocol() else {
         return Err(Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() });
     };
-    let sign = config.sign();
-    let native = match protocol {
-        Protocol::Rmd => rmd::native(data, sign),
-        Protocol::Thruster => thruster::native(axis, data, config)?,
-        Protocol::D5 => d5::native(axis, data, config)?,
+    let encodes = |command: &Command| match kind {
+        BusKind::Can => to_can(command, config).is_some(),
+        BusKind::Rs485 => to_serial(command, config).is_some(),
     };
-    let encodes = |native: &Native| match kind {
-        BusKind::Can => to_can(&native.command, config).is_some(),
-        BusKind::Rs485 => to_serial(&native.command, config).is_some(),
-    };
-    native.filter(encodes).ok_or(Error::NotACommand { axis, protocol })
+    let native = (Info::of(protocol).native)(axis, data, config)?;
+    native.filter(|native| encodes(&native.command)).ok_or(Error::NotACommand { axis, protocol })
 }

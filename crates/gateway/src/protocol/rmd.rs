@@ -1,16 +1,55 @@
 //! MyActuator RMD (V3.6) in the core's words.
 
-use super::convert::{self, CENTIDEGREES, DEGREES, HUNDREDTHS};
-use super::native::{Demand, Effect, Native};
-use super::{Command, Exchange, Sequences, Verdict, fit, impedance, position, turned};
+use super::convert::{CENTIDEGREES, DEGREES, HUNDREDTHS, TENTHS, from_span, position, to_span};
+use super::{
+    Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Serial,
+    SerialFrame, Sets, Unasked, Verdict,
+};
 use crate::axis::{AxisConfig, Observation};
-use host_protocol::{AxisParameter, Error, Quantity, Setpoint, StopAction};
+use crate::time::Duration;
+use embedded_can::StandardId;
+use heapless::Vec;
+use host_protocol::StopAction::{Brake, Coast, Hold};
+use host_protocol::{AxisParameter, BusKind, CanId, Error, Quantity, Setpoint};
+use rmd::rs485::{self, FRAME_LEN};
 use rmd::{
-    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, Reply, Request,
-    SpeedLimit,
+    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, MotionCommand,
+    MotionFeedback, Node, Reply, Request, SpeedLimit, can,
 };
 
-pub(super) const SEQUENCES: Sequences = Sequences {
+pub(super) static INFO: Info = Info {
+    last_node: Node::MAX,
+    can_bitrates: None,
+    serial: Some(Serial {
+        frame_len: FRAME_LEN,
+        data_at: 3,
+        deframer: Deframer::Rmd(rs485::Deframer::new()),
+        encode: to_serial,
+        decode: from_serial,
+        reads: reads_serial,
+    }),
+    alone: false,
+    free_ids: false,
+    replies_outrank_stops: false,
+    polled_to_hold: true,
+    starts_together: false,
+    // It writes its timeout to ROM (§2.30).
+    stores_timeout: true,
+    reads_timeout_switch: false,
+    timeouts_ms: (0, u32::MAX),
+    reported_faults: 0,
+    sensor_faults: 0,
+    speed: &DEGREES,
+    position: &CENTIDEGREES,
+    own_parameters: &[
+        AxisParameter::ReleaseBrakeWhenArming,
+        AxisParameter::AllowUnverifiedBrake,
+        AxisParameter::MotionPositionRad,
+        AxisParameter::MotionVelocityRadS,
+        AxisParameter::MotionTorqueNm,
+        AxisParameter::MotionStiffness,
+        AxisParameter::MotionDamping,
+    ],
     // 0x81 twice: after a communication timeout the first command is echoed and ignored
     // (PROTOCOL-NOTES R20).
     arming: &[
@@ -26,13 +65,114 @@ pub(super) const SEQUENCES: Sequences = Sequences {
     polls: &[Exchange::Velocity, Exchange::Position],
     // There is no command that clears a fault (§8).
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
+    stops: &[
+        (Coast, &[Exchange::Stop]),
+        (Hold, &[Exchange::Stop, Exchange::Velocity]),
+        (
+            Brake,
+            &[
+                Exchange::Stop,
+                Exchange::Velocity,
+                Exchange::LockBrake,
+                Exchange::Faults,
+                Exchange::OutputOff,
+                Exchange::Velocity,
+            ],
+        ),
+    ],
+    limits,
+    can_confirm: |_| true,
+    request_id: |node, _| id(node, can::request_id),
+    ids: |node, _| Ids {
+        sent: [id(node, can::request_id), id(node, can::motion_request_id)],
+        replies: [id(node, can::reply_id), id(node, can::motion_reply_id)],
+        groups: [CanId::standard(can::BROADCAST_ID.into()), CanId::standard(can::CAN_ID_ID.into())],
+    },
+    command,
+    motion,
+    at,
+    native: |_, data, config| {
+        let request = data.try_into().ok().map(Request::decode);
+        Ok(request.and_then(|request| {
+            let effect = effect(request, config.sign())?;
+            Some(Native { command: Command::Rmd(request), effect })
+        }))
+    },
+    is_answered: |command, _| matches!(command, Command::Rmd(request) if request.is_answered()),
+    judge,
+    observe: |received, config| match received {
+        Received::Rmd { reply, .. } => observe(reply, config),
+        _ => Observation::default(),
+    },
+    unasked: |received| match received {
+        // 0x9A comes every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES
+        // R16).
+        Received::Rmd { reply: Reply::TimeoutNotice { .. } | Reply::Status1 { .. }, .. } => {
+            Unasked::Notice
+        }
+        _ => Unasked::Late,
+    },
+    to_can: |command, node, _| match command {
+        Command::Rmd(request) => can::request(Node::new(node).ok()?, request).ok(),
+        _ => None,
+    },
+    from_can: |frame| {
+        let (node, reply) = can::decode_reply(frame).ok()?;
+        Some(Received::Rmd { node: node.get(), reply })
+    },
+    reads: |frame| {
+        can::decode_any_request(frame).is_ok_and(|(_, request)| reads_by(request, frame.data()))
+    },
 };
 
-pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
-    Some(match exchange {
+fn id(node: u8, of: fn(Node) -> StandardId) -> Option<CanId> {
+    Node::new(node).ok().map(|node| CanId(of(node).into()))
+}
+
+/// Torque is told in motion mode alone, which has no serial form (§5).
+fn limits(bus: BusKind, _: &AxisConfig) -> &'static [AxisParameter] {
+    const LIMITS: &[AxisParameter] = &[
+        AxisParameter::VelocityLimitRadS,
+        AxisParameter::CurrentLimitA,
+        AxisParameter::PositionMinRad,
+        AxisParameter::PositionMaxRad,
+        AxisParameter::TemperatureLimitC,
+        AxisParameter::TorqueLimitNm,
+    ];
+    match (bus, LIMITS) {
+        (BusKind::Rs485, [others @ .., _torque]) => others,
+        _ => LIMITS,
+    }
+}
+
+fn to_serial(command: &Command, node: u8) -> Option<SerialFrame> {
+    let Command::Rmd(request) = command else { return None };
+    Vec::from_slice(&rs485::request(Node::new(node).ok()?, request).ok()?).ok()
+}
+
+fn from_serial(frame: &[u8]) -> Option<Received> {
+    let (node, reply) = rs485::decode_reply(frame.try_into().ok()?).ok()?;
+    Some(Received::Rmd { node: node.get(), reply })
+}
+
+fn reads_serial(bytes: &[u8]) -> bool {
+    let Ok(frame) = bytes.try_into() else { return false };
+    let Ok((_, request)) = rs485::decode_any_request(frame) else { return false };
+    let [_, _, _, data @ .., _, _] = frame;
+    reads_by(request, data)
+}
+
+/// Whether a request reads, and its bytes are those that the manual prints: the codec overlooks
+/// bytes without a meaning.
+fn reads_by(request: Request, data: &[u8]) -> bool {
+    effect(request, 1.0) == Some(Effect::Asks) && request.encode().is_ok_and(|bytes| bytes == data)
+}
+
+fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
+    let request = match exchange {
         Exchange::Stop => match config.stop_action()? {
-            StopAction::Coast => Request::Shutdown,
-            StopAction::Hold | StopAction::Brake => Request::Stop,
+            Coast => Request::Shutdown,
+            Hold | Brake => Request::Stop,
         },
         Exchange::LockBrake => Request::LockBrake,
         Exchange::ReleaseBrake if config.flag(AxisParameter::ReleaseBrakeWhenArming) => {
@@ -48,30 +188,28 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
             Request::SetCommunicationTimeout { timeout: Milliseconds(timeout_ms) }
         }
         _ => return None,
-    })
+    };
+    Some(Command::Rmd(request))
 }
 
-pub(super) fn motion(
-    axis: u8,
-    setpoint: Setpoint,
-    config: &AxisConfig,
-) -> Result<Option<Request>, Error> {
-    Ok(Some(match setpoint {
-        Setpoint::Impedance { .. } => {
-            Request::MotionMode { command: impedance::command(setpoint, config)? }
-        }
+fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
+    let request = match setpoint {
+        Setpoint::Impedance { .. } => Request::MotionMode { command: impedance(setpoint, config)? },
         Setpoint::Current { current_a } => {
-            let most = HUNDREDTHS.to_si(i32::from(i16::MAX));
-            let count = HUNDREDTHS.within(current_a, config.range(AxisParameter::CurrentLimitA));
-            let current = fit(turned(count, config), Quantity::Current, current_a, (-most, most))?;
+            let limits = config.range(AxisParameter::CurrentLimitA);
+            let current =
+                HUNDREDTHS.turned(Quantity::Current, current_a, limits, i16::MAX, config)?;
             Request::TorqueCurrent { current: Centiamps(current) }
         }
         Setpoint::Velocity { velocity_rad_s } => {
-            let most = CENTIDEGREES.to_si(i32::MAX);
-            let count =
-                CENTIDEGREES.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
-            let speed =
-                fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
+            let limits = config.range(AxisParameter::VelocityLimitRadS);
+            let speed = CENTIDEGREES.turned(
+                Quantity::Velocity,
+                velocity_rad_s,
+                limits,
+                i32::MAX,
+                config,
+            )?;
             Request::Velocity { speed: CentidegreesPerSecond(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
@@ -85,36 +223,87 @@ pub(super) fn motion(
             }
         }
         Setpoint::Signal { .. } => return Ok(None),
-    }))
+    };
+    Ok(Some(Command::Rmd(request)))
 }
 
-/// A position command with its target at a count of the motor's, in the motor's sense of rotation.
-pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
-    let Request::AbsolutePosition { max_speed, .. } = request else { return None };
-    let target = start.checked_add(CENTIDEGREES.nearest(distance_rad)?)?;
-    Some((Request::AbsolutePosition { max_speed, angle: Centidegrees(target) }, target))
+fn at(command: Command, target: i32) -> Option<Command> {
+    let Command::Rmd(Request::AbsolutePosition { max_speed, .. }) = command else { return None };
+    Some(Command::Rmd(Request::AbsolutePosition { max_speed, angle: Centidegrees(target) }))
 }
 
-/// What the eight data bytes of a request do; `None` where the manual lists no such command.
-pub(super) fn native(data: &[u8], sign: f32) -> Option<Native> {
-    let request = Request::decode(data.try_into().ok()?);
-    Some(Native { command: Command::Rmd(request), effect: effect(request, sign)? })
+/// Bits of the position word, and of the others (§5).
+const POSITION_BITS: u32 = 16;
+const WORD_BITS: u32 = 12;
+/// The divisors with which the manual reads the words back (§5.4).
+const WORD_DIVISOR: f32 = 4095.0;
+
+/// The words of an impedance setpoint in the ranges that the axis states; any other setpoint asks
+/// for nothing.
+fn impedance(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionCommand, Error> {
+    let Setpoint::Impedance {
+        position_rad,
+        velocity_rad_s,
+        stiffness_nm_per_rad,
+        damping_nm_s_per_rad,
+        torque_nm,
+    } = setpoint
+    else {
+        return Ok(MotionCommand::NEUTRAL);
+    };
+    let end = |parameter| config.float(parameter).unwrap_or(0.0);
+    // The range is the same in both senses of rotation, the limits are turned.
+    let word = |quantity, value: f32, range: (f32, f32), bits, limits: (f32, f32), sign: f32| {
+        let limits = if sign < 0.0 { (-limits.1, -limits.0) } else { limits };
+        let refused = Error::OutOfRange { quantity, value, min: range.0, max: range.1 };
+        to_span(sign * value, range, bits, limits).ok_or(refused)
+    };
+    let two_sided = |quantity, value, parameter, bits, limits| {
+        word(quantity, value, (-end(parameter), end(parameter)), bits, limits, config.sign())
+    };
+    let gain = |quantity, value, parameter| {
+        word(quantity, value, (0.0, end(parameter)), WORD_BITS, (0.0, end(parameter)), 1.0)
+    };
+    Ok(MotionCommand {
+        position: two_sided(
+            Quantity::Position,
+            position_rad,
+            AxisParameter::MotionPositionRad,
+            POSITION_BITS,
+            config.position_range(),
+        )?,
+        velocity: two_sided(
+            Quantity::Velocity,
+            velocity_rad_s,
+            AxisParameter::MotionVelocityRadS,
+            WORD_BITS,
+            config.range(AxisParameter::VelocityLimitRadS),
+        )?,
+        kp: gain(Quantity::Stiffness, stiffness_nm_per_rad, AxisParameter::MotionStiffness)?,
+        kd: gain(Quantity::Damping, damping_nm_s_per_rad, AxisParameter::MotionDamping)?,
+        torque: two_sided(
+            Quantity::Torque,
+            torque_nm,
+            AxisParameter::MotionTorqueNm,
+            WORD_BITS,
+            config.range(AxisParameter::TorqueLimitNm),
+        )?,
+    })
 }
 
 /// What a request does; `None` where the manual lists no such command.
-pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
-    let position = |angle: Centidegrees| sign * convert::centidegrees_to_rad(angle.0);
-    let degrees = |speed: SpeedLimit| convert::degrees_to_rad(i32::from(speed.0));
+fn effect(request: Request, sign: f32) -> Option<Effect> {
+    let position = |angle: Centidegrees| sign * CENTIDEGREES.to_si(angle.0);
     Some(match request {
         Request::Unknown { .. } => return None,
         request if request.only_reads() => Effect::Asks,
         Request::Shutdown | Request::Stop => Effect::Stops,
         Request::TorqueCurrent { current } => {
-            let current_a = sign * convert::from_hundredths(i32::from(current.0));
+            let current_a = sign * HUNDREDTHS.to_si(current.0);
             Effect::Moves(Demand::Setpoint(Setpoint::Current { current_a }))
         }
         Request::Velocity { speed } => {
-            let velocity_rad_s = sign * convert::centidegrees_to_rad(speed.0);
+            let velocity_rad_s = sign * CENTIDEGREES.to_si(speed.0);
             Effect::Moves(Demand::Setpoint(Setpoint::Velocity { velocity_rad_s }))
         }
         Request::PositionTracking { angle } => {
@@ -123,15 +312,16 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::AbsolutePosition { max_speed, angle } => {
             Effect::Moves(Demand::Setpoint(Setpoint::Position {
                 position_rad: position(angle),
-                speed_limit_rad_s: degrees(max_speed),
+                speed_limit_rad_s: DEGREES.to_si(max_speed.0),
             }))
         }
         Request::LimitedPositionTracking { max_speed, angle } => {
-            let speed_limit_rad_s = convert::centidegrees_to_rad(i32::from(max_speed.0));
+            let speed_limit_rad_s = CENTIDEGREES.to_si(max_speed.0);
             Effect::Moves(Demand::Tracking { position_rad: position(angle), speed_limit_rad_s })
         }
         Request::IncrementalPosition { max_speed, .. } => {
-            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: degrees(max_speed) })
+            let speed_limit_rad_s = DEGREES.to_si(max_speed.0);
+            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s })
         }
         // A restart does not lose what 0xB3 has written to ROM (§2.25, §2.30).
         Request::SetCommunicationTimeout { .. }
@@ -144,7 +334,32 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
-pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
+/// What the motor keeps of a request.
+pub(super) fn sets(request: &Request) -> Sets {
+    match request {
+        Request::Stop => Sets::Output(true),
+        Request::Shutdown => Sets::Output(false),
+        request if request.acts_after_restart() => Sets::AfterRestart,
+        _ => Sets::Nothing,
+    }
+}
+
+/// Whether the motor follows such targets from one command to the next: 0xA5.
+pub(crate) fn tracks(command: &Command) -> bool {
+    matches!(command, Command::Rmd(Request::LimitedPositionTracking { .. }))
+}
+
+/// The reply window of a command where the motor needs longer than its bus's window: for its brake
+/// motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20).
+pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
+    let is_brake = matches!(command, Command::Rmd(Request::ReleaseBrake | Request::LockBrake));
+    is_brake.then_some(Duration::from_millis(300))
+}
+
+fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+    let (Command::Rmd(request), Received::Rmd { reply, .. }) = (command, received) else {
+        return Verdict::Unrelated;
+    };
     match rmd::answer(request, reply) {
         // All zero is an answer that may as well be the request thrown back: it tells nothing
         // (PROTOCOL-NOTES R30).
@@ -163,43 +378,50 @@ pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Ve
     }
 }
 
-pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
+fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
+    let mut seen = Observation::default();
     let sign = config.sign();
     match reply {
-        Reply::MotionMode { feedback } => impedance::observe(feedback, config),
-        Reply::MultiTurnAngle { angle } => Observation {
-            position_rad: Some(sign * convert::centidegrees_to_rad(angle.0)),
-            position_count: Some(angle.0),
-            ..Observation::default()
-        },
-        Reply::Status1 { temperature, brake_released, voltage, faults } => Observation {
-            motor_temperature_c: Some(f32::from(temperature.0)),
-            brake_locked: Some(!brake_released),
-            voltage_v: Some(convert::from_tenths(i32::from(voltage.0))),
-            faults: Some(faults.bits()),
-            ..Observation::default()
-        },
-        Reply::RunTime { time } => {
-            Observation { run_time_ms: Some(time.0), ..Observation::default() }
+        Reply::MotionMode { feedback } => observe_impedance(feedback, config, &mut seen),
+        Reply::MultiTurnAngle { angle } => {
+            seen.position_rad = Some(sign * CENTIDEGREES.to_si(angle.0));
+            seen.position_count = Some(angle.0);
         }
+        Reply::Status1 { temperature, brake_released, voltage, faults } => {
+            seen.motor_temperature_c = Some(f32::from(temperature.0));
+            seen.brake_locked = Some(!brake_released);
+            seen.voltage_v = Some(TENTHS.to_si(voltage.0));
+            seen.faults = Some(faults.bits());
+        }
+        Reply::RunTime { time } => seen.run_time_ms = Some(time.0),
+        // The angle ends at ±32767° and is left out: positions come from 0x92 (PROTOCOL-NOTES R35).
         Reply::Status2 { motion }
         | Reply::TorqueCurrent { motion }
         | Reply::Velocity { motion }
         | Reply::PositionTracking { motion }
         | Reply::AbsolutePosition { motion }
         | Reply::LimitedPositionTracking { motion }
-        | Reply::IncrementalPosition { motion } => observe_motion(motion, sign),
-        _ => Observation::default(),
+        | Reply::IncrementalPosition { motion } => {
+            seen.motor_temperature_c = Some(f32::from(motion.temperature.0));
+            seen.current_a = Some(sign * HUNDREDTHS.to_si(motion.current.0));
+            seen.velocity_rad_s = Some(sign * DEGREES.to_si(motion.speed.0));
+        }
+        _ => {}
     }
+    seen
 }
 
-/// The angle of motion replies ends at ±32767° and is left out: positions come from 0x92
-/// (PROTOCOL-NOTES R35).
-fn observe_motion(motion: &Motion, sign: f32) -> Observation {
-    Observation {
-        motor_temperature_c: Some(f32::from(motion.temperature.0)),
-        current_a: Some(sign * convert::from_hundredths(i32::from(motion.current.0))),
-        velocity_rad_s: Some(sign * convert::degrees_to_rad(i32::from(motion.speed.0))),
-        ..Observation::default()
-    }
+/// What a reply in motion mode tells. Its position ends at the ends of its range and is left out:
+/// positions come from 0x92.
+fn observe_impedance(feedback: &MotionFeedback, config: &AxisConfig, seen: &mut Observation) {
+    let read = |word, parameter| {
+        let end = config.float(parameter)?;
+        Some(config.sign() * from_span(word, (-end, end), WORD_DIVISOR))
+    };
+    seen.velocity_rad_s = read(feedback.velocity, AxisParameter::MotionVelocityRadS);
+    seen.torque_nm = read(feedback.torque, AxisParameter::MotionTorqueNm);
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/impedance.rs"]
+mod tests;

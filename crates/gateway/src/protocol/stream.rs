@@ -1,8 +1,7 @@
-//! The frames that a thruster sends by itself, as its SR is set (Thruster manual §2.5). It keeps
-//! that without power, so the axis says it.
+//! The frames that a motor sends by itself, as its SR is set (Thruster manual §2.5). It keeps that
+//! without power, so the axis says it.
 
 use crate::time::Duration;
-use thruster::Request;
 
 /// So many frames in each of these times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,10 +27,4 @@ impl Stream {
             self.frames * other.interval.as_micros() > other.frames * self.interval.as_micros()
         })
     }
-}
-
-/// Bytes 5 to 7 of SR, where the request is one.
-pub(super) fn word_after(request: &Request) -> Option<u32> {
-    let Request::ConfigureStream { frames, interval } = request else { return None };
-    Some(u32::from(frames.bits()) << u16::BITS | u32::from(interval.0))
 }

@@ -1,16 +1,44 @@
 //! The thruster/rudder CAN protocol in the core's words.
 
-use super::convert::{self, DECIDEGREES, HUNDREDTHS, RPM};
-use super::native::{Demand, Effect, Native};
-use super::returned::{self, ReturnMode, is_motion};
-use super::{Command, Exchange, Sequences, Verdict, fit, position, turned};
+use super::convert::{DECIDEGREES, HUNDREDTHS, RPM, TENTHS, position};
+use super::{
+    Command, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Sets, Unasked, Verdict,
+};
 use crate::axis::{AxisConfig, Observation};
-use host_protocol::{AxisParameter, Error, Protocol, Quantity, Setpoint};
+use embedded_can::StandardId;
+use host_protocol::{
+    AxisParameter, BusKind, CanId, Error, Protocol, Quantity, Setpoint, StopAction,
+};
 use thruster::{
-    Answer, Decidegrees, EncodeError, Faults, Milliseconds, Percent, Reply, Request, Rpm, RpmLimit,
+    Answer, Deciamps, Decidegrees, Decivolts, EncodeError, Faults, Milliseconds, Node, Percent,
+    Reply, Request, ReturnFlags, ReturnFrames, ReturnedFrame, Rpm, RpmLimit, can,
 };
 
-pub(super) const SEQUENCES: Sequences = Sequences {
+pub(super) static INFO: Info = Info {
+    last_node: Node::MAX,
+    can_bitrates: None,
+    serial: None,
+    alone: false,
+    free_ids: false,
+    // Requests have 0x300 + node, replies and streams 0x280 + node.
+    replies_outrank_stops: true,
+    polled_to_hold: false,
+    starts_together: false,
+    // The manual does not say that it keeps ST (§2.3).
+    stores_timeout: false,
+    reads_timeout_switch: false,
+    timeouts_ms: (thruster::TIMEOUT_MIN as u32, thruster::TIMEOUT_MAX as u32),
+    // What only reports (§3, protections; PROTOCOL-NOTES T20).
+    reported_faults: Faults::REPORTED.bits(),
+    sensor_faults: Faults::TEMPERATURE_SENSORS.bits(),
+    speed: &RPM,
+    position: &DECIDEGREES,
+    own_parameters: &[
+        AxisParameter::PositionDevice,
+        AxisParameter::WarningsAreFaults,
+        AxisParameter::ReturnMode,
+        AxisParameter::Stream,
+    ],
     // Both fault words are read first, because the next command clears a timeout (T18); TC 0 clears
     // zero protection (T19). ST is written each time: the manual does not say that a thruster
     // keeps it (§2.3).
@@ -40,11 +68,64 @@ pub(super) const SEQUENCES: Sequences = Sequences {
         Exchange::MotorTemperature,
         Exchange::DriverTemperature,
     ],
+    stops: &[(StopAction::Coast, &[Exchange::Stop, Exchange::PositionStop])],
+    limits,
+    can_confirm: |config| ReturnMode::of(config) != ReturnMode::Nothing,
+    request_id: |node, _| id(node, can::request_id),
+    // Streams come on the id of replies.
+    ids: |node, _| Ids {
+        sent: [id(node, can::request_id), None],
+        replies: [id(node, can::reply_id), None],
+        groups: [None; 2],
+    },
+    command,
+    motion,
+    at,
+    native,
+    is_answered: |_, _| true,
+    judge,
+    observe: |received, config| match received {
+        Received::Thruster { reply, .. } => observe(reply, config.sign()),
+        _ => Observation::default(),
+    },
+    unasked,
+    to_can: |command, node, _| match command {
+        Command::Thruster(request) => can::request(Node::new(node).ok()?, request).ok(),
+        _ => None,
+    },
+    from_can: |frame| {
+        let (node, reply) = can::decode_reply(frame).ok()?;
+        Some(Received::Thruster { node: node.get(), reply })
+    },
+    reads: |frame| {
+        let decoded = can::decode_request(frame);
+        decoded.is_ok_and(|(_, request)| effect(request, 1.0) == Some(Effect::Asks))
+    },
 };
 
-pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request> {
+fn id(node: u8, of: fn(Node) -> StandardId) -> Option<CanId> {
+    Node::new(node).ok().map(|node| CanId(of(node).into()))
+}
+
+/// Only a device with a position controller tells its position.
+fn limits(_: BusKind, config: &AxisConfig) -> &'static [AxisParameter] {
+    const LIMITS: &[AxisParameter] = &[
+        AxisParameter::VelocityLimitRadS,
+        AxisParameter::CurrentLimitA,
+        AxisParameter::SignalLimit,
+        AxisParameter::TemperatureLimitC,
+        AxisParameter::PositionMinRad,
+        AxisParameter::PositionMaxRad,
+    ];
+    match LIMITS {
+        [others @ .., _min, _max] if !config.flag(AxisParameter::PositionDevice) => others,
+        _ => LIMITS,
+    }
+}
+
+fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
     let has_position = config.flag(AxisParameter::PositionDevice);
-    Some(match exchange {
+    let request = match exchange {
         Exchange::Stop => Request::Signal { signal: Percent(0) },
         Exchange::PositionStop if has_position => Request::EmergencyStop,
         Exchange::Velocity => Request::ReadSpeed,
@@ -60,25 +141,20 @@ pub(super) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Request
             Request::SetTimeout { timeout: Milliseconds(u16::try_from(timeout_ms).ok()?) }
         }
         _ => return None,
-    })
+    };
+    Some(Command::Thruster(request))
 }
 
-pub(super) fn motion(
-    axis: u8,
-    setpoint: Setpoint,
-    config: &AxisConfig,
-) -> Result<Option<Request>, Error> {
+fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
     let request = match setpoint {
         Setpoint::Signal { fraction } => {
-            let count = HUNDREDTHS.within(fraction, config.range(AxisParameter::SignalLimit));
-            let signal = fit(turned(count, config), Quantity::Signal, fraction, (-1.0, 1.0))?;
+            let limits = config.range(AxisParameter::SignalLimit);
+            let signal = HUNDREDTHS.turned(Quantity::Signal, fraction, limits, 100, config)?;
             Request::Signal { signal: Percent(signal) }
         }
         Setpoint::Velocity { velocity_rad_s } => {
-            let most = RPM.to_si(i32::from(i16::MAX));
-            let count = RPM.within(velocity_rad_s, config.range(AxisParameter::VelocityLimitRadS));
-            let speed =
-                fit(turned(count, config), Quantity::Velocity, velocity_rad_s, (-most, most))?;
+            let limits = config.range(AxisParameter::VelocityLimitRadS);
+            let speed = RPM.turned(Quantity::Velocity, velocity_rad_s, limits, i16::MAX, config)?;
             Request::Speed { speed: Rpm(speed) }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s }
@@ -94,22 +170,18 @@ pub(super) fn motion(
         }
     };
     match request.encode() {
-        Ok(_) => Ok(Some(request)),
+        Ok(_) => Ok(Some(Command::Thruster(request))),
         Err(refusal) => Err(in_si(setpoint, refusal)),
     }
 }
 
-/// A position command with its target at a count of the device's, in the device's sense of
-/// rotation.
-pub(super) fn at(request: Request, start: i32, distance_rad: f32) -> Option<(Request, i32)> {
-    let Request::AbsolutePosition { speed, .. } = request else { return None };
-    let target = start.checked_add(DECIDEGREES.nearest(distance_rad)?)?;
+fn at(command: Command, target: i32) -> Option<Command> {
+    let Command::Thruster(Request::AbsolutePosition { speed, .. }) = command else { return None };
     let request = Request::AbsolutePosition { speed, position: Decidegrees(target) };
-    request.encode().ok().map(|_| (request, target))
+    request.encode().ok().map(|_| Command::Thruster(request))
 }
 
-/// What the data field of a request does; `None` where the manual lists no such command.
-pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Option<Native>, Error> {
+fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Found<Native> {
     let Ok(request) = Request::decode(data) else { return Ok(None) };
     let positions =
         matches!(request, Request::AbsolutePosition { .. } | Request::RelativePosition { .. });
@@ -117,34 +189,32 @@ pub(super) fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Result<Optio
         // A stop would not reach the position controller (GUARANTEES G4, stop table).
         return Err(Error::Unsupported { axis, protocol: Protocol::Thruster });
     }
-    Ok(effect(request, config.sign())
-        .map(|effect| Native { command: Command::Thruster(request), effect }))
+    let effect = effect(request, config.sign());
+    Ok(effect.map(|effect| Native { command: Command::Thruster(request), effect }))
 }
 
 /// What a request does; `None` where the manual lists no such command.
-pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
-    let position = |position: Decidegrees| sign * convert::decidegrees_to_rad(position.0);
-    let rpm = |speed: RpmLimit| convert::rpm_to_rad_s(i32::from(speed.0));
+fn effect(request: Request, sign: f32) -> Option<Effect> {
     Some(match request {
         Request::Unknown { .. } => return None,
         request if request.only_reads() => Effect::Asks,
         Request::EmergencyStop => Effect::Stops,
         Request::Signal { signal } => {
-            let fraction = sign * convert::from_hundredths(i32::from(signal.0));
+            let fraction = sign * HUNDREDTHS.to_si(signal.0);
             Effect::of_setpoint(Setpoint::Signal { fraction }, signal.0 == 0)
         }
         Request::Speed { speed } => {
-            let velocity_rad_s = sign * convert::rpm_to_rad_s(i32::from(speed.0));
+            let velocity_rad_s = sign * RPM.to_si(speed.0);
             Effect::of_setpoint(Setpoint::Velocity { velocity_rad_s }, speed.0 == 0)
         }
-        Request::AbsolutePosition { speed, position: target } => {
+        Request::AbsolutePosition { speed, position } => {
             Effect::Moves(Demand::Setpoint(Setpoint::Position {
-                position_rad: position(target),
-                speed_limit_rad_s: rpm(speed),
+                position_rad: sign * DECIDEGREES.to_si(position.0),
+                speed_limit_rad_s: RPM.to_si(speed.0),
             }))
         }
         Request::RelativePosition { speed, .. } => {
-            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: rpm(speed) })
+            Effect::MovesOnce(Demand::Distance { speed_limit_rad_s: RPM.to_si(speed.0) })
         }
         Request::SetTimeout { .. }
         | Request::SetId { .. }
@@ -154,56 +224,123 @@ pub(super) fn effect(request: Request, sign: f32) -> Option<Effect> {
     })
 }
 
-/// The bits of a fault word that the device only reports, unless the axis treats them as faults.
-/// Without its sensor a temperature limit cannot be kept (Thruster manual §3, protections).
-pub(super) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
-    let limits_temperature = config.float(AxisParameter::TemperatureLimitC).is_some();
-    let only_reported = match config.flag(AxisParameter::WarningsAreFaults) {
-        true => Faults::empty(),
-        false if limits_temperature => Faults::REPORTED.difference(Faults::TEMPERATURE_SENSORS),
-        false => Faults::REPORTED,
-    };
-    faults & only_reported.bits()
+/// What the device keeps of a request. A new id or bitrate acts when it is switched on again (T23).
+pub(super) fn sets(request: &Request) -> Sets {
+    match request {
+        Request::SetId { id } => u8::try_from(*id).map_or(Sets::Nothing, Sets::NextNode),
+        Request::SetBitrate { bitrate } => {
+            bitrate.info().map_or(Sets::Nothing, |info| Sets::Bitrate(info.bits_per_second))
+        }
+        // Bytes 5 to 7 of SR, as `stream` of the axis says them.
+        Request::ConfigureStream { frames, interval } => {
+            Sets::Stream(u32::from(frames.bits()) << u16::BITS | u32::from(interval.0))
+        }
+        _ => Sets::Nothing,
+    }
 }
 
-/// Refuses a timeout that the device cannot keep.
-pub(super) fn check_timeout(timeout_ms: u32) -> Result<(), (u32, u32)> {
-    let (min, max) = (u32::from(thruster::TIMEOUT_MIN), u32::from(thruster::TIMEOUT_MAX));
-    let off = timeout_ms == u32::from(thruster::TIMEOUT_OFF);
-    if off || (min..=max).contains(&timeout_ms) { Ok(()) } else { Err((min, max)) }
+/// The bitrates that CB can set, bit/s.
+pub(super) fn bitrates() -> impl Iterator<Item = u32> {
+    thruster::BITRATES.iter().map(|info| info.bits_per_second)
 }
 
 /// The codec's refusal of a setpoint, with the bounds in SI units.
 fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
-    let bounds = match refusal {
-        EncodeError::OutOfRange { min, max, .. } => {
-            (i32::try_from(min).ok(), i32::try_from(max).ok())
-        }
-        _ => (None, None),
-    };
-    let (quantity, value, bounds) = match setpoint {
-        Setpoint::Signal { fraction } => (Quantity::Signal, fraction, (-1.0, 1.0)),
+    let (quantity, value, (min, max)) = match setpoint {
         Setpoint::Position { position_rad, .. } => {
-            let (min, max) = (bounds.0.unwrap_or(i32::MIN), bounds.1.unwrap_or(i32::MAX));
-            let bounds = (convert::decidegrees_to_rad(min), convert::decidegrees_to_rad(max));
-            (Quantity::Position, position_rad, bounds)
+            let (min, max) = match refusal {
+                EncodeError::OutOfRange { min, max, .. } => (min, max),
+                _ => (i32::MIN.into(), i32::MAX.into()),
+            };
+            let bound = |count, end| DECIDEGREES.to_si(i32::try_from(count).unwrap_or(end));
+            (Quantity::Position, position_rad, (bound(min, i32::MIN), bound(max, i32::MAX)))
         }
         // A speed the wire can carry is refused only below the slowest: 0 or at least 30 rpm either
         // way (T14).
         Setpoint::Velocity { velocity_rad_s } => {
-            let slowest = convert::rpm_to_rad_s(i32::from(thruster::SPEED_MIN_MAGNITUDE));
-            let fastest = convert::rpm_to_rad_s(i32::from(i16::MAX));
+            let (slowest, fastest) =
+                (RPM.to_si(thruster::SPEED_MIN_MAGNITUDE), RPM.to_si(i16::MAX));
             let bounds =
                 if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
             (Quantity::Velocity, velocity_rad_s, bounds)
         }
+        Setpoint::Signal { fraction } => (Quantity::Signal, fraction, (-1.0, 1.0)),
         Setpoint::Current { current_a } => (Quantity::Current, current_a, (0.0, 0.0)),
         Setpoint::Impedance { torque_nm, .. } => (Quantity::Torque, torque_nm, (0.0, 0.0)),
     };
-    Error::OutOfRange { quantity, value, min: bounds.0, max: bounds.1 }
+    Error::OutOfRange { quantity, value, min, max }
 }
 
-pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Verdict {
+/// What answers TC and VC: VM can replace their echo (§2.4; PROTOCOL-NOTES T8, T9, T22).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ReturnMode {
+    /// The echo, which says the value that was taken.
+    Echo,
+    /// These frames with a header. Exactly one of them acknowledges: the lowest that is asked for.
+    Frames(ReturnFrames),
+    /// One frame without a header.
+    Headerless,
+    /// Nothing.
+    Nothing,
+}
+
+impl ReturnMode {
+    /// Bits of VM that the manual gives no meaning (§2.4): a device set so may return anything.
+    pub const RESERVED: u32 = !0x0307;
+
+    /// The mode that the axis says its device is set to: bytes 6 and 7 of VM.
+    pub fn of(config: &AxisConfig) -> Self {
+        let word = config.unsigned(AxisParameter::ReturnMode).unwrap_or_default();
+        let [.., flags, frames] = word.to_be_bytes();
+        let (flags, frames) =
+            (ReturnFlags::from_bits_truncate(flags), ReturnFrames::from_bits_truncate(frames));
+        if flags.contains(ReturnFlags::NO_RETURN) {
+            Self::Nothing
+        } else if flags.contains(ReturnFlags::NO_HEADER) {
+            Self::Headerless
+        } else if frames.is_empty() {
+            Self::Echo
+        } else {
+            Self::Frames(frames)
+        }
+    }
+
+    /// Whether a frame with a header acknowledges TC or VC. With several for one command the others
+    /// could be taken for the acknowledgement of the next.
+    fn acknowledges(self, frame: &ReturnedFrame) -> bool {
+        let Self::Frames(frames) = self else { return false };
+        u32::from(frame.number()) == frames.bits().trailing_zeros() + 1
+    }
+
+    /// How many frames answer one TC or VC.
+    pub fn count(self) -> u8 {
+        match self {
+            Self::Frames(frames) => u8::try_from(frames.bits().count_ones()).unwrap_or(u8::MAX),
+            Self::Echo | Self::Headerless | Self::Nothing => 1,
+        }
+    }
+}
+
+/// Whether VM changes what answers this request: signal and speed.
+fn is_motion(request: &Request) -> bool {
+    matches!(request, Request::Signal { .. } | Request::Speed { .. })
+}
+
+/// Whether the same reply may answer two different commands: a returned frame does not say the
+/// value that was taken, and one without a header not even the command.
+pub(super) fn are_answered_alike(one: &Command, other: &Command, config: &AxisConfig) -> bool {
+    let (Command::Thruster(one), Command::Thruster(other)) = (one, other) else { return false };
+    match ReturnMode::of(config) {
+        ReturnMode::Echo | ReturnMode::Nothing => false,
+        ReturnMode::Frames(_) => is_motion(one) && one.command() == other.command(),
+        ReturnMode::Headerless => is_motion(one) && is_motion(other),
+    }
+}
+
+fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+    let (Command::Thruster(request), Received::Thruster { reply, .. }) = (command, received) else {
+        return Verdict::Unrelated;
+    };
     let mode = ReturnMode::of(config);
     match thruster::answer(request, reply) {
         // Which value it acknowledges it does not say (T22).
@@ -225,53 +362,75 @@ pub(super) fn judge(request: &Request, reply: &Reply, config: &AxisConfig) -> Ve
         Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
         Answer::Refused => Verdict::Refused,
         Answer::Unrelated if mode == ReturnMode::Headerless && is_motion(request) => {
-            match reply.headerless() {
-                Some(told) => Verdict::Answer(returned::of_headerless(&told, config.sign())),
-                None => Verdict::Unrelated,
-            }
+            let Some(told) = reply.headerless() else { return Verdict::Unrelated };
+            let mut seen = Observation::default();
+            see_motion(told.speed, told.voltage, told.current, config.sign(), &mut seen);
+            seen.faults = Some(told.faults.bits());
+            Verdict::Answer(seen)
         }
         Answer::Unrelated | Answer::Unsolicited => Verdict::Unrelated,
     }
 }
 
 /// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM
-/// (Thruster manual §2.1, §2.4, §2.5).
-pub(super) fn telemetry(reply: &Reply) -> Option<u8> {
+/// (§2.1, §2.4, §2.5).
+fn unasked(received: &Received) -> Unasked {
+    let Received::Thruster { reply, .. } = received else { return Unasked::Late };
     match reply {
-        Reply::Returned(returned) => returned.frame.number().checked_sub(1),
-        Reply::MeasuredSpeed { .. } => Some(3),
-        Reply::Current { .. } => Some(4),
-        _ => None,
+        Reply::Returned(returned) => match returned.frame.number().checked_sub(1) {
+            Some(kind) => Unasked::Telemetry(kind),
+            None => Unasked::Late,
+        },
+        Reply::MeasuredSpeed { .. } => Unasked::Telemetry(3),
+        Reply::Current { .. } => Unasked::Telemetry(4),
+        _ => Unasked::Late,
     }
 }
 
-pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
-    let none = Observation::default();
+fn observe(reply: &Reply, sign: f32) -> Observation {
+    let mut seen = Observation::default();
     match reply {
-        Reply::MeasuredSpeed { speed } => Observation {
-            velocity_rad_s: Some(sign * convert::rpm_to_rad_s(i32::from(speed.0))),
-            ..none
-        },
-        Reply::Current { current } => Observation {
-            current_a: Some(sign * convert::from_tenths(i32::from(current.0))),
-            ..none
-        },
-        Reply::Voltage { voltage } => {
-            Observation { voltage_v: Some(convert::from_tenths(i32::from(voltage.0))), ..none }
-        }
+        Reply::MeasuredSpeed { speed } => seen.velocity_rad_s = Some(sign * RPM.to_si(speed.0)),
+        Reply::Current { current } => seen.current_a = Some(sign * TENTHS.to_si(current.0)),
+        Reply::Voltage { voltage } => seen.voltage_v = Some(TENTHS.to_si(voltage.0)),
         Reply::MotorTemperature { temperature } => {
-            Observation { motor_temperature_c: Some(f32::from(temperature.0)), ..none }
+            seen.motor_temperature_c = Some(f32::from(temperature.0));
         }
         Reply::DriverTemperature { temperature } => {
-            Observation { driver_temperature_c: Some(f32::from(temperature.0)), ..none }
+            seen.driver_temperature_c = Some(f32::from(temperature.0));
         }
-        Reply::Faults { faults } => Observation { faults: Some(faults.bits()), ..none },
-        Reply::FaultRecord { faults } => Observation { fault_record: Some(faults.bits()), ..none },
+        Reply::Faults { faults } => seen.faults = Some(faults.bits()),
+        Reply::FaultRecord { faults } => seen.fault_record = Some(faults.bits()),
         Reply::MeasuredPosition { position } => {
-            let position_rad = Some(sign * convert::decidegrees_to_rad(position.0));
-            Observation { position_rad, position_count: Some(position.0), ..none }
+            seen.position_rad = Some(sign * DECIDEGREES.to_si(position.0));
+            seen.position_count = Some(position.0);
         }
-        Reply::Returned(returned) => returned::of_frame(&returned.frame, sign),
-        _ => none,
+        Reply::Returned(returned) => match returned.frame {
+            ReturnedFrame::Motion { speed, voltage, current } => {
+                see_motion(speed, voltage, current, sign, &mut seen);
+            }
+            ReturnedFrame::Condition { faults, motor_temperature, driver_temperature } => {
+                seen.faults = Some(faults.bits());
+                seen.motor_temperature_c = Some(f32::from(motor_temperature.0));
+                seen.driver_temperature_c = Some(f32::from(driver_temperature.0));
+            }
+            // How six bytes hold the two positions is not given (T9).
+            ReturnedFrame::Position { .. } => {}
+        },
+        _ => {}
     }
+    seen
+}
+
+/// Speed, voltage and current as one frame tells them.
+fn see_motion(
+    speed: Rpm,
+    voltage: Decivolts,
+    current: Deciamps,
+    sign: f32,
+    seen: &mut Observation,
+) {
+    seen.velocity_rad_s = Some(sign * RPM.to_si(speed.0));
+    seen.voltage_v = Some(TENTHS.to_si(voltage.0));
+    seen.current_a = Some(sign * TENTHS.to_si(current.0));
 }

@@ -9,7 +9,7 @@ use crate::axis::{Axis, Observation};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Exchange};
 use crate::time::Instant;
-use host_protocol::{AxisState, Event, Protocol, StopAction};
+use host_protocol::{AxisState, Event, StopAction};
 
 impl Axis {
     pub(in crate::axis) fn stop_answered(
@@ -157,20 +157,19 @@ impl Axis {
 
     /// Past the last stop command of the first phase: on to what confirms it.
     fn command_sent(&mut self, now: Instant) {
-        let (protocol, action) = (self.config.protocol(), self.config.stop_action());
+        let steps = protocol::stop_steps(&self.config);
+        let has = |step: &Exchange| protocol::command(*step, &self.config).is_some();
         let Some(stop) = &mut self.stop else { return };
         if !stop.acknowledged || stop.sent < STOPS_AT_LEAST {
             return;
         }
-        if protocol::command(Exchange::PositionStop, &self.config).is_some() {
-            stop.go(now, Phase::PositionStop);
-        } else if protocol == Some(Protocol::D5) {
-            stop.go(now, Phase::PendingWrite);
-        } else if action == Some(StopAction::Coast) {
-            stop.go(now, Phase::Confirmed);
-        } else {
-            stop.go(now, Phase::Standstill);
-        }
+        let next = steps.iter().filter(|step| has(step)).find_map(|step| match step {
+            Exchange::PositionStop => Some(Phase::PositionStop),
+            Exchange::PendingWrite => Some(Phase::PendingWrite),
+            Exchange::Velocity => Some(Phase::Standstill),
+            _ => None,
+        });
+        stop.go(now, next.unwrap_or(Phase::Confirmed));
     }
 
     /// A coasting motor has confirmed with its acknowledgement; the others must stand still.
