@@ -142,24 +142,17 @@ impl Is {
     /// Whether it is so of an axis at `now`.
     fn so(self, axis: &Axis, now: Instant) -> bool {
         match self {
-            Self::Configured => axis.state != AxisState::Unconfigured,
-            Self::Stopping => axis.has_stop(),
+            Self::Configured => axis.is_configured(),
+            Self::Stopping => axis.stop().is_some(),
             Self::FirstStop => axis.stop_has_not_left(),
             Self::Ready => axis.is_ready(now),
             Self::Overdue => axis.is_overdue(now),
-            Self::Awaiting => axis.awaits_reply(),
+            Self::Awaiting => axis.transactions.awaits_reply(),
             Self::OwedOurId => axis.reply_with_our_id_since().is_some(),
-            Self::Objecting => axis.objects(),
-            Self::Active => axis.state == AxisState::Active,
-            Self::Moving => matches!(
-                axis.state,
-                AxisState::Arming
-                    | AxisState::Armed
-                    | AxisState::Active
-                    | AxisState::Stopping
-                    | AxisState::Tripped { .. }
-            ),
-            Self::Tripped => matches!(axis.state, AxisState::Tripped { .. }),
+            Self::Objecting => axis.transactions.objects(),
+            Self::Active => axis.state() == AxisState::Active,
+            Self::Moving => axis.may_move(),
+            Self::Tripped => axis.trip_reason().is_some(),
             Self::Unreachable => axis.is_unreachable(),
             Self::Spreading => axis.trip_spreads(),
             Self::Unrecorded => axis.trip_is_unrecorded(),

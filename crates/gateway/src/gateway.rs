@@ -1,6 +1,5 @@
 //! The gateway as one object: events in, frames out.
 
-use crate::authority::Authority;
 use crate::axes::{Axes, AxisSet, Is};
 use crate::axis::Axis;
 use crate::bus::Bus;
@@ -9,12 +8,12 @@ use crate::link::Link;
 use crate::log::{Links, LogEntry};
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
+use crate::requests::{Authority, Together};
 use crate::retained::Retention;
 use crate::time::Instant;
-use crate::together::Together;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{AxisState, DELIMITER, Error, Incident, MAX_FRAME, TripReason};
+use host_protocol::{DELIMITER, Error, Incident, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone)]
@@ -293,8 +292,7 @@ impl Gateway {
     /// even a confirmed one: its stops are repeated for faults that heal by themselves. Nor is
     /// holding where the motor must hear something for it.
     pub fn all_at_rest(&self) -> bool {
-        let rests =
-            |axis: &Axis| axis.state == AxisState::Unconfigured || axis.is_idle_or_holding();
+        let rests = |axis: &Axis| !axis.is_configured() || axis.is_idle_or_holding();
         self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
@@ -325,7 +323,7 @@ impl Gateway {
             let mut out = Outbox::new(now, &mut self.links);
             self.axes.each(due, |axis| {
                 axis.expire_motion(now, &mut out);
-                axis.expire_pending(now, &mut out);
+                axis.expire_requests(now, &mut out);
             });
             self.settle(now);
         }

@@ -6,29 +6,25 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod authority;
 mod axes;
 mod axis;
 mod bus;
 mod bus_rules;
-mod configure;
 mod gateway;
 mod history;
 pub mod link;
 mod log;
-mod natives;
 mod outbox;
 mod pins;
 pub mod port;
 mod protocol;
-mod raws;
 mod requests;
 mod retained;
 mod rules;
 #[cfg(feature = "state-text")]
 mod state_text;
 pub mod time;
-mod together;
+mod transaction;
 
 pub use bus_rules::check_bus_config;
 pub use gateway::Gateway;

@@ -39,7 +39,7 @@ impl Gateway {
     /// What the light of the board shows: the first of these that is so.
     #[must_use]
     pub fn light(&self) -> Light {
-        let any = |is: fn(AxisState) -> bool| self.axes.iter().any(|axis| is(axis.state));
+        let any = |is: fn(AxisState) -> bool| self.axes.iter().any(|axis| is(axis.state()));
         if self.e_stopped {
             Light::EStopped
         } else if any(|state| matches!(state, AxisState::Tripped { .. })) {

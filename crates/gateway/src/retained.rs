@@ -353,7 +353,7 @@ impl Gateway {
                     let _ = axis.take_unrecorded_trip();
                 }
             } else {
-                axis.stop(now, &mut out);
+                axis.halt(now, &mut out);
             }
         });
         self.settle(now);

@@ -44,7 +44,7 @@ impl<T: Transport> Client<T> {
         self.request(&ask::TakeAuthority {}).map(drop)
     }
 
-    /// Releases the right to command.
+    /// Gives the right to command back.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -115,13 +115,13 @@ impl<T: Transport> Client<T> {
         Ok(incidents)
     }
 
-    /// Why the run before failed: the message of a panic, a fault or the watchdog; empty if it did
-    /// not.
+    /// What the firmware left behind before this start: the message of a panic, a fault or the
+    /// watchdog; empty if there was none.
     ///
     /// # Errors
     /// As [`request`](Self::request).
     pub fn crash_report(&mut self) -> Result<String, ClientError> {
-        self.request(&ask::ReadCrashReport {}).map(|report| report.text.as_str().to_owned())
+        self.request(&ask::ReadCrashReport {}).map(|words| words.text.as_str().to_owned())
     }
 
     /// Sets a parameter of an axis.

@@ -13,7 +13,7 @@ pub enum Station {
     Gateway,
     /// The motor with this index in the wiring.
     Motor(usize),
-    /// A foreign station, with nothing but a transmitter.
+    /// Somebody who belongs to neither, with nothing but a transmitter.
     Stranger,
 }
 

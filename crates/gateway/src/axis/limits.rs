@@ -1,10 +1,11 @@
 //! What a motor measures against the limits of its axis: beyond them it trips.
 
+use super::state::State;
 use super::{Axis, Observation};
 use crate::outbox::Outbox;
 use crate::protocol;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisParameter, AxisState, Error, Quantity, TripReason};
+use host_protocol::{AxisParameter, Error, Quantity, TripReason};
 
 /// How long a turning motor that nobody here moves is left alone where its own timeout is not
 /// known.
@@ -23,12 +24,12 @@ impl Axis {
         if let Some(waits) = seen.write_pending {
             self.write_waits = waits;
         }
-        if self.state == AxisState::Holding
+        if matches!(self.state, State::Holding)
             && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity))
         {
             // A motor that should hold turns. Going on with the polls would keep its own timeout
             // from stopping it.
-            self.stop(now, out);
+            self.halt(now, out);
             return;
         }
         if !self.is_armed() {
@@ -54,11 +55,13 @@ impl Axis {
     fn watch_uncommanded(&mut self, now: Instant, velocity_rad_s: f32, out: &mut Outbox<'_>) {
         let turns = velocity_rad_s.abs() > self.config.uncommanded_rad_s();
         let allowed = self.config.flag(AxisParameter::AllowUncommanded);
-        if self.state != AxisState::Armed || !turns || allowed {
-            self.uncommanded_since = None;
+        let moves = matches!(self.state, State::Active(..));
+        let Some(armed) = self.armed_mut() else { return };
+        if moves || !turns || allowed {
+            armed.uncommanded_since = None;
             return;
         }
-        let since = *self.uncommanded_since.get_or_insert(now);
+        let since = *armed.uncommanded_since.get_or_insert(now);
         if now.since(since) >= UNCOMMANDED_FOR {
             self.trip(now, TripReason::Uncommanded, out);
         } else {
@@ -70,7 +73,7 @@ impl Axis {
     /// in motion. Reading on would keep its own timeout from stopping it.
     fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
-        if self.state == AxisState::Idle && turns {
+        if matches!(self.state, State::Idle) && turns {
             let pause =
                 self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
             self.state_poll_at = now + pause;

@@ -1,45 +1,46 @@
-//! One axis: its configuration, its state, and everything it has under way.
+//! One axis: its configuration, its state, and what it has under way.
 //!
-//! An axis never sends by itself. The bus asks what it [wants](Axis::wants), takes it, and reports
-//! what became of it; one request of an axis is under way at a time, and a stop displaces it.
+//! An axis never sends by itself. Its bus asks for the [next request](Axis::next_request), takes
+//! it, and reports what became of it (`outcome.rs`); a stop preempts every other request.
 
+mod arming;
 mod config;
-mod delivery;
-mod exchanges;
-mod jobs;
+mod job;
 mod limits;
 mod measured;
-mod motion;
+mod outcome;
+mod polls;
 mod restart;
+mod sequence;
+mod setpoint;
+mod state;
 mod stop;
+mod stopping;
 mod telemetry;
 mod timeout;
 mod together;
-mod trips;
-mod wants;
 
 pub(crate) use config::{Address, AxisConfig};
-pub(crate) use exchanges::Reception;
-pub(crate) use jobs::{Job, JobKind};
-use measured::Measured;
+pub(crate) use job::{Job, JobKind};
 pub(crate) use measured::Observation;
-pub(crate) use motion::{NativeMotion, Permit};
+pub(crate) use outcome::Reception;
+pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
+pub(crate) use setpoint::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
-pub(crate) use wants::{Priority, Want};
 
 use crate::axes::Traffic;
-use crate::outbox::Outbox;
-use crate::protocol::{self, Exchange};
+use crate::protocol;
 use crate::time::{Duration, Earliest, Instant};
+use crate::transaction::Transactions;
 use core::num::NonZeroU64;
-use exchanges::{Displaced, Pending, Quiet, Silence};
 use host_protocol::replies::AxisReport;
-use host_protocol::{
-    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields, Trip,
-};
-use motion::Motion;
+use host_protocol::{AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields};
+use measured::Measured;
+use outcome::Silence;
 use restart::RunTime;
+use setpoint::Motion;
+use state::State;
 use telemetry::Telemetry;
 
 /// A setpoint is refreshed this many times within the motor's own timeout (GUARANTEES G2).
@@ -53,75 +54,35 @@ const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,
-    pub state: AxisState,
+    state: State,
+    job: Option<Job>,
+    pub transactions: Transactions,
+    silence: Silence,
+    /// Requests that told nothing for what no other reply carries.
+    faults_unread: u8,
+    run_time_unread: u8,
+    state_poll_at: Instant,
+    /// Counts polls: which comes next follows from it.
+    poll_index: usize,
+    /// Somebody has subscribed to the axis.
+    watched: bool,
+    pub measured: Measured,
     motor_timeout: MotorTimeout,
     /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or
     /// something may have changed it since. It outlives a reset of the gateway, and arming
     /// writes it again where the motor may lose it, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
-    /// What outlives a reset of the gateway has changed and has still to be saved.
-    is_unsaved: bool,
     /// When the motor sent something last.
     heard_at: Instant,
-    pub measured: Measured,
-    pub trip: Option<Trip>,
-    /// The trip has still to reach the others of its group.
-    trip_spreads: bool,
-    /// The trip has still to go into the history.
-    trip_unrecorded: bool,
-    /// The epoch of the latest arming; setpoints must carry it.
-    epoch: u32,
-    motion: Option<Motion>,
-    /// Motions so far.
-    motions: u32,
-    /// Since when the first setpoint, or the first refresh of one, waits that the bus has not
-    /// taken; later than now where none does.
-    undelivered_since: Instant,
-    stop: Option<Stop>,
-    job: Option<Job>,
-    pending: Option<Pending>,
-    displaced: Option<Displaced>,
-    silence: Silence,
-    quiet: Quiet,
-    fault_poll_at: Instant,
-    state_poll_at: Instant,
-    poll_turn: usize,
-    /// After a motion frame whatever else is due goes first, so that fast setpoints starve no
-    /// poll.
-    motion_had_its_turn: bool,
-    /// The motor has echoed the last motion command without carrying it out.
-    not_executed: bool,
-    /// It has answered it by zeros: the speed is to be read, which tells whether that was a state
-    /// (PROTOCOL-NOTES R30).
-    in_doubt: bool,
-    /// How long motions have not been answered, whatever else has.
-    motion_silence: Silence,
-    /// Until when a reply may come late that cannot be told from the one to the axis's stop.
-    stop_like_reply_until: Instant,
-    /// Somebody has subscribed to the axis: an idle one is polled too.
-    watched: bool,
-    /// Requests in a row for the fault word that told nothing.
-    faults_unread: u8,
-    /// Since when the motor of the armed axis has been seen to turn without a setpoint.
-    uncommanded_since: Option<Instant>,
-    /// When the request left that the motor has not answered.
-    unanswered_since: Option<Instant>,
     /// Time since the motor started, as last read.
     run_time: RunTime,
-    /// Requests in a row for it that told nothing.
-    run_time_unread: u8,
-    /// The motor was told something that acts after a restart, and has not been seen to
-    /// restart since.
+    /// A command was sent that acts only after a restart. It outlives a reset of the gateway.
     restart_owed: bool,
-    /// An asynchronous write waited in the motor when it was last asked.
+    /// An asynchronous write waits in the motor.
     write_waits: bool,
-    /// What hosts have been told of the frames that its motor sends by itself.
+    /// What outlives a reset of the gateway has changed and has still to be saved.
+    is_unsaved: bool,
     pub telemetry: Telemetry,
-    /// The motor has answered a request to another one, saying that it was not for it, and will
-    /// again.
-    objects: bool,
-    /// How often it may still do so, since the last frame to it.
-    objections_due: u8,
 }
 
 impl Axis {
@@ -130,120 +91,25 @@ impl Axis {
         Self {
             index,
             config: AxisConfig::new(),
-            state: AxisState::Unconfigured,
+            state: State::Unconfigured,
+            job: None,
+            transactions: Transactions::new(),
+            silence: Silence::NONE,
+            faults_unread: 0,
+            run_time_unread: 0,
+            state_poll_at: Instant::from_micros(0),
+            poll_index: 0,
+            watched: false,
+            measured: Measured::new(),
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
-            is_unsaved: false,
             heard_at: Instant::from_micros(0),
-            measured: Measured::new(),
-            trip: None,
-            trip_spreads: false,
-            trip_unrecorded: false,
-            epoch: 0,
-            motion: None,
-            motions: 0,
-            undelivered_since: Instant::from_micros(0),
-            stop: None,
-            job: None,
-            pending: None,
-            displaced: None,
-            silence: Silence::NONE,
-            quiet: Quiet::NONE,
-            fault_poll_at: Instant::from_micros(0),
-            state_poll_at: Instant::from_micros(0),
-            poll_turn: 0,
-            motion_had_its_turn: false,
-            not_executed: false,
-            in_doubt: false,
-            motion_silence: Silence::NONE,
-            stop_like_reply_until: Instant::from_micros(0),
-            watched: false,
-            faults_unread: 0,
-            uncommanded_since: None,
-            unanswered_since: None,
             run_time: RunTime::UNKNOWN,
-            run_time_unread: 0,
             restart_owed: false,
             write_waits: false,
+            is_unsaved: false,
             telemetry: Telemetry::NONE,
-            objects: false,
-            objections_due: 0,
         }
-    }
-
-    /// Whether motion is allowed or under way, so that polls, limits and trips apply.
-    pub fn is_armed(&self) -> bool {
-        matches!(self.state, AxisState::Armed | AxisState::Active)
-    }
-
-    /// Whether motion is allowed to whoever knows this epoch.
-    pub fn is_armed_in(&self, epoch: u32) -> bool {
-        self.is_armed() && self.epoch == epoch
-    }
-
-    /// Whether the axis may be configured: nothing is allowed and nothing is under way.
-    pub fn is_at_rest(&self) -> bool {
-        (self.state == AxisState::Unconfigured || self.is_idle_or_holding()) && self.job.is_none()
-    }
-
-    /// Whether it is configured and nothing moves or may, the motor's output on or off.
-    pub fn is_idle_or_holding(&self) -> bool {
-        matches!(self.state, AxisState::Idle | AxisState::Holding)
-    }
-
-    /// Whether the axis needs its motor as it is: it holds, may move or moves, or has yet to be
-    /// stopped or cleared.
-    pub fn is_in_use(&self) -> bool {
-        !matches!(self.state, AxisState::Unconfigured | AxisState::Idle)
-    }
-
-    /// Whether there is a stop, under way or confirmed.
-    pub fn has_stop(&self) -> bool {
-        self.stop.is_some()
-    }
-
-    /// Whether there is a stop of which no command has left yet.
-    pub fn stop_has_not_left(&self) -> bool {
-        self.stop.as_ref().is_some_and(|stop| !stop.has_left())
-    }
-
-    /// Since when there is a stop.
-    pub fn stop_since(&self) -> Option<Instant> {
-        self.stop.as_ref().map(Stop::since)
-    }
-
-    /// Since when there is a stop of which no command has left, if that has not been reported.
-    pub fn unreported_stop(&self) -> Option<Instant> {
-        self.stop
-            .as_ref()
-            .filter(|stop| !stop.has_left() && !stop.delay_is_reported())
-            .map(Stop::since)
-    }
-
-    /// The stop that has not left has been reported.
-    pub fn stop_reported(&mut self) {
-        if let Some(stop) = &mut self.stop {
-            stop.report_delay();
-        }
-    }
-
-    /// Whether a first stop of this axis was to leave at `since` or later.
-    pub fn stops_beside(&self, since: Instant) -> bool {
-        self.stop.as_ref().is_some_and(|stop| stop.had_not_left(since))
-    }
-
-    /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
-    pub fn is_unreachable(&self) -> bool {
-        self.trip.as_ref().is_some_and(|trip| trip.unreachable)
-    }
-
-    /// Whether a reply of the axis's motor may come that is due within the bus's window.
-    pub fn awaits_reply(&self) -> bool {
-        let awaited = self
-            .pending
-            .as_ref()
-            .is_some_and(|p| p.is_waiting() && protocol::slow_reply(&p.command).is_none());
-        awaited || self.displaced.as_ref().is_some_and(Displaced::is_awaited)
     }
 
     /// Whether somebody has subscribed to the axis.
@@ -256,29 +122,36 @@ impl Axis {
         self.watched = watched;
     }
 
-    /// Whether an exchange is only for those who watch an idle axis, so that everything else goes
-    /// before it.
-    fn is_for_watchers(&self, exchange: Exchange) -> bool {
-        self.is_idle_or_holding()
-            && self.job.is_none()
-            && !(self.is_kept_holding() && exchange == Exchange::Velocity)
-    }
-
     /// A parameter has been set. Where it has `moved` what decides by which frames the motor is
     /// reached, nothing is known of the motor; the `same` one goes on holding.
-    pub fn configured(&mut self, moved: bool, same: bool, complete: bool, out: &mut Outbox<'_>) {
+    pub fn configured(
+        &mut self,
+        moved: bool,
+        same: bool,
+        complete: bool,
+        out: &mut crate::outbox::Outbox<'_>,
+    ) {
         if moved {
-            self.leave_bus();
+            self.transactions.forget();
+            self.silence = Silence::NONE;
+            self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
-            self.forget_run_time();
+            self.run_time = RunTime::UNKNOWN;
             self.measured = Measured::new();
         }
         let state = match self.state {
-            _ if !complete => AxisState::Unconfigured,
-            AxisState::Holding if same => AxisState::Holding,
-            _ => AxisState::Idle,
+            _ if !complete => State::Unconfigured,
+            State::Holding if same => State::Holding,
+            _ => State::Idle,
         };
         self.enter(state, out);
+    }
+
+    /// The axis was configured so before a reset of the gateway; `told`: what its motor was.
+    pub fn restore(&mut self, config: AxisConfig, told: u32) {
+        self.state = if config.missing().is_none() { State::Idle } else { State::Unconfigured };
+        self.config = config;
+        self.told_before_reset(told);
     }
 
     /// How often a setpoint goes out: as configured, and at least every third of the motor's own
@@ -293,13 +166,17 @@ impl Axis {
 
     /// Standstill as far as a reading taken since the stop tells.
     fn standstill(&self) -> Option<bool> {
-        let since = self.stop.as_ref()?.since();
-        let velocity = self.measured.velocity_since(since)?;
+        let velocity = self.measured.velocity_since(self.stop()?.since())?;
         Some(self.is_standstill(velocity))
     }
 
     fn is_standstill(&self, velocity_rad_s: f32) -> bool {
         velocity_rad_s.abs() <= self.config.standstill_rad_s()
+    }
+
+    /// Whether the speed in a reply is standstill, where it has one.
+    fn still(&self, seen: &Observation) -> Option<bool> {
+        seen.velocity_rad_s.map(|velocity| self.is_standstill(velocity))
     }
 
     /// The motor's fault word as a host sees it.
@@ -314,9 +191,9 @@ impl Axis {
         let reading = |field| self.measured.reading(now, field);
         AxisReport {
             axis: self.index,
-            state: self.state,
-            epoch: self.is_armed().then_some(self.epoch),
-            trip: self.trip,
+            state: self.state(),
+            epoch: self.armed().map(|armed| armed.epoch),
+            trip: self.tripped(),
             position_rad: reading(StateField::Position),
             velocity_rad_s: reading(StateField::Velocity),
             current_a: reading(StateField::Current),
@@ -327,7 +204,7 @@ impl Axis {
             fault_record: self.measured.fault_record,
             motor_timeout: self.motor_timeout(now),
             standstill: self.standstill(),
-            stop_acknowledged: self.stop.as_ref().is_some_and(Stop::is_acknowledged),
+            stop_acknowledged: self.stop().is_some_and(Stop::is_acknowledged),
         }
     }
 
@@ -336,7 +213,7 @@ impl Axis {
         let wanted = |field| self.measured.reading(now, field).filter(|_| fields.contains(field));
         Event::Sample {
             axis: self.index,
-            state: self.state,
+            state: self.state(),
             position_rad: wanted(StateField::Position),
             velocity_rad_s: wanted(StateField::Velocity),
             current_a: wanted(StateField::Current),
@@ -354,58 +231,57 @@ impl Axis {
             bus: self.config.bus(),
             protocol: self.config.protocol(),
             node: self.config.node(),
-            state: self.state,
+            state: self.state(),
             missing: self.config.missing().map(|parameter| parameter.number()),
         }
     }
 
     /// Earliest time after `after` at which the axis must be looked at again.
     pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
-        if self.state == AxisState::Unconfigured {
+        if !self.is_configured() {
             return None;
         }
         let mut next = Earliest::after(after);
         self.timers().into_iter().for_each(|at| next.consider(at));
-        if self.pending.is_none() {
-            next.consider(self.next_want_at(after));
+        if self.transactions.is_idle() {
+            next.consider(self.next_request_at(after));
         }
         next.at()
     }
 
     /// When something of the axis is over.
     fn timers(&self) -> [Option<Instant>; 5] {
+        let [former, current] = self.transactions.deadlines();
         [
-            self.displaced.as_ref().and_then(Displaced::deadline),
-            self.pending.as_ref().and_then(Pending::deadline),
-            self.motion.as_ref().and_then(Motion::deadline),
+            former,
+            current,
+            self.motion().and_then(Motion::deadline),
             self.job_stalls_at(),
-            self.stop.as_ref().and_then(Stop::gives_up_at),
+            self.stop().and_then(Stop::gives_up_at),
         ]
-    }
-
-    /// What of the axis decides how long others wait on its bus.
-    pub fn traffic(&self) -> Traffic {
-        let protocol = self.config.protocol();
-        Traffic {
-            bus: self.config.bus(),
-            protocol,
-            is_extended: protocol::has_extended_ids(&self.config),
-            objects: self.objects,
-            replies: protocol::replies_to_motion(&self.config),
-            stream: protocol::stream_word(&self.config),
-        }
     }
 
     /// Whether something of the axis is over that nobody has looked at.
     pub fn is_overdue(&self, now: Instant) -> bool {
-        self.state != AxisState::Unconfigured
-            && self.timers().into_iter().flatten().any(|at| at <= now)
+        self.is_configured() && self.timers().into_iter().flatten().any(|at| at <= now)
     }
 
     /// Whether the axis has something to send.
     pub fn is_ready(&self, now: Instant) -> bool {
-        self.state != AxisState::Unconfigured
-            && self.pending.is_none()
-            && self.next_want_at(now).is_some_and(|at| at <= now)
+        self.is_configured()
+            && self.transactions.is_idle()
+            && self.next_request_at(now).is_some_and(|at| at <= now)
+    }
+
+    /// What of the axis decides how long others wait on its bus.
+    pub fn traffic(&self) -> Traffic {
+        Traffic {
+            bus: self.config.bus(),
+            protocol: self.config.protocol(),
+            is_extended: protocol::has_extended_ids(&self.config),
+            objects: self.transactions.objects(),
+            replies: protocol::replies_to_motion(&self.config),
+            stream: protocol::stream_word(&self.config),
+        }
     }
 }

@@ -1,9 +1,9 @@
-//! A restart of the motor: asked for, waited out, and seen by its run time,
-//! which has not gone on as our clock has.
+//! A restart of the motor: asked for, waited out, and seen by its run time, which has not gone on
+//! as our clock has.
 
 use super::{Axis, JobKind};
 use crate::outbox::Outbox;
-use crate::protocol::{Exchange, Sets};
+use crate::protocol::Sets;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
@@ -55,15 +55,6 @@ impl Restart {
     const TELLS: usize = 1;
     /// The step in which it is asked until it is back.
     const WAITS: usize = 2;
-    const STEPS: [Exchange; 3] = [Exchange::RunTime, Exchange::Restart, Exchange::RunTime];
-
-    /// The exchange of a step; behind the restart come those before which a trip is cleared.
-    pub fn step(index: usize, clearing: &[Exchange]) -> Option<Exchange> {
-        match index.checked_sub(Self::STEPS.len()) {
-            Some(further) => clearing.get(further).copied(),
-            None => Self::STEPS.get(index).copied(),
-        }
-    }
 }
 
 impl Axis {
@@ -76,7 +67,7 @@ impl Axis {
     fn restart_under_way(&self) -> Option<(usize, Restart)> {
         let job = self.job.as_ref()?;
         match job.kind {
-            JobKind::Restart(restart) => Some((job.step, restart)),
+            JobKind::Restart(restart) => Some((job.sequence.at(), restart)),
             _ => None,
         }
     }
@@ -86,8 +77,12 @@ impl Axis {
     pub(super) fn awaits_restart(&mut self, now: Instant, out: &mut Outbox<'_>) -> bool {
         let Some(job) = &mut self.job else { return false };
         match &mut job.kind {
-            JobKind::Restart(restart) if job.step < Restart::TELLS => restart.since = Some(now),
-            JobKind::Restart(restart) if job.step == Restart::WAITS && !restart.is_seen => {
+            JobKind::Restart(restart) if job.sequence.at() < Restart::TELLS => {
+                restart.since = Some(now)
+            }
+            JobKind::Restart(restart)
+                if job.sequence.at() == Restart::WAITS && !restart.is_seen =>
+            {
                 self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
                 return true;
             }
@@ -126,11 +121,6 @@ impl Axis {
     /// Whether the motor has to restart before it may be armed.
     pub fn owes_restart(&self) -> bool {
         self.restart_owed
-    }
-
-    /// Another motor has a run time of its own.
-    pub(super) fn forget_run_time(&mut self) {
-        self.run_time = RunTime::UNKNOWN;
     }
 
     pub(super) fn set_restart_owed(&mut self, owed: bool) {

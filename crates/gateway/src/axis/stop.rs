@@ -1,12 +1,11 @@
 //! The stop: sent first, sent again until the motor has confirmed it, and repeated while the axis
-//! is tripped (GUARANTEES G4).
+//! is tripped (GUARANTEES G4). Its steps are those of the stop action's table.
 
-mod confirm;
-mod unreachable;
-
-use super::AxisConfig;
-use crate::protocol::Exchange;
+use super::sequence::{Sequence, is_served};
+use super::{AxisConfig, Observation};
+use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Instant};
+use crate::transaction::Transaction;
 
 /// Every stop is sent at least this often.
 const STOPS_AT_LEAST: u8 = 2;
@@ -31,39 +30,42 @@ const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 /// table).
 const BRAKE_LOCKS_WITHIN: Duration = Duration::from_millis(1_000);
 
-/// Where a stop stands.
+/// What a stop does between the steps of its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Phase {
-    /// The stop command is sent, at least twice, until it is acknowledged.
-    Command,
+enum Detour {
+    /// Nothing: it goes through its table.
+    None,
     /// The motor refused it: the fault word is read before the next one.
-    RefusedFaults,
+    ReadFaults,
     /// Then the speed.
-    RefusedVelocity,
+    ReadVelocity,
     /// The motor does not answer writes: the commanded speed is read back.
     ReadBack,
-    /// A device with a position controller is stopped there too.
-    PositionStop,
-    /// Whether an asynchronous write waits.
-    PendingWrite,
-    /// It does: it is overwritten.
-    OverwritePending,
-    /// The speed is read until it is zero.
-    Standstill,
-    /// Brake: locked,
-    LockBrake,
-    /// seen to be locked,
-    VerifyBrake,
-    /// and the output switched off.
-    OutputOff,
-    /// The motor has confirmed the stop.
-    Confirmed,
+    /// An asynchronous write waits in the motor, or may: it is overwritten.
+    Overwrite,
+}
+
+/// Whether an unreachable motor is left alone, so that its own timeout can act: two stops between
+/// silences, until it answers one of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Backoff {
+    None,
+    Resting {
+        /// When the silence ends.
+        until: Instant,
+        /// The first of the two has gone.
+        second_follows: bool,
+        /// A host has had a stop sent in this silence; another one would keep the motor's own
+        /// timeout from acting.
+        asked: bool,
+    },
 }
 
 /// A stop under way, or confirmed and being repeated.
 #[derive(Debug, Clone)]
 pub(crate) struct Stop {
-    phase: Phase,
+    sequence: Sequence,
+    detour: Detour,
     /// The trip or the request.
     since: Instant,
     /// It began at rest, where a stop is only to be sure.
@@ -83,31 +85,20 @@ pub(crate) struct Stop {
     /// So many stops came to nothing, or the motor did not come to rest, and no stop has been
     /// confirmed since.
     unreachable: bool,
-    /// An unreachable motor is left alone but for two stops between silences, until it answers one
-    /// of them.
-    resting: bool,
-    /// The first of the two has gone.
-    second_follows: bool,
-    /// When the silence ends.
-    rests_until: Instant,
-    /// A host has had a stop sent in this silence; another one would keep the motor's own timeout
-    /// from acting.
-    asked_while_resting: bool,
+    backoff: Backoff,
     /// When a motor that answers and does not come to rest is given up.
     give_up_at: Instant,
-    /// When the phase's next exchange is due.
+    /// When the next step is due.
     next_at: Instant,
-    /// When the stop command is due again although the phase is another one.
+    /// When the stop command is due again although the step is another one.
     repeat_at: Instant,
-    /// When the phase of reading the speed began.
+    /// When reading the speed began.
     standstill_since: Instant,
     /// When something of the stop last went on: a frame had left, was answered, or was given up
     /// after it had left.
     went_on_at: Instant,
     /// A frame of it has waited for so long to leave that it counts as not sent, and waits still.
     not_sent: bool,
-    /// The brake is locked and the output off.
-    braked: bool,
     /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes
     /// known.
     read_after_repeat: bool,
@@ -115,10 +106,21 @@ pub(crate) struct Stop {
     hold_poll: Option<Duration>,
 }
 
+/// What an answer to a stop means beyond its next step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum StopEffect {
+    None,
+    /// It has come to nothing, once more.
+    CameToNothing,
+    /// The brake is taken for locked, unseen.
+    BrakeUnverified,
+}
+
 impl Stop {
-    pub fn new(now: Instant, from_rest: bool) -> Self {
+    pub fn new(now: Instant, from_rest: bool, config: &AxisConfig) -> Self {
         Self {
-            phase: Phase::Command,
+            sequence: Sequence::new(protocol::stop_steps(config)),
+            detour: Detour::None,
             since: now,
             from_rest,
             delay_reported: false,
@@ -129,17 +131,13 @@ impl Stop {
             standstill_readings: 0,
             unconfirmed: 0,
             unreachable: false,
-            resting: false,
-            second_follows: false,
-            rests_until: now,
-            asked_while_resting: false,
+            backoff: Backoff::None,
             give_up_at: now + STANDSTILL_WITHIN,
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             standstill_since: now,
             went_on_at: now,
             not_sent: false,
-            braked: false,
             read_after_repeat: false,
             hold_poll: None,
         }
@@ -153,8 +151,9 @@ impl Stop {
         self.from_rest
     }
 
-    pub fn delay_is_reported(&self) -> bool {
-        self.delay_reported
+    /// Since when no command of it has left, if that has not been reported.
+    pub fn unreported_since(&self) -> Option<Instant> {
+        (!self.has_left() && !self.delay_reported).then_some(self.since)
     }
 
     pub fn report_delay(&mut self) {
@@ -171,73 +170,105 @@ impl Stop {
         self.first_left.is_some()
     }
 
+    /// From the trip or the request until the first command had left.
+    pub fn reaction(&self, now: Instant) -> Duration {
+        self.first_left.unwrap_or(now).since(self.since)
+    }
+
     pub fn is_acknowledged(&self) -> bool {
         self.acknowledged
     }
 
-    /// A stop is asked for again: the stop command goes out now, or soon if one has just left.
-    /// Returns whether it does now.
-    fn ask_again(&mut self, now: Instant) -> bool {
-        let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
-        if !self.has_left() || !self.repeats() || (self.resting && self.asked_while_resting) {
-            return false;
-        }
-        let at = just_left.unwrap_or(now);
-        self.asked_while_resting = self.resting;
-        self.repeat_at = self.repeat_at.min(at);
-        // Before the next reading, too.
-        self.next_at =
-            if self.phase == Phase::Command { self.next_at.min(at) } else { self.next_at.max(at) };
-        just_left.is_none()
+    pub fn is_unreachable(&self) -> bool {
+        self.unreachable
     }
 
-    /// What the stop wants next, and from when on.
-    pub fn next(&self) -> Option<(Exchange, Instant)> {
-        let of_phase = match self.phase {
-            Phase::Command => return Some((self.command(), self.next_at)),
-            Phase::RefusedFaults => Some(Exchange::Faults),
-            Phase::RefusedVelocity | Phase::Standstill => Some(Exchange::Velocity),
-            Phase::ReadBack => Some(Exchange::CommandedSpeed),
-            Phase::PositionStop => Some(Exchange::PositionStop),
-            Phase::PendingWrite => Some(Exchange::PendingWrite),
-            Phase::OverwritePending => Some(Exchange::OverwritePending),
-            Phase::LockBrake => Some(Exchange::LockBrake),
-            Phase::VerifyBrake => Some(Exchange::Faults),
-            Phase::OutputOff => Some(Exchange::OutputOff),
-            Phase::Confirmed => {
-                (self.read_after_repeat || self.hold_poll.is_some()).then_some(Exchange::Velocity)
-            }
-        };
-        let repeat = self.repeats().then_some((self.command(), self.repeat_at));
-        let of_phase = of_phase.map(|exchange| (exchange, self.next_at));
-        match (repeat, of_phase) {
-            (Some(repeat), Some(next)) => Some(if repeat.1 <= next.1 { repeat } else { next }),
-            (repeat, next) => repeat.or(next),
+    /// It has waited for so long that it counts as not sent, and waits still.
+    pub fn is_not_sent(&self) -> bool {
+        self.not_sent
+    }
+
+    /// The motor has confirmed it.
+    pub fn is_confirmed(&self) -> bool {
+        self.step().is_none()
+    }
+
+    fn is_resting(&self) -> bool {
+        self.backoff != Backoff::None
+    }
+
+    fn step(&self) -> Option<Exchange> {
+        match self.detour {
+            Detour::None => self.sequence.step(),
+            Detour::ReadFaults => Some(Exchange::Faults),
+            Detour::ReadVelocity => Some(Exchange::Velocity),
+            Detour::ReadBack => Some(Exchange::CommandedSpeed),
+            Detour::Overwrite => Some(Exchange::OverwritePending),
         }
     }
 
     /// What is repeated: behind a locked brake the stop command would switch the output on again.
     fn command(&self) -> Exchange {
-        if self.braked { Exchange::OutputOff } else { Exchange::Stop }
+        if self.is_braked() { Exchange::OutputOff } else { Exchange::Stop }
     }
 
-    /// The motor has not come to rest in good time.
-    fn is_overdue(&self, now: Instant) -> bool {
-        let hears_us = self.has_left() && !self.not_sent;
-        self.phase != Phase::Confirmed && !self.resting && hears_us && self.give_up_at <= now
+    /// The brake is locked and the output off.
+    fn is_braked(&self) -> bool {
+        self.sequence.has_passed(Exchange::OutputOff)
+    }
+
+    /// Once the brake is being locked the stop command would switch the output on again.
+    fn repeats(&self) -> bool {
+        let locks =
+            |step| matches!(step, Exchange::LockBrake | Exchange::Faults | Exchange::OutputOff);
+        self.detour != Detour::None || !self.sequence.step().is_some_and(locks)
+    }
+
+    /// What the stop wants next, and from when on.
+    pub fn next(&self) -> Option<(Exchange, Instant)> {
+        let step = match self.step() {
+            Some(Exchange::Stop) => return Some((self.command(), self.next_at)),
+            None if self.read_after_repeat || self.hold_poll.is_some() => Some(Exchange::Velocity),
+            step => step,
+        };
+        let step = step.map(|exchange| (exchange, self.next_at));
+        let repeat = self.repeats().then_some((self.command(), self.repeat_at));
+        match (repeat, step) {
+            (Some(repeat), Some(next)) => Some(if repeat.1 <= next.1 { repeat } else { next }),
+            (repeat, next) => repeat.or(next),
+        }
+    }
+
+    /// A stop is asked for again: the stop command goes out now, or soon if one has just left.
+    /// Returns whether it does now.
+    pub fn ask_again(&mut self, now: Instant) -> bool {
+        if !self.has_left() || !self.repeats() {
+            return false;
+        }
+        if let Backoff::Resting { asked, .. } = &mut self.backoff
+            && core::mem::replace(asked, true)
+        {
+            return false;
+        }
+        let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
+        let at = just_left.unwrap_or(now);
+        self.repeat_at = self.repeat_at.min(at);
+        // Before the next reading, too.
+        let is_command = self.step() == Some(Exchange::Stop);
+        self.next_at = if is_command { self.next_at.min(at) } else { self.next_at.max(at) };
+        just_left.is_none()
     }
 
     /// When a motor that answers and does not come to rest is given up.
     pub fn gives_up_at(&self) -> Option<Instant> {
-        let turns =
-            self.phase != Phase::Confirmed && !self.resting && self.has_left() && !self.not_sent;
-        turns.then_some(self.give_up_at)
+        let hears_us = self.has_left() && !self.not_sent;
+        (hears_us && !self.is_confirmed() && !self.is_resting()).then_some(self.give_up_at)
     }
 
     /// Since when a frame of the stop should have left, while it is neither confirmed nor known as
     /// one that could not be sent.
-    fn unsent_since(&self) -> Option<Instant> {
-        if self.phase == Phase::Confirmed || self.unreachable || self.not_sent {
+    pub fn unsent_since(&self) -> Option<Instant> {
+        if self.is_confirmed() || self.unreachable || self.not_sent {
             return None;
         }
         if !self.has_left() {
@@ -248,32 +279,27 @@ impl Stop {
         Some(if self.repeats() { repeat_at } else { repeat_at.max(self.next_at) })
     }
 
-    /// It has waited for so long that it counts as not sent, and waits still.
-    pub fn is_not_sent(&self) -> bool {
-        self.not_sent
-    }
-
-    /// Once the brake is being locked the stop command would switch the output on again.
-    fn repeats(&self) -> bool {
-        !matches!(self.phase, Phase::LockBrake | Phase::VerifyBrake | Phase::OutputOff)
+    /// It could not be sent in time.
+    pub fn note_not_sent(&mut self) {
+        self.not_sent = true;
     }
 
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
-        let repeat =
-            if self.phase == Phase::Confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
+        let is_confirmed = self.is_confirmed();
+        let repeat = if is_confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
         match exchange {
-            Exchange::OutputOff if self.phase != Phase::OutputOff => {
+            Exchange::OutputOff if self.step() != Some(Exchange::OutputOff) => {
                 self.repeat_at = now + repeat;
-                self.read_after_repeat = self.phase == Phase::Confirmed;
+                self.read_after_repeat = is_confirmed;
             }
             Exchange::Stop => {
                 self.repeat_at = now + repeat;
                 self.next_at = now;
-                if self.resting {
-                    self.asked_while_resting &= self.second_follows || now < self.rests_until;
+                if let Backoff::Resting { until, second_follows, asked } = &mut self.backoff {
+                    *asked &= *second_follows || now < *until;
                 }
-                self.read_after_repeat = self.phase == Phase::Confirmed;
+                self.read_after_repeat = is_confirmed;
             }
             Exchange::Velocity => {
                 self.next_at = now + self.hold_poll.unwrap_or(CONFIRM_POLL);
@@ -283,9 +309,10 @@ impl Stop {
         }
     }
 
-    /// The bus has given an exchange of the stop back: it has not left.
-    pub fn given_back(&mut self, now: Instant, exchange: Exchange) {
-        if exchange == self.command() && self.phase != Phase::Command && self.repeats() {
+    /// The bus has cancelled an exchange of the stop: it has not left.
+    pub fn cancelled(&mut self, now: Instant, exchange: Exchange) {
+        let is_command = self.step() == Some(Exchange::Stop);
+        if exchange == self.command() && !is_command && self.repeats() {
             self.repeat_at = now;
         } else {
             self.next_at = self.next_at.min(now);
@@ -294,7 +321,7 @@ impl Stop {
 
     /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two
     /// stops: whatever we send may be feeding its own timeout (GUARANTEES G4).
-    pub fn left(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
+    pub fn transmitted(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
         self.went_on_at = now;
         if core::mem::take(&mut self.not_sent) {
             self.give_up_at = now + STANDSTILL_WITHIN;
@@ -305,20 +332,232 @@ impl Stop {
         self.sent = self.sent.saturating_add(1);
         self.first_left.get_or_insert(now);
         self.last_left = Some(now);
-        if self.resting {
-            self.second_follows = !self.second_follows;
-            self.rests_until = if self.second_follows { now } else { now + silence };
-            self.next_at = self.rests_until;
+        if let Backoff::Resting { until, second_follows, .. } = &mut self.backoff {
+            *second_follows = !*second_follows;
+            *until = if *second_follows { now } else { now + silence };
+            self.next_at = *until;
         }
     }
 
-    fn go(&mut self, now: Instant, phase: Phase) {
-        self.phase = phase;
-        self.next_at =
-            if phase == Phase::Command && self.resting { now.max(self.rests_until) } else { now };
-        if phase == Phase::Standstill {
-            self.standstill_since = now;
-            self.standstill_readings = 0;
+    /// A request has been answered, or needs no answer. `still`: whether the speed in the answer is
+    /// standstill, where it has one.
+    pub(super) fn answered(
+        &mut self,
+        now: Instant,
+        request: &Transaction,
+        seen: &Observation,
+        still: Option<bool>,
+        config: &AxisConfig,
+    ) -> StopEffect {
+        self.went_on_at = now;
+        let exchange = request.exchange;
+        let answered = protocol::is_answered(&request.command, config);
+        if answered {
+            if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed) {
+                self.unconfirmed = 0;
+            }
+            if core::mem::replace(&mut self.backoff, Backoff::None) != Backoff::None {
+                self.give_up_at = now + STANDSTILL_WITHIN_ANEW;
+            }
+        }
+        if self.step() != Some(exchange) {
+            return StopEffect::None;
+        }
+        match (self.detour, exchange) {
+            (Detour::None, Exchange::Stop) if answered => {
+                self.acknowledged |= request.unambiguous;
+                self.command_answered(now, config);
+            }
+            (Detour::None, Exchange::Stop) => self.turn_aside(now, Detour::ReadBack),
+            (Detour::None, Exchange::PendingWrite) if seen.write_pending == Some(true) => {
+                self.turn_aside(now, Detour::Overwrite);
+            }
+            (Detour::None, Exchange::Velocity) => self.speed_read(now, still, config),
+            (Detour::None, Exchange::LockBrake) => {
+                self.advance(now, config);
+                if !config.verifies_brake() {
+                    self.next_at = now + BRAKE_LOCKS_WITHIN;
+                }
+            }
+            (Detour::None, Exchange::Faults) if !config.verifies_brake() => {
+                self.advance(now, config);
+                return StopEffect::BrakeUnverified;
+            }
+            (Detour::None, Exchange::Faults) if seen.brake_locked != Some(true) => {
+                self.sequence.step_back();
+                self.next_at = now + REFUSED_PAUSE;
+                return StopEffect::CameToNothing;
+            }
+            (Detour::None, _) => self.advance(now, config),
+            (Detour::ReadFaults, _) => self.turn_aside(now, Detour::ReadVelocity),
+            (Detour::ReadVelocity, _) => {
+                self.command_again(now);
+                self.next_at = now + REFUSED_PAUSE;
+            }
+            (Detour::ReadBack, _) => {
+                self.acknowledged |= request.unambiguous && seen.commanded_zero == Some(true);
+                self.command_again(now);
+                self.command_answered(now, config);
+            }
+            (Detour::Overwrite, _) if !self.acknowledged => self.command_again(now),
+            (Detour::Overwrite, _) => {
+                self.detour = Detour::None;
+                self.sequence.pass_over(|step| step != Exchange::Velocity);
+                self.begin_step(now);
+            }
+        }
+        StopEffect::None
+    }
+
+    /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the
+    /// speed, and send the stop again.
+    pub(super) fn refused(&mut self, now: Instant, exchange: Exchange) -> StopEffect {
+        if self.is_confirmed() {
+            // Or somebody else's question is refused.
+            if !exchange.is_stop() {
+                return StopEffect::None;
+            }
+        } else if exchange.is_stop() && !self.is_resting() {
+            self.turn_aside(now, Detour::ReadFaults);
+        } else if matches!(
+            self.detour,
+            Detour::ReadFaults | Detour::ReadVelocity | Detour::ReadBack
+        ) {
+            self.command_again(now);
+        }
+        if !self.is_resting() && !exchange.is_stop() {
+            self.next_at = now + REFUSED_PAUSE;
+        }
+        came_to_nothing_by(exchange)
+    }
+
+    /// A request that had left was not answered. `is_of_job`: it was asked for by a host as well.
+    pub(super) fn unanswered(
+        &mut self,
+        now: Instant,
+        exchange: Exchange,
+        is_of_job: bool,
+        config: &AxisConfig,
+    ) -> StopEffect {
+        self.went_on_at = now;
+        let may_wait = is_served(Exchange::OverwritePending, config);
+        match (self.detour, self.sequence.step()) {
+            // A motor that hears and does not answer may keep a speed that waits, for anybody's 05:
+            // that is overwritten unasked.
+            (Detour::None, Some(Exchange::Stop | Exchange::PendingWrite))
+            | (Detour::ReadBack, _)
+                if may_wait =>
+            {
+                self.turn_aside(now, Detour::Overwrite);
+            }
+            (Detour::Overwrite, _) if !self.acknowledged => {
+                self.command_again(now);
+                return StopEffect::None;
+            }
+            (Detour::ReadFaults | Detour::ReadVelocity | Detour::ReadBack, _) => {
+                self.command_again(now);
+            }
+            // Past the wait the brake is locked even if the speed cannot be read.
+            (Detour::None, Some(Exchange::Velocity)) => self.lock_when_overdue(now, config),
+            // What is not needed for the stop itself, or confirmed already.
+            _ => {}
+        }
+        if is_of_job { StopEffect::None } else { came_to_nothing_by(exchange) }
+    }
+
+    /// It came to nothing once more. Returns whether that makes `enough` for a motor that is not
+    /// left alone yet.
+    pub(super) fn count_unconfirmed(&mut self, now: Instant, enough: u8) -> bool {
+        self.went_on_at = now;
+        self.unconfirmed = self.unconfirmed.saturating_add(1);
+        self.unconfirmed >= enough && !self.is_resting()
+    }
+
+    /// From now on two stops go between silences. The silence is for a motor that hears us: what
+    /// has not left has fed no timeout, and a stop that has never left is due.
+    pub(super) fn rest(&mut self, now: Instant, silence: Duration) {
+        let until = self.last_left.map_or(now, |left| left + silence);
+        self.backoff = Backoff::Resting { until, second_follows: false, asked: false };
+    }
+
+    /// Nothing is known of the motor any more, a locked brake included: all of the stop begins
+    /// again. Returns whether the motor counted as reachable.
+    pub(super) fn lose_motor(&mut self, now: Instant) -> bool {
+        self.hold_poll = None;
+        self.acknowledged = false;
+        self.sequence.restart();
+        self.command_again(now);
+        !core::mem::replace(&mut self.unreachable, true)
+    }
+
+    /// It has just been confirmed, and goes on as the stop of a tripped axis.
+    pub(super) fn goes_on_confirmed(&mut self, repeat_at: Instant, hold_poll: Option<Duration>) {
+        self.unreachable = false;
+        self.repeat_at = repeat_at;
+        self.hold_poll = hold_poll;
+    }
+
+    /// The motor turns, as a late reply says. Whatever that answered, it does not show standstill.
+    pub(super) fn turns(&mut self) {
+        self.standstill_readings = 0;
+    }
+
+    /// Past the last stop command: on to what confirms it.
+    fn command_answered(&mut self, now: Instant, config: &AxisConfig) {
+        if self.acknowledged && self.sent >= STOPS_AT_LEAST {
+            self.advance(now, config);
         }
     }
+
+    fn speed_read(&mut self, now: Instant, still: Option<bool>, config: &AxisConfig) {
+        let still = still == Some(true);
+        self.standstill_readings = if still { self.standstill_readings + 1 } else { 0 };
+        if self.standstill_readings >= STANDSTILL_READINGS {
+            self.advance(now, config);
+        } else {
+            self.lock_when_overdue(now, config);
+        }
+    }
+
+    fn lock_when_overdue(&mut self, now: Instant, config: &AxisConfig) {
+        if self.sequence.step_behind() == Some(Exchange::LockBrake)
+            && now.since(self.standstill_since) >= BRAKE_WAIT
+        {
+            self.advance(now, config);
+        }
+    }
+
+    fn turn_aside(&mut self, now: Instant, detour: Detour) {
+        self.detour = detour;
+        self.next_at = now;
+    }
+
+    /// On to the stop command again, unless the brake holds already.
+    fn command_again(&mut self, now: Instant) {
+        self.detour = Detour::None;
+        if !self.is_braked() {
+            self.sequence.restart();
+        }
+        self.next_at = match self.backoff {
+            Backoff::Resting { until, .. } => now.max(until),
+            Backoff::None => now,
+        };
+    }
+
+    fn advance(&mut self, now: Instant, config: &AxisConfig) {
+        self.sequence.advance();
+        self.sequence.pass_over(|step| !is_served(step, config));
+        self.begin_step(now);
+    }
+
+    fn begin_step(&mut self, now: Instant) {
+        self.next_at = now;
+        self.standstill_since = now;
+        self.standstill_readings = 0;
+    }
+}
+
+/// A speed that cannot be read is made up for by the stop command, which is repeated.
+fn came_to_nothing_by(exchange: Exchange) -> StopEffect {
+    if exchange == Exchange::Velocity { StopEffect::None } else { StopEffect::CameToNothing }
 }

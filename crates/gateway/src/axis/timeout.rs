@@ -1,7 +1,7 @@
 //! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
 //! G4).
 
-use super::Axis;
+use super::{Axis, JobKind};
 use crate::protocol::Info;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout};
@@ -64,6 +64,14 @@ impl Axis {
             .then_some(self.written_timeout_ms)
     }
 
+    /// The timeout to write now, ms: the one that a host asks for, or the one that arming renews.
+    pub(super) fn timeout_to_write(&self) -> Option<u32> {
+        match self.job.as_ref().map(|job| job.kind) {
+            Some(JobKind::Provision { timeout_ms }) => Some(timeout_ms),
+            _ => self.renewed_timeout_ms(),
+        }
+    }
+
     /// The motor has taken the timeout that arming wrote again.
     pub(super) fn timeout_renewed(&mut self) {
         if let Some(timeout_ms) = self.renewed_timeout_ms() {
@@ -96,7 +104,8 @@ impl Axis {
         }
     }
 
-    /// The motor has taken a timeout: it was read back that it is on, or counts as long as written.
+    /// The motor has taken a timeout. It was read back that it is on, or counts as long as
+    /// written.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
         self.motor_timeout = match timeout_ms {
@@ -145,7 +154,8 @@ impl Axis {
     }
 
     /// The motor's own timeout, where the gateway has programmed one that the motor must still
-    /// have, or has once it is armed. Where the motor only tells that it is on it stays unknown.
+    /// have, or has once it is armed. Where the motor only tells that it is on it
+    /// stays unknown.
     pub(super) fn programmed_timeout(&self) -> Option<Duration> {
         let holds = !self.is_armed() || matches!(self.motor_timeout, MotorTimeout::Written { .. });
         let timeout = Duration::from_millis(u64::from(self.written_timeout_ms));

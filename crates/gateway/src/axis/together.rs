@@ -18,7 +18,7 @@ impl Axis {
 
     /// Whether all that it has to do before the start is done.
     pub fn has_taken_part(&self) -> bool {
-        self.takes_part() && self.job_exchange().is_none()
+        self.takes_part() && self.job_step().is_none()
     }
 
     /// The frame that starts all of them becomes the motion of this one. It goes out once.
@@ -31,11 +31,10 @@ impl Axis {
     /// Whether that frame has left.
     pub fn has_executed(&self) -> bool {
         let executes = protocol::command(Exchange::ExecuteAll, &self.config);
-        let Some(motion) = self.motion.as_ref().filter(|m| Some(m.command) == executes) else {
+        let Some(motion) = self.motion().filter(|motion| Some(motion.command) == executes) else {
             return false;
         };
-        let under_way =
-            self.pending.as_ref().is_some_and(|pending| pending.exchange == Exchange::Motion);
+        let under_way = self.transactions.current().is_some_and(|c| c.exchange == Exchange::Motion);
         motion.due.is_none() && !under_way
     }
 
@@ -45,7 +44,7 @@ impl Axis {
         let Some(JobKind::Prepare { command }) = self.job_kind() else { return };
         self.stand_down();
         // No answer to all is printed; one that came would have the id of the next frame.
-        self.reply_comes_first(now);
+        self.transactions.reply_comes_first(now);
         self.take_motion(now, protocol::at_once(command), expires, false, out);
     }
 

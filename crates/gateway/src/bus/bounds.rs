@@ -150,7 +150,7 @@ impl Bus {
     pub fn expire_deliveries(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         let within = self.delivered_within();
         axes.each(self.which(Is::Active, axes), |axis| {
-            if axis.delivery_is_late(now, within) {
+            if axis.delivery_due_at().is_some_and(|due| due + within <= now) {
                 axis.trip(now, TripReason::NotDelivered, out);
             }
         });
@@ -165,7 +165,7 @@ impl Bus {
         // Most begin together, and are due together.
         let mut before = None;
         axes.of(self.which(Is::FirstStop, axes)).filter_map(move |axis| {
-            let since = axis.unreported_stop()?;
+            let since = axis.stop()?.unreported_since()?;
             let due = before
                 .filter(|(began, _)| *began == since)
                 .map(|(_, due)| due)

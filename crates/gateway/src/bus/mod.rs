@@ -352,7 +352,7 @@ impl Bus {
         // The request that is lost with the bus may be the one that has a motor stopped which
         // should hold.
         axes.each(self.here(axes), |axis| {
-            if axis.state == AxisState::Stopping {
+            if axis.state() == AxisState::Stopping {
                 axis.trip(now, TripReason::BusOff, out);
             }
         });
@@ -367,7 +367,7 @@ impl Bus {
         if let Some(raw) = &mut self.raw {
             raw.purge();
         }
-        axes.each(self.here(axes), |axis| axis.forget_exchanges(now, out));
+        axes.each(self.here(axes), |axis| axis.forget_requests(now, out));
     }
 
     /// The axes for this bus.

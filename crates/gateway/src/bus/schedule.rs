@@ -3,7 +3,7 @@
 
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
-use crate::axis::{Axis, Priority, Want};
+use crate::axis::{Axis, Priority, Request};
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
@@ -46,7 +46,7 @@ enum Stops {
 
 impl Bus {
     /// The axis to serve now.
-    pub(super) fn choose(&self, now: Instant, axes: &Axes, room: Room) -> Option<(usize, Want)> {
+    pub(super) fn choose(&self, now: Instant, axes: &Axes, room: Room) -> Option<(usize, Request)> {
         let stops = self.stops(now, axes);
         let may_ordinary = room == Room::Left
             && matches!(stops, Stops::None | Stops::Sent)
@@ -57,10 +57,10 @@ impl Bus {
         if stops == Stops::None && !may_ordinary {
             return None;
         }
-        let mut best: Option<(usize, Want, Precedence)> = None;
+        let mut best: Option<(usize, Request, Precedence)> = None;
         for index in self.which(Is::Ready, axes).behind(self.turn) {
             let Some(axis) = axes.get(index) else { continue };
-            if !may_ordinary && !axis.has_stop() && !axis.is_kept_holding() {
+            if !may_ordinary && axis.stop().is_none() && !axis.is_kept_holding() {
                 continue;
             }
             // Behind a first stop nothing of an axis with a higher id goes: what that wants need
@@ -70,7 +70,7 @@ impl Bus {
             }) {
                 continue;
             }
-            let Some(want) = axis.wants(now) else { continue };
+            let Some(want) = axis.next_request(now) else { continue };
             let precedence = self.precedence(axis, &want, stops);
             if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen)
                 || axis.command_for(want.exchange).is_none()
@@ -109,7 +109,7 @@ impl Bus {
 
     /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any
     /// other order round. What has no precedence over another goes in turn.
-    fn precedence(&self, axis: &Axis, want: &Want, stops: Stops) -> Precedence {
+    fn precedence(&self, axis: &Axis, want: &Request, stops: Stops) -> Precedence {
         let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {
             (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => {
@@ -183,7 +183,8 @@ impl Bus {
     /// From when on each first stop that has not left may leave.
     fn first_stops_may_leave<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = Instant> + 'a {
         let first_stops = axes.of(self.which(Is::FirstStop, axes));
-        first_stops.filter_map(|axis| Some(axis.stop_since()?.max(self.id_is_free_at(axis, axes))))
+        first_stops
+            .filter_map(|axis| Some(axis.stop()?.since().max(self.id_is_free_at(axis, axes))))
     }
 
     /// A frame in the controller that keeps a stop out which goes before it.
@@ -273,8 +274,9 @@ impl Bus {
     fn may_watch(&self, now: Instant, axes: &Axes) -> bool {
         let until =
             now + self.reply_window() + self.bit_time(EXCHANGE_FRAMES * self.longest_frame_bits);
-        let due =
-            |axis: &Axis| axis.is_armed() && axis.next_want_at(now).is_some_and(|at| at <= until);
+        let due = |axis: &Axis| {
+            axis.is_armed() && axis.next_request_at(now).is_some_and(|at| at <= until)
+        };
         self.raw.is_none() && !self.axes_here(axes).any(due)
     }
 
@@ -282,7 +284,7 @@ impl Bus {
         &self,
         now: Instant,
         axis: &Axis,
-        want: &Want,
+        want: &Request,
         axes: &Axes,
         room: Room,
     ) -> bool {
@@ -312,7 +314,7 @@ impl Bus {
         let Some(since) = since else { return Instant::from_micros(0) };
         // Another motor's objection may be under way when the bus was quiet for so long, and that
         // of this one behind it.
-        let behind = if axis.objects() { self.frame_time(1) } else { Duration::ZERO };
+        let behind = if axis.transactions.objects() { self.frame_time(1) } else { Duration::ZERO };
         let delay = self.line_times().stop_delay() + behind;
         let others = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
         (since.max(self.active_at) + delay).min(since + others + delay)

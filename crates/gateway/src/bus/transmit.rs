@@ -4,7 +4,7 @@ use super::line::{GAP_BITS, LineTimes, serial_frame_bits};
 use super::schedule::Room;
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
-use crate::axis::{Axis, Priority, Want};
+use crate::axis::{Axis, Priority, Request};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
 use crate::protocol::{self, Exchange};
@@ -68,11 +68,11 @@ impl Bus {
             self.line.sent(now, self.line_times());
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
-            axis.left(now, slot, window, out);
+            axis.transmitted(now, slot, window, out);
             let from = axis.index;
             axes.each(self.which(Is::Objecting, axes), |other| {
                 if other.index != from {
-                    other.may_object(now);
+                    other.transactions.may_object(now);
                 }
             });
         }
@@ -97,7 +97,9 @@ impl Bus {
                     in_flight.collided_at.is_some_and(|at| at <= now)
                         || axis.has_replaced(slot)
                         || !in_flight.is_stop && first_stop > in_flight.id
-                        || in_flight.overdue && !in_flight.is_stop && !axis.has_pending(slot)
+                        || in_flight.overdue
+                            && !in_flight.is_stop
+                            && !axis.transactions.has_in(slot)
                 }
                 None => in_flight.is_disowned || self.raw.is_none(),
             };
@@ -123,9 +125,9 @@ impl Bus {
             self.carried_deadline = Some(carried.min(in_flight.deadline));
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
-            axis.withdrawn(now, slot);
+            axis.cancelled(now, slot);
             if in_flight.collided_at.is_some_and(|at| at <= now) {
-                axis.reply_comes_first(now);
+                axis.transactions.reply_comes_first(now);
                 self.let_reply_pass = true;
             }
         }
@@ -216,7 +218,7 @@ impl Bus {
         &mut self,
         now: Instant,
         axis: &mut Axis,
-        want: Want,
+        want: Request,
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
         let command = axis.command_for(want.exchange);
@@ -233,7 +235,7 @@ impl Bus {
         self.turn = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
         let may_come = self.kind() == BusKind::Can
-            && (axis.reply_with_our_id_since().is_some() || axis.objects());
+            && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects());
         let may_collide = may_come && !self.let_reply_pass;
         let frames = self.frame_time(COLLIDED_AFTER_FRAMES);
         let collided_at = may_collide.then_some(now + frames);

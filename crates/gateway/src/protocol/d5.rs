@@ -72,6 +72,7 @@ pub(super) static INFO: Info = Info {
         Exchange::DriverTemperature,
         Exchange::MotorTemperature,
     ],
+    restarting: &[],
     stops: &[(
         StopAction::Hold,
         &[Exchange::Stop, Exchange::PendingWrite, Exchange::OverwritePending, Exchange::Velocity],

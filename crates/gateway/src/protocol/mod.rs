@@ -141,6 +141,8 @@ pub(crate) struct Info {
     pub polls: &'static [Exchange],
     /// Before a trip is cleared.
     pub clearing: &'static [Exchange],
+    /// A restart of the motor, and what comes before a trip is cleared after it.
+    pub restarting: &'static [Exchange],
     /// The stop actions that its motors can carry out, and the steps of each: `Stop` until it is
     /// acknowledged, what follows once; `Velocity` is standstill, `Faults` the brake seen locked.
     pub stops: &'static [(StopAction, &'static [Exchange])],
@@ -268,7 +270,9 @@ pub(crate) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command
 /// The steps of the axis's stop action.
 pub(crate) fn stop_steps(config: &AxisConfig) -> &'static [Exchange] {
     let info = Info::of_axis(config);
-    info.zip(config.stop_action()).and_then(|(info, action)| info.stop(action)).unwrap_or_default()
+    info.zip(config.stop_action())
+        .and_then(|(info, action)| info.stop(action))
+        .unwrap_or(&[Exchange::Stop])
 }
 
 /// The command that carries out a setpoint, which has already passed the axis's own limits.

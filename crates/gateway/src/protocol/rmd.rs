@@ -65,6 +65,14 @@ pub(super) static INFO: Info = Info {
     polls: &[Exchange::Velocity, Exchange::Position],
     // There is no command that clears a fault (§8).
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
+    restarting: &[
+        Exchange::RunTime,
+        Exchange::Restart,
+        Exchange::RunTime,
+        Exchange::Faults,
+        Exchange::Velocity,
+        Exchange::Position,
+    ],
     stops: &[
         (Coast, &[Exchange::Stop]),
         (Hold, &[Exchange::Stop, Exchange::Velocity]),

@@ -68,6 +68,7 @@ pub(super) static INFO: Info = Info {
         Exchange::MotorTemperature,
         Exchange::DriverTemperature,
     ],
+    restarting: &[],
     stops: &[(StopAction::Coast, &[Exchange::Stop, Exchange::PositionStop])],
     limits,
     can_confirm: |config| ReturnMode::of(config) != ReturnMode::Nothing,

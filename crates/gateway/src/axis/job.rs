@@ -3,30 +3,29 @@
 //!
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
-use super::exchanges::{Pending, Silence};
 use super::restart::Restart;
-use super::{Axis, Observation};
+use super::sequence::Sequence;
+use super::state::State;
+use super::{Axis, AxisConfig, Observation};
 use crate::outbox::{Outbox, Ticket};
-use crate::protocol::{self, Command, Exchange, Info, Sets};
+use crate::protocol::{Command, Exchange, Info, Sets};
 use crate::time::{Duration, Instant};
+use crate::transaction::Transaction;
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
-use host_protocol::{
-    AxisParameter, AxisState, Bytes, Error, Event, MotorTimeout, NoReplyHint, Protocol, Quantity,
-    Reply, TogetherBar, TripReason, Value,
-};
+use host_protocol::{AxisParameter, Bytes, Error, Event, NoReplyHint, Reply, Value};
 
 /// A sequence of exchanges under way for a host.
 #[derive(Debug, Clone)]
 pub(crate) struct Job {
     pub(super) kind: JobKind,
     ticket: Ticket,
-    pub(super) step: usize,
+    pub(super) sequence: Sequence,
     /// Requests of this step that were not answered.
     unanswered: u8,
     /// When the step began, its latest request ended, or the next one is due.
     pub(super) since: Instant,
     /// The holding brake has been freed.
-    brake_freed: bool,
+    pub(super) brake_freed: bool,
     /// The motor's output is on, as the axis held before the job or a command of the job has
     /// switched it on.
     output_on: bool,
@@ -94,26 +93,24 @@ impl JobKind {
         matches!(self, Self::ReadState | Self::Native { asks: true, .. })
     }
 
-    fn step(self, index: usize, protocol: Protocol) -> Option<Exchange> {
-        let info = Info::of(protocol);
-        let steps = match self {
+    /// Its steps. Those that the motor has no command for are passed over.
+    fn steps(self, config: &AxisConfig) -> &'static [Exchange] {
+        let Some(info) = Info::of_axis(config) else { return &[] };
+        match self {
             Self::Arm { .. } => info.arming,
             Self::ReadState => info.state,
             Self::Clear => info.clearing,
-            Self::Restart(_) => return Restart::step(index, info.clearing),
-            Self::Provision { timeout_ms } => {
-                return [Exchange::SetTimeout { timeout_ms }, Exchange::TimeoutSwitch]
-                    .get(index)
-                    .copied();
-            }
+            Self::Restart(_) => info.restarting,
+            Self::Provision { .. } => &[Exchange::RenewTimeout, Exchange::TimeoutSwitch],
             Self::OutputOff => &[Exchange::OutputOff],
-            Self::Native { command, .. } => {
-                // Whether it has restarted since is seen by its run time before.
-                let restarts = command.sets() == Sets::AfterRestart;
-                let before = restarts.then_some(Exchange::RunTime);
-                let steps = [before, Some(Exchange::Native), command.read_back()];
-                return steps.into_iter().flatten().nth(index);
+            // Whether it has restarted since is seen by its run time before.
+            Self::Native { command, .. } if command.sets() == Sets::AfterRestart => {
+                &[Exchange::RunTime, Exchange::Native]
             }
+            Self::Native { command, .. } if command.read_back().is_some() => {
+                &[Exchange::Native, Exchange::AckLevel]
+            }
+            Self::Native { .. } => &[Exchange::Native],
             Self::NativeMotion => &[Exchange::Motion],
             Self::Prepare { .. } => &[Exchange::Native, Exchange::PendingWrite],
             Self::StandBy { clears: false } => &[Exchange::PendingWrite],
@@ -125,8 +122,21 @@ impl JobKind {
                 Exchange::PendingWrite,
             ],
             Self::MoveRelative { .. } => &[Exchange::Position],
-        };
-        steps.get(index).copied()
+        }
+    }
+}
+
+impl Job {
+    /// The bus has taken an exchange.
+    pub(super) fn note_handed(&mut self, exchange: Exchange) {
+        self.brake_freed |= exchange == Exchange::ReleaseBrake;
+    }
+
+    /// A command has left.
+    pub(super) fn note_transmitted(&mut self, command: &Command) {
+        if let Sets::Output(on) = command.sets() {
+            self.output_on = on;
+        }
     }
 }
 
@@ -140,21 +150,18 @@ impl Axis {
             out.answer(ticket, &Err(Error::Busy { axis: self.index }));
             return;
         }
-        if let Some(pending) = &mut self.pending {
-            pending.predates_job = true;
-        }
-        let output_on = self.state == AxisState::Holding;
+        self.transactions.job_begins();
         self.job = Some(Job {
             kind,
             ticket,
-            step: 0,
+            sequence: Sequence::new(kind.steps(&self.config)),
             unanswered: 0,
             since: now,
             brake_freed: false,
-            output_on,
+            output_on: matches!(self.state, State::Holding),
         });
         match kind {
-            JobKind::Arm { .. } => self.enter(AxisState::Arming, out),
+            JobKind::Arm { .. } => self.enter(State::Arming, out),
             JobKind::Provision { timeout_ms } => self.provisioning(timeout_ms),
             _ => {}
         }
@@ -182,9 +189,8 @@ impl Axis {
     }
 
     /// The exchange that the job wants next.
-    pub(super) fn job_exchange(&self) -> Option<Exchange> {
-        let job = self.job.as_ref()?;
-        job.kind.step(job.step, self.config.protocol()?)
+    pub(super) fn job_step(&self) -> Option<Exchange> {
+        self.job.as_ref()?.sequence.step()
     }
 
     /// The native command of the job.
@@ -211,35 +217,31 @@ impl Axis {
 
     /// Passes over the steps that this motor has no command for. Returns whether none is left.
     fn pass_over_steps(&mut self) -> bool {
-        while let Some(exchange) = self.job_exchange() {
-            let is_of_what_waits =
-                matches!(exchange, Exchange::OverwritePending | Exchange::ExecutePending);
-            let needless = is_of_what_waits && !self.write_waits;
-            let has_command =
-                matches!(exchange, Exchange::Motion) || self.command_for(exchange).is_some();
-            if !needless && has_command {
-                return false;
-            }
-            if let Some(job) = &mut self.job {
-                job.step += 1;
-            }
+        let Some(mut sequence) = self.job.as_ref().map(|job| job.sequence) else { return false };
+        sequence.pass_over(|exchange| match exchange {
+            Exchange::Motion => false,
+            Exchange::OverwritePending | Exchange::ExecutePending if !self.write_waits => true,
+            _ => self.command_for(exchange).is_none(),
+        });
+        if let Some(job) = &mut self.job {
+            job.sequence = sequence;
         }
-        true
+        sequence.step().is_none()
     }
 
     pub(super) fn job_answered(
         &mut self,
         now: Instant,
-        pending: &Pending,
+        request: &Transaction,
         seen: &Observation,
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        let exchange = pending.exchange;
+        let exchange = request.exchange;
         // The reply to the setpoint before is not that of the native motion.
-        let other_motion = exchange == Exchange::Motion && !self.is_latest(pending.motion);
+        let other_motion = exchange == Exchange::Motion && !self.is_latest(request.motion);
         // Nor does a poll that was under way before the job began tell what was asked for since.
-        if self.job_exchange() != Some(exchange) || other_motion || pending.predates_job {
+        if self.job_step() != Some(exchange) || other_motion || request.predates_job {
             return;
         }
         if let Err(error) = self.check_step(exchange, seen) {
@@ -254,7 +256,7 @@ impl Axis {
 
     fn step_done(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         if let Some(job) = &mut self.job {
-            job.step += 1;
+            job.sequence.advance();
             job.unanswered = 0;
             job.since = now;
         }
@@ -263,9 +265,14 @@ impl Axis {
         }
     }
 
-    pub(super) fn job_unanswered(&mut self, now: Instant, pending: &Pending, out: &mut Outbox<'_>) {
-        let exchange = pending.exchange;
-        if self.job_exchange() != Some(exchange) {
+    pub(super) fn job_unanswered(
+        &mut self,
+        now: Instant,
+        request: &Transaction,
+        out: &mut Outbox<'_>,
+    ) {
+        let exchange = request.exchange;
+        if self.job_step() != Some(exchange) {
             return;
         }
         if self.is_restarting() {
@@ -276,18 +283,18 @@ impl Axis {
             );
             return;
         }
-        let has_left = pending.is_waiting();
+        let has_left = request.is_awaited();
         let changes = matches!(
             self.job.as_ref().map(|job| job.kind),
             Some(JobKind::Native { asks: false, .. })
         ) && exchange == Exchange::Native;
-        if changes && has_left && matches!(pending.command.sets(), Sets::AckLevel(_)) {
+        if changes && has_left && matches!(request.command.sets(), Sets::AckLevel(_)) {
             self.step_done(now, &Observation::default(), &[], out);
             return;
         }
         // What changes the motor is sent once: whether it was carried out is not known.
         let tries = if changes { 1 } else { self.config.missed_replies() };
-        let may_be_mute = protocol::command(Exchange::AckLevel, &self.config).is_some();
+        let may_be_mute = self.can(Exchange::AckLevel);
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
         job.since = now;
@@ -304,34 +311,21 @@ impl Axis {
     }
 
     pub(super) fn job_refused(&mut self, now: Instant, exchange: Exchange, out: &mut Outbox<'_>) {
-        if self.job_exchange() == Some(exchange) {
+        if self.job_step() == Some(exchange) {
             let error = Error::Refused { axis: self.index, faults: self.measured.fault_word() };
             self.fail(now, error, out);
-        }
-    }
-
-    /// The bus has taken an exchange of the job.
-    pub(super) fn job_handed(&mut self, exchange: Exchange) {
-        if let Some(job) = &mut self.job {
-            job.brake_freed |= exchange == Exchange::ReleaseBrake;
-        }
-    }
-
-    /// A command has left while the job is under way.
-    pub(super) fn job_left(&mut self, command: &Command) {
-        if let (Some(job), Sets::Output(on)) = (&mut self.job, command.sets()) {
-            job.output_on = on;
         }
     }
 
     /// When the job is given up if the bus has not taken its next request, or keeps a stop that
     /// goes before it.
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
+        let job = self.job.as_ref()?;
+        let is_motion = self.job_step()? == Exchange::Motion;
         let stop_waits =
-            |p: &Pending| self.stop.is_some() && p.exchange.is_stop() && !p.is_waiting();
-        let waiting = self.job.as_ref().filter(|_| self.pending.as_ref().is_none_or(stop_waits))?;
-        let is_motion = self.job_exchange()? == Exchange::Motion;
-        Some(self.quiet.delays(is_motion, waiting.since) + TAKEN_WITHIN)
+            || self.stop().is_some() && self.transactions.has_with_port(Exchange::is_stop);
+        let waits = self.transactions.is_idle() || stop_waits();
+        waits.then(|| self.transactions.not_before(is_motion, job.since) + TAKEN_WITHIN)
     }
 
     /// Gives up a job whose next request the bus does not take: every request has a result.
@@ -366,9 +360,9 @@ impl Axis {
     /// been sent stops; one that has freed the brake leaves it through the stop action.
     pub fn fail(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
         let Some(job) = self.job.take() else { return };
-        if self.state == AxisState::Arming {
+        if matches!(self.state, State::Arming) {
             if job.brake_freed {
-                self.stop(now, out);
+                self.halt(now, out);
             } else {
                 self.enter_rest(now, job.output_on, out);
             }
@@ -380,129 +374,9 @@ impl Axis {
     /// A native command may have switched the output of an idle axis's motor on, also where its
     /// reply was lost.
     fn note_output(&mut self, now: Instant, job: &Job, out: &mut Outbox<'_>) {
-        if self.state == AxisState::Idle && job.output_on {
+        if matches!(self.state, State::Idle) && job.output_on {
             self.enter_rest(now, true, out);
         }
-    }
-
-    fn check_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
-        let axis = self.index;
-        match self.job.as_ref().map(|job| job.kind) {
-            Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
-            Some(JobKind::Clear | JobKind::Restart(_)) => {
-                match (self.barring(seen), seen.velocity_rad_s, &self.trip) {
-                    (Some(faults), ..) => {
-                        Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })
-                    }
-                    (_, Some(velocity), Some(_))
-                        if self.must_stand() && !self.is_standstill(velocity) =>
-                    {
-                        Err(Error::StopNotConfirmed { axis })
-                    }
-                    (.., Some(trip)) => self.check_limit_cause(trip.reason, seen),
-                    _ => Ok(()),
-                }
-            }
-            Some(JobKind::Native { command, .. })
-                if exchange == Exchange::AckLevel
-                    && seen
-                        .ack_level
-                        .is_some_and(|level| command.sets() != Sets::AckLevel(level)) =>
-            {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
-            }
-            Some(JobKind::Prepare { .. }) if seen.write_pending == Some(false) => {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
-            }
-            Some(JobKind::StandBy { .. })
-                if seen.write_pending == Some(true) && !self.is_read_again_later(exchange) =>
-            {
-                Err(Error::CannotStartTogether { axis, reason: TogetherBar::WriteWaits })
-            }
-            Some(JobKind::Provision { timeout_ms })
-                if seen.timeout_on.is_some_and(|on| on == (timeout_ms == 0)) =>
-            {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn check_arming_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
-        let axis = self.index;
-        if let Some(level) = seen.ack_level {
-            self.check_ack_level(level)?;
-        }
-        if let Some(on) = seen.timeout_on {
-            self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
-        }
-        if exchange == Exchange::BrakeSwitch && seen.brake_locked == Some(true) {
-            return Err(Error::BrakeOn { axis });
-        }
-        if exchange == Exchange::RenewTimeout {
-            self.timeout_renewed();
-        }
-        if seen.commanded_zero == Some(false) {
-            // The motor has acknowledged speed 0 and keeps another one.
-            return Err(Error::CannotConfirm { axis });
-        }
-        if let Some(faults) = self.barring(seen)
-            && exchange == Exchange::Faults
-            && !self.is_read_again_later(exchange)
-        {
-            return Err(Error::MotorFault { axis, faults });
-        }
-        if seen.run_time_ms.is_some() && self.owes_restart() {
-            return Err(Error::RestartOwed { axis });
-        }
-        // A motion against a locked brake ends in a stall.
-        if seen.brake_locked == Some(true)
-            && !self.brake_is_freed_unseen()
-            && self.config.has_brake()
-        {
-            return Err(Error::BrakeLocked { axis });
-        }
-        match seen.velocity_rad_s {
-            Some(velocity_rad_s)
-                if exchange == Exchange::Velocity && !self.is_standstill(velocity_rad_s) =>
-            {
-                Err(Error::NotStandstill { axis, velocity_rad_s })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Whether the job has freed the brake of a motor that need not show it.
-    fn brake_is_freed_unseen(&self) -> bool {
-        let freed = self.job.as_ref().is_some_and(|job| job.brake_freed);
-        freed && !self.config.verifies_brake()
-    }
-
-    /// A level other than the configured one would make every write look lost, or answers
-    /// unexpected.
-    fn check_ack_level(&self, level: u8) -> Result<(), Error> {
-        let configured = self.config.unsigned(AxisParameter::D5AckLevel).unwrap_or(0);
-        if u32::from(level) == configured {
-            return Ok(());
-        }
-        let number = AxisParameter::D5AckLevel.number();
-        #[allow(clippy::cast_precision_loss)]
-        let expected = configured as f32;
-        Err(Error::OutOfRange {
-            quantity: Quantity::Parameter(number),
-            value: f32::from(level),
-            min: expected,
-            max: expected,
-        })
-    }
-
-    /// Whether a later step of the job asks the same, so that the first answer is only for the
-    /// record.
-    fn is_read_again_later(&self, exchange: Exchange) -> bool {
-        let (Some(job), Some(protocol)) = (&self.job, self.config.protocol()) else { return false };
-        (job.step + 1..)
-            .map_while(|step| job.kind.step(step, protocol))
-            .any(|later| later == exchange)
     }
 
     /// The last step is done: `seen` and `data` are what its reply told.
@@ -513,7 +387,10 @@ impl Axis {
             JobKind::Prepare { .. } | JobKind::StandBy { .. } => return,
             JobKind::Arm { epoch } => match self.check_motor_timeout(now) {
                 Ok(()) => {
-                    self.armed(now, epoch, out);
+                    if self.brake_is_freed_unseen() {
+                        out.event(&Event::BrakeUnverified { axis: self.index, locked: false });
+                    }
+                    self.enter_armed(now, epoch, out);
                     Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout(now) }))
                 }
                 Err(error) => Err(error),
@@ -569,28 +446,5 @@ impl Axis {
     pub fn set_stream(&mut self, word: u32) -> Result<(), Error> {
         self.is_unsaved = true;
         self.config.set(AxisParameter::Stream, Value::Unsigned(word))
-    }
-
-    /// The trip is over, and the repeated stop with it.
-    fn cleared(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        self.stop = None;
-        if self.trip.take().is_some() {
-            self.enter_rest(now, self.holds_after_stop(), out);
-        }
-    }
-
-    fn armed(&mut self, now: Instant, epoch: u32, out: &mut Outbox<'_>) {
-        if self.brake_is_freed_unseen() {
-            out.event(&Event::BrakeUnverified { axis: self.index, locked: false });
-        }
-        self.epoch = epoch;
-        self.motion = None;
-        self.not_executed = false;
-        self.in_doubt = false;
-        self.uncommanded_since = None;
-        self.motion_silence = Silence::NONE;
-        self.fault_poll_at = now + self.config.fault_poll();
-        self.state_poll_at = now + self.state_poll();
-        self.enter(AxisState::Armed, out);
     }
 }

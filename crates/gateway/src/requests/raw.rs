@@ -1,9 +1,9 @@
 //! The requests of raw access to a bus: when it may be open, and what may be sent there (GUARANTEES
 //! G10).
 
+use super::Result;
 use crate::gateway::Gateway;
 use crate::protocol;
-use crate::requests::Result;
 use crate::time::Instant;
 use host_protocol::{BusKind, Error, Quantity, RawFrame, requests};
 
@@ -63,7 +63,7 @@ impl Gateway {
             return Err(Error::AxisOnBus { bus, axis: axis.index });
         }
         if let Some(axis) = here().find(|axis| axis.is_in_use()) {
-            return Err(Error::NotIdle { axis: axis.index, state: axis.state });
+            return Err(Error::NotIdle { axis: axis.index, state: axis.state() });
         }
         Ok(())
     }

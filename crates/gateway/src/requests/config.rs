@@ -9,9 +9,7 @@ use crate::outbox::Outbox;
 use crate::protocol;
 use crate::rules;
 use crate::time::Instant;
-use host_protocol::{
-    AxisParameter, AxisState, BusConfig, BusKind, Error, GatewayParameter, Value, requests,
-};
+use host_protocol::{AxisParameter, BusConfig, BusKind, Error, GatewayParameter, Value, requests};
 
 impl Gateway {
     pub(crate) fn configure_gateway(
@@ -49,13 +47,13 @@ impl Gateway {
                 return Err(Error::BusInUse { bus: request.bus, axis: axis.index });
             }
             if let Some(protocol) = axis.config.protocol()
-                && axis.state != AxisState::Unconfigured
+                && axis.is_configured()
                 && !config.protocols.contains(protocol)
             {
                 return Err(Error::ProtocolNotOnBus { bus: request.bus, protocol });
             }
         }
-        check_load(bus, &config, here().filter(|axis| axis.state != AxisState::Unconfigured))?;
+        check_load(bus, &config, here().filter(|axis| axis.is_configured()))?;
         self.end_raw(now, request.bus);
         self.on_bus(now, request.bus, |bus, axes, out| bus.configure(now, config, axes, out));
         self.retention.bus_changed(request.bus);
@@ -74,7 +72,7 @@ impl Gateway {
             return Err(Error::Busy { axis: request.axis });
         }
         if !axis.is_at_rest() {
-            return Err(Error::NotIdle { axis: request.axis, state: axis.state });
+            return Err(Error::NotIdle { axis: request.axis, state: axis.state() });
         }
         let mut config = axis.config.clone();
         config.set(parameter, request.value)?;
@@ -82,7 +80,7 @@ impl Gateway {
         self.check_axis(request.axis, &config)?;
         // Nobody would poll the motor that holds any more.
         if axis.is_kept_holding() && config.address() != axis.config.address() {
-            return Err(Error::NotIdle { axis: request.axis, state: axis.state });
+            return Err(Error::NotIdle { axis: request.axis, state: axis.state() });
         }
         // Nobody would know any more what its motor owes.
         if axis.owes_restart() && is_of_address(parameter) && config != axis.config {
@@ -125,14 +123,11 @@ impl Gateway {
     /// Takes over the configuration that an axis had before a reset, if this firmware would accept
     /// it, and the timeout that was written to its motor.
     pub(crate) fn restore_axis(&mut self, index: u8, config: AxisConfig, told: u32) {
-        let complete = config.missing().is_none();
         if self.check_axis(index, &config).is_err() {
             return;
         }
         let Ok(axis) = self.axis_mut(index) else { return };
-        axis.config = config;
-        axis.state = if complete { AxisState::Idle } else { AxisState::Unconfigured };
-        axis.told_before_reset(told);
+        axis.restore(config, told);
         self.settle(self.now);
     }
 
@@ -142,7 +137,7 @@ impl Gateway {
             return Err(Error::Busy { axis });
         }
         if !removed.is_at_rest() || removed.is_kept_holding() {
-            return Err(Error::NotIdle { axis, state: removed.state });
+            return Err(Error::NotIdle { axis, state: removed.state() });
         }
         if removed.owes_restart() {
             return Err(Error::RestartOwed { axis });
@@ -221,7 +216,7 @@ impl Gateway {
 }
 
 /// Whether a parameter says by which frames the motor is reached.
-pub(crate) fn is_of_address(parameter: AxisParameter) -> bool {
+fn is_of_address(parameter: AxisParameter) -> bool {
     matches!(
         parameter,
         AxisParameter::Bus

@@ -1,11 +1,11 @@
 //! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
 
+use super::{Outcome, Result};
 use crate::axis::{JobKind, NativeMotion, Permit};
 use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
-use crate::protocol::{self, Effect, Native, Sets};
-use crate::requests::{Outcome, Result};
+use crate::protocol::{self, Effect, Exchange, Native, Sets};
 use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests,
@@ -22,7 +22,7 @@ impl Gateway {
         let index = request.axis;
         let native = self.decode(request)?;
         let permitted = self.axis(index)?.is_armed_in(request.epoch);
-        let idle = self.axis(index)?.state == AxisState::Idle;
+        let idle = self.axis(index)?.state() == AxisState::Idle;
         match native.effect {
             Effect::Asks => self.ask_natively(now, index, native, ticket),
             Effect::Rests(demand) if permitted => self.move_natively(
@@ -59,7 +59,7 @@ impl Gateway {
     /// The command that the bytes are to the motor of the axis.
     fn decode(&self, request: &requests::Native) -> Result<Native> {
         let axis = self.axis(request.axis)?;
-        if axis.state == AxisState::Unconfigured {
+        if !axis.is_configured() {
             let parameter = axis.config.missing().map_or(0, AxisParameter::number);
             return Err(Error::NotConfigured { axis: request.axis, parameter });
         }
@@ -78,7 +78,7 @@ impl Gateway {
             Effect::Rests(_) => !axis.is_armed_in(request.epoch),
             _ => false,
         };
-        stops && axis.state != AxisState::Idle
+        stops && axis.state() != AxisState::Idle
     }
 
     pub(crate) fn move_relative(
@@ -107,7 +107,7 @@ impl Gateway {
     ) -> Result<Outcome> {
         let axis = self.axis(index)?;
         let free = matches!(
-            axis.state,
+            axis.state(),
             AxisState::Idle
                 | AxisState::Holding
                 | AxisState::Armed
@@ -133,8 +133,8 @@ impl Gateway {
             self.refuse_e_stopped(index)?;
         }
         let axis = self.idle_axis(index)?;
-        if axis.state == AxisState::Holding && axis.can_let_go() {
-            return Err(Error::NotIdle { axis: index, state: axis.state });
+        if axis.state() == AxisState::Holding && axis.can(Exchange::OutputOff) {
+            return Err(Error::NotIdle { axis: index, state: axis.state() });
         }
         self.with_axis(now, index, |axis, out| axis.make_way(now, out))?;
         if self.axis(index)?.is_busy() {
@@ -214,7 +214,7 @@ impl Gateway {
 
     /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.
     pub(crate) fn refuse_e_stopped(&self, axis: u8) -> Result<()> {
-        if (self.e_stopped || self.e_stop_input_open) && self.axis(axis)?.trip.is_none() {
+        if (self.e_stopped || self.e_stop_input_open) && self.axis(axis)?.trip_reason().is_none() {
             return Err(Error::EStopped {});
         }
         Ok(())

@@ -1,12 +1,13 @@
 //! The setpoint in force: a mailbox for the latest one.
 
+use super::state::State;
 use super::{Axis, JobKind};
 use crate::outbox::{Outbox, Ticket};
 use crate::protocol::{self, Command, Demand, Exchange};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
-use host_protocol::{AxisParameter, AxisState, Error, Quantity, Setpoint, TripReason};
+use host_protocol::{AxisParameter, Error, Quantity, Setpoint, TripReason};
 
 /// What a host gives with everything that moves.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +38,7 @@ pub(super) struct Motion {
     /// When it is to be sent next; `None` once it has been and must not be again.
     pub due: Option<Instant>,
     /// Sending it again would move the motor again.
-    once: bool,
+    pub once: bool,
 }
 
 impl Motion {
@@ -48,10 +49,6 @@ impl Motion {
     /// Whether it may still go out.
     pub fn is_permitted(&self, now: Instant) -> bool {
         self.expires.is_none_or(|at| now < at)
-    }
-
-    pub fn is_once(&self) -> bool {
-        self.once
     }
 }
 
@@ -92,7 +89,7 @@ impl Axis {
     ) -> Result<(), Error> {
         let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
         rules::check_demand(self.index, motion.demand, &self.config)?;
-        let in_force = self.motion.as_ref().map(|motion| &motion.command);
+        let in_force = self.motion().map(|motion| &motion.command);
         // What follows on a target that was near is as near as the motor goes with it.
         if !(protocol::tracks(&command) && in_force.is_some_and(protocol::tracks)) {
             rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
@@ -164,20 +161,20 @@ impl Axis {
         expires_at_us: u32,
     ) -> Result<Option<Instant>, Error> {
         let axis = self.index;
-        match (self.state, &self.trip) {
-            (AxisState::Armed | AxisState::Active, _) => {}
-            (AxisState::Tripped { .. }, Some(trip)) => {
-                return Err(Error::Tripped { axis, reason: trip.reason });
-            }
-            (state, _) => return Err(Error::NotArmed { axis, state }),
-        }
-        if epoch != self.epoch {
-            return Err(Error::StaleEpoch { current: Some(self.epoch) });
+        let Some(armed) = self.armed() else {
+            return Err(match self.trip_reason() {
+                Some(reason) => Error::Tripped { axis, reason },
+                None => Error::NotArmed { axis, state: self.state() },
+            });
+        };
+        if epoch != armed.epoch {
+            return Err(Error::StaleEpoch { current: Some(armed.epoch) });
         }
         self.expiry(now, expires_at_us)
     }
 
-    /// Puts a checked command into the mailbox.
+    /// Puts a checked command into the mailbox. It is owed to the bus in time; one that takes the
+    /// place of another, not sent yet, has no more time than that had.
     pub(super) fn take_motion(
         &mut self,
         now: Instant,
@@ -186,13 +183,14 @@ impl Axis {
         once: bool,
         out: &mut Outbox<'_>,
     ) {
-        self.in_doubt &= self.is_in_force(&command);
-        self.motions = self.motions.wrapping_add(1);
-        self.owe_delivery(now);
-        self.motion = Some(Motion { command, number: self.motions, expires, due: Some(now), once });
-        if self.state == AxisState::Armed {
-            self.enter(AxisState::Active, out);
-        }
+        let is_in_force = self.is_in_force(&command);
+        let Some(mut armed) = self.armed().copied() else { return };
+        armed.echo.is_doubtful &= is_in_force;
+        armed.motions = armed.motions.wrapping_add(1);
+        let moves = self.motion().is_some();
+        armed.undelivered_since = if moves { armed.undelivered_since.min(now) } else { now };
+        let motion = Motion { command, number: armed.motions, expires, due: Some(now), once };
+        self.enter(State::Active(armed, motion), out);
     }
 
     /// The expiry as a point in gateway time: later than now, and not later than the axis's TTL
@@ -216,44 +214,32 @@ impl Axis {
 
     /// Trips when the setpoint in force has expired.
     pub fn expire_motion(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let expired = self.motion.as_ref().and_then(Motion::deadline).is_some_and(|at| at <= now);
-        if expired && self.state == AxisState::Active {
+        if self.motion().and_then(Motion::deadline).is_some_and(|at| at <= now) {
             self.trip(now, TripReason::SetpointExpired, out);
         }
     }
 
-    /// What the bus has taken has not left: it is due again.
-    pub(super) fn send_again(&mut self, now: Instant, exchange: Exchange) {
-        let is_armed = self.is_armed();
-        match (&mut self.stop, exchange) {
-            (_, Exchange::Motion) => self.resend_motion(now),
-            (Some(stop), _) => stop.given_back(now, exchange),
-            (None, Exchange::Faults) if is_armed => self.fault_poll_at = now,
-            (None, _) => self.state_poll_at = now,
-        }
-    }
-
     pub(super) fn resend_motion(&mut self, now: Instant) {
-        if let Some(motion) = &mut self.motion {
+        if let Some(motion) = self.motion_mut() {
             motion.due = Some(now);
         }
     }
 
     /// Whether the mailbox still holds this very command.
     pub(super) fn is_in_force(&self, command: &Command) -> bool {
-        self.motion.as_ref().is_some_and(|motion| motion.command == *command)
+        self.motion().is_some_and(|motion| motion.command == *command)
     }
 
     /// Whether it is this motion that the mailbox holds.
     pub(super) fn is_latest(&self, number: u32) -> bool {
-        self.motion.as_ref().is_some_and(|motion| motion.number == number)
+        self.motion().is_some_and(|motion| motion.number == number)
     }
 
     /// How often the state is polled: a motor that holds, or moves by a command that is not sent
     /// again, must hear something as often as a setpoint would tell it.
     pub(super) fn state_poll(&self) -> Duration {
         let configured = self.config.state_poll();
-        let unfed = match &self.motion {
+        let unfed = match self.motion() {
             Some(motion) => motion.once,
             None => self.must_hold() || self.is_kept_holding(),
         };
@@ -262,29 +248,37 @@ impl Axis {
 
     /// Plans what comes after an exchange that the bus has just taken.
     pub(super) fn note_handed(&mut self, now: Instant, exchange: Exchange) {
-        let refresh = self.refresh();
-        self.motion_had_its_turn = exchange == Exchange::Motion;
-        self.job_handed(exchange);
-        match exchange {
-            Exchange::Motion => {
-                if let Some(motion) = &mut self.motion {
-                    motion.due = (!motion.once).then_some(now + refresh);
-                    self.undelivered_since = motion.due.unwrap_or(Instant::NEVER);
-                }
-            }
-            Exchange::Faults => self.fault_poll_at = now + self.config.fault_poll(),
-            _ => {}
+        if let Some(job) = &mut self.job {
+            job.note_handed(exchange);
         }
-        if let Some(stop) = &mut self.stop {
-            stop.handed(now, exchange, &self.config);
+        let is_of_job = self.job_step() == Some(exchange);
+        if exchange == Exchange::Motion {
+            let refresh = self.refresh();
+            if let State::Active(armed, motion) = &mut self.state {
+                motion.due = (!motion.once).then_some(now + refresh);
+                armed.undelivered_since = motion.due.unwrap_or(Instant::NEVER);
+                armed.motion_was_last = true;
+            }
             return;
         }
-        // While armed the fault word has a rhythm of its own.
-        let of_its_own =
-            exchange == Exchange::Motion || (exchange == Exchange::Faults && self.is_armed());
-        if self.job_exchange() != Some(exchange) && !of_its_own {
+        match &mut self.state {
+            State::Armed(armed) | State::Active(armed, _) => {
+                armed.motion_was_last = false;
+                // The fault word has a rhythm of its own.
+                if exchange == Exchange::Faults {
+                    armed.fault_poll_at = now + self.config.fault_poll();
+                    return;
+                }
+            }
+            State::Stopping(stop) | State::Tripped(_, stop) => {
+                stop.handed(now, exchange, &self.config);
+                return;
+            }
+            _ => {}
+        }
+        if !is_of_job {
             self.state_poll_at = now + self.state_poll();
-            self.poll_turn = self.poll_turn.wrapping_add(1);
+            self.poll_index = self.poll_index.wrapping_add(1);
         }
     }
 }

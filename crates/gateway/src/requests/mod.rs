@@ -1,5 +1,14 @@
 //! What each request of a host does.
 
+mod authority;
+mod config;
+mod native;
+mod raw;
+mod together;
+
+pub(crate) use authority::Authority;
+pub(crate) use together::Together;
+
 use crate::MAX_AXES_WIRE;
 use crate::axes::Is;
 use crate::axis::{Axis, JobKind, Restart};
@@ -8,6 +17,7 @@ use crate::gateway::{Gateway, unknown_bus};
 use crate::link::Incoming;
 use crate::log::LogEntry;
 use crate::outbox::{Outbox, Ticket};
+use crate::protocol::Exchange;
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
@@ -247,13 +257,14 @@ impl Gateway {
         {
             return Err(Error::RawOpen { bus });
         }
-        let tripped =
-            |other: &&Axis| other.trip_group() == axis.trip_group() && other.trip.is_some();
+        let tripped = |other: &&Axis| {
+            other.trip_group() == axis.trip_group() && other.trip_reason().is_some()
+        };
         if axis.trip_group().is_some()
-            && let Some((other, trip)) =
-                self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip?)))
+            && let Some((other, reason)) =
+                self.axes.iter().find(tripped).and_then(|a| Some((a.index, a.trip_reason()?)))
         {
-            return Err(Error::Tripped { axis: other, reason: trip.reason });
+            return Err(Error::Tripped { axis: other, reason });
         }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
         self.check_axis_load(index)?;
@@ -270,10 +281,10 @@ impl Gateway {
     /// Why an axis may not be cleared now.
     fn check_clear(&self, index: u8) -> Result<()> {
         let axis = self.axis(index)?;
-        match (axis.state, axis.trip) {
-            (AxisState::Tripped { confirmed: true }, Some(trip)) => {
-                if trip.reason == TripReason::EStop && self.e_stopped {
-                    return Err(Error::CauseRemains { axis: index, reason: trip.reason });
+        match (axis.state(), axis.trip_reason()) {
+            (AxisState::Tripped { confirmed: true }, Some(reason)) => {
+                if reason == TripReason::EStop && self.e_stopped {
+                    return Err(Error::CauseRemains { axis: index, reason });
                 }
             }
             (AxisState::Tripped { .. }, _) => return Err(Error::StopNotConfirmed { axis: index }),
@@ -288,12 +299,12 @@ impl Gateway {
     /// the rules of native commands.
     fn clear_by_restart(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
         let axis = self.axis(index)?;
-        if !matches!(axis.state, AxisState::Tripped { .. }) {
+        if !matches!(axis.state(), AxisState::Tripped { .. }) {
             return Err(Error::NothingToClear { axis: index });
         }
         self.check_clear(index)?;
         let axis = self.axis(index)?;
-        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can_restart()) {
+        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can(Exchange::Restart)) {
             return Err(Error::Unsupported { axis: index, protocol });
         }
         self.start(now, index, JobKind::Restart(Restart::default()), ticket)
@@ -302,10 +313,10 @@ impl Gateway {
     fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
         self.refuse_e_stopped(index)?;
         let axis = self.idle_axis(index)?;
-        if axis.state != AxisState::Holding {
-            return Err(Error::NotHolding { axis: index, state: axis.state });
+        if axis.state() != AxisState::Holding {
+            return Err(Error::NotHolding { axis: index, state: axis.state() });
         }
-        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can_let_go()) {
+        if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can(Exchange::OutputOff)) {
             return Err(Error::Unsupported { axis: index, protocol });
         }
         self.start(now, index, JobKind::OutputOff, ticket)
@@ -313,7 +324,7 @@ impl Gateway {
 
     fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
         let axis = self.axis(index)?;
-        match axis.state {
+        match axis.state() {
             AxisState::Unconfigured => {
                 let missing = axis.config.missing().map_or(0, AxisParameter::number);
                 Err(Error::NotConfigured { axis: index, parameter: missing })
@@ -346,14 +357,14 @@ impl Gateway {
             StopTarget::Axis(index) => {
                 let axis = self.axis(index)?;
                 if let (AxisState::Unconfigured, Some(missing)) =
-                    (axis.state, axis.config.missing())
+                    (axis.state(), axis.config.missing())
                 {
                     return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
                 }
                 if axis.is_idle_or_holding() {
                     self.ready_bus(axis)?;
                 }
-                self.with_axis(now, index, |axis, out| axis.stop(now, out))
+                self.with_axis(now, index, |axis, out| axis.halt(now, out))
             }
             StopTarget::All => {
                 self.stop_all(now);
@@ -371,9 +382,9 @@ impl Gateway {
             // waits until the bus is back.
             let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
             // What has begun to stop just now, as after an e-stop, is not asked again.
-            let has_just_begun = axis.stop_since() == Some(now);
+            let has_just_begun = axis.stop().is_some_and(|stop| stop.since() == now);
             if !has_just_begun && (!axis.is_idle_or_holding() || carried) {
-                axis.stop(now, &mut out);
+                axis.halt(now, &mut out);
             }
         });
     }
@@ -401,14 +412,14 @@ impl Gateway {
     /// An axis that is complete, at rest and on a working bus.
     pub(crate) fn idle_axis(&self, index: u8) -> Result<&Axis> {
         let axis = self.axis(index)?;
-        match (axis.state, axis.trip) {
+        match (axis.state(), axis.trip_reason()) {
             (AxisState::Idle | AxisState::Holding, _) => {}
             (AxisState::Unconfigured, _) => {
                 let parameter = axis.config.missing().map_or(0, AxisParameter::number);
                 return Err(Error::NotConfigured { axis: index, parameter });
             }
-            (AxisState::Tripped { .. }, Some(trip)) => {
-                return Err(Error::Tripped { axis: index, reason: trip.reason });
+            (AxisState::Tripped { .. }, Some(reason)) => {
+                return Err(Error::Tripped { axis: index, reason });
             }
             (state, _) => return Err(Error::NotIdle { axis: index, state }),
         }
@@ -444,7 +455,7 @@ impl Gateway {
         self.authority.release();
         self.close_all_raw(now);
         self.each_axis(now, |axis, out| {
-            if axis.state == AxisState::Active {
+            if axis.state() == AxisState::Active {
                 axis.trip(now, TripReason::HostSilent, out);
             } else {
                 axis.disarm(now, out);

@@ -1,9 +1,10 @@
 //! What an axis wants to send next.
 
 use super::Axis;
+use super::state::{Armed, State};
 use crate::protocol::{self, Command, Exchange, Info};
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisParameter, AxisState};
+use host_protocol::AxisParameter;
 
 /// Of so many polls of an armed motor one asks for its run time, at most: slow polls ask for it
 /// each second, or every other time.
@@ -37,7 +38,7 @@ impl Priority {
 
 /// A request that an axis wants sent now.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Want {
+pub(crate) struct Request {
     pub priority: Priority,
     /// Since when.
     pub due: Instant,
@@ -55,12 +56,9 @@ enum Next {
 
 impl Axis {
     /// What the axis wants sent at `now`. Its [command](Self::command_for) takes longer to find
-    /// than this, and only one axis has its turn.
-    pub fn wants(&self, now: Instant) -> Option<Want> {
-        if self.pending.is_some()
-            || self.state == AxisState::Unconfigured
-            || now < self.nothing_before()
-        {
+    /// than this, and only one axis is served.
+    pub fn next_request(&self, now: Instant) -> Option<Request> {
+        if !self.transactions.is_idle() || !self.is_configured() || now < self.nothing_before() {
             return None;
         }
         let (next, at) = self.next(now)?;
@@ -71,30 +69,28 @@ impl Axis {
             Next::This(exchange) => exchange,
             Next::Poll => self.poll_exchange()?,
         };
-        let priority = match (&self.stop, exchange) {
-            (Some(stop), _) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
-            (Some(stop), _) if !stop.has_left() => Priority::FirstStop,
-            (Some(_), exchange) if exchange.is_stop() => Priority::Stop,
-            (Some(stop), exchange) if stop.next().is_some_and(|(next, _)| next == exchange) => {
+        let priority = match self.stop() {
+            Some(stop) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
+            Some(stop) if !stop.has_left() => Priority::FirstStop,
+            Some(_) if exchange.is_stop() => Priority::Stop,
+            Some(stop) if stop.next().is_some_and(|(next, _)| next == exchange) => {
                 Priority::StopStep
             }
-            (None, Exchange::Velocity) if self.is_kept_holding() && self.job.is_none() => {
-                Priority::StopStep
+            None if self.is_idle_or_holding() && self.job.is_none() => {
+                let holds = self.is_kept_holding() && exchange == Exchange::Velocity;
+                if holds { Priority::StopStep } else { Priority::Watch }
             }
-            _ if self.is_for_watchers(exchange) => Priority::Watch,
             _ => Priority::Ordinary,
         };
-        Some(Want { priority, due: at, exchange })
+        Some(Request { priority, due: at, exchange })
     }
 
     /// The command that serves an exchange now; `None` where there is none to send.
     pub fn command_for(&self, exchange: Exchange) -> Option<Command> {
         let exchange = match exchange {
-            Exchange::Motion => return self.motion.as_ref().map(|motion| motion.command),
+            Exchange::Motion => return self.motion().map(|motion| motion.command),
             Exchange::Native => return self.native_command(),
-            Exchange::RenewTimeout => {
-                Exchange::SetTimeout { timeout_ms: self.renewed_timeout_ms()? }
-            }
+            Exchange::RenewTimeout => Exchange::SetTimeout { timeout_ms: self.timeout_to_write()? },
             other => other,
         };
         protocol::command(exchange, &self.config)
@@ -103,21 +99,22 @@ impl Axis {
     /// Nothing is wanted before, as a short look tells: every axis is asked whenever its bus may
     /// send.
     fn nothing_before(&self) -> Instant {
-        if self.stop.is_some() || self.job.is_some() {
+        if self.job.is_some() {
             return Instant::default();
         }
-        let polls = self.fault_poll_at.min(self.state_poll_at);
-        self.motion.as_ref().and_then(|motion| motion.due).map_or(polls, |due| polls.min(due))
-    }
-
-    /// When a stop command of the axis is due that the bus has not taken yet.
-    pub fn stop_due_at(&self) -> Option<Instant> {
-        let next = self.stop.as_ref().filter(|_| self.pending.is_none())?.next();
-        next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
+        match &self.state {
+            State::Stopping(_) | State::Tripped(..) => Instant::default(),
+            State::Armed(armed) => armed.fault_poll_at.min(self.state_poll_at),
+            State::Active(armed, motion) => {
+                let polls = armed.fault_poll_at.min(self.state_poll_at);
+                motion.due.map_or(polls, |due| polls.min(due))
+            }
+            _ => self.state_poll_at,
+        }
     }
 
     /// When the axis will want something, or is to be asked again, if nothing happens before.
-    pub fn next_want_at(&self, now: Instant) -> Option<Instant> {
+    pub fn next_request_at(&self, now: Instant) -> Option<Instant> {
         let ask_again = self.nothing_before();
         if now < ask_again { Some(ask_again) } else { self.next(now).map(|(_, at)| at) }
     }
@@ -125,58 +122,44 @@ impl Axis {
     /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes
     /// first.
     fn next(&self, now: Instant) -> Option<(Next, Instant)> {
-        let job = self.job_exchange().map(|exchange| (Next::This(exchange), self.job_since()));
-        if let Some(stop) = &self.stop {
-            let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
-            return match (next, job) {
-                // A confirmed stop is only repeated: whoever clears it comes between.
-                (Some((Next::This(Exchange::Stop), at)), Some(_)) if at > now => {
-                    self.earliest(&[job]).filter(|(_, job_at)| *job_at < at).or(next)
+        let job = self.job_step().map(|exchange| (Next::This(exchange), self.job_since()));
+        match &self.state {
+            State::Stopping(stop) | State::Tripped(_, stop) => {
+                let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
+                match (next, job) {
+                    // A confirmed stop is only repeated: whoever clears it comes between.
+                    (Some((Next::This(Exchange::Stop), at)), Some(_)) if at > now => {
+                        self.earliest(&[job]).filter(|(_, job_at)| *job_at < at).or(next)
+                    }
+                    (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
+                    (None, Some(_)) => self.earliest(&[job]),
+                    (Some((Next::This(Exchange::Stop), _)), _) => next,
+                    (next, _) => self.earliest(&[next]),
                 }
-                (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
-                (None, Some(_)) => self.earliest(&[job]),
-                (Some((Next::This(Exchange::Stop), _)), _) => next,
-                (next, _) => self.earliest(&[next]),
-            };
-        }
-        match self.state {
-            AxisState::Armed | AxisState::Active => {
-                let motion = self.motion.as_ref().filter(|motion| motion.is_permitted(now));
+            }
+            State::Armed(armed) | State::Active(armed, _) => {
+                let motion = self.motion().filter(|motion| motion.is_permitted(now));
                 let motion =
                     motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
-                let faults = Some((Next::This(Exchange::Faults), self.fault_poll_at));
+                let faults = Some((Next::This(Exchange::Faults), armed.fault_poll_at));
                 let poll = Some((Next::Poll, self.state_poll_at));
-                self.choose(now, self.earliest(&[motion]), self.earliest(&[faults, poll, job]))
+                let other = self.earliest(&[faults, poll, job]);
+                choose(now, armed.motion_was_last, self.earliest(&[motion]), other)
             }
-            AxisState::Idle | AxisState::Holding => {
+            State::Idle | State::Holding => {
                 let polled = self.is_kept_holding() || self.watched;
                 let poll = polled.then_some((Next::Poll, self.state_poll_at));
                 self.earliest(&[job, poll])
             }
-            _ => self.earliest(&[job]),
+            State::Unconfigured | State::Arming => self.earliest(&[job]),
         }
-    }
-
-    /// Motion goes first, but not twice in a row while something else is due.
-    fn choose(
-        &self,
-        now: Instant,
-        motion: Option<(Next, Instant)>,
-        other: Option<(Next, Instant)>,
-    ) -> Option<(Next, Instant)> {
-        let (Some(motion), Some(other)) = (motion, other) else { return motion.or(other) };
-        let other_first = match (motion.1 <= now, other.1 <= now) {
-            (true, true) => self.motion_had_its_turn,
-            (false, false) => other.1 < motion.1,
-            (_, other_is_due) => other_is_due,
-        };
-        Some(if other_first { other } else { motion })
     }
 
     fn earliest(&self, candidates: &[Option<(Next, Instant)>]) -> Option<(Next, Instant)> {
         let mut earliest: Option<(Next, Instant)> = None;
         for (next, at) in candidates.iter().flatten() {
-            let at = self.quiet.delays(*next == Next::This(Exchange::Motion), *at);
+            let is_motion = *next == Next::This(Exchange::Motion);
+            let at = self.transactions.not_before(is_motion, *at);
             if earliest.is_none_or(|(_, before)| at < before) {
                 earliest = Some((*next, at));
             }
@@ -192,18 +175,19 @@ impl Axis {
     /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a
     /// watcher asks for.
     fn armed_poll(&self) -> Option<Exchange> {
-        if self.in_doubt || self.uncommanded_since.is_some() {
+        let asks = |armed: &Armed| armed.echo.is_doubtful || armed.uncommanded_since.is_some();
+        if self.armed().is_some_and(asks) {
             return Some(Exchange::Velocity);
         }
         // Where the motor tells for how long it has run, it is asked now and then: it may have
         // restarted by itself.
-        if self.poll_turn.wrapping_add(1).is_multiple_of(self.run_time_every())
+        if self.poll_index.wrapping_add(1).is_multiple_of(self.run_time_every())
             && protocol::command(Exchange::RunTime, &self.config).is_some()
         {
             return Some(Exchange::RunTime);
         }
         let info = Info::of_axis(&self.config)?;
-        let (round, place) = (self.poll_turn / 3, self.poll_turn % 3);
+        let (round, place) = (self.poll_index / 3, self.poll_index % 3);
         let further = |exchange: &Exchange| {
             *exchange != Exchange::Faults
                 && !info.polls.contains(exchange)
@@ -215,7 +199,7 @@ impl Axis {
                 return info.state.iter().copied().filter(further).nth(turn);
             }
         }
-        self.in_turn(info.polls, self.poll_turn - round)
+        self.in_turn(info.polls, self.poll_index - round)
     }
 
     fn run_time_every(&self) -> usize {
@@ -247,11 +231,11 @@ impl Axis {
     /// somebody wants to know.
     fn idle_poll(&self) -> Option<Exchange> {
         let holds = self.is_kept_holding();
-        if holds && (!self.watched || self.poll_turn.is_multiple_of(2)) {
+        if holds && (!self.watched || self.poll_index.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }
         let state = Info::of_axis(&self.config)?.state;
-        let turn = if holds { self.poll_turn / 2 } else { self.poll_turn };
+        let turn = if holds { self.poll_index / 2 } else { self.poll_index };
         self.watched.then(|| self.in_turn(state, turn)).flatten()
     }
 
@@ -261,4 +245,20 @@ impl Axis {
             .filter_map(|offset| exchanges.get((turn + offset) % exchanges.len()).copied())
             .find(|exchange| protocol::command(*exchange, &self.config).is_some())
     }
+}
+
+/// Motion goes first, but not twice in a row while something else is due.
+fn choose(
+    now: Instant,
+    motion_was_last: bool,
+    motion: Option<(Next, Instant)>,
+    other: Option<(Next, Instant)>,
+) -> Option<(Next, Instant)> {
+    let (Some(motion), Some(other)) = (motion, other) else { return motion.or(other) };
+    let other_first = match (motion.1 <= now, other.1 <= now) {
+        (true, true) => motion_was_last,
+        (false, false) => other.1 < motion.1,
+        (_, other_is_due) => other_is_due,
+    };
+    Some(if other_first { other } else { motion })
 }

@@ -5,11 +5,11 @@
 //! on each speed is a setpoint like any other (GUARANTEES G2, G10). Where one of them cannot go on,
 //! all that were told a speed are stopped: their stop overwrites what waits.
 
+use super::{Outcome, Result};
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
 use crate::protocol::{self, Info};
-use crate::requests::{Outcome, Result};
 use crate::rules;
 use crate::time::Instant;
 use host_protocol::{
@@ -131,7 +131,7 @@ impl Gateway {
                 continue;
             }
             let index = axis.index;
-            match axis.state {
+            match axis.state() {
                 AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {}
                 AxisState::Unconfigured => {
                     let parameter = axis.config.missing().map_or(0, |missing| missing.number());
@@ -154,7 +154,7 @@ impl Gateway {
         }
         self.each_axis(now, |axis, out| {
             if together.others & bit(axis) != 0 {
-                let clears = axis.state != AxisState::Active;
+                let clears = axis.state() != AxisState::Active;
                 axis.start(now, JobKind::StandBy { clears }, ticket, out);
             }
         });
@@ -215,7 +215,7 @@ impl Gateway {
             }
             axis.stand_down();
             if together.is_member(axis) && axis.is_armed() {
-                axis.stop(now, out);
+                axis.halt(now, out);
             }
         });
     }

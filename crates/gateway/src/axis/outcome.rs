@@ -1,0 +1,360 @@
+//! What becomes of the requests of an axis, and what follows from it.
+
+use super::state::State;
+use super::{Axis, Observation};
+use crate::outbox::Outbox;
+use crate::protocol::{Command, Exchange, Info, Received, Sets, Unasked};
+use crate::time::{Duration, Instant};
+use crate::transaction::{Match, MotionMark, Outcome, Transaction};
+use host_protocol::TripReason;
+
+/// Since when something is overdue that goes before all other polls.
+const FIRST_OF_ALL: Instant = Instant::from_micros(0);
+/// How often a motor that does not answer is asked for who watches it.
+const SILENT_POLL: Duration = Duration::from_millis(1_000);
+
+/// How long a motor has not answered.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Silence {
+    missed: u8,
+    since: Instant,
+}
+
+impl Silence {
+    pub const NONE: Self = Self { missed: 0, since: Instant::from_micros(0) };
+
+    /// Shortest silence that counts as one, however fast the requests follow each other (GUARANTEES
+    /// G3).
+    const SHORTEST: Duration = Duration::from_millis(50);
+
+    /// Another reply was missed, its request having waited for `window`. Returns whether that makes
+    /// `enough`.
+    fn goes_on(&mut self, now: Instant, window: Duration, enough: u8) -> bool {
+        if self.missed == 0 {
+            self.since = now - window;
+        }
+        self.missed = self.missed.saturating_add(1);
+        self.missed >= enough && now.since(self.since) >= Self::SHORTEST
+    }
+}
+
+/// What a frame was to the axis it came for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reception {
+    /// It answered the request under way.
+    Answer,
+    /// It answered a request that a stop had preempted.
+    Late,
+    /// Nobody had asked.
+    Unasked,
+}
+
+impl Axis {
+    /// The bus has taken what the axis wanted.
+    pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
+        let mark = match &self.state {
+            State::Active(armed, motion) if exchange == Exchange::Motion => Some(MotionMark {
+                number: motion.number,
+                once: motion.once,
+                since: armed.undelivered_since,
+            }),
+            _ => None,
+        };
+        self.transactions.begin(now, exchange, command, slot, mark, &self.config);
+        self.note_handed(now, exchange);
+    }
+
+    /// The frame in `slot` has left; its reply may come within `window`.
+    pub fn transmitted(&mut self, now: Instant, slot: u8, window: Duration, out: &mut Outbox<'_>) {
+        let Some(request) = self.transactions.transmitted(now, slot, window, &self.config) else {
+            return;
+        };
+        if let Some(job) = &mut self.job {
+            job.note_transmitted(&request.command);
+        }
+        if self.stop().is_some() {
+            let silence = self.unreachable_silence();
+            if let Some(stop) = self.stop_mut() {
+                stop.transmitted(now, request.exchange, silence);
+            }
+        }
+        if self.transactions.is_idle() {
+            self.answered(now, &request, Observation::default(), &[], out);
+        }
+    }
+
+    /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,
+    /// or a newer setpoint has taken its place. The same setpoint again is the same frame; the
+    /// same distance again is another move.
+    pub fn has_replaced(&self, slot: u8) -> bool {
+        self.transactions.is_replaced(slot, |request| match request.once {
+            true => self.is_latest(request.motion),
+            false => self.is_in_force(&request.command),
+        })
+    }
+
+    /// Whether the request under way is answered by this node, which is not the axis's own.
+    pub fn awaits_node(&self, node: u8) -> bool {
+        let awaited = self.transactions.current().filter(|current| current.is_awaited());
+        awaited.is_some_and(|current| current.command.sets() == Sets::Node(node))
+    }
+
+    /// Since when a reply is due that would meet the next frame to the motor on the bus, bit for
+    /// bit up to their data: where both have one id neither loses the arbitration, and the
+    /// error repeats with them until a controller is off.
+    pub fn reply_with_our_id_since(&self) -> Option<Instant> {
+        let since = self.transactions.owed_since()?;
+        Info::of_axis(&self.config).filter(|info| info.free_ids).map(|_| since)
+    }
+
+    /// The frame in `slot` will not leave any more: what it was for is due again.
+    pub fn cancelled(&mut self, now: Instant, slot: u8) {
+        let Some(request) = self.transactions.cancelled(slot) else { return };
+        self.not_delivered(&request);
+        match (request.exchange, &mut self.state) {
+            (Exchange::Motion, _) => self.resend_motion(now),
+            (exchange, State::Stopping(stop) | State::Tripped(_, stop)) => {
+                stop.cancelled(now, exchange);
+            }
+            (Exchange::Faults, State::Armed(armed) | State::Active(armed, _)) => {
+                armed.fault_poll_at = now;
+            }
+            _ => self.state_poll_at = now,
+        }
+    }
+
+    /// Nobody has acknowledged this axis's frame in `slot` in time; it may still leave later. A
+    /// stop stays under way: it is owed until it has left.
+    pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
+        let stops = self.stop().is_some();
+        if self.transactions.has_in(slot)
+            && self.transactions.has_with_port(|exchange| !(stops && exchange.is_stop()))
+        {
+            self.give_up(now, out);
+        }
+    }
+
+    /// Forgets what is under way, for a bus that starts anew.
+    pub fn forget_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        self.transactions.forget_former();
+        self.give_up(now, out);
+    }
+
+    /// Closes windows that have passed, and notices what cannot be sent.
+    pub fn expire_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let stops = self.stop().is_some();
+        let repeats_stop = |exchange| stops && exchange == Exchange::Stop;
+        if let Some(request) = self.transactions.expire(now, repeats_stop, &self.config) {
+            self.unanswered(now, &request, out);
+        }
+        self.expire_job(now, out);
+        self.expire_stop(now, out);
+    }
+
+    fn give_up(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let stops = self.stop().is_some();
+        let repeats_stop =
+            self.transactions.current().is_some_and(|c| stops && c.exchange == Exchange::Stop);
+        if let Some(request) = self.transactions.give_up(now, repeats_stop, &self.config) {
+            self.unanswered(now, &request, out);
+        }
+    }
+
+    /// A frame of the axis's motor with this data field has arrived. Returns whether it answered
+    /// something.
+    pub fn received(
+        &mut self,
+        now: Instant,
+        received: &Received,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) -> Reception {
+        self.heard(now);
+        let (request, outcome) = match self.transactions.received(now, received, &self.config) {
+            Match::Ends(request, outcome) => (request, outcome),
+            Match::Late(seen) => {
+                if let Some(seen) = seen {
+                    self.late_speed(&seen);
+                }
+                return Reception::Late;
+            }
+            Match::Unasked => {
+                self.unasked(now, received, out);
+                return Reception::Unasked;
+            }
+        };
+        self.silence = Silence::NONE;
+        match outcome {
+            Outcome::Answered(seen) => self.answered(now, &request, seen, data, out),
+            Outcome::Refused => self.refused(now, &request, out),
+            Outcome::Echoed if request.exchange == Exchange::Motion => {
+                if let Some(armed) = self.armed_mut() {
+                    armed.motion_silence = Silence::NONE;
+                }
+                self.echoed(now, &request, out);
+            }
+            _ => {}
+        }
+        Reception::Answer
+    }
+
+    /// A request was given up: its window has closed, or its frame cannot leave.
+    fn unanswered(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
+        self.not_delivered(request);
+        let enough = self.config.missed_replies();
+        let mut silent = self.silence.goes_on(now, request.window(), enough);
+        // A motor that answers polls and no motion may be doing anything.
+        if request.exchange == Exchange::Motion
+            && let Some(armed) = self.armed_mut()
+        {
+            silent |= armed.motion_silence.goes_on(now, request.window(), enough);
+        }
+        let unread = self.stays_unread(request.exchange);
+        // Whether a move that must not be sent twice was carried out is not known (GUARANTEES G2).
+        if self.is_armed() && (silent || unread || request.once) {
+            self.trip(now, TripReason::MotorSilent, out);
+            return;
+        }
+        if self.is_kept_holding() && silent && self.job.is_none() {
+            // Whether it still holds is not known: its own timeout may have cut the output, or its
+            // power is off.
+            self.silence = Silence::NONE;
+            self.halt(now, out);
+            return;
+        }
+        if self.is_idle_or_holding() && self.job.is_none() && !self.is_kept_holding() {
+            // Who watches a motor that does not answer must not take the others' time.
+            self.state_poll_at = now + SILENT_POLL;
+        }
+        if request.is_awaited() {
+            self.stop_goes_on(now, request, &Outcome::NoReply, out);
+        }
+        self.job_unanswered(now, request, out);
+    }
+
+    fn answered(
+        &mut self,
+        now: Instant,
+        request: &Transaction,
+        seen: Observation,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) {
+        let repeats_stop = self.stop().is_some() && request.exchange == Exchange::Stop;
+        if !request.unambiguous && !repeats_stop {
+            // It may have been the reply to the one before: then its own is still to come.
+            self.transactions.may_be_answered_late(now, &request.command, &self.config);
+        }
+        self.observe(now, &seen, out);
+        if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, request.transmitted_at()) {
+            self.note_run_time(now, asked, run_time_ms, out);
+        }
+        self.judge_motion(now, request, &seen, out);
+        if self.stop().is_some() {
+            self.stop_goes_on(now, request, &Outcome::Answered(seen), out);
+        }
+        self.job_answered(now, request, &seen, data, out);
+    }
+
+    /// Looks whether the motor carries the motion out. Where its reply does not tell, the speed
+    /// read next does.
+    fn judge_motion(
+        &mut self,
+        now: Instant,
+        request: &Transaction,
+        seen: &Observation,
+        out: &mut Outbox<'_>,
+    ) {
+        let still = self.still(seen);
+        let Some(armed) = self.armed_mut() else { return };
+        match (request.exchange, still) {
+            (Exchange::Motion, _) => {
+                armed.motion_silence = Silence::NONE;
+                armed.echo.is_doubtful = seen.may_be_thrown_back;
+                armed.echo.was_echoed &= seen.may_be_thrown_back;
+                if seen.may_be_thrown_back {
+                    self.state_poll_at = FIRST_OF_ALL;
+                }
+            }
+            (Exchange::Velocity, Some(still)) if armed.echo.is_doubtful => {
+                armed.echo.is_doubtful = false;
+                if still {
+                    armed.echo.was_echoed = false;
+                } else {
+                    self.echoed(now, request, out);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// An echo proves receipt, not motion: once it is asked again, twice it is a refusal
+    /// (PROTOCOL-NOTES R20, R30).
+    fn echoed(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
+        let Some(armed) = self.armed_mut() else { return };
+        if armed.echo.was_echoed || request.once {
+            self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
+            return;
+        }
+        armed.echo.was_echoed = true;
+        // The reason first, whatever else is overdue.
+        armed.fault_poll_at = FIRST_OF_ALL;
+        armed.motion_was_last = true;
+        self.resend_motion(now);
+    }
+
+    fn refused(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
+        if self.is_armed() && self.stays_unread(request.exchange) {
+            self.trip(now, TripReason::MotorSilent, out);
+            return;
+        }
+        if self.is_armed() && request.exchange == Exchange::Motion {
+            self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
+            return;
+        }
+        self.stop_goes_on(now, request, &Outcome::Refused, out);
+        self.job_refused(now, request.exchange, out);
+    }
+
+    /// Counts a request that told nothing for what no other reply carries, the fault word and the
+    /// run time, and says whether there were too many: a motor that answers everything else is
+    /// as good as silent.
+    fn stays_unread(&mut self, exchange: Exchange) -> bool {
+        let unread = match exchange {
+            Exchange::Faults => &mut self.faults_unread,
+            Exchange::RunTime => &mut self.run_time_unread,
+            _ => return false,
+        };
+        *unread = unread.saturating_add(1);
+        *unread >= self.config.missed_replies()
+    }
+
+    /// A frame nobody asked for: what it says of faults counts all the same, and of what a motor
+    /// sends by itself everything.
+    fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) {
+        let seen = received.observation(&self.config);
+        let told = match received.unasked() {
+            Unasked::Telemetry(_) => seen,
+            _ => Observation { faults: seen.faults, ..Observation::default() },
+        };
+        self.observe(now, &told, out);
+    }
+
+    /// The bus has not sent what it had taken.
+    fn not_delivered(&mut self, request: &Transaction) {
+        if let (Some(since), Some(armed)) = (request.undelivered_since(), self.armed_mut()) {
+            armed.undelivered_since = armed.undelivered_since.min(since);
+        }
+    }
+
+    /// From when on the setpoint in force is late, but for the time that its bus may take: its
+    /// refresh time after it was accepted, or after its refresh was due. What a host has been told
+    /// to be accepted is on the wire in time, or the axis trips (GUARANTEES G2): this looks at what
+    /// has left, never at who should have sent it.
+    pub fn delivery_due_at(&self) -> Option<Instant> {
+        let State::Active(armed, _) = &self.state else { return None };
+        let taken = self.transactions.current().and_then(Transaction::undelivered_since);
+        let since = taken.map_or(armed.undelivered_since, |t| t.min(armed.undelivered_since));
+        (since < Instant::NEVER).then(|| since + self.refresh())
+    }
+}

@@ -1,0 +1,187 @@
+//! What answers, silence and time do to the stop of an axis: confirmed, watched, given up
+//! (GUARANTEES G4).
+
+use super::state::State;
+use super::stop::StopEffect;
+use super::{Axis, Observation, Stop};
+use crate::outbox::Outbox;
+use crate::protocol::Exchange;
+use crate::time::Instant;
+use crate::transaction::{Outcome, Transaction};
+use host_protocol::{AxisState, Error, Event, TripReason};
+
+impl Axis {
+    /// A request has ended while there is a stop.
+    pub(super) fn stop_goes_on(
+        &mut self,
+        now: Instant,
+        request: &Transaction,
+        outcome: &Outcome,
+        out: &mut Outbox<'_>,
+    ) {
+        let still = match outcome {
+            Outcome::Answered(seen) => self.still(seen),
+            _ => None,
+        };
+        let is_of_job = self.job_step() == Some(request.exchange);
+        let restarts = self.is_restarting();
+        let before = self.state();
+        let Self { state: State::Stopping(stop) | State::Tripped(_, stop), config, .. } = self
+        else {
+            return;
+        };
+        let was_confirmed = stop.is_confirmed();
+        let effect = match outcome {
+            Outcome::Answered(seen) => stop.answered(now, request, seen, still, config),
+            Outcome::Refused => stop.refused(now, request.exchange),
+            // A motor that restarts misses stops, and its output is off.
+            Outcome::NoReply if restarts && was_confirmed => StopEffect::None,
+            Outcome::NoReply => stop.unanswered(now, request.exchange, is_of_job, config),
+            Outcome::Echoed => StopEffect::None,
+        };
+        let is_confirmed = stop.is_confirmed();
+        match effect {
+            StopEffect::None => {}
+            StopEffect::CameToNothing => self.count_unconfirmed(now, out),
+            StopEffect::BrakeUnverified => {
+                out.event(&Event::BrakeUnverified { axis: self.index, locked: true });
+            }
+        }
+        if is_confirmed && !was_confirmed {
+            self.stop_confirmed(now, before, out);
+        } else if was_confirmed && request.exchange == Exchange::Velocity && still == Some(false) {
+            self.turns_again(now, out);
+        }
+    }
+
+    /// A confirmed stop is watched: a motor that turns again is not stopped, and the stop begins
+    /// anew.
+    fn turns_again(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if !self.must_stand() {
+            return;
+        }
+        let before = self.state();
+        if let State::Tripped(_, stop) = &mut self.state {
+            *stop = Stop::new(now, false, &self.config);
+            self.no_longer_confirmed(now, before, out);
+        }
+    }
+
+    /// The motor has confirmed the stop: a stopped axis is idle or holds, a tripped one stays
+    /// tripped.
+    fn stop_confirmed(&mut self, now: Instant, before: AxisState, out: &mut Outbox<'_>) {
+        let standstill = self.standstill();
+        let repeat_at = now + self.config.stop_repeat();
+        let hold_poll = self.must_hold().then(|| self.refresh());
+        let Some(stop) = self.stop_mut() else { return };
+        stop.goes_on_confirmed(repeat_at, hold_poll);
+        let reaction_us = stop.reaction(now).as_micros_u32();
+        let elapsed_us = now.since(stop.since()).as_micros_u32();
+        let axis = self.index;
+        out.event(&Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill });
+        if matches!(self.state, State::Stopping(_)) {
+            self.enter_rest(now, self.holds_after_stop(), out);
+        } else {
+            self.tell_state(before, out);
+        }
+    }
+
+    /// A stop came to nothing. After so many of them the motor counts as unreachable (GUARANTEES
+    /// G4).
+    fn count_unconfirmed(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let enough = self.config.stops_before_unreachable();
+        if self.stop_mut().is_some_and(|stop| stop.count_unconfirmed(now, enough)) {
+            self.rest(now, out);
+        }
+    }
+
+    /// The motor is unreachable: from now on it is sent two stops between silences, in which its
+    /// own timeout can act.
+    pub(super) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let silence = self.unreachable_silence();
+        if let Some(stop) = self.stop_mut() {
+            stop.rest(now, silence);
+        }
+        self.becomes_unreachable(now, true, out);
+    }
+
+    /// Since when the stop has a frame to send that has not left, where nobody has been told of
+    /// that.
+    pub fn unsent_stop_since(&self) -> Option<Instant> {
+        let stop = self.stop()?;
+        if self.transactions.is_awaited() {
+            return None;
+        }
+        let since = stop.unsent_since()?;
+        Some(if stop.has_left() { self.transactions.not_before(false, since) } else { since })
+    }
+
+    /// The stop has not left for too long: it is not counted as sent, and stays owed. An axis that
+    /// was at rest waits for it; of any other the motor may be turning.
+    pub fn stop_not_sent(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let Some(stop) = self.stop_mut() else { return };
+        stop.note_not_sent();
+        if !stop.is_from_rest() || stop.has_left() {
+            self.becomes_unreachable(now, false, out);
+        }
+    }
+
+    fn becomes_unreachable(&mut self, now: Instant, stop_transmitted: bool, out: &mut Outbox<'_>) {
+        let before = self.state();
+        if !self.stop_mut().is_some_and(|stop| stop.lose_motor(now)) {
+            return;
+        }
+        self.trip(now, TripReason::StopUnconfirmed, out);
+        self.no_longer_confirmed(now, before, out);
+        out.event(&Event::AxisUnreachable { axis: self.index, stop_transmitted });
+    }
+
+    /// The stop of a tripped axis has to be confirmed anew, before anybody clears it.
+    fn no_longer_confirmed(&mut self, now: Instant, before: AxisState, out: &mut Outbox<'_>) {
+        self.fail(now, Error::StopNotConfirmed { axis: self.index }, out);
+        if matches!(before, AxisState::Tripped { .. }) {
+            self.tell_state(before, out);
+        }
+    }
+
+    /// A speed that came late. Whatever it answered, it does not show standstill, but it can show
+    /// that there is none.
+    pub(super) fn late_speed(&mut self, seen: &Observation) {
+        if self.still(seen) == Some(false)
+            && let Some(stop) = self.stop_mut()
+        {
+            stop.turns();
+        }
+    }
+
+    /// Notices a stop that does not bring the motor to rest.
+    pub(super) fn expire_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.stop().and_then(Stop::gives_up_at).is_some_and(|at| at <= now) {
+            self.transactions.preempt();
+            self.rest(now, out);
+        }
+    }
+
+    /// When a stop command of the axis is due that the bus has not taken yet.
+    pub fn stop_due_at(&self) -> Option<Instant> {
+        let next = self.stop().filter(|_| self.transactions.is_idle())?.next();
+        next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
+    }
+
+    /// Whether a stop of which no command has left.
+    pub fn stop_has_not_left(&self) -> bool {
+        self.stop().is_some_and(|stop| !stop.has_left())
+    }
+
+    /// The stop that has not left has been reported.
+    pub fn stop_reported(&mut self) {
+        if let Some(stop) = self.stop_mut() {
+            stop.report_delay();
+        }
+    }
+
+    /// Whether a first stop of this axis was to leave at `since` or later.
+    pub fn stops_beside(&self, since: Instant) -> bool {
+        self.stop().is_some_and(|stop| stop.had_not_left(since))
+    }
+}

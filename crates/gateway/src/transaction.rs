@@ -1,0 +1,426 @@
+//! The fate of an axis's requests: with the port, transmitted and awaited, late, done.
+//!
+//! One request of an axis is under way at a time. A stop preempts it; the request before is
+//! remembered as long as its reply may come, so that this reply answers nothing else.
+
+use crate::axis::{AxisConfig, Observation};
+use crate::protocol::{self, Command, Exchange, Received, Unasked, Verdict};
+use crate::time::{Duration, Instant};
+
+/// What a motor has not answered for so long it answers no more (the longest reply window,
+/// GUARANTEES).
+const LATEST_REPLY: Duration = Duration::from_millis(300);
+
+/// One request and where it stands.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Transaction {
+    pub exchange: Exchange,
+    pub command: Command,
+    /// The slot of the bus that its frame was handed with.
+    slot: u8,
+    stage: Stage,
+    /// No older request with the same reply was outstanding when it was handed over, so a reply
+    /// can only be its own.
+    pub unambiguous: bool,
+    /// Sending it again would move the motor again.
+    pub once: bool,
+    /// Which motion of the axis it is, if it is one.
+    pub motion: u32,
+    /// Since when that motion has waited for the bus.
+    waiting_since: Instant,
+    /// The bus had taken it when the job under way began.
+    pub predates_job: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// The port has its frame.
+    WithPort,
+    /// Its frame left at `since`; its reply is due until then.
+    Awaited { since: Instant, until: Instant },
+    /// Its window has closed. It is remembered, so that a late reply is known.
+    Late { until: Instant },
+}
+
+/// How a request ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Outcome {
+    /// The motor has answered, or has got a request that it does not answer.
+    Answered(Observation),
+    /// The motor refuses it.
+    Refused,
+    /// The motor has thrown it back: received, not carried out.
+    Echoed,
+    /// No reply came within its window, or its frame did not leave.
+    NoReply,
+}
+
+/// What a received frame is to the requests of an axis.
+pub(crate) enum Match {
+    /// The reply to a request that is under way no longer.
+    Late(Option<Observation>),
+    /// It ends the request under way.
+    Ends(Transaction, Outcome),
+    /// Nobody has asked.
+    Unasked,
+}
+
+impl Transaction {
+    /// Whether its frame has left and its reply may come.
+    pub fn is_awaited(&self) -> bool {
+        matches!(self.stage, Stage::Awaited { .. })
+    }
+
+    fn is_with_port(&self) -> bool {
+        self.stage == Stage::WithPort
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        match self.stage {
+            Stage::WithPort => None,
+            Stage::Awaited { until, .. } | Stage::Late { until } => Some(until),
+        }
+    }
+
+    /// When its frame had left.
+    pub fn transmitted_at(&self) -> Option<Instant> {
+        match self.stage {
+            Stage::Awaited { since, .. } => Some(since),
+            _ => None,
+        }
+    }
+
+    /// How long its reply is waited for; no time before its frame has left.
+    pub fn window(&self) -> Duration {
+        match self.stage {
+            Stage::Awaited { since, until } => until.since(since),
+            _ => Duration::ZERO,
+        }
+    }
+
+    /// Since when the motion in it has waited, if it is one that has not left.
+    pub fn undelivered_since(&self) -> Option<Instant> {
+        (self.exchange == Exchange::Motion && self.is_with_port()).then_some(self.waiting_since)
+    }
+}
+
+/// A request was given up, and no other before then: its late reply must not be taken for the next
+/// one's. Only a setpoint does not wait for what was no setpoint.
+#[derive(Debug, Clone, Copy)]
+struct Holdoff {
+    exchange: Exchange,
+    until: Instant,
+}
+
+impl Holdoff {
+    const NONE: Self = Self { exchange: Exchange::Velocity, until: Instant::from_micros(0) };
+}
+
+/// What of a motion a request must remember.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MotionMark {
+    /// Which motion of the axis it is.
+    pub number: u32,
+    pub once: bool,
+    /// Since when it has waited for the bus.
+    pub since: Instant,
+}
+
+/// The requests of one axis.
+#[derive(Debug, Clone)]
+pub(crate) struct Transactions {
+    current: Option<Transaction>,
+    /// A request that is under way no longer while its reply may come: preempted, or given up.
+    former: Option<Transaction>,
+    holdoff: Holdoff,
+    /// Until then a reply that would confirm a stop may be a late one.
+    stop_like_reply_until: Instant,
+    /// Since when the motor owes a reply or an objection.
+    owed_since: Option<Instant>,
+    /// The motor has answered a request to another one, and will again.
+    objects: bool,
+    /// How often it may still do so, since the last frame to it.
+    objections_due: u8,
+}
+
+impl Transactions {
+    pub const fn new() -> Self {
+        Self {
+            current: None,
+            former: None,
+            holdoff: Holdoff::NONE,
+            stop_like_reply_until: Instant::from_micros(0),
+            owed_since: None,
+            objects: false,
+            objections_due: 0,
+        }
+    }
+
+    /// The request under way.
+    pub fn current(&self) -> Option<&Transaction> {
+        self.current.as_ref()
+    }
+
+    /// Whether no request is under way.
+    pub fn is_idle(&self) -> bool {
+        self.current.is_none()
+    }
+
+    /// The port has a frame of this exchange.
+    pub fn has_with_port(&self, is: impl Fn(Exchange) -> bool) -> bool {
+        self.current.is_some_and(|current| current.is_with_port() && is(current.exchange))
+    }
+
+    /// Whether the reply to the request under way may come.
+    pub fn is_awaited(&self) -> bool {
+        self.current.as_ref().is_some_and(Transaction::is_awaited)
+    }
+
+    /// Whether the frame in `slot` is the request under way.
+    pub fn has_in(&self, slot: u8) -> bool {
+        self.current.is_some_and(|current| current.slot == slot)
+    }
+
+    /// From when on a request that is due at `at` may go out.
+    pub fn not_before(&self, is_motion: bool, at: Instant) -> Instant {
+        let waits = !is_motion || self.holdoff.exchange == Exchange::Motion;
+        if waits { at.max(self.holdoff.until) } else { at }
+    }
+
+    /// When something is over that time alone ends.
+    pub fn deadlines(&self) -> [Option<Instant>; 2] {
+        [&self.former, &self.current].map(|request| request.as_ref()?.deadline())
+    }
+
+    /// Whether a reply may come that is due within the bus's window.
+    pub fn awaits_reply(&self) -> bool {
+        let current = self.current.as_ref().filter(|c| protocol::slow_reply(&c.command).is_none());
+        current.is_some_and(Transaction::is_awaited)
+            || self.former.as_ref().is_some_and(Transaction::is_awaited)
+    }
+
+    /// Since when the motor owes a reply or an objection.
+    pub fn owed_since(&self) -> Option<Instant> {
+        self.owed_since
+    }
+
+    /// Whether the motor answers requests to others.
+    pub fn objects(&self) -> bool {
+        self.objects
+    }
+
+    /// A job begins: the request under way is not of it.
+    pub fn job_begins(&mut self) {
+        if let Some(current) = &mut self.current {
+            current.predates_job = true;
+        }
+    }
+
+    /// The bus has taken a request.
+    pub fn begin(
+        &mut self,
+        now: Instant,
+        exchange: Exchange,
+        command: Command,
+        slot: u8,
+        mark: Option<MotionMark>,
+        config: &AxisConfig,
+    ) {
+        let mark = mark.unwrap_or(MotionMark { number: 0, once: false, since: now });
+        self.current = Some(Transaction {
+            exchange,
+            command,
+            slot,
+            stage: Stage::WithPort,
+            unambiguous: !self.may_answer_an_older(now, &command, config),
+            once: mark.once,
+            motion: mark.number,
+            waiting_since: mark.since,
+            predates_job: false,
+        });
+    }
+
+    /// The frame in `slot` has left, and its reply may come within `window`. Returns the request
+    /// under way if it is that; one that its motor does not answer is over.
+    pub fn transmitted(
+        &mut self,
+        now: Instant,
+        slot: u8,
+        window: Duration,
+        config: &AxisConfig,
+    ) -> Option<Transaction> {
+        let owed = |command| protocol::is_answered(command, config).then_some(now);
+        if let Some(former) = self.former.as_mut().filter(|f| f.slot == slot && f.is_with_port()) {
+            former.stage = Stage::Awaited { since: now, until: now + window };
+            self.owed_since = owed(&former.command);
+            return None;
+        }
+        let current = self.current.as_mut().filter(|c| c.slot == slot && c.is_with_port())?;
+        let window = protocol::slow_reply(&current.command).unwrap_or(window);
+        current.stage = Stage::Awaited { since: now, until: now + window };
+        self.owed_since = owed(&current.command);
+        self.objections_due = 0;
+        let transmitted = *current;
+        if self.owed_since.is_none() {
+            self.current = None;
+        }
+        Some(transmitted)
+    }
+
+    /// The frame in `slot` will not leave any more. Returns the request under way if it is that.
+    pub fn cancelled(&mut self, slot: u8) -> Option<Transaction> {
+        if self.former.is_some_and(|former| former.slot == slot && former.is_with_port()) {
+            self.former = None;
+            return None;
+        }
+        self.current.take_if(|current| current.slot == slot && current.is_with_port())
+    }
+
+    /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,
+    /// or it is a motion that is not the `wanted` one.
+    pub fn is_replaced(&self, slot: u8, wanted: impl Fn(&Transaction) -> bool) -> bool {
+        let waits = |request: &&Transaction| request.slot == slot && request.is_with_port();
+        self.former.as_ref().is_some_and(|former| waits(&former))
+            || self
+                .current
+                .as_ref()
+                .filter(waits)
+                .is_some_and(|current| current.exchange == Exchange::Motion && !wanted(current))
+    }
+
+    /// Makes room for a stop. What was under way may still be answered, and is then not taken for
+    /// the stop's reply.
+    pub fn preempt(&mut self) {
+        if let Some(current) = self.current.take() {
+            self.former = Some(current);
+        }
+    }
+
+    /// A frame of the motor has arrived.
+    pub fn received(&mut self, now: Instant, received: &Received, config: &AxisConfig) -> Match {
+        if received.unasked() == Unasked::Objection {
+            self.objects = true;
+            self.objections_due = self.objections_due.saturating_sub(1);
+        }
+        // What has not left cannot be answered: an answer of that kind is one that came twice.
+        if let Some(former) = self.former.filter(|former| !former.is_with_port()) {
+            let seen = match protocol::judge(&former.command, received, config) {
+                Verdict::Unrelated => None,
+                Verdict::Answer(seen) => Some(Some(seen)),
+                _ => Some(None),
+            };
+            if let Some(seen) = seen {
+                self.former = None;
+                // The reply to what was sent in its place is still due.
+                self.owed_since = self.owed_since.filter(|_| self.is_awaited());
+                return Match::Late(seen);
+            }
+        }
+        let objection_due = (self.objections_due > 0).then_some(now);
+        let Some(current) = self.current.filter(Transaction::is_awaited) else {
+            // Late beyond everything that is remembered, but it has come.
+            self.owed_since = objection_due;
+            return Match::Unasked;
+        };
+        let outcome = match protocol::judge(&current.command, received, config) {
+            Verdict::Unrelated => return Match::Unasked,
+            Verdict::Answer(seen) => Outcome::Answered(seen),
+            Verdict::Refused => Outcome::Refused,
+            Verdict::NotExecuted => Outcome::Echoed,
+        };
+        self.owed_since = objection_due;
+        self.current = None;
+        Match::Ends(current, outcome)
+    }
+
+    /// Ends what time has ended. Returns the request under way if its window has closed.
+    pub fn expire(
+        &mut self,
+        now: Instant,
+        repeats_stop: impl Fn(Exchange) -> bool,
+        config: &AxisConfig,
+    ) -> Option<Transaction> {
+        let is_over = |request: &Transaction| request.deadline().is_some_and(|until| until <= now);
+        if let Some(former) = self.former.take_if(|former| is_over(former))
+            && former.is_awaited()
+        {
+            self.may_be_answered_late(now, &former.command, config);
+        }
+        let current = self.current.filter(is_over)?;
+        self.give_up(now, repeats_stop(current.exchange), config)
+    }
+
+    /// Gives up the request under way. A late reply must find nothing identical under way: the next
+    /// request waits another window, and what a stop may be mistaken for is remembered as long. To
+    /// a stop that is sent again the reply to the one before says the same.
+    pub fn give_up(
+        &mut self,
+        now: Instant,
+        repeats_stop: bool,
+        config: &AxisConfig,
+    ) -> Option<Transaction> {
+        let current = self.current.take()?;
+        if repeats_stop {
+            return Some(current);
+        }
+        self.may_be_answered_late(now, &current.command, config);
+        if current.is_awaited() {
+            let until = now + current.window();
+            self.holdoff = Holdoff { exchange: current.exchange, until };
+            self.former.get_or_insert(Transaction { stage: Stage::Late { until }, ..current });
+        }
+        Some(current)
+    }
+
+    /// Forgets the request before, as the bus starts anew.
+    pub fn forget_former(&mut self) {
+        self.former = None;
+    }
+
+    /// The axis is reached otherwise from now on: what is under way, or was, belongs to the motor
+    /// that it had.
+    pub fn forget(&mut self) {
+        self.current = None;
+        self.former = None;
+        self.owed_since = None;
+        self.objects = false;
+        self.holdoff = Holdoff::NONE;
+    }
+
+    /// A request was not answered within its window. Where its reply cannot be told from that of
+    /// the stop, it must not be taken for it.
+    pub fn may_be_answered_late(&mut self, now: Instant, command: &Command, config: &AxisConfig) {
+        if is_answered_like_the_stop(command, config) {
+            self.stop_like_reply_until = now + LATEST_REPLY;
+        }
+    }
+
+    /// Whether a reply to this command may be the late one to a command sent before.
+    fn may_answer_an_older(&self, now: Instant, command: &Command, config: &AxisConfig) -> bool {
+        let is_alike = |f: &Transaction| protocol::are_answered_alike(&f.command, command, config);
+        self.former.as_ref().is_some_and(is_alike)
+            || now < self.stop_like_reply_until && is_answered_like_the_stop(command, config)
+    }
+
+    /// A request to another motor of the bus has left: this one may answer it as well, under the id
+    /// that its own frames have.
+    pub fn may_object(&mut self, now: Instant) {
+        if self.objects {
+            self.objections_due = self.objections_due.saturating_add(1);
+            if !self.is_awaited() {
+                self.owed_since = Some(now);
+            }
+        }
+    }
+
+    /// The next frame to the motor has met its reply on the bus and was cancelled: the reply is let
+    /// pass first.
+    pub fn reply_comes_first(&mut self, now: Instant) {
+        self.owed_since = Some(now);
+    }
+}
+
+fn is_answered_like_the_stop(command: &Command, config: &AxisConfig) -> bool {
+    protocol::command(Exchange::Stop, config)
+        .is_some_and(|stop| protocol::are_answered_alike(command, &stop, config))
+}
