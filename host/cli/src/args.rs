@@ -16,8 +16,8 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     version,
     about = "Talks to a motor gateway, real or simulated",
     long_about = "Talks to a motor gateway, real or simulated.\n\n\
-        Without a command it shows a gateway with four simulated motors, from configuration to the stop after the host \
-        has gone quiet. It needs no hardware.",
+        Without a command it shows a gateway with four simulated motors, from configuration to the \
+        stop after the host has gone quiet. It needs no hardware.",
     after_help = EXAMPLES,
     disable_help_subcommand = true
 )]
@@ -45,9 +45,10 @@ Examples:
   MGW_PORT=/dev/ttyACM0 mgw state --json
   candump -L can0 | mgw decode                     captured frames in words; needs no gateway
 
-Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal; counter-clockwise is positive.
-Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage; 3 a stop was sent and is
-not confirmed.";
+Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal.
+Positive is counter-clockwise.
+Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage;
+3 a stop was sent and is not confirmed.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -56,7 +57,8 @@ pub enum Command {
 
     /// Serve a simulated gateway with four motors over TCP, and print what its motors do
     #[command(
-        after_help = "Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, which is printed"
+        after_help = "Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, \
+            which is printed"
     )]
     Sim {
         /// Address to listen on; port 0 takes a free one
@@ -75,8 +77,8 @@ pub enum Command {
     /// output
     Info,
 
-    /// Show what the gateway remembers over a reset: its last trips and starts, and the message of
-    /// a panic
+    /// Show what the gateway remembers over a reset: its last trips and starts, and the crash
+    /// report
     Trips,
 
     /// List the axes with bus, protocol, node and state
@@ -89,7 +91,8 @@ pub enum Command {
         after_help = "Examples:\n  \
             mgw configure --file host/cli/examples/four-motors.toml\n  \
             mgw configure bus 0 bitrate=1000000 protocols=rmd,thruster\n  \
-            mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold velocity_limit_rad_s=20\n  \
+            mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold \
+            velocity_limit_rad_s=20\n  \
             mgw configure gateway link_silence_us=250000\n  \
             mgw configure timeout 0 200\n  \
             mgw configure show 0"
@@ -98,7 +101,8 @@ pub enum Command {
 
     /// Arm axes and keep the link alive until Ctrl-C or --for, then disarm them
     #[command(
-        after_help = "Authority ends with the process that holds it, so the axes stay armed only as long as this command runs.\n\n\
+        after_help = "Authority ends with the process that holds it, so the axes stay armed only \
+            as long as this command runs.\n\n\
             Examples:\n  mgw arm 0 1\n  mgw arm 2 --for 5"
     )]
     Arm {
@@ -106,7 +110,11 @@ pub enum Command {
         #[arg(required = true, value_name = "AXIS")]
         axes: Vec<u8>,
         /// Seconds to stay armed; without it until Ctrl-C
-        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
+        #[arg(
+            long = "for",
+            value_name = "SECONDS",
+            value_parser = seconds, allow_negative_numbers = true
+        )]
         duration: Option<std::time::Duration>,
     },
 
@@ -149,7 +157,8 @@ pub enum Command {
             mgw native 0 9C00000000000000                                  RMD: read status 2\n  \
             mgw native 0 --command read_status_2                           the same by name\n  \
             mgw native 0 --command torque_current --field current_a=1 --for 2\n  \
-            mgw native 1 51 56 00 00                                       thruster: read the speed\n\n\
+            mgw native 1 51 56 00 00                                       thruster: read the \
+            speed\n\n\
             `mgw encode --protocol PROTOCOL --list` shows every command with its fields.")]
     Native(NativeArgs),
 
@@ -183,7 +192,8 @@ pub enum Command {
 
     /// Switch the output of a holding motor off: it lets go, and a load that it holds drops
     #[command(
-        after_help = "An axis that stops by `hold` is `holding` after its stop: its motor is energised and holds for ever.\n\n\
+        after_help = "An axis that stops by `hold` is `holding` after its stop: its motor is \
+            energised and holds for ever.\n\n\
             Example:\n  mgw output-off 0"
     )]
     OutputOff {
@@ -395,7 +405,11 @@ pub struct WatchArgs {
     #[arg(long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field)]
     pub fields: Vec<host_protocol::StateField>,
     /// Milliseconds between two samples of an axis
-    #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(
+        long, default_value_t = 500,
+        value_name = "MS",
+        value_parser = clap::value_parser!(u64).range(1..=10_000)
+    )]
     pub period: u64,
     /// Samples of each axis; without it until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -421,7 +435,11 @@ pub struct NativeArgs {
     )]
     pub fields: Vec<String>,
     /// Move: seconds to keep the command up
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
+    #[arg(
+        long = "for",
+        value_name = "SECONDS",
+        value_parser = some_seconds, allow_negative_numbers = true
+    )]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -439,7 +457,11 @@ pub struct MoveArgs {
     #[arg(long, default_value_t = 0.02, value_name = "RAD")]
     pub tolerance: f32,
     /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
+    #[arg(
+        long = "for",
+        value_name = "SECONDS",
+        value_parser = some_seconds, allow_negative_numbers = true
+    )]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -449,7 +471,11 @@ pub struct TogetherArgs {
     #[arg(required = true, value_name = "AXIS velocity RAD_S", allow_negative_numbers = true)]
     pub words: Vec<String>,
     /// Seconds to keep them turning; without it until Ctrl-C
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
+    #[arg(
+        long = "for",
+        value_name = "SECONDS",
+        value_parser = some_seconds, allow_negative_numbers = true
+    )]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -514,7 +540,11 @@ pub struct SetArgs {
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
-    #[arg(long = "for", value_name = "SECONDS", value_parser = some_seconds, allow_negative_numbers = true)]
+    #[arg(
+        long = "for",
+        value_name = "SECONDS",
+        value_parser = some_seconds, allow_negative_numbers = true
+    )]
     pub duration: Option<std::time::Duration>,
 }
 
@@ -540,7 +570,11 @@ pub enum RawAction {
         /// For example 141#9A00000000000000
         frame: String,
         /// Seconds to listen afterwards
-        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
+        #[arg(
+            long, default_value = "0.2",
+            value_name = "SECONDS",
+            value_parser = seconds, allow_negative_numbers = true
+        )]
         wait: std::time::Duration,
     },
     /// Send bytes on a serial bus, in hexadecimal, and print what arrives
@@ -548,13 +582,21 @@ pub enum RawAction {
         /// For example 3E01089A00000000000000721A
         bytes: String,
         /// Seconds to listen afterwards
-        #[arg(long, default_value = "0.2", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
+        #[arg(
+            long, default_value = "0.2",
+            value_name = "SECONDS",
+            value_parser = seconds, allow_negative_numbers = true
+        )]
         wait: std::time::Duration,
     },
     /// Print what arrives
     Listen {
         /// Seconds to listen; without it until Ctrl-C
-        #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
+        #[arg(
+            long = "for",
+            value_name = "SECONDS",
+            value_parser = seconds, allow_negative_numbers = true
+        )]
         duration: Option<std::time::Duration>,
     },
 }

@@ -135,7 +135,7 @@ impl Failure {
         }
     }
 
-    /// Whether there is somebody to tell.
+    /// Whether there is a reader to tell.
     pub fn is_silent(&self) -> bool {
         matches!(self, Self::Output(_))
     }
@@ -153,7 +153,8 @@ fn is_no_port(error: &ConnectError) -> bool {
 fn data(error: &Error) -> Map<String, Value> {
     let data = match error {
         Error::OutOfRange { quantity, value, min, max } => json!({
-            "quantity": quantity.to_string(), "value": number(*value), "min": number(*min), "max": number(*max)
+            "quantity": quantity.to_string(),
+            "value": number(*value), "min": number(*min), "max": number(*max)
         }),
         Error::Tripped { axis, reason } | Error::CauseRemains { axis, reason } => {
             json!({ "axis": axis, "reason": to_json(reason) })
@@ -181,24 +182,29 @@ impl fmt::Display for Failure {
             }
             Self::Tripped { axis, reason } => write!(
                 f,
-                "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw state {axis}` shows the last values"
+                "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw \
+                    state {axis}` shows the last values"
             ),
             Self::StoppedElsewhere { axis, state } => write!(
                 f,
-                "somebody else stopped axis {axis}, it is {}: another host, or the gateway because it had not heard from this one",
+                "axis {axis} was stopped by another host, or by the gateway because it had not \
+                    heard from this one; it is {}",
                 words::axis_state(*state)
             ),
             Self::NotArrived { axis, place, target_rad } => write!(
                 f,
-                "axis {axis} has not arrived: it is at {place} and was to go to {target_rad:.3} rad. Give it more time with --for, or a greater --speed-limit"
+                "axis {axis} has not arrived: it is at {place} and was to go to {target_rad:.3} \
+                    rad. Give it more time with --for, or a greater --speed-limit"
             ),
             Self::StopNotConfirmed { axis } => write!(
                 f,
-                "axis {axis} has not confirmed its stop; the gateway goes on stopping it. Cut its power if it turns, then look at `mgw state {axis}`"
+                "axis {axis} has not confirmed its stop; the gateway goes on stopping it. Cut its \
+                    power if it turns, then look at `mgw state {axis}`"
             ),
             Self::StopTaken { cause } => write!(
                 f,
-                "the gateway took the stop; whether the motors are at rest is not known ({cause}). Look at `mgw state`, and cut their power if they turn"
+                "the gateway took the stop; whether the motors are at rest is not known ({cause}). \
+                    Look at `mgw state`, and cut their power if they turn"
             ),
             Self::Server { address, source } => {
                 write!(

@@ -33,11 +33,13 @@ pub fn explain(axis: u8, protocol: Protocol, word: u16) -> Vec<String> {
 fn rmd_end(axis: u8, level: FaultLevel) -> String {
     match level {
         FaultLevel::Recovers => {
-            ": the motor's light flashes slowly until the cause is gone; then the motor resumes by itself"
+            ": the motor's light flashes slowly until the cause is gone; then the motor resumes by \
+                itself"
                 .into()
         }
         FaultLevel::UntilRestart => format!(
-            ": the motor's light flashes fast until the motor restarts; remove the cause, then `mgw clear {axis} --restart`"
+            ": the motor's light flashes fast until the motor restarts; remove the cause, then \
+                `mgw clear {axis} --restart`"
         ),
     }
 }
@@ -62,10 +64,10 @@ mod tests {
         assert_eq!(
             explain(3, Protocol::Rmd, 0x8006),
             [
-                "axis 3: stall (0x0002): the motor's light flashes fast until the motor restarts; remove the cause, \
-                 then `mgw clear 3 --restart`",
-                "axis 3: under_voltage (0x0004): the motor's light flashes slowly until the cause is gone; then the \
-                 motor resumes by itself",
+                "axis 3: stall (0x0002): the motor's light flashes fast until the motor restarts; \
+                    remove the cause, then `mgw clear 3 --restart`",
+                "axis 3: under_voltage (0x0004): the motor's light flashes slowly until the cause \
+                    is gone; then the motor resumes by itself",
                 "axis 3: a fault that the manual does not list (0x8000)",
             ]
         );

@@ -87,7 +87,8 @@ fn d5_request(wire: &Wire) -> Option<Meaning> {
         }
         other => format!("{other:?}"),
     };
-    let is_stop = matches!(request, d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(raw) }
+    let is_stop = matches!(request,
+        d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(raw) }
         if d5::decode_speed(raw).0 == 0);
     Some(Meaning { motor, text, is_stop })
 }

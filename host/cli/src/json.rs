@@ -17,7 +17,10 @@ pub fn event(message: &EventMessage) -> Value {
     let mut fields = match &message.event {
         Event::Tripped { axis, trip } => json!({ "axis": axis, "trip": to_json(trip) }),
         Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => {
-            json!({ "axis": axis, "reaction_us": reaction_us, "elapsed_us": elapsed_us, "standstill": standstill })
+            json!({
+                "axis": axis, "reaction_us": reaction_us,
+                "elapsed_us": elapsed_us, "standstill": standstill
+            })
         }
         Event::StateChanged { axis, state } => json!({ "axis": axis, "state": to_json(state) }),
         Event::AuthorityLost { reason } => json!({ "reason": to_json(reason) }),
@@ -77,7 +80,10 @@ pub fn frame(frame: &RawFrame) -> Value {
                 Id::Standard(id) => (u32::from(id.as_raw()), false),
                 Id::Extended(id) => (id.as_raw(), true),
             };
-            json!({ "id": id, "extended": extended, "remote": frame.is_remote_frame(), "data": words::hex(frame.data()) })
+            json!({
+                "id": id, "extended": extended,
+                "remote": frame.is_remote_frame(), "data": words::hex(frame.data())
+            })
         }
         RawFrame::Serial(bytes) => json!({ "data": words::hex(bytes) }),
     }
@@ -97,7 +103,10 @@ mod tests {
         };
         assert_eq!(
             event(&message).to_string(),
-            r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","stop_transmitted":true,"time_us":7}"#
+            concat!(
+                r#"{"axis":3,"dropped":0,"event":"AxisUnreachable","#,
+                r#""stop_transmitted":true,"time_us":7}"#
+            )
         );
     }
 

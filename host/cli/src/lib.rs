@@ -36,8 +36,8 @@ use failure::Failure;
 use output::Output;
 
 /// Said when no port is named.
-const WHICH_GATEWAY: &str = "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set MGW_PORT. `mgw sim` starts a \
-                             simulated one";
+const WHICH_GATEWAY: &str = "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set \
+    MGW_PORT. `mgw sim` starts a simulated one";
 
 /// Runs the command of this process's arguments, and prints.
 pub fn main() -> ExitCode {

@@ -29,7 +29,10 @@ pub fn explain(motor: Motor, data: &[u8], error: Error) -> Failure {
             cause(motor, data).err().map(|cause| format!("{cause}; axis {axis} speaks {protocol}"))
         }
         Error::NotThisNode { .. } => whom(data).map(|whom| {
-            format!("these bytes are for {whom}, and the motor of axis {axis} is node {node}; `mgw raw` reaches others")
+            format!(
+                "these bytes are for {whom}, and the motor of axis {axis} is node {node}; `mgw \
+                raw` reaches others"
+            )
         }),
         _ => None,
     };
@@ -97,7 +100,8 @@ fn rmd_encodes(motor: Motor, request: &rmd::Request) -> Result<(), codec::Encode
 fn unlisted(motor: Motor, code: &str) -> String {
     let protocol = motor.protocol.name();
     format!(
-        "{code} is a command that the manual does not list (`mgw encode --protocol {protocol} --list` lists them)"
+        "{code} is a command that the manual does not list (`mgw encode --protocol {protocol} \
+            --list` lists them)"
     )
 }
 

@@ -68,7 +68,7 @@ impl Output {
 
 fn print_line(line: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    // Flushed each time: whoever follows a stream wants each line when it is printed.
+    // Flushed each time: a reader of a stream wants each line when it is printed.
     writeln!(out, "{}", printable(line)).and_then(|()| out.flush()).map_err(Failure::Output)
 }
 

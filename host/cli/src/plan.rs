@@ -151,7 +151,8 @@ impl BusPlan {
                 Ok(plan)
             }
             _ => Err(Failure::Usage(
-                "a bus needs bitrate= and protocols=, for example bitrate=1000000 protocols=rmd,thruster"
+                "a bus needs bitrate= and protocols=, for example bitrate=1000000 \
+                    protocols=rmd,thruster"
                     .to_owned(),
             )),
         }

@@ -23,7 +23,8 @@ pub fn printable(line: &str) -> Cow<'_, str> {
 }
 
 fn commands_the_terminal(character: char) -> bool {
-    let separates_or_turns = matches!(character, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let separates_or_turns = matches!(character,
+        '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     character.is_control() || separates_or_turns
 }
 

@@ -45,7 +45,8 @@ pub fn run(
     if !address.ip().is_loopback() {
         out.either(
             format!(
-                "WARNING: {address} can be reached from other computers, and whoever reaches it may command"
+                "WARNING: {address} can be reached from other computers, and each of them may \
+                    command"
             ),
             &json!({ "warning": "reachable from other computers" }),
         )?;

@@ -44,7 +44,7 @@ impl<T: Transport> Client<T> {
         self.request(&ask::TakeAuthority {}).map(drop)
     }
 
-    /// Gives the right to command back.
+    /// Releases the right to command.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -115,13 +115,13 @@ impl<T: Transport> Client<T> {
         Ok(incidents)
     }
 
-    /// What the firmware left behind before this start: the message of a panic, a fault or the
-    /// watchdog; empty if there was none.
+    /// Why the run before failed: the message of a panic, a fault or the watchdog; empty if it did
+    /// not.
     ///
     /// # Errors
     /// As [`request`](Self::request).
     pub fn crash_report(&mut self) -> Result<String, ClientError> {
-        self.request(&ask::ReadCrashReport {}).map(|words| words.text.as_str().to_owned())
+        self.request(&ask::ReadCrashReport {}).map(|report| report.text.as_str().to_owned())
     }
 
     /// Sets a parameter of an axis.

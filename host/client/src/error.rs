@@ -25,8 +25,8 @@ pub enum ClientError {
         /// How long an answer was awaited.
         after: Duration,
     },
-    /// Somebody wanted it to end: nothing that moves is sent any more, and the axes that were armed
-    /// here have been stopped.
+    /// The caller wanted it to end: nothing that moves is sent any more, and the axes that were
+    /// armed here have been stopped.
     Interrupted {
         /// Whether an axis was armed here.
         armed: bool,
@@ -66,18 +66,21 @@ impl fmt::Display for ClientError {
             Self::Gateway(error) => error.fmt(f),
             Self::NoAnswer { request: "Hello", after } => write!(
                 f,
-                "no gateway answered within {} ms. Check that the port leads to a gateway, that it has power, and its bit rate",
+                "no gateway answered within {} ms. Check that the port leads to a gateway, that it \
+                    has power, and its bit rate",
                 after.as_millis()
             ),
             Self::NoAnswer { request, after } => write!(
                 f,
-                "the gateway did not answer {request} within {} ms; it may have been executed. Check the cable, then read the state",
+                "the gateway did not answer {request} within {} ms; it may have been executed. \
+                    Check the cable, then read the state",
                 after.as_millis()
             ),
             Self::StopUnanswered { after } => write!(
                 f,
-                "the stop was sent, not confirmed: nothing answered within {} ms. The gateway may have stopped the motors all the same, and \
-                 does when it no longer hears this host. Cut their power if they turn",
+                "the stop was sent, not confirmed: nothing answered within {} ms. The gateway may \
+                    have stopped the motors all the same, and does when it no longer hears this \
+                    host. Cut their power if they turn",
                 after.as_millis()
             ),
             Self::Interrupted { armed: true } => {
@@ -87,7 +90,8 @@ impl fmt::Display for ClientError {
             Self::Incompatible { gateway, host } => {
                 write!(
                     f,
-                    "the gateway speaks version {gateway} of the host protocol, this program version {host}. "
+                    "the gateway speaks version {gateway} of the host protocol, this program \
+                        version {host}. "
                 )?;
                 if gateway > host {
                     write!(f, "Update this program")
@@ -97,7 +101,8 @@ impl fmt::Display for ClientError {
             }
             Self::UnreadableReply { request, number } => write!(
                 f,
-                "the gateway answered {request} with a message {number:#06x} that does not belong to it. Update this program and the firmware to the same version"
+                "the gateway answered {request} with a message {number:#06x} that does not belong \
+                    to it. Update this program and the firmware to the same version"
             ),
             Self::TooLong { request } => write!(
                 f,
@@ -106,13 +111,15 @@ impl fmt::Display for ClientError {
             ),
             Self::LinksTaken => write!(
                 f,
-                "the gateway refuses the connection: all host links are taken. End another program that is connected to it, then try again"
+                "the gateway refuses the connection: all host links are taken. End another program \
+                    that is connected to it, then try again"
             ),
             Self::Connect(error) => error.fmt(f),
             Self::Transport(error) => {
                 write!(
                     f,
-                    "the connection to the gateway failed ({error}). Check the cable or the server, then connect again"
+                    "the connection to the gateway failed ({error}). Check the cable or the \
+                        server, then connect again"
                 )
             }
         }

@@ -1,5 +1,5 @@
-//! What arrived from the gateway: bytes become frames, events wait in order, answers go to whoever
-//! asked.
+//! What arrived from the gateway: bytes become frames, events wait in order, answers go to the call
+//! that asked.
 
 use std::collections::VecDeque;
 

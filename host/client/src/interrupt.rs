@@ -1,9 +1,9 @@
-//! [`Interrupt`]: somebody wants it to end.
+//! [`Interrupt`]: the caller wants it to end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Somebody wants it to end, Ctrl-C for example: raised once, from any thread, and seen by the
+/// The caller wants it to end, by Ctrl-C for example: raised once, from any thread, and seen by the
 /// client that heeds it.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);

@@ -85,7 +85,8 @@ impl fmt::Display for ConnectError {
             Self::NoPort => {
                 write!(
                     f,
-                    "the port has no name. Name a serial device such as /dev/ttyACM0, or tcp:HOST:PORT"
+                    "the port has no name. Name a serial device such as /dev/ttyACM0, or \
+                        tcp:HOST:PORT"
                 )
             }
             Self::BadAddress { port } => {
@@ -97,7 +98,8 @@ impl fmt::Display for ConnectError {
             Self::BadBaud { port } => {
                 write!(
                     f,
-                    "`{port}` names no bit rate. Write DEVICE or DEVICE@RATE, for example /dev/ttyACM0@921600"
+                    "`{port}` names no bit rate. Write DEVICE or DEVICE@RATE, for example \
+                        /dev/ttyACM0@921600"
                 )
             }
             Self::Tcp { address, source } => {
@@ -106,7 +108,8 @@ impl fmt::Display for ConnectError {
                     io::ErrorKind::ConnectionRefused => {
                         write!(
                             f,
-                            "Nothing listens there: start the gateway, or `mgw sim --listen {address}`"
+                            "Nothing listens there: start the gateway, or `mgw sim --listen \
+                                {address}`"
                         )
                     }
                     io::ErrorKind::TimedOut => {
@@ -120,18 +123,21 @@ impl fmt::Display for ConnectError {
                 match source.kind() {
                     io::ErrorKind::NotFound => write!(
                         f,
-                        "Check that the board is plugged in and which name it has (Linux: ls /dev/ttyACM* /dev/ttyUSB*)"
+                        "Check that the board is plugged in and which name it has (Linux: ls \
+                            /dev/ttyACM* /dev/ttyUSB*)"
                     ),
                     io::ErrorKind::PermissionDenied => {
                         write!(
                             f,
-                            "Give your user the right to open it (Linux: join the group that owns it, often dialout)"
+                            "Give your user the right to open it (Linux: join the group that owns \
+                                it, often dialout)"
                         )
                     }
                     _ => {
                         write!(
                             f,
-                            "Check that no other program has it open and that it can run at that rate"
+                            "Check that no other program has it open and that it can run at that \
+                                rate"
                         )
                     }
                 }

@@ -1,4 +1,4 @@
-//! A stop that somebody asks for: the next frame written, and written again until it is answered.
+//! A stop that the caller asks for: the next frame written, and written again until it is answered.
 
 use std::io;
 use std::time::Duration;

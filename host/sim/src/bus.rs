@@ -13,7 +13,7 @@ pub enum Station {
     Gateway,
     /// The motor with this index in the wiring.
     Motor(usize),
-    /// Somebody who belongs to neither, with nothing but a transmitter.
+    /// A foreign station, with nothing but a transmitter.
     Stranger,
 }
 

@@ -15,7 +15,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     session.out.object(&json!({ "axes": axes.iter().map(summary).collect::<Vec<_>>() }))?;
     if axes.is_empty() {
         return session.out.text(
-            "no axis is configured. Start with `mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold` or a file",
+            "no axis is configured. Start with `mgw configure axis 0 bus=0 protocol=rmd node=1 \
+                stop_action=hold` or a file",
         );
     }
     let mut table = Table::new(&[">axis", ">bus", "protocol", ">node", "state", "missing"]);

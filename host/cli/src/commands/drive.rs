@@ -81,7 +81,9 @@ pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Fail
     let timeout = words::motor_timeout(armed.motor_timeout);
     session.out.either(
         format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
-        &json!({ "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout) }),
+        &json!({
+            "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout)
+        }),
     )
 }
 

@@ -96,8 +96,8 @@ fn bus_limit(limit: BusLimit) -> &'static str {
              buy one of revision V (NUCLEO-H743ZI2)"
         }
         BusLimit::NoClock => {
-            "CAN is off: the board's clock did not run at the start, and the chip's own is not exact \
-             enough; see to the clock, then reset the board"
+            "CAN is off: the board's clock did not run at the start, and the chip's own is not \
+                exact enough; see to the clock, then reset the board"
         }
     }
 }

@@ -32,7 +32,9 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         let MoveTarget { start_rad, target_rad } = target;
         session.out.either(
             format!("axis {axis} moves from {start_rad:.3} rad to {target_rad:.3} rad"),
-            &json!({ "axis": axis, "start_rad": number(start_rad), "target_rad": number(target_rad) }),
+            &json!({
+                "axis": axis, "start_rad": number(start_rad), "target_rad": number(target_rad)
+            }),
         )?;
         let setpoint =
             Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };

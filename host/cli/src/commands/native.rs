@@ -40,7 +40,8 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
     match (command.effect, arguments.duration) {
         (NativeEffect::Prepares, _) => Err(Failure::Usage(encode::PREPARED.to_owned())),
         (NativeEffect::Moves | NativeEffect::MovesOnce, None) => Err(Failure::Usage(
-            "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so long and stopped"
+            "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so \
+                long and stopped"
                 .to_owned(),
         )),
         (NativeEffect::Moves, Some(duration)) => {
@@ -50,7 +51,11 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
             move_by(session, &command, |session, armed| once(session, &command, armed, duration))
         }
         (NativeEffect::Stops | NativeEffect::Asks | NativeEffect::Changes, Some(_)) => {
-            Err(Failure::Usage("--for is for commands that move the motor; this one does not".to_owned()))
+            Err(Failure::Usage(
+                "--for is for commands that move the motor; this one does \
+                not"
+                .to_owned(),
+            ))
         }
         (NativeEffect::Stops | NativeEffect::Asks | NativeEffect::Changes, None) => {
             let axis = command.motor.axis;
@@ -59,7 +64,9 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
             let reply = session.client.native_when_free(axis, 0, data, Duration::ZERO)?;
             if is_stop && reply.is_empty() {
                 let text = format!("axis {axis}: carried out as a stop of the axis");
-                return session.out.either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
+                return session
+                    .out
+                    .either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
             }
             print(session.out, &command, &reply)?;
             if let Some(until) = native_request::acts_after(command.motor, &command.data) {
@@ -140,7 +147,8 @@ fn data_field(words: &[String]) -> Result<Vec<u8>, Failure> {
     for word in words {
         let bytes = raw::bytes(word).ok_or_else(|| {
             Failure::Usage(format!(
-                "`{word}` is no sequence of bytes. Write the data field in hexadecimal, for example A100000064000000"
+                "`{word}` is no sequence of bytes. Write the data field in hexadecimal, for \
+                    example A100000064000000"
             ))
         })?;
         data.extend(bytes);
@@ -183,7 +191,8 @@ fn once(
     if longest < duration {
         let seconds = longest.as_secs_f32();
         session.out.text(format!(
-            "it goes out once and is stopped after {seconds:.3} s; a greater ttl_us of the axis allows more"
+            "it goes out once and is stopped after {seconds:.3} s; a greater ttl_us of the axis \
+                allows more"
         ))?;
     }
     let end = session.client.now() + duration.min(longest);

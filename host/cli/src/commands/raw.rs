@@ -86,8 +86,8 @@ fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Fai
 fn can_frame(text: &str) -> Result<CanFrame, Failure> {
     let wrong = || {
         Failure::Usage(format!(
-            "`{text}` is no CAN frame. Write ID#DATA in hexadecimal, 3 digits for a standard id, 8 for an extended one, \
-             at most 8 data bytes, for example 141#9A00000000000000"
+            "`{text}` is no CAN frame. Write ID#DATA in hexadecimal, 3 digits for a standard id, 8 \
+                for an extended one, at most 8 data bytes, for example 141#9A00000000000000"
         ))
     };
     let (id, data) = text.split_once(ID_END).ok_or_else(wrong)?;
@@ -103,8 +103,8 @@ fn can_frame(text: &str) -> Result<CanFrame, Failure> {
 fn serial_frame(text: &str) -> Result<Bytes<MAX_SERIAL_FRAME>, Failure> {
     let wrong = || {
         Failure::Usage(format!(
-            "`{text}` is no sequence of bytes. Write 1 to {MAX_SERIAL_FRAME} bytes in hexadecimal, for example \
-             3E01089A00000000000000721A"
+            "`{text}` is no sequence of bytes. Write 1 to {MAX_SERIAL_FRAME} bytes in hexadecimal, \
+                for example 3E01089A00000000000000721A"
         ))
     };
     let bytes = bytes(text).filter(|bytes| !bytes.is_empty()).ok_or_else(wrong)?;

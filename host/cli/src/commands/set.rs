@@ -54,8 +54,8 @@ fn setpoint(arguments: &SetArgs) -> Result<Setpoint, Failure> {
             let (Some(stiffness_nm_per_rad), Some(damping_nm_s_per_rad)) =
                 (arguments.stiffness, arguments.damping)
             else {
-                let needed = "an impedance needs its spring and its damper: add --stiffness NM_PER_RAD and \
-                              --damping NM_S_PER_RAD";
+                let needed = "an impedance needs its spring and its damper: add --stiffness \
+                    NM_PER_RAD and --damping NM_S_PER_RAD";
                 return Err(Failure::Usage(needed.to_owned()));
             };
             Setpoint::Impedance {

@@ -74,7 +74,7 @@ impl<'a, W: Write> Decoder<'a, W> {
         let mut lines = Lines::new(BufReader::with_capacity(BUFFER, input));
         loop {
             if lines.would_wait() {
-                // Whoever follows a live capture sees each frame when it has come.
+                // A reader of a live capture sees each frame when it has come.
                 self.record.flush().map_err(Failure::Output)?;
             }
             let Some(text) = lines.next().map_err(stdin_failed)? else { break };

@@ -70,7 +70,11 @@ mod tests {
         let motion = [0xA1, 0x32, 0x64, 0x00, 0xF4, 0x01, 0x2D, 0x00];
         assert_eq!(
             reply(0, Protocol::Rmd, 1, &CURRENT, &motion, true),
-            r#"{"frame":"A1326400F4012D00","direction":"reply","protocol":"rmd","node":1,"command":"torque_current","temperature_c":50,"current_a":1,"speed_dps":500,"angle_deg":45,"axis":0}"#
+            concat!(
+                r#"{"frame":"A1326400F4012D00","direction":"reply","protocol":""#,
+                r#"rmd","node":1,"command":"torque_current","#,
+                r#""temperature_c":50,"current_a":1,"speed_dps":500,"angle_deg":45,"axis":0}"#
+            )
         );
         let text = reply(0, Protocol::Rmd, 1, &CURRENT, &motion, false);
         assert!(text.starts_with("A1326400F4012D00"), "{text}");
@@ -81,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_thrown_back_has_not_been_executed() {
+    fn an_echoed_command_has_not_been_executed() {
         let line = reply(0, Protocol::Rmd, 1, &CURRENT, &CURRENT, true);
         assert!(line.contains(r#""not_executed":true"#), "{line}");
     }

@@ -409,11 +409,13 @@ mod tests {
     fn json() {
         assert_eq!(
             line(true),
-            r#"{"time_s":0.250,"interface":"can\"0","frame":"141#9A00","direction":"reply","protocol":"rmd","node":1,"#
-                .to_owned()
-                + r#""command":"read","current_a":-0.5,"faults":["low","high"],"faults_raw":32771,"none":[],"none_raw":0,"#
-                + r#""data":"AB","model":"a\\\u0001","on":true}"#
-                + "\n"
+            concat!(
+                r#"{"time_s":0.250,"interface":"can\"0","frame":"141#9A00","direction":"reply","#,
+                r#""protocol":"rmd","node":1,"command":"read","current_a":-0.5,"#,
+                r#""faults":["low","high"],"faults_raw":32771,"none":[],"none_raw":0,"#,
+                r#""data":"AB","model":"a\\\u0001","on":true}"#,
+                "\n"
+            )
         );
     }
 
@@ -421,8 +423,9 @@ mod tests {
     fn text() {
         assert_eq!(
             line(false),
-            "000.250  can\"0  141#9A00                    rmd 1         reply    read                       \
-             current_a=-0.5 faults=low|high(0x8003) none=none(0x0000) data=AB model=a\\\\u0001 on=true\n"
+            "000.250  can\"0  141#9A00                    rmd 1         reply    read\
+             \x20                      current_a=-0.5 faults=low|high(0x8003) none=none(0x0000) \
+             data=AB model=a\\\\u0001 on=true\n"
         );
     }
 

@@ -1,4 +1,4 @@
-//! RMD frames, and whose turn it is where the frame does not say.
+//! RMD frames, and their direction where the frame does not say it.
 
 use std::io::Write;
 
@@ -34,7 +34,7 @@ pub enum Message {
     Reply(Node, Reply),
     /// Sent on the motor's own account.
     Event(Node, Reply),
-    /// A closed-loop command thrown back: no state in it.
+    /// A closed-loop command that the motor echoes unexecuted: no state in it.
     NotExecuted(Node, Reply),
 }
 

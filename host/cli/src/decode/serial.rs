@@ -210,7 +210,8 @@ fn is_rmd(frame: &[u8; RMD_FRAME_LEN]) -> bool {
 
 /// Whether a header, an id and a length byte of D5 stand here.
 fn has_d5_head(bytes: &[u8]) -> bool {
-    matches!(bytes, [d5::REQUEST_HEADER | d5::REPLY_HEADER, _, length, ..] if D5_LENGTHS.contains(length))
+    matches!(bytes, [d5::REQUEST_HEADER | d5::REPLY_HEADER, _, length, ..]
+        if D5_LENGTHS.contains(length))
 }
 
 fn is_d5(frame: &[u8; D5_FRAME_LEN]) -> bool {

@@ -131,7 +131,7 @@ impl Device {
         is_meant
     }
 
-    /// Whether somebody may have asked for this.
+    /// Whether a request may have asked for this.
     fn is_asked_for(&mut self, reply: &Reply) -> bool {
         match reply {
             Reply::Returned(Returned { source: ReturnSource::Stream, .. }) => false,

@@ -19,7 +19,10 @@ pub fn run(out: Output) -> Result<(), Failure> {
     let plan = four_motors::plan()?;
     let mut trace = Trace::new(&plan);
 
-    out.text("A motor gateway with four simulated motors, in simulated time. The gateway is the very code of the firmware.")?;
+    out.text(
+        "A motor gateway with four simulated motors, in simulated time. The gateway is the \
+        very code of the firmware.",
+    )?;
     let mut client = four_motors::connect(&world)?;
     setup::introduce(&client, out)?;
     setup::configure(&mut client, &plan, out)?;
@@ -37,12 +40,13 @@ pub fn run(out: Output) -> Result<(), Failure> {
 fn finish(motions: &[Motion], stops: &[silence::Stop], out: Output) -> Result<(), Failure> {
     let failed: Vec<String> =
         stops.iter().filter(|stop| !stop.is_proven()).map(|stop| stop.axis.to_string()).collect();
-    out.object(
-        &json!({ "demonstration": { "axes": motions.len(), "stopped": stops.len() - failed.len() } }),
-    )?;
+    out.object(&json!({
+        "demonstration": { "axes": motions.len(), "stopped": stops.len() - failed.len() }
+    }))?;
     if !failed.is_empty() {
         return Err(Failure::Demonstration(format!(
-            "no confirmed stop of axis {}: this must not happen; the frames above show how far it came",
+            "no confirmed stop of axis {}: this must not happen; the frames above show how far it \
+                came",
             failed.join(", ")
         )));
     }

@@ -63,7 +63,10 @@ pub fn configure<T: Transport>(
     for bus in plan.buses() {
         out.either(
             format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),
-            &json!({ "bus": bus.bus, "bitrate": bus.bitrate, "protocols": json::protocols(bus.protocols) }),
+            &json!({
+                "bus": bus.bus, "bitrate": bus.bitrate,
+                "protocols": json::protocols(bus.protocols)
+            }),
         )?;
     }
     let columns = [

@@ -184,8 +184,14 @@ fn print_motor_logs(
             motor.log().entries().filter(|entry| (from_us..=until_us).contains(&entry.time_us))
         {
             out.either(
-                format!("t={}  axis {axis}  {motor}  {}", words::seconds(entry.time_us), entry.what),
-                &json!({ "axis": axis, "time_us": entry.time_us, "motor_log": entry.what.to_string() }),
+                format!(
+                    "t={}  axis {axis}  {motor}  {}",
+                    words::seconds(entry.time_us),
+                    entry.what
+                ),
+                &json!({
+                    "axis": axis, "time_us": entry.time_us, "motor_log": entry.what.to_string()
+                }),
             )?;
         }
     }

@@ -43,8 +43,9 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
 }
 
 /// Why what waits in a motor is not to be had natively.
-pub const PREPARED: &str = "a speed that waits in the motor is lost between two calls of mgw: each arms the axis before and \
-    stops it after, which overwrites what waits. Use `write`, or a program of your own that sends both while the axis is armed";
+pub const PREPARED: &str = "a speed that waits in the motor is lost between two calls of mgw: each \
+    arms the axis before and stops it after, which overwrites what waits. Use `write`, or a \
+    program of your own that sends both while the axis is armed";
 
 /// RMD commands that go to an id of their own, to which the gateway sends no data fields.
 const IDS_OF_THEIR_OWN: [&str; 5] =
@@ -190,7 +191,8 @@ fn can_id(text: &str) -> Result<Id, Failure> {
     };
     id.ok_or_else(|| {
         Failure::Usage(format!(
-            "`{text}` is no CAN id. Write it in hexadecimal, 3 digits up to 7FF, or 8 digits up to 1FFFFFFF"
+            "`{text}` is no CAN id. Write it in hexadecimal, 3 digits up to 7FF, or 8 digits up to \
+                1FFFFFFF"
         ))
     })
 }

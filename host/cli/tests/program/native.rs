@@ -174,7 +174,7 @@ fn a_stop_of_an_axis_that_is_not_idle_is_a_stop_of_the_axis() {
         let text = sim.mgw_once_connected(&["native", "0", "8100000000000000"]).success();
         assert_eq!(text, "axis 0: carried out as a stop of the axis\n");
     });
-    assert!(outcome.failure(1).contains("somebody else stopped axis 0"));
+    assert!(outcome.failure(1).contains("axis 0 was stopped by another host"));
 }
 
 /// RMD V3.6 §2.10, Thruster manual §2.2: CI and CB.

@@ -164,7 +164,8 @@ fn a_pipe_is_no_configuration() {
 fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let axis = |more: &str| {
         format!(
-            "[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n{more}"
+            "[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \
+                \"hold\"\n{more}"
         )
     };
     let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n";
@@ -333,7 +334,7 @@ fn no_setpoint_that_would_be_refused_arms_the_axis() {
     assert!(text.contains("axis 3 is on RS485; impedance needs CAN"), "{text}");
 }
 
-/// What somebody else has stopped was not done, and that is said.
+/// What another host has stopped was not done, and that is said.
 #[test]
 fn a_stop_by_another_host_is_told() {
     let sim = Sim::patient();
@@ -348,7 +349,7 @@ fn a_stop_by_another_host_is_told() {
         let error = error(outcome, 1);
         assert_eq!(error["name"], "StoppedElsewhere", "{arguments:?}: {error}");
         assert!(
-            error["message"].as_str().unwrap().starts_with("somebody else stopped axis 0"),
+            error["message"].as_str().unwrap().starts_with("axis 0 was stopped by another host"),
             "{error}"
         );
     }

@@ -194,7 +194,7 @@ impl<T: Transport> Client<T> {
         if !self.interrupted {
             self.interrupted = true;
             self.stop_armed()?;
-            // The stop of somebody who wants it to end is not what is to end.
+            // The stop that follows an interrupt is not interrupted itself.
             return if stops(number) { Ok(()) } else { Err(self.ended_early()) };
         }
         if moves(number) { Err(self.ended_early()) } else { Ok(()) }

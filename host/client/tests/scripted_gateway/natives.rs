@@ -80,9 +80,8 @@ fn a_native_command_may_take_as_long_as_a_motor_does() {
     });
     let mut client = Client::connect_as(line, 1, 0).unwrap();
     let result = client.native(1, 0, data(&CURRENT), TTL);
-    assert!(
-        matches!(result, Err(ClientError::NoAnswer { request: "Native", after }) if after == MOTOR_DEADLINE)
-    );
+    let Err(ClientError::NoAnswer { request: "Native", after }) = result else { panic!() };
+    assert_eq!(after, MOTOR_DEADLINE);
 }
 
 #[test]

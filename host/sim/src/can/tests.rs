@@ -72,7 +72,7 @@ fn a_sender_does_not_hear_itself() {
     bus.send(A, 0, frame(0x241, &[1]), false);
     let outcomes = run(&mut bus, us(1_000));
     assert!(
-        matches!(&outcomes[0], CanOutcome::Sent { to, .. } if to.as_slice() == [Station::Gateway, B]),
+        matches!(&outcomes[0], CanOutcome::Sent { to, .. } if *to == [Station::Gateway, B]),
         "{outcomes:?}"
     );
 }
@@ -205,10 +205,10 @@ fn an_unplugged_station_neither_hears_nor_acknowledges() {
     assert_eq!(sent(&run(&mut bus, us(6_000))).len(), 1);
 }
 
-/// A frame that waits is given back at once; one that nobody acknowledges, at the end of its
+/// A frame that waits is cancelled at once; one that no node acknowledges, at the end of its
 /// attempt; one that is acknowledged has been sent.
 #[test]
-fn frames_are_given_back_unless_they_are_sent_all_the_same() {
+fn frames_are_cancelled_unless_they_are_transmitted_all_the_same() {
     let cancelled = |outcomes: &[CanOutcome]| -> Vec<u8> {
         let slot_of = |outcome: &CanOutcome| match outcome {
             CanOutcome::Cancelled { station: Station::Gateway, slot } => Some(*slot),

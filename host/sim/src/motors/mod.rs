@@ -229,7 +229,7 @@ impl Motor {
         self.with_model(now, |model, cx| model.run(cx));
     }
 
-    /// Takes in a frame of its CAN bus, whoever it is for, when its last bit has arrived.
+    /// Takes in a frame of its CAN bus, to it or to another, when its last bit has arrived.
     pub fn hear_frame(&mut self, now: Duration, frame: &CanFrame) {
         self.advance(now);
         self.with_model(now, |model, cx| model.hear_frame(cx, frame));

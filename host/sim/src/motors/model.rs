@@ -14,7 +14,7 @@ use crate::random::Random;
 ///
 /// Its plant has been advanced to the current time before each call.
 pub(super) trait Model: Send {
-    /// Takes in a CAN frame of the bus, whoever it is for.
+    /// Takes in a CAN frame of the bus, to this motor or to another.
     fn hear_frame(&mut self, cx: &mut Context<'_>, frame: &CanFrame);
 
     /// Takes in a byte of the line.

@@ -89,7 +89,7 @@ impl Server {
                 break;
             }
         }
-        // After reading, so that whoever has left has given its link back.
+        // After reading, so that a host that has gone has released its link.
         self.drop_silent(log);
         self.accept(log)?;
         self.hear_waiting(log);
@@ -119,7 +119,7 @@ impl Server {
 
     fn connect(&mut self, stream: TcpStream, peer: SocketAddr, log: &mut impl FnMut(&str)) {
         let Some(link) = self.free_link().or_else(|| {
-            // Whoever left just before this one came has not been missed yet.
+            // A host that went just before this one came has not been missed yet.
             self.read(log);
             self.free_link()
         }) else {

@@ -67,7 +67,7 @@ impl World {
     }
 
     /// Starts the gateway anew. What it was sending is lost, and it remembers what a reset leaves
-    /// alone; after `PowerOn` or `Brownout` nothing. `crash_report`: what its firmware left
+    /// alone; after `PowerOn` or `Brownout` nothing. `crash_report`: what its firmware kept
     /// behind.
     pub fn reset(&mut self, boot: BootReason, crash_report: &'static str) {
         if matches!(boot, BootReason::PowerOn | BootReason::Brownout) {

@@ -26,7 +26,7 @@ pub(super) struct Port {
     setup: Option<BusSetup>,
     /// Bitrate of the motor that was connected first.
     motors_bitrate: Option<u32>,
-    /// Somebody who does not belong here is connected.
+    /// A foreign station is connected.
     has_stranger: bool,
     /// What the stranger sends again and again, one after the other.
     babble: VecDeque<CanFrame>,
@@ -150,7 +150,7 @@ impl Port {
         }
     }
 
-    /// Somebody who does not belong to the bus sends something, at the bitrate that is usual there.
+    /// A foreign station sends something, at the bitrate that is usual there.
     /// A wire of another kind of bus goes nowhere.
     pub(super) fn send_stranger(&mut self, now: Duration, wire: Wire) {
         let bitrate = self.setup.map(|setup| setup.bitrate).or(self.motors_bitrate);

@@ -37,7 +37,7 @@ impl Strangers {
 }
 
 impl World {
-    /// Somebody who belongs to neither the gateway nor the motors sends something on a bus, once,
+    /// A station that is neither the gateway nor a motor sends something on a bus, once,
     /// as soon as the bus is free. On RS485 nobody looks whether it is.
     pub fn send_foreign(&mut self, bus: u8, wire: Wire) {
         let now = self.now;
@@ -46,20 +46,20 @@ impl World {
         }
     }
 
-    /// Somebody sends this on a bus from now on, at irregular intervals of half a period to one and
-    /// a half.
+    /// A foreign station sends this on a bus from now on, at irregular intervals of half a period
+    /// to one and a half.
     pub fn repeat_foreign(&mut self, bus: u8, wire: Wire, period: Duration) {
         self.strangers.all.push(Stranger { bus, wire, period, next: self.now });
     }
 
-    /// Whoever belongs to neither the gateway nor the motors falls silent on a bus.
+    /// The foreign stations of a bus fall silent.
     pub fn hush(&mut self, bus: u8) {
         self.strangers.all.retain(|stranger| stranger.bus != bus);
         self.babble(bus, None);
     }
 
-    /// Somebody sends these frames on a CAN bus, one after the other, as fast as the bus takes
-    /// them, until there are none.
+    /// A foreign station sends these frames on a CAN bus, one after the other, as fast as the bus
+    /// takes them, until there are none.
     pub fn babble(&mut self, bus: u8, frames: impl IntoIterator<Item = CanFrame>) {
         let now = self.now;
         if let Some(port) = self.ports.get_mut(usize::from(bus)) {

@@ -8,8 +8,8 @@ fn status_2() -> CanFrame {
     CanFrame::standard(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]).unwrap()
 }
 
-/// Asks a motor while somebody babbles; how often it was asked and how many frames the babbler sent
-/// within 10 ms.
+/// Asks a motor while a foreign station babbles; how often it was asked and how many frames the
+/// babbler sent within 10 ms.
 fn asked_under(babble: u16) -> (usize, usize) {
     let mut rig = Rig::new(Wiring::four_motors());
     rig.client.raw_open(0).unwrap();
@@ -44,7 +44,7 @@ fn a_stranger_speaks_once_or_until_it_is_told_to_stop() {
     rig.silence(10);
     let lines: Vec<_> =
         rig.world.borrow_mut().trace().iter().map(|entry| entry.wire.to_string()).collect();
-    // The motor answers whoever asks.
+    // The motor answers every station.
     assert_eq!(lines, ["141#9C00000000000000", "3E01", "241#9C19000000000000"]);
     rig.world.borrow_mut().babble(0, CanFrame::standard(0x7FF, &[]));
     rig.silence(1);

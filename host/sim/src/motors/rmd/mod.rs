@@ -174,7 +174,7 @@ impl Rmd {
         match ignored {
             Some(because) => {
                 cx.ignored(name, because);
-                self.throw_back(cx, request);
+                self.echo(cx, request);
             }
             None => {
                 cx.command(name);
@@ -187,7 +187,7 @@ impl Rmd {
 
     /// Answers with the request's own bytes. Motion mode, whose replies have another form, is
     /// answered with the state (an assumption).
-    fn throw_back(&self, cx: &mut Context<'_>, request: &Request) {
+    fn echo(&self, cx: &mut Context<'_>, request: &Request) {
         if let Request::MotionMode { .. } = request {
             return self.answer(cx, &Reply::MotionMode { feedback: self.feedback() });
         }

@@ -196,7 +196,7 @@ fn after_its_timeout_it_sends_a_notice_every_second_until_a_command_comes() {
     assert_eq!(motor.run_ms(900), [""; 0]);
 }
 
-/// A motion command thrown back with its own bytes has not been executed; the second one is.
+/// A motion command echoed with its own bytes has not been executed; the second one is.
 #[test]
 fn after_its_timeout_the_first_command_is_echoed_and_ignored() {
     let mut motor = motor();
@@ -232,7 +232,7 @@ fn it_resumes_by_itself_when_a_level_2_fault_has_gone() {
     motor.run_ms(2_000);
     motor.assert_speed(0.0);
     assert_eq!(motor.ask(ID, &STATUS_1), ["241#9A190001E0010400"]);
-    assert_eq!(motor.ask(ID, &SPEED_100), ["241#A200000010270000"], "thrown back");
+    assert_eq!(motor.ask(ID, &SPEED_100), ["241#A200000010270000"], "echoed");
     motor.inject(Injection::FaultBits(0));
     motor.run_ms(1_000);
     motor.assert_speed(RAD_S_100);
@@ -345,7 +345,7 @@ fn on_rs485_a_pause_ends_a_frame_begun() {
 }
 
 #[test]
-fn it_may_throw_motion_back_and_still_stop() {
+fn it_may_echo_motion_and_still_stop() {
     let mut motor = running();
     motor.inject(Injection::IgnoreMotion(true));
     let other = [0xA2, 0, 0, 0, 0x20, 0x4E, 0x00, 0x00];
