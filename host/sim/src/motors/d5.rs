@@ -390,7 +390,3 @@ fn name(request: &Request) -> Option<&'static str> {
         Request::Unknown { .. } => "other",
     })
 }
-
-#[cfg(test)]
-#[path = "d5_tests.rs"]
-mod tests;

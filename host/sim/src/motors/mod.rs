@@ -9,6 +9,8 @@ mod lenient;
 mod log;
 mod model;
 mod rmd;
+#[cfg(test)]
+mod scripts;
 #[cfg(feature = "snapshot")]
 mod snapshot;
 #[cfg(all(test, feature = "snapshot"))]

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_protocol::{CanFrame, Protocol};
 
-use super::{Injection, Motor, MotorEvent};
+use super::{Injection, Motor};
 use crate::wiring::MotorWiring;
 
 pub(super) struct TestMotor {
@@ -50,29 +50,11 @@ impl TestMotor {
         self.run_ms(1)
     }
 
-    /// Repeats a frame every 20 ms.
-    pub(super) fn keep_asking(&mut self, id: u16, data: &[u8], ms: u64) {
-        for _ in 0..ms / 20 {
-            self.ask(id, data);
-            self.run_ms(19);
-        }
-    }
-
     pub(super) fn inject(&mut self, injection: Injection) {
         self.motor.inject(self.now, injection);
     }
 
     pub(super) fn events(&self) -> Vec<String> {
         self.motor.log().entries().map(|entry| entry.what.to_string()).collect()
-    }
-
-    pub(super) fn last_event(&self) -> Option<MotorEvent> {
-        self.motor.log().entries().next_back().map(|entry| entry.what)
-    }
-
-    #[track_caller]
-    pub(super) fn assert_speed(&self, rad_s: f64) {
-        let speed = self.motor.speed_rad_s();
-        assert!((speed - rad_s).abs() < 0.01, "{speed} rad/s instead of {rad_s}");
     }
 }

@@ -287,13 +287,3 @@ impl Model for Thruster {
         &mut self.plant
     }
 }
-
-#[cfg(test)]
-#[path = "thruster_positions_tests.rs"]
-mod positions_tests;
-#[cfg(test)]
-#[path = "thruster_returns_tests.rs"]
-mod returns_tests;
-#[cfg(test)]
-#[path = "thruster_tests.rs"]
-mod tests;

@@ -1,7 +1,5 @@
 //! A simulated RMD servo motor (RMD V3.6), on CAN or RS485, with the habits observed on real ones.
 
-#[cfg(test)]
-mod command_tests;
 mod commands;
 mod faults;
 mod interface;
