@@ -115,8 +115,10 @@ const FRAME_BITS: u64 = 135;
 const EXTENSION_BITS: u64 = 25;
 /// A standard frame without data; each byte adds eight bits and two stuff bits.
 const SHORTEST_FRAME_BITS: u64 = 55;
-/// A frame of 13 bytes on RS485, bits (G5).
-const SERIAL_BITS: u64 = 130;
+/// A byte on RS485 with start and stop bit, bits (G5).
+const BYTE_BITS: u64 = 10;
+/// The bit of D5 in a set of protocols.
+pub(crate) const D5: u8 = 0b100;
 /// Idle time before a serial frame, bits (G5).
 const GAP_BITS: u64 = 20;
 /// What of a reply window delays a stop, at most (G5).
@@ -184,7 +186,13 @@ impl Bus {
 
     fn longest_us(&self, extended: bool) -> u64 {
         let extension = if extended { EXTENSION_BITS } else { 0 };
-        self.bits_us(if self.is_can() { FRAME_BITS + extension } else { SERIAL_BITS })
+        let serial = BYTE_BITS * self.spoken().serial_len() as u64;
+        self.bits_us(if self.is_can() { FRAME_BITS + extension } else { serial })
+    }
+
+    /// What a serial line speaks.
+    pub fn spoken(&self) -> Protocol {
+        if self.protocols & D5 != 0 { Protocol::D5 } else { Protocol::Rmd }
     }
 
     /// Within how long of the gateway's own time the k-th stop has left: the bound of G5, which

@@ -10,8 +10,9 @@ use host_protocol::{BootReason, CanId, Protocol};
 const MBIT: u32 = 1_000_000;
 /// Bitrate of D5 motors on CAN, the middle of 200001..=222222 bit/s (D5 manual, point 3).
 const D5_BITRATE: u32 = 210_526;
-/// Default baud rate of RMD motors on RS485 (RMD V3.6 §1.2.1).
-const RMD_BAUD: u32 = 115_200;
+/// Default baud rate of RMD motors on RS485 (RMD V3.6 §1.2.1). The D5 manual gives none; that its
+/// motors have the same is an assumption.
+const BAUD: u32 = 115_200;
 
 /// As many host links as the core takes.
 #[allow(clippy::cast_possible_truncation)]
@@ -32,7 +33,7 @@ pub static BOARD: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
         BusPort {
             kind: BusPortKind::Rs485 { local_echo: true },
-            bitrates: &[RMD_BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
+            bitrates: &[BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
         },
     ],
     bus_limit: None,
@@ -110,7 +111,7 @@ impl Wiring {
     pub fn with(self, bus: u8, protocol: Protocol, node: u8) -> Self {
         let kind = self.board.buses.get(usize::from(bus)).map(|port| port.kind);
         let bitrate = match (kind, protocol) {
-            (Some(BusPortKind::Rs485 { .. }), _) => RMD_BAUD,
+            (Some(BusPortKind::Rs485 { .. }), _) => BAUD,
             (_, Protocol::D5) => D5_BITRATE,
             (_, Protocol::Rmd | Protocol::Thruster) => MBIT,
         };

@@ -2,10 +2,13 @@
 //! G10).
 
 use crate::bus::{Held, SOFTWARE_US};
-use crate::motor::{Deed, Protocol, RMD_SERIAL_ALL, obeyed_by_rmd, serial_frame};
+use crate::motor::{Deed, Protocol, RMD_SERIAL_ALL};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
 use crate::wire::Told;
+
+/// D5: the id of all motors.
+const D5_ALL: u8 = 0xFE;
 
 impl Oracle {
     /// A frame that is being handed over to a bus must move and change nobody but the motor that it
@@ -72,8 +75,8 @@ impl Oracle {
         }
     }
 
-    /// Bytes on a serial line: whatever 13 of them in a row are a frame, a motor may obey, as it
-    /// may begin to listen anywhere.
+    /// Bytes on a serial line: whatever in a row is a frame, a motor may obey, as it may begin to
+    /// listen anywhere.
     pub(super) fn judge_serial(&mut self, now: u64, bus: u8, bytes: &[u8], held: &Held) {
         let meant = held
             .axis
@@ -81,15 +84,21 @@ impl Oracle {
             .and_then(|axis| self.axes.get(axis))
             .and_then(|axis| axis.node());
         for (place, byte) in bytes.iter().enumerate() {
+            let protocol = self.buses[usize::from(bus)].spoken();
             let line = &mut self.buses[usize::from(bus)].line;
             line.push(*byte);
-            if line.len() > 13 {
+            if line.len() > protocol.serial_len() {
                 line.remove(0);
             }
-            let Some((node, data)) = serial_frame(line) else { continue };
+            let Some((node, data)) = protocol.serial_frame(line) else { continue };
             let is_meant = !held.is_raw && place + 1 == bytes.len() && meant == Some(node);
-            let Some(deed) = obeyed_by_rmd(&data).filter(|_| !is_meant) else { continue };
-            let stops_all = node == RMD_SERIAL_ALL && deed == Deed::Rests;
+            let Some(deed) = protocol.serial_deed(&data).filter(|_| !is_meant) else { continue };
+            let stops_all =
+                protocol == Protocol::Rmd && node == RMD_SERIAL_ALL && deed == Deed::Rests;
+            // What starts D5 motors together is judged for itself.
+            if !held.is_raw && protocol == Protocol::D5 && node == D5_ALL {
+                continue;
+            }
             if held.is_raw && self.buses[usize::from(bus)].raw_unsafe {
                 continue;
             }

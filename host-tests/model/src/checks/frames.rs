@@ -3,7 +3,7 @@
 use crate::axis::{Asked, Axis, Cause, StopAction};
 use crate::bus::{Held, SOFTWARE_US};
 use crate::can_id::{is_extended, rank};
-use crate::motor::{Protocol, Purpose, Timeout, serial_frame};
+use crate::motor::{Protocol, Purpose, Timeout};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
 use crate::wire::Told;
@@ -148,8 +148,8 @@ impl Oracle {
                     protocol.request_to(node, axis.d5_request_id(), id, data)?
                 }
                 Frame::Serial(bytes) => {
-                    let (to, data) = serial_frame(bytes)?;
-                    (to == node && protocol == Protocol::Rmd).then_some(data.to_vec())?
+                    let (to, data) = protocol.serial_frame(bytes)?;
+                    (to == node).then_some(data.to_vec())?
                 }
             };
             Some((index, data))
@@ -383,7 +383,10 @@ fn moves_all(frame: Frame<'_>) -> bool {
         Frame::Can(_, data) if data.get(..2) == Some(&[0xD5, D5_BROADCAST]) => {
             matches!(Protocol::D5.purpose(data), Purpose::Motion { .. })
         }
-        Frame::Serial(bytes) => serial_frame(bytes).is_some_and(|(node, data)| {
+        Frame::Serial(data) if data.get(..2) == Some(&[0xD5, D5_BROADCAST]) => {
+            matches!(Protocol::D5.purpose(data), Purpose::Motion { .. })
+        }
+        Frame::Serial(bytes) => Protocol::Rmd.serial_frame(bytes).is_some_and(|(node, data)| {
             node == RMD_SERIAL_BROADCAST
                 && matches!(Protocol::Rmd.purpose(&data), Purpose::Motion { .. })
         }),

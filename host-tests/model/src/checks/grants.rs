@@ -1,13 +1,12 @@
 //! What follows from a request that was carried out, or refused (G1, G2).
 
 use crate::axis::Axis;
+use crate::bus::{Bus, D5};
 use crate::motor::Timeout;
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::{Body, Clears, Message, Request};
 
-/// The bit of D5 in a set of protocols.
-const D5: u8 = 0b100;
 /// bit/s (D5 manual, point 3).
 const D5_BITRATES: std::ops::RangeInclusive<u32> = 200_001..=222_222;
 
@@ -24,7 +23,9 @@ impl Oracle {
         match *request {
             Request::LinkSilence(us) => self.silence_us = us.into(),
             Request::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } => {
-                if protocols & D5 != 0 && (protocols != D5 || !D5_BITRATES.contains(&bitrate)) {
+                let is_can = self.buses.get(usize::from(bus)).is_some_and(Bus::is_can);
+                let has_rate = !is_can || D5_BITRATES.contains(&bitrate);
+                if protocols & D5 != 0 && (protocols != D5 || !has_rate) {
                     let seen = format!("bus {bus} at {bitrate} bit/s, protocols {protocols:03b}");
                     self.broken(Check::BusShared, now, seen);
                 }

@@ -3,13 +3,13 @@
 use crate::axis::{Asked, Cause};
 use crate::bus::BusKind;
 use crate::can_id::{is_extended, rank};
-use crate::motor::{Protocol, Purpose, Reading, Timeout, serial_frame};
+use crate::motor::{Protocol, Purpose, Reading, Timeout};
 use crate::oracle::{Frame, Oracle};
 
 /// A thruster that was silent for so long may have been without power (G1).
 const THRUSTER_SILENCE_US: u64 = 1_000_000;
-/// Bytes of a serial frame.
-const SERIAL_FRAME: usize = 13;
+/// With which a reply of a D5 begins.
+const D5_REPLY: u8 = 0x5D;
 
 impl Oracle {
     /// A frame has come in.
@@ -63,18 +63,20 @@ impl Oracle {
             }
             foreign += 1;
             state.heard.push(*byte);
-            if state.heard.len() > SERIAL_FRAME {
+            let protocol = state.spoken();
+            if state.heard.len() > protocol.serial_len() {
                 state.heard.remove(0);
             }
-            if let Some((node, data)) = serial_frame(&state.heard) {
+            if let Some((node, data)) = protocol.serial_frame(&state.heard) {
                 state.heard.clear();
                 let of_node = |axis: &crate::axis::Axis| {
                     axis.bus() == Some(usize::from(bus))
                         && axis.node() == Some(node)
-                        && axis.protocol().is_some()
+                        && axis.protocol() == Some(protocol)
+                        && (protocol == Protocol::Rmd || data.first() == Some(&D5_REPLY))
                 };
                 if let Some(index) = self.axes.iter().position(of_node) {
-                    self.reply(now, index, Protocol::Rmd, &data);
+                    self.reply(now, index, protocol, &data);
                 }
             }
         }

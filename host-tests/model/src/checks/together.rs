@@ -149,7 +149,12 @@ impl Oracle {
         frame: Frame<'_>,
         held: &mut Held,
     ) -> bool {
-        let Frame::Can(id, &[0xD5, ALL, 5, EXECUTE, ..]) = frame else { return false };
+        // A line has no ids: there every motor hears it.
+        let (id, data) = match frame {
+            Frame::Can(id, data) => (Some(id), data),
+            Frame::Serial(data) => (None, data),
+        };
+        let [0xD5, ALL, 5, EXECUTE, ..] = *data else { return false };
         let on_bus = |axis: &Axis| is_d5_on(axis, bus);
         let mut named: Vec<(Request, Start)> = Vec::new();
         for axis in self.axes.iter_mut().filter(|axis| on_bus(axis)) {
@@ -157,7 +162,7 @@ impl Oracle {
         }
         let judged: Vec<_> = named
             .into_iter()
-            .filter(|_| id & !EXTENDED == u32::from(ALL))
+            .filter(|_| id.is_none_or(|id| id & !EXTENDED == u32::from(ALL)))
             .map(|(request, start)| {
                 (request, start, self.missing_for_a_start(now, (bus, id), request, &start))
             })
@@ -187,9 +192,7 @@ impl Oracle {
             members: start.members,
             may_be: others.map(|(other, ..)| *other).collect(),
         });
-        if let Frame::Can(_, data) = frame {
-            held.data = data.to_vec();
-        }
+        held.data = data.to_vec();
         true
     }
 
@@ -197,7 +200,7 @@ impl Oracle {
     fn missing_for_a_start(
         &mut self,
         now: u64,
-        (bus, id): (u8, u32),
+        (bus, id): (u8, Option<u32>),
         request: Request,
         start: &Start,
     ) -> Vec<String> {
@@ -214,9 +217,9 @@ impl Oracle {
             if is_named && !(is_here && axis.armed && waits.is_some_and(|start| start.waits)) {
                 wrong.push(format!("axis {index} is named, {waits:?}"));
             }
-            if is_named && axis.request_id().is_some_and(|own| is_extended(own) != is_extended(id))
-            {
-                wrong.push(format!("axis {index} does not hear {id:X}"));
+            let own = id.and_then(|id| axis.request_id().zip(Some(id)));
+            if is_named && own.is_some_and(|(own, id)| is_extended(own) != is_extended(id)) {
+                wrong.push(format!("axis {index} does not hear {id:X?}"));
             }
             let is_empty = matches!(axis.waiting, Waiting::Nothing(at) if at >= start.asked_us);
             if is_here && !is_named && !is_empty {

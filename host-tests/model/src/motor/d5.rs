@@ -15,9 +15,14 @@ const MOTOR_TEMPERATURE: u8 = 0x2F;
 const STATUS: u8 = 0x12;
 
 pub(super) fn is_from(node: u8, data: &[u8]) -> bool {
-    let [0x5D, from, body @ .., sum] = data else { return false };
-    let total = body.iter().fold(*from, |total, byte| total.wrapping_add(*byte));
-    data.len() == 8 && *from == node && total == *sum
+    data.first() == Some(&0x5D) && serial_frame(data).is_some_and(|(from, _)| from == node)
+}
+
+/// A frame on a serial line: the same bytes as on CAN.
+pub(super) fn serial_frame(bytes: &[u8]) -> Option<(u8, [u8; 8])> {
+    let [0xD5 | 0x5D, node, body @ .., sum] = bytes else { return None };
+    let total = body.iter().fold(*node, |total, byte| total.wrapping_add(*byte));
+    Some((*node, bytes.try_into().ok()?)).filter(|_| total == *sum)
 }
 
 /// What it says to a request that was for another (table, row 5).

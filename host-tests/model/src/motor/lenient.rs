@@ -67,7 +67,7 @@ impl Protocol {
 }
 
 /// What the command of an RMD motor makes it do, on CAN or in the data of a serial frame.
-pub fn rmd(data: &[u8]) -> Option<Deed> {
+pub(super) fn rmd(data: &[u8]) -> Option<Deed> {
     match data.first()? {
         0xA0..=0xA8 => Some(Deed::Moves),
         0x80 | 0x81 => Some(Deed::Rests),
@@ -100,7 +100,7 @@ fn thruster(data: &[u8]) -> Option<Deed> {
     }
 }
 
-fn d5(data: &[u8]) -> Option<Deed> {
+pub(super) fn d5(data: &[u8]) -> Option<Deed> {
     let mut whole = [0; 8];
     whole.iter_mut().zip(data).for_each(|(place, byte)| *place = *byte);
     let [_, _, length, command, address, low, high, _] = whole;

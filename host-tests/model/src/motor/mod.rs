@@ -6,8 +6,7 @@ mod rmd;
 mod setpoint;
 mod thruster;
 
-pub use lenient::{Deed, RMD_SERIAL_ALL, rmd as obeyed_by_rmd};
-pub use rmd::serial_frame;
+pub use lenient::{Deed, RMD_SERIAL_ALL};
 pub use setpoint::Goal;
 pub use thruster::Returns;
 
@@ -112,6 +111,29 @@ impl Protocol {
             2 => Some(Self::Thruster),
             3 => Some(Self::D5),
             _ => None,
+        }
+    }
+
+    /// Bytes of each of its frames on a serial line.
+    pub fn serial_len(self) -> usize {
+        if self == Self::D5 { 8 } else { 13 }
+    }
+
+    /// To or from which node a frame of a serial line is, and the data that it has on CAN.
+    pub fn serial_frame(self, bytes: &[u8]) -> Option<(u8, [u8; 8])> {
+        match self {
+            Self::Rmd => rmd::serial_frame(bytes),
+            Self::D5 => d5::serial_frame(bytes),
+            Self::Thruster => None,
+        }
+    }
+
+    /// What a frame of a serial line makes the motor do that it is to: its data.
+    pub fn serial_deed(self, data: &[u8]) -> Option<Deed> {
+        match self {
+            Self::Rmd => lenient::rmd(data),
+            Self::D5 if data.first() == Some(&0xD5) => lenient::d5(data),
+            Self::Thruster | Self::D5 => None,
         }
     }
 

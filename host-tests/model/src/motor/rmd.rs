@@ -85,7 +85,7 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
 }
 
 /// The data of an RS485 frame to or from a node (RS485 framing of §1).
-pub fn serial_frame(bytes: &[u8]) -> Option<(u8, [u8; 8])> {
+pub(super) fn serial_frame(bytes: &[u8]) -> Option<(u8, [u8; 8])> {
     let [0x3E, node, 8, data @ .., low, high] = bytes else { return None };
     let sum = crc16(&bytes[..bytes.len() - 2]);
     (sum == u16::from_le_bytes([*low, *high])).then_some((*node, data.try_into().ok()?))

@@ -1,13 +1,14 @@
-//! A simulated D5 motor (D5 manual), on CAN.
+//! A simulated D5 motor (D5 manual), on CAN or on a serial line.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
 
 use d5::{
     Access, AckLevel, Address, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Faults,
-    MotorError, Node, REGISTERS, Register, Reply, Request, TurnDegrees, Value, Width, decode_speed,
-    encode_angle, encode_speed, encode_temperature,
+    MotorError, Node, REGISTERS, REQUEST_HEADER, Register, Reply, Request, TurnDegrees, Value,
+    Width, decode_speed, encode_angle, encode_speed, encode_temperature,
 };
+use embedded_can::Frame;
 use host_protocol::{CanFrame, CanId};
 
 use super::counts::{to_i8, to_i16, to_i32, to_u16};
@@ -16,13 +17,15 @@ use super::lenient;
 use super::model::{Context, Model};
 use super::stall::StallGuard;
 use super::watch::Watch;
-use crate::bus::Wire;
+use crate::bus::{Wire, bit_time};
 
 /// Time from a request to its answer.
 const REPLY_MIN: Duration = Duration::from_micros(300);
 const REPLY_MAX: Duration = Duration::from_micros(500);
 /// The communication timeout, which the manual does not give.
 const TIMEOUT: Duration = Duration::from_secs(1);
+/// A pause of this many bits ends a frame begun on a serial line.
+const FRAME_GAP_BITS: u64 = 35;
 /// What the table calls 360/S²: one count of registers 0x15 and 0x16 in rad/s².
 const ACCELERATION_UNIT: f64 = TAU;
 /// Counts of those registers that the motor accepts; it uses the nearest for any other.
@@ -46,9 +49,49 @@ const CHARACTERISTICS: Characteristics = Characteristics {
 /// Faults that only a write to 0x19 clears (D5 manual, register 0x19).
 const LATCHED: Faults = Faults::STALL.union(Faults::OVER_CURRENT);
 
+/// How the motor is connected.
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone)]
+pub(super) enum Interface {
+    Can,
+    /// The bytes of the frame begun, when the last came, and the pause that ends it.
+    Serial {
+        begun: Vec<u8>,
+        last_byte: Duration,
+        gap: Duration,
+    },
+}
+
+impl Interface {
+    pub(super) fn serial(baud: u32) -> Self {
+        let gap = bit_time(FRAME_GAP_BITS, baud);
+        Self::Serial { begun: Vec::new(), last_byte: Duration::ZERO, gap }
+    }
+
+    /// Takes the next byte of a line; the frame that it completes, whatever its checksum. A lenient
+    /// motor knows no pauses.
+    fn push(&mut self, now: Duration, lenient: bool, byte: u8) -> Option<[u8; FRAME_LEN]> {
+        let Self::Serial { begun, last_byte, gap } = self else { return None };
+        if now.saturating_sub(*last_byte) > *gap && !lenient {
+            begun.clear();
+        }
+        *last_byte = now;
+        begun.push(byte);
+        let frame = <[u8; FRAME_LEN]>::try_from(begun.as_slice()).ok();
+        // A lenient one may have begun to listen anywhere.
+        let used =
+            if frame.is_some() && !lenient { FRAME_LEN } else { usize::from(frame.is_some()) };
+        begun.drain(..used);
+        let begins = begun.iter().position(|byte| *byte == REQUEST_HEADER);
+        begun.drain(..begins.unwrap_or(begun.len()));
+        frame
+    }
+}
+
 /// The motor's firmware: a register file, and what writing to it does.
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct D5 {
+    interface: Interface,
     /// Requests are heard, and answers sent, under this CAN id.
     can_id: CanId,
     #[cfg_attr(feature = "snapshot", serde(with = "super::snapshot::d5_node"))]
@@ -68,8 +111,9 @@ pub(super) struct D5 {
 
 impl D5 {
     /// `can_id`: where it is not the node.
-    pub(super) fn new(node: Node, can_id: Option<CanId>) -> Self {
+    pub(super) fn new(node: Node, can_id: Option<CanId>, interface: Interface) -> Self {
         let mut motor = Self {
+            interface,
             can_id: can_id.unwrap_or_else(|| CanId(d5::can::default_request_id(node).into())),
             node,
             plant: Plant::new(CHARACTERISTICS),
@@ -288,9 +332,33 @@ impl D5 {
     }
 
     fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
-        if let Ok(frame) = d5::can::reply(self.can_id.0, self.node, reply) {
+        let wire = match self.interface {
+            Interface::Can => d5::can::reply(self.can_id.0, self.node, reply).map(Wire::Can),
+            Interface::Serial { .. } => {
+                d5::reply_frame(self.node, reply).map(|bytes| Wire::Serial(bytes.to_vec()))
+            }
+        };
+        if let Ok(wire) = wire {
             let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
-            cx.send(delay, Wire::Can(frame), true);
+            cx.send(delay, wire, true);
+        }
+    }
+
+    /// Takes in a frame that is for it, or that it answers all the same.
+    fn hear_frame_of(&mut self, cx: &mut Context<'_>, bytes: &[u8; FRAME_LEN]) {
+        let [_, _, _, command, ..] = *bytes;
+        match d5::decode_request_frame(bytes) {
+            Ok((address, request))
+                if address == Address::Broadcast || address == Address::Node(self.node) =>
+            {
+                self.hear(cx, address, &request);
+            }
+            Ok(_) => self.complain(cx, MotorError::Id, command),
+            Err(DecodeError::Header { .. }) => {}
+            Err(DecodeError::Checksum { .. }) => {
+                self.complain(cx, MotorError::Checksum, self.last_command)
+            }
+            Err(_) => self.complain(cx, MotorError::Command, command),
         }
     }
 
@@ -310,22 +378,31 @@ impl Model for D5 {
         }
         let frame =
             if cx.injected.lenient { lenient::as_d5(self.node.get(), frame) } else { *frame };
-        let Ok([_, _, _, command, ..]) = <[u8; FRAME_LEN]>::try_from(frame.data()) else { return };
-        match d5::can::decode_request(&frame) {
-            Ok((address, request))
-                if address == Address::Broadcast || address == Address::Node(self.node) =>
-            {
-                self.hear(cx, address, &request);
-            }
-            Ok(_) => self.complain(cx, MotorError::Id, command),
-            Err(DecodeError::Header { .. } | DecodeError::RemoteFrame) => {}
-            Err(DecodeError::Checksum { .. }) => {
-                self.complain(cx, MotorError::Checksum, self.last_command)
-            }
-            Err(_) => self.complain(cx, MotorError::Command, command),
+        if let Ok(bytes) = frame.data().try_into()
+            && !frame.is_remote_frame()
+        {
+            self.hear_frame_of(cx, bytes);
         }
     }
 
+    fn hear_byte(&mut self, cx: &mut Context<'_>, byte: u8) {
+        let lenient = cx.injected.lenient;
+        let Some(bytes) = self.interface.push(cx.now, lenient, byte) else { return };
+        let [_, to, ..] = bytes;
+        let is_for_it = to == self.node.get() || to == Address::BROADCAST_ID;
+        if !is_for_it && !cx.injected.answers_others {
+            return;
+        }
+        let own = CanFrame::data_frame(self.can_id.0, &bytes).filter(|_| lenient);
+        match own.map(|frame| lenient::as_d5(self.node.get(), &frame)) {
+            Some(frame) => {
+                if let Ok(bytes) = frame.data().try_into() {
+                    self.hear_frame_of(cx, bytes);
+                }
+            }
+            None => self.hear_frame_of(cx, &bytes),
+        }
+    }
     fn next_timer(&self) -> Option<Duration> {
         [self.watch.strikes_at(self.own_timeout()), self.stall.strikes_at()]
             .into_iter()
@@ -350,8 +427,8 @@ impl Model for D5 {
 
     /// What survives a power cycle the manual does not say; here only the id does.
     fn power_cycle(&mut self) {
-        let (can_id, node, plant) = (self.can_id, self.node, self.plant.clone());
-        *self = Self { plant, ..Self::new(node, Some(can_id)) };
+        let (plant, interface) = (self.plant.clone(), self.interface.clone());
+        *self = Self { plant, ..Self::new(self.node, Some(self.can_id), interface) };
     }
 
     fn plant(&self) -> &Plant {

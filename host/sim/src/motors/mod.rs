@@ -124,11 +124,13 @@ impl Motor {
                 let node = ::thruster::Node::new(wiring.node).map_err(|_| refused)?;
                 Make::Thruster(Box::new(thruster::Thruster::new(node)))
             }
-            Protocol::D5 if !serial => {
+            Protocol::D5 => {
                 let node = ::d5::Node::new(wiring.node).map_err(|_| refused)?;
-                Make::D5(Box::new(d5::D5::new(node, wiring.can_id)))
+                let interface =
+                    if serial { d5::Interface::serial(wiring.bitrate) } else { d5::Interface::Can };
+                Make::D5(Box::new(d5::D5::new(node, wiring.can_id, interface)))
             }
-            Protocol::Thruster | Protocol::D5 => {
+            Protocol::Thruster => {
                 return Err(WiringError::NotOnSerial { protocol: wiring.protocol });
             }
         };
