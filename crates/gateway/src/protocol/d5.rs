@@ -73,10 +73,8 @@ pub(super) static INFO: Info = Info {
         Exchange::MotorTemperature,
     ],
     restarting: &[],
-    stops: &[(
-        StopAction::Hold,
-        &[Exchange::Stop, Exchange::PendingWrite, Exchange::OverwritePending, Exchange::Velocity],
-    )],
+    // What waits is overwritten beside these, where something does (D19).
+    stops: &[(StopAction::Hold, &[Exchange::Stop, Exchange::PendingWrite, Exchange::Velocity])],
     limits: |_, _| {
         &[
             AxisParameter::VelocityLimitRadS,
