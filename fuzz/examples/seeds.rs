@@ -1,19 +1,20 @@
-//! Writes the seed corpus from the golden vectors: `cargo run --example seeds` in this folder.
+//! Writes the seeds of each target into a folder of its name: `.ci/fuzz` runs
+//! `cargo run --example seeds -- FOLDER` in this folder.
 //!
-//! One input for each command and direction of a codec, all frames in one line for a deframer, one
-//! input for each host message, and for the gateway what a host does with an axis of each protocol.
+//! From the golden vectors one input for each command and direction of a codec, all frames in one
+//! line for a deframer, one input for each host message; random steps for the whole core.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use checks::frames::Input;
-use checks::gateway::step;
-use host_protocol::{Deframer, Request, Setpoint, StopTarget, Value, requests};
+use host_protocol::Deframer;
 
 type Seeds = BTreeMap<String, Vec<u8>>;
 
 fn main() {
+    let root = std::env::args().nth(1).expect("the folder to write to");
     let seeds = [
         ("rmd", codec("rmd", "141#9C00000000000000")),
         ("thruster", codec("thruster", "30B#51560000")),
@@ -22,11 +23,12 @@ fn main() {
         ("d5_serial", lines("d5", "can", |frame| [&frame[..1], frame].concat())),
         ("host_messages", host_messages()),
         ("host_stream", host_stream()),
-        ("gateway", gateway()),
+        ("promises_hosts", steps()),
+        ("promises_buses", steps()),
+        ("promises_bad_hosts", steps()),
     ];
     for (target, seeds) in seeds {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("seeds").join(target);
-        _ = fs::remove_dir_all(&folder);
+        let folder = Path::new(&root).join(target);
         fs::create_dir_all(&folder).expect("the folder of seeds can be written");
         for (name, bytes) in seeds {
             fs::write(folder.join(name), bytes).expect("a seed can be written");
@@ -132,94 +134,11 @@ fn host_stream() -> Seeds {
     chunks.collect()
 }
 
-/// What a host does with one axis, each request with the motors' answers to what it causes.
-fn gateway() -> Seeds {
-    // Bus, its bitrate, number of the protocol and of the stop action, node.
-    let axes = [
-        ("rmd", 0, 1_000_000, 1, 2, 1),
-        ("thruster", 0, 500_000, 2, 1, 0x0B),
-        ("d5", 1, 210_526, 3, 2, 0x0B),
-        ("rmd-rs485", 2, 115_200, 1, 2, 1),
-    ];
-    let seeds = axes.map(|(name, bus, bitrate, protocol, stop, node)| {
-        let mut script = Script { bytes: Vec::new(), bus };
-        script.ask(Request::Hello(requests::Hello {
-            protocol_major: 1,
-            protocol_minor: 0,
-            session: 7,
-        }));
-        script.ask(Request::TakeAuthority(requests::TakeAuthority {}));
-        let protocols = host_protocol::ProtocolSet::from_bits(1 << (protocol - 1));
-        script.ask(Request::ConfigureBus(requests::ConfigureBus {
-            bus,
-            bitrate,
-            protocols,
-            exclusive: false,
-            reply_window_us: 5_000,
-        }));
-        script.bytes.extend([step::BUS_STATE, bus, 0, 0, 0, 0, 0]);
-        let bus_value = Value::Unsigned(bus.into());
-        use host_protocol::AxisParameter::{
-            AllowUnknownMotorTimeout, Bus, Node, Protocol, StopAction,
-        };
-        for (parameter, value) in [
-            (Bus, bus_value),
-            (Protocol, Value::Unsigned(protocol)),
-            (Node, Value::Unsigned(node)),
-            (StopAction, Value::Unsigned(stop)),
-            (AllowUnknownMotorTimeout, Value::Bool(true)),
-        ] {
-            let parameter = parameter.number();
-            script.ask(Request::ConfigureAxis(requests::ConfigureAxis {
-                axis: 0,
-                parameter,
-                value,
-            }));
-        }
-        script.ask(Request::Arm(requests::Arm { axis: 0 }));
-        script.motors_answer(12);
-        let setpoint = Setpoint::Velocity { velocity_rad_s: 10.0 };
-        script.ask(Request::Setpoint(requests::Setpoint {
-            axis: 0,
-            epoch: 1,
-            expires_at_us: 80_000,
-            setpoint,
-        }));
-        script.motors_answer(12);
-        script.ask(Request::ReadState(requests::ReadState { axis: 0 }));
-        script.motors_answer(4);
-        script.ask(Request::Stop(requests::Stop { target: StopTarget::All }));
-        script.motors_answer(12);
-        script.bytes.extend([step::NEXT_DEADLINE; 4]);
-        (name.to_owned(), script.bytes)
-    });
-    seeds.into_iter().collect()
-}
-
-struct Script {
-    bytes: Vec<u8>,
-    bus: u8,
-}
-
-impl Script {
-    fn ask(&mut self, request: Request) {
-        let mut out = [0; host_protocol::MAX_FRAME];
-        let length = request.encode_frame(1, &mut out).expect("fits");
-        let mut deframer = Deframer::new();
-        for byte in &out[..length] {
-            if let Some(Ok(frame)) = deframer.push(*byte) {
-                let length = u8::try_from(frame.body.len()).expect("short");
-                let [low, high] = frame.number.to_le_bytes();
-                self.bytes.extend([step::REQUEST, 0, low, high, length]);
-                self.bytes.extend(frame.body);
-            }
-        }
-    }
-
-    fn motors_answer(&mut self, times: usize) {
-        for _ in 0..times {
-            // 0.2 ms until the answer, and a pause of 1 ms.
-            self.bytes.extend([step::ANSWERED, self.bus, 20, step::WAIT, 100, 0]);
-        }
-    }
+/// Steps that the model check would choose at random: a few, and many.
+fn steps() -> Seeds {
+    let random = |(name, length): (&str, usize)| {
+        let mut random = fastrand::Rng::with_seed(1);
+        (name.to_owned(), std::iter::repeat_with(|| random.u8(..)).take(length).collect())
+    };
+    [("short", 120), ("long", 500)].into_iter().map(random).collect()
 }

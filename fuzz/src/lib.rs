@@ -3,7 +3,6 @@
 
 pub mod d5;
 pub mod d5_serial;
-pub mod gateway;
 pub mod host_messages;
 pub mod host_stream;
 pub mod promises;
@@ -14,5 +13,4 @@ pub mod thruster;
 mod fields;
 pub mod frames;
 mod line;
-mod motors;
 mod take;

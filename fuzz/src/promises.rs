@@ -19,6 +19,11 @@ pub fn from_buses(bytes: &[u8]) {
     check(bytes, Generator::of_buses);
 }
 
+/// Any frames of hosts, while buses and motors fail.
+pub fn from_bad_hosts(bytes: &[u8]) {
+    check(bytes, Generator::of_bad_hosts);
+}
+
 fn check(bytes: &[u8], mut next: impl FnMut(&mut Generator, &World) -> Step) {
     let mut world = World::new(START_US);
     let mut generator = Generator::fuzzed(bytes);

@@ -37,6 +37,8 @@ pub enum Action {
     Noise { bus: u8, bytes: Vec<u8> },
     /// For a while the controller gives nothing back that it is asked for.
     Stubborn { bus: u8, for_us: u64 },
+    /// The controller of a CAN bus that is not off reports its error counters.
+    Errors { bus: u8, transmit: u16, receive: u16 },
     /// The port reports that it lost frames.
     Overflow { bus: u8 },
     /// The port of a bus that exists or not reports that a frame has left a slot that holds none.

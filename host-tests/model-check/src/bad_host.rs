@@ -135,7 +135,7 @@ fn moving(world: &mut World) -> Result<Vec<u8>, String> {
 }
 
 /// Anything that a bad host may send, on any link.
-fn any_frame(dice: &mut Dice, sent: &mut Vec<Vec<u8>>) -> Action {
+pub(crate) fn any_frame(dice: &mut Dice, sent: &mut Vec<Vec<u8>>) -> Action {
     /// Frames that may be replayed.
     const KEPT: usize = 64;
     let link = dice.byte() % LINKS;

@@ -10,6 +10,7 @@ mod trouble;
 pub use asks::any_ask;
 
 use crate::action::{Action, Ask, Step};
+use crate::bad_host;
 use crate::dice::Dice;
 use crate::plant::{
     AXES, BUS_SETUP, BUSES, CAN_BUSES, D5_AXES, LISTENER, MOTORS, RMD_AND_THRUSTER,
@@ -46,6 +47,8 @@ pub struct Generator {
     /// What each bus is configured for: bus 1 for D5, or for what speaks on bus 0 too, so that
     /// axes are moved between them.
     protocols: [u8; BUSES as usize],
+    /// Frames of a bad host, which it may send again.
+    sent: Vec<Vec<u8>>,
 }
 
 impl Generator {
@@ -79,6 +82,7 @@ impl Generator {
             moves,
             starts,
             protocols,
+            sent: Vec::new(),
         }
     }
 
@@ -97,41 +101,55 @@ impl Generator {
 
     /// What comes from the side of the hosts next: requests, repeated ones, and bytes.
     pub fn of_hosts(&mut self, world: &World) -> Step {
-        if let Some(action) = self.first.pop_front() {
-            return Step { at_us: world.since_start_us() + 60, action };
-        }
-        let at_us = world.since_start_us() + 20 * self.dice.below(256);
-        let action = match self.dice.below(8) {
-            0..3 => self.drive(world),
-            3 => self.again(self.commander),
-            4 => self.of_bystander(world),
-            5 => Action::Bytes { link: self.dice.byte() % LISTENER, bytes: self.dice.bytes(40) },
-            _ => self.anything(),
-        };
-        Step { at_us, action }
+        self.chosen(world, |it| match it.dice.below(8) {
+            0..3 => it.drive(world),
+            3 => it.again(it.commander),
+            4 => it.of_bystander(world),
+            5 => Action::Bytes { link: it.dice.byte() % LISTENER, bytes: it.dice.bytes(40) },
+            _ => it.anything(),
+        })
     }
 
     /// What comes from the side of the buses next, while a host drives the axes.
     pub fn of_buses(&mut self, world: &World) -> Step {
+        self.chosen(world, |it| match it.dice.below(8) {
+            0..3 => it.drive(world),
+            3 => it.stray(),
+            4 => it.noise(),
+            _ => it.trouble(world.since_start_us()),
+        })
+    }
+
+    /// What comes next from hosts that know what a frame is and not what it does, while buses and
+    /// motors fail.
+    pub fn of_bad_hosts(&mut self, world: &World) -> Step {
+        self.chosen(world, |it| match it.dice.below(8) {
+            0..4 => bad_host::any_frame(&mut it.dice, &mut it.sent),
+            4 => it.stray(),
+            5 => it.drive(world),
+            _ => match it.trouble(world.since_start_us()) {
+                // What its frames do the model learns from their results.
+                Action::Unread { link, .. } => Action::Ask { link, ask: Ask::Ping },
+                action => action,
+            },
+        })
+    }
+
+    /// What is chosen, behind the configuration.
+    fn chosen(&mut self, world: &World, choose: impl FnOnce(&mut Self) -> Action) -> Step {
+        let now = world.since_start_us();
         if let Some(action) = self.first.pop_front() {
-            return Step { at_us: world.since_start_us() + 60, action };
+            return Step { at_us: now + 60, action };
         }
-        let at_us = world.since_start_us() + 20 * self.dice.below(256);
-        let action = match self.dice.below(8) {
-            0..3 => self.drive(world),
-            3 => {
-                let id = [self.dice.byte() & 7, self.dice.byte()];
-                let data = self.dice.bytes(9);
-                Action::Stray {
-                    bus: self.dice.pick(&CAN_BUSES),
-                    id: u16::from_be_bytes(id).into(),
-                    data,
-                }
-            }
-            4 => self.noise(),
-            _ => self.trouble(world.since_start_us()),
-        };
-        Step { at_us, action }
+        let at_us = now + 20 * self.dice.below(256);
+        Step { at_us, action: choose(self) }
+    }
+
+    /// Any frame on a CAN bus.
+    fn stray(&mut self) -> Action {
+        let id = u16::from_be_bytes([self.dice.byte() & 7, self.dice.byte()]);
+        let data = self.dice.bytes(9);
+        Action::Stray { bus: self.dice.pick(&CAN_BUSES), id: id.into(), data }
     }
 
     /// What happens next.

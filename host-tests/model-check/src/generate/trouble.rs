@@ -59,6 +59,11 @@ impl Generator {
             3 => self.load(bus),
             4 => Action::Stubborn { bus, for_us: self.dice.below(50_000) },
             5 => Action::Overflow { bus: self.dice.byte() % BUSES },
+            13 if self.dice.percent(20) => Action::Errors {
+                bus,
+                transmit: self.dice.byte().into(),
+                receive: self.dice.byte().into(),
+            },
             13 if self.dice.percent(20) => {
                 // No frame is taken with such a slot, and there are fewer buses.
                 let (bus, slot) = (self.dice.byte() % (BUSES + 2), self.dice.byte().max(2));

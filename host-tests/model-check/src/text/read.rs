@@ -70,6 +70,11 @@ impl Words<'_> {
             "stubborn" => Action::Stubborn { bus: self.number()?, for_us: self.number()? },
             "stray-slot" => Action::StraySlot { bus: self.number()?, slot: self.number()? },
             "clock-back" => Action::ClockBack { by_us: self.number()? },
+            "errors" => Action::Errors {
+                bus: self.number()?,
+                transmit: self.number()?,
+                receive: self.number()?,
+            },
             "overflow" => Action::Overflow { bus: self.number()? },
             "reset" => Action::Reset,
             "damaging-reset" => Action::DamagingReset { words: self.number()? },

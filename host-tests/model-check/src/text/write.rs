@@ -40,6 +40,7 @@ fn action(action: &Action) -> String {
         Action::Stray { bus, id, data } => format!("stray {bus} {id} {}", hex(data)),
         Action::Noise { bus, bytes } => format!("noise {bus} {}", hex(bytes)),
         Action::Stubborn { bus, for_us } => format!("stubborn {bus} {for_us}"),
+        Action::Errors { bus, transmit, receive } => format!("errors {bus} {transmit} {receive}"),
         Action::Overflow { bus } => format!("overflow {bus}"),
         Action::StraySlot { bus, slot } => format!("stray-slot {bus} {slot}"),
         Action::ClockBack { by_us } => format!("clock-back {by_us}"),

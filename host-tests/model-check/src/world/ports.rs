@@ -19,6 +19,7 @@ pub(super) enum Input {
     Transmitted { bus: u8, slot: u8 },
     Cancelled { bus: u8, slot: u8 },
     State { bus: u8, off: bool },
+    Errors { bus: u8, transmit: u16, receive: u16 },
     Overflow { bus: u8 },
     Pin { open: bool },
     Tick,
@@ -99,6 +100,15 @@ impl World {
                 oracle.bus_state(now, *bus, *off);
                 let state = if *off { BusState::BusOff } else { BusState::Active };
                 Event::BusState { bus: *bus, state, transmit_errors: 0, receive_errors: 0 }
+            }
+            Input::Errors { bus, transmit: transmit_errors, receive: receive_errors } => {
+                let state = match transmit_errors.max(receive_errors) {
+                    ..96 => BusState::Active,
+                    96..128 => BusState::Warning,
+                    _ => BusState::Passive,
+                };
+                let (transmit_errors, receive_errors) = (*transmit_errors, *receive_errors);
+                Event::BusState { bus: *bus, state, transmit_errors, receive_errors }
             }
             Input::Overflow { bus } => {
                 oracle.overflow(*bus, 1);

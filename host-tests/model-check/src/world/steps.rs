@@ -89,6 +89,11 @@ impl World {
                 self.life.reset_after(Countdown::Steps { left: *steps })
             }
             Action::PowerLoss => self.lose_power(),
+            Action::Errors { bus, transmit, receive } => {
+                if self.buses.get(usize::from(*bus)).is_some_and(|bus| bus.short_until <= now) {
+                    self.feed(Input::Errors { bus: *bus, transmit: *transmit, receive: *receive });
+                }
+            }
             Action::Overflow { bus } => self.feed(Input::Overflow { bus: *bus }),
             Action::StraySlot { bus, slot } => {
                 let held = self.buses.get(usize::from(*bus)).map(Bus::slots).unwrap_or_default();
@@ -98,7 +103,8 @@ impl World {
             }
             Action::ClockBack { by_us } => {
                 let before = Instant::from_micros(now.saturating_sub(*by_us));
-                self.gateway.handle(before, Event::Tick, &mut self.life.store());
+                let changes = self.gateway.handle(before, Event::Tick, &mut self.life.store());
+                self.named |= changes.buses;
                 self.feed(Input::Tick);
             }
         }
