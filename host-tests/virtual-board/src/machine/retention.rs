@@ -45,14 +45,10 @@ impl Retention {
     /// The supply has come: anything may be in it, the same in each run.
     pub(crate) fn power_up(&mut self, host: &mut dyn Host) {
         self.waiting = None;
-        let mut noise = 0x9E37_79B9_u32;
+        let mut noise = fastrand::Rng::with_seed(1);
         for (offset, word) in (0..).step_by(4).zip(&mut self.words) {
-            // Marsaglia's xorshift.
-            noise ^= noise << 13;
-            noise ^= noise >> 17;
-            noise ^= noise << 5;
-            *word = noise;
-            write(host, self.ram.base + offset, noise);
+            *word = noise.u32(..);
+            write(host, self.ram.base + offset, *word);
         }
     }
 

@@ -438,13 +438,8 @@ fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result
 fn garbage(duration: Duration, bits_per_second: u32) -> Vec<u8> {
     let bits = duration.as_micros() * u128::from(bits_per_second) / 1_000_000;
     let bytes = usize::try_from(bits / u128::from(BITS_PER_BYTE)).expect("a second or so");
-    // A linear congruential generator; its upper bits are the better ones.
-    let next = |state: &mut u32| {
-        *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        Some(state.to_be_bytes()[0])
-    };
-    let mut state = 1;
-    std::iter::from_fn(|| next(&mut state)).take(bytes).collect()
+    let mut random = fastrand::Rng::with_seed(1);
+    std::iter::repeat_with(|| random.u8(..)).take(bytes).collect()
 }
 
 /// What a computer sends in that time, whole frames.

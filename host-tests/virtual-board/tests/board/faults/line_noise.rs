@@ -13,15 +13,8 @@ use crate::reaction::{Reaction, stop_within};
 /// Bytes that look like anything: every value, delimiters of the host protocol and heads of RMD
 /// messages among them.
 pub fn garbage(length: usize) -> Vec<u8> {
-    let mut state: u32 = 0x2545_F491;
-    std::iter::repeat_with(|| {
-        state ^= state << 13;
-        state ^= state >> 17;
-        state ^= state << 5;
-        state.to_le_bytes()[1]
-    })
-    .take(length)
-    .collect()
+    let mut random = fastrand::Rng::with_seed(1);
+    std::iter::repeat_with(|| random.u8(..)).take(length).collect()
 }
 
 /// Between the host's requests comes garbage, every other time with framing errors. A request that
