@@ -2,7 +2,7 @@
 
 use crate::bench::{self, answered, hello, native};
 use crate::rig::Rig;
-use host_protocol::{Error, Protocol, ProtocolSet, Quantity, Reply, Request, requests};
+use host_protocol::{Error, Protocol, ProtocolSet, Reply, Request, requests};
 
 fn configure(rig: &mut Rig, bitrate: u32, protocols: &[Protocol]) -> Result<Reply, Error> {
     rig.ask(Request::ConfigureBus(requests::ConfigureBus {
@@ -12,32 +12,6 @@ fn configure(rig: &mut Rig, bitrate: u32, protocols: &[Protocol]) -> Result<Repl
         exclusive: false,
         reply_window_us: 5_000,
     }))
-}
-
-/// D5 manual, point 3: 200001 to 222222 bit/s, at which no other motor runs.
-#[test]
-fn a_bus_with_d5_motors_runs_at_their_rates_and_carries_nothing_else() {
-    use Protocol::{D5, Rmd, Thruster};
-    let mut rig = Rig::new();
-    hello(&mut rig);
-    for bitrate in [500_000, 1_000_000] {
-        for protocols in [&[D5][..], &[Rmd, D5], &[Thruster, D5]] {
-            let expected = Error::OutOfRange {
-                quantity: Quantity::Bitrate,
-                #[allow(clippy::cast_precision_loss)] // exact
-                value: bitrate as f32,
-                min: 200_001.0,
-                max: 222_222.0,
-            };
-            assert_eq!(configure(&mut rig, bitrate, protocols), Err(expected));
-        }
-    }
-    for protocols in [&[Rmd, D5][..], &[Thruster, D5], Protocol::ALL] {
-        let expected = Err(Error::NeedsOwnBus { bus: 1, protocol: D5 });
-        assert_eq!(configure(&mut rig, 210_526, protocols), expected);
-    }
-    configure(&mut rig, 210_526, &[D5]).unwrap();
-    configure(&mut rig, 500_000, &[Rmd, Thruster]).unwrap();
 }
 
 #[test]

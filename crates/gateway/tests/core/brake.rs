@@ -14,20 +14,6 @@ const LOCK: &str = "141#7800000000000000";
 const RELEASE: &str = "141#7700000000000000";
 
 #[test]
-fn the_brake_stop_holds_locks_verifies_and_switches_off() {
-    let (mut rig, _) = bench::rmd(StopAction::Brake);
-    move_axis(&mut rig, VELOCITY);
-    let since = rig.now_us;
-    stop(&mut rig);
-    run_with_host(&mut rig, 200_000);
-    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
-    let sent = rig.sent_since(0, since);
-    let position = |wanted: &str| sent.iter().position(|text| *text == wanted).expect(wanted);
-    let order = [HOLD, "141#9C00000000000000", LOCK, "141#9A00000000000000", COAST].map(position);
-    assert!(order.is_sorted(), "{sent:?}");
-}
-
-#[test]
 fn behind_a_locked_brake_only_switching_off_is_repeated() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
     move_axis(&mut rig, VELOCITY);

@@ -32,17 +32,6 @@ fn cancelled(rig: &mut Rig) -> u32 {
 }
 
 #[test]
-fn a_stop_takes_the_place_of_motion_that_has_not_left() {
-    let (mut rig, _) = waiting();
-    rig.run(10);
-    let since = rig.now_us;
-    stop(&mut rig);
-    assert_eq!(rig.sent_since(0, since), [HOLD]);
-    assert_eq!(rig.held_texts(), [HOLD]);
-    assert_eq!(cancelled(&mut rig), 1);
-}
-
-#[test]
 fn a_newer_setpoint_takes_the_place_of_one_that_has_not_left() {
     let (mut rig, epoch) = waiting();
     assert_eq!(rig.held_texts(), [FAST]);

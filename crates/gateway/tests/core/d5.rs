@@ -1,28 +1,12 @@
 //! What only a D5 motor does: acknowledgement levels, writes that wait, a timeout that is switched
 //! and read back.
 
-use crate::bench::{
-    self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, move_axis, run_with_host,
-    stop,
-};
+use crate::bench::{self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, move_axis, stop};
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
+    AxisParameter, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
     StopAction, replies, requests,
 };
-
-#[test]
-fn a_motor_that_answers_reads_only_confirms_by_reading_back() {
-    let mut rig = bench::d5_that_answers_reads_only();
-    move_axis(&mut rig, D5_VELOCITY);
-    rig.run(1_000);
-    let since = rig.now_us;
-    stop(&mut rig);
-    run_with_host(&mut rig, 100_000);
-    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
-    let sent = rig.sent_since(1, since);
-    assert_eq!(sent.get(..2), Some(&["00B#D50B050320000033", "00B#D50B050220000032"][..]));
-}
 
 #[test]
 fn a_motor_that_answers_reads_only_and_falls_silent_becomes_unreachable() {
@@ -282,18 +266,6 @@ fn a_stop_is_taken_back_for_a_reply_once_and_then_stays_in_the_controller() {
         assert_eq!(rig.held_texts(), [STOP_B]);
         rig.run(1_000);
     }
-}
-
-/// D5 manual, register 0x2B: 1 holds by the brake, and speeds are ignored.
-#[test]
-fn a_motor_whose_brake_is_on_is_not_armed() {
-    let (mut rig, _) = bench::d5();
-    rig.instead(|text| match text {
-        "00B#D50B04022B00003C" => Instead::Says("00B#5D0B04022B01003D"),
-        _ => Instead::AsUsual,
-    });
-    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(Error::BrakeOn { axis: 0 }));
-    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
 }
 
 /// D5 manual, quick start (2), register 0x10: level 1 answers reads only, and the manual does not

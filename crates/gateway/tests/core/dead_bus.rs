@@ -24,17 +24,6 @@ fn generation(rig: &Rig) -> u32 {
 }
 
 #[test]
-fn motion_that_nobody_acknowledges_trips() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    rig.cut();
-    let request = setpoint(&rig, epoch, 80_000, VELOCITY);
-    rig.ask(request).unwrap();
-    run_with_host(&mut rig, 50_000);
-    assert_tripped(&mut rig, TripReason::NotAcknowledged, false);
-}
-
-#[test]
 fn a_cable_cut_under_a_poll_trips_too() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let epoch = arm(&mut rig);
@@ -153,21 +142,6 @@ fn jobs_on_a_cut_bus_do_not_close_the_link() {
         rig.ask(Request::Ping(requests::Ping {})),
         Ok(Reply::Ping(replies::Pong { .. }))
     ));
-}
-
-#[test]
-fn bus_off_trips_and_the_stop_follows_when_the_bus_is_back() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    move_axis(&mut rig, VELOCITY);
-    let since = rig.now_us + 1;
-    rig.bus_off(0);
-    run_with_host(&mut rig, 99_000);
-    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
-    assert_eq!(trips(&rig), [(0, TripReason::BusOff)]);
-    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
-    run_with_host(&mut rig, 51_000);
-    assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
-    assert_tripped(&mut rig, TripReason::BusOff, true);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! An RMD that holds must keep hearing something, or its own timeout (0xB3) cuts the output and a
 //! hanging load drops.
 
-use crate::bench::{self, COAST, HOLD, VELOCITY, arm, disarm, listed, output_off, run_with_host};
+use crate::bench::{self, COAST, HOLD, arm, disarm, listed, output_off, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
     AxisParameter, AxisState, Error, Reply, Request, StopAction, Value, replies, requests,
@@ -59,38 +59,6 @@ fn an_arming_that_fails_goes_on_holding() {
     assert!(rig.now_us - rig.wire.last().unwrap().0 <= 500_000 / 3);
 }
 
-#[test]
-fn a_motor_that_holds_is_polled_until_it_is_asked_to_let_go() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    bench::move_axis(&mut rig, VELOCITY);
-    bench::stop(&mut rig);
-    run_with_host(&mut rig, 300_000);
-    let node = AxisParameter::Node.number();
-    let other = requests::ConfigureAxis { axis: 0, parameter: node, value: Value::Unsigned(5) };
-    let refused = Error::NotIdle { axis: 0, state: AxisState::Holding };
-    assert_eq!(rig.ask(Request::ConfigureAxis(other)), Err(refused));
-    assert_eq!(rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })), Err(refused));
-    let since = rig.now_us;
-    run_with_host(&mut rig, 300_000);
-    assert!(rig.sent_since(0, since).len() > 2);
-}
-
-#[test]
-fn a_motor_that_should_hold_and_turns_is_stopped_again() {
-    let (mut rig, play) = bench::rmd_with_timeout(300);
-    arm(&mut rig);
-    disarm(&mut rig);
-    run_with_host(&mut rig, 500_000);
-    let since = rig.now_us;
-    play.borrow_mut().turning = true;
-    run_with_host(&mut rig, 100_000);
-    assert!(rig.sent_since(0, since).contains(&HOLD));
-    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
-    play.borrow_mut().turning = false;
-    run_with_host(&mut rig, 100_000);
-    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
-}
-
 /// An RMD that holds at node 1 on CAN bus 0.
 fn held() -> Rig {
     let (mut rig, _) = bench::rmd_with_timeout(300);
@@ -99,32 +67,6 @@ fn held() -> Rig {
     run_with_host(&mut rig, 300_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     rig
-}
-
-#[test]
-fn an_axis_lets_go_once_its_motor_has_acknowledged_and_is_not_polled_from_then_on() {
-    let mut rig = held();
-    let since = rig.now_us;
-    assert_eq!(output_off(&mut rig), Ok(Reply::OutputOff(replies::Done {})));
-    assert!(rig.sent_since(0, since).contains(&COAST));
-    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
-    let since = rig.now_us;
-    run_with_host(&mut rig, 1_000_000);
-    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
-    let not_holding = Err(Error::NotHolding { axis: 0, state: AxisState::Idle });
-    assert_eq!(output_off(&mut rig), not_holding);
-}
-
-#[test]
-fn an_axis_whose_motor_does_not_acknowledge_goes_on_holding() {
-    let mut rig = held();
-    rig.instead(|text| if text == COAST { Instead::Nothing } else { Instead::AsUsual });
-    let since = rig.now_us;
-    assert!(matches!(output_off(&mut rig), Err(Error::NoReply { axis: 0, .. })));
-    assert_eq!(rig.sent_since(0, since).iter().filter(|text| **text == COAST).count(), 3);
-    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
-    run_with_host(&mut rig, 1_000_000);
-    assert_fed_every_100_ms(&rig, since);
 }
 
 #[test]

@@ -1,39 +1,9 @@
 //! Setpoints become the manuals' bytes, and the motors' answers SI units.
 
-use crate::bench::{self, D5_VELOCITY, VELOCITY, arm, move_axis, run_with_host, setpoint};
+use crate::bench::{self, VELOCITY, arm, run_with_host, setpoint};
 use host_protocol::{
     AxisParameter, AxisState, Reply, Request, Setpoint, StopAction, Value, requests,
 };
-
-#[test]
-fn rmd_current_is_sent_as_the_manual_prints_it() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: 1.0 });
-    rig.ask(request).unwrap();
-    assert_eq!(rig.sent_since(0, since).first(), Some(&"141#A100000064000000")); // RMD V3.6 §2.17.4, example 1
-}
-
-#[test]
-fn thruster_signal_is_sent_as_the_manual_prints_it() {
-    let (mut rig, _) = bench::thruster();
-    let epoch = arm(&mut rig);
-    let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: -0.05 });
-    rig.ask(request).unwrap();
-    assert_eq!(rig.sent_since(0, since).first(), Some(&"30B#544300000000FFFB")); // Thruster manual §1.3
-}
-
-#[test]
-fn d5_velocity_is_sent_as_the_manual_prints_it() {
-    let (mut rig, _) = bench::d5();
-    let epoch = arm(&mut rig);
-    let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, D5_VELOCITY);
-    rig.ask(request).unwrap();
-    assert_eq!(rig.sent_since(1, since).first(), Some(&"00B#D50B05032058028D")); // D5 manual, common commands 2
-}
 
 #[test]
 fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
@@ -54,17 +24,6 @@ fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
 }
 
 #[test]
-fn a_fresh_setpoint_is_refreshed_on_the_wire() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let since = rig.now_us;
-    move_axis(&mut rig, VELOCITY);
-    rig.run(70_000);
-    let motion = "141#A200000010270000"; // RMD V3.6 §2.18.4, example 1: 100 °/s
-    let sent = rig.sent_since(0, since).iter().filter(|text| **text == motion).count();
-    assert_eq!(sent, 4); // at 0, 20, 40 and 60 ms
-}
-
-#[test]
 fn where_the_motors_timeout_is_unknown_motion_is_refreshed_every_20_ms_whatever_is_configured() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::RefreshUs, Value::Unsigned(1_000_000));
@@ -77,20 +36,6 @@ fn where_the_motors_timeout_is_unknown_motion_is_refreshed_every_20_ms_whatever_
     let sent =
         rig.sent_since(0, since).iter().filter(|text| **text == "141#A200000010270000").count();
     assert!((10..=11).contains(&sent), "{sent} motion frames in 200 ms");
-}
-
-#[test]
-fn a_new_setpoint_replaces_the_old_one() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = move_axis(&mut rig, Setpoint::Current { current_a: 1.0 });
-    rig.run(10_000);
-    let since = rig.now_us;
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Current { current_a: -1.0 });
-    rig.ask(request).unwrap();
-    rig.run(60_000);
-    let sent = rig.sent_since(0, since);
-    assert!(sent.contains(&"141#A10000009CFF0000"), "{sent:?}"); // RMD V3.6 §2.17.4, example 2
-    assert!(!sent.contains(&"141#A100000064000000"), "{sent:?}");
 }
 
 #[test]

@@ -27,25 +27,6 @@ fn rmd_that_answers_0xa8() -> Rig {
 }
 
 #[test]
-fn a_command_that_only_asks_is_free_and_its_reply_comes_as_it_is() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let since = rig.now_us;
-    let request = native(&rig, 0, "9A00000000000000");
-    assert_eq!(answered(rig.ask(request)), "9A320001E5010000");
-    assert_eq!(rig.sent_since(0, since), ["141#9A00000000000000"]);
-
-    let (mut rig, _) = bench::thruster();
-    let request = native(&rig, 0, "51560000");
-    assert_eq!(answered(rig.ask(request)), "5156000000000000");
-
-    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    let since = rig.now_us;
-    let request = native(&rig, 0, "9C00000000000000");
-    assert_eq!(answered(rig.ask(request)), "9C32640000002D00");
-    assert_eq!(rig.sent_since(2, since), ["3E01089C00000000000000F230"]); // PROTOCOL-NOTES R1
-}
-
-#[test]
 fn a_question_that_is_lost_is_asked_again_and_then_given_up() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     rig.instead(|text| if text.contains("#B2") { Instead::Nothing } else { Instead::AsUsual });
@@ -53,37 +34,6 @@ fn a_question_that_is_lost_is_asked_again_and_then_given_up() {
     let request = native(&rig, 0, "B200000000000000");
     assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
     assert_eq!(count(&rig, 0, since, "141#B200000000000000"), 3);
-}
-
-#[test]
-fn what_moves_obeys_the_rules_of_setpoints() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let velocity = "A200000010270000"; // RMD V3.6 §2.18.4, example 1: 100 °/s
-    let request = native(&rig, 0, velocity);
-    assert_eq!(rig.ask(request), Err(Error::NotArmed { axis: 0, state: AxisState::Idle }));
-    bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(2.0));
-    let epoch = arm(&mut rig);
-    let since = rig.now_us;
-
-    let request = native(&rig, epoch + 1, velocity);
-    assert_eq!(rig.ask(request), Err(Error::StaleEpoch { current: Some(epoch) }));
-    let data = host_protocol::Bytes::from_slice(&[0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]).unwrap();
-    let late = requests::Native { axis: 0, epoch, expires_at_us: rig.now().low_bits(), data };
-    assert!(matches!(rig.ask(Request::Native(late)), Err(Error::Stale { .. })));
-    let request = native(&rig, epoch, "A2000000204E0000"); // 200 °/s
-    assert!(matches!(
-        rig.ask(request),
-        Err(Error::OutOfRange { quantity: Quantity::Velocity, .. })
-    ));
-    assert_eq!(count(&rig, 0, since, "141#A200000010270000"), 0);
-    assert_eq!(count(&rig, 0, since, "141#A2000000204E0000"), 0);
-
-    let request = native(&rig, epoch, velocity);
-    assert_eq!(answered(rig.ask(request)), "A232640000002D00");
-    run_with_host(&mut rig, 60_000);
-    assert_eq!(count(&rig, 0, since, "141#A200000010270000"), 4); // at 0, 20, 40 and 60 ms
-    run_with_host(&mut rig, 40_000);
-    assert_eq!(tripped(&mut rig), Some(TripReason::SetpointExpired));
 }
 
 #[test]
@@ -121,19 +71,6 @@ fn a_relative_move_goes_out_once_and_ends_with_its_permission() {
 }
 
 #[test]
-fn a_relative_move_that_is_not_answered_trips_and_is_not_sent_again() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    rig.instead(|text| if text.contains("#A8") { Instead::Nothing } else { Instead::AsUsual });
-    let epoch = arm(&mut rig);
-    let since = rig.now_us;
-    let request = native(&rig, epoch, "A800F40110270000");
-    assert_eq!(rig.ask(request), Err(Error::Tripped { axis: 0, reason: TripReason::MotorSilent }));
-    run_with_host(&mut rig, 1_000_000);
-    assert_eq!(count(&rig, 0, since, "141#A800F40110270000"), 1);
-    bench::assert_tripped(&mut rig, TripReason::MotorSilent, true);
-}
-
-#[test]
 fn a_relative_move_that_is_thrown_back_is_refused_and_not_sent_again() {
     let (mut rig, _) = bench::rmd(StopAction::Hold); // this motor throws 0xA8 back
     let epoch = arm(&mut rig);
@@ -166,50 +103,6 @@ fn the_thruster_s_relative_move_and_the_d5_s_execute_go_out_once_too() {
     run_with_host(&mut rig, 60_000);
     assert_eq!(count(&rig, 1, since, "00B#D50B05042058028E"), 1);
     assert_eq!(count(&rig, 1, since, "00B#D50B050500000015"), 1);
-}
-
-#[test]
-fn a_stop_runs_the_stop_action_of_an_axis_that_may_move() {
-    let (mut rig, _) = bench::rmd(StopAction::Coast);
-    bench::move_axis(&mut rig, bench::VELOCITY);
-    let since = rig.now_us;
-    let request = native(&rig, 0, "8100000000000000");
-    assert_eq!(answered(rig.ask(request)), "");
-    run_with_host(&mut rig, 50_000);
-    assert_eq!(count(&rig, 0, since, bench::HOLD), 0);
-    assert!(count(&rig, 0, since, bench::COAST) >= 2);
-    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
-
-    let since = rig.now_us;
-    let request = native(&rig, 0, "8100000000000000");
-    assert_eq!(answered(rig.ask(request)), "8100000000000000");
-    assert_eq!(count(&rig, 0, since, bench::HOLD), 1);
-    assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
-}
-
-#[test]
-fn what_changes_the_motor_needs_an_idle_axis_and_is_sent_once() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let zero = "6400000000000000";
-    arm(&mut rig);
-    let since = rig.now_us;
-    let request = native(&rig, 0, zero);
-    assert_eq!(rig.ask(request), Err(Error::NotIdle { axis: 0, state: AxisState::Armed }));
-    bench::disarm(&mut rig);
-    run_with_host(&mut rig, 100_000);
-    // It holds, and some changes would have it let go.
-    let request = native(&rig, 0, zero);
-    assert_eq!(rig.ask(request), Err(Error::NotIdle { axis: 0, state: AxisState::Holding }));
-    assert_eq!(count(&rig, 0, since, "141#6400000000000000"), 0);
-
-    bench::output_off(&mut rig).unwrap();
-    rig.instead(|text| if text.contains("#64") { Instead::Nothing } else { Instead::AsUsual });
-    let request = native(&rig, 0, zero);
-    assert_eq!(rig.ask(request), Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
-    assert_eq!(count(&rig, 0, since, "141#6400000000000000"), 1);
-    // Nothing answers a reset.
-    let request = native(&rig, 0, "7600000000000000");
-    assert_eq!(answered(rig.ask(request)), "");
 }
 
 #[test]

@@ -59,15 +59,3 @@ fn the_fault_word_is_read_before_a_motion_that_was_thrown_back_is_asked_again() 
         assert_tripped(&mut rig, TripReason::MotorFault { faults: 2 }, true);
     }
 }
-
-#[test]
-fn a_motor_that_answers_polls_and_no_motion_is_silent() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
-    rig.instead(
-        |text| if text.starts_with("141#A2") { Instead::Nothing } else { Instead::AsUsual },
-    );
-    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
-    assert_tripped(&mut rig, TripReason::MotorSilent, true);
-}

@@ -57,31 +57,6 @@ fn the_target_is_held_like_a_position_setpoint_until_it_expires() {
 }
 
 #[test]
-fn lost_reads_are_repeated_and_move_nothing_twice() {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    let mut lost = 2;
-    rig.instead(move |text| {
-        if text.contains("#92") && lost > 0 {
-            lost -= 1;
-            return Instead::Nothing;
-        }
-        Instead::AsUsual
-    });
-    let since = rig.now_us;
-    let request = relative(&rig, epoch, 0.25, 2.0);
-    assert!(matches!(rig.ask(request), Ok(Reply::MoveRelative(_))));
-    run_with_host(&mut rig, 30_000);
-    assert!(
-        rig.sent_since(0, since)
-            .iter()
-            .filter(|text| text.starts_with("141#A4"))
-            .all(|text| *text == TARGET)
-    );
-    assert!(sent(&rig, since) > 0);
-}
-
-#[test]
 fn what_cannot_be_done_is_refused_before_the_position_is_read() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(3.0));

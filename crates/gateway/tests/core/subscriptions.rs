@@ -57,24 +57,6 @@ fn an_armed_axis_is_told_of_without_further_requests() {
 }
 
 #[test]
-fn a_subscription_ends_by_request_by_hello_and_by_silence() {
-    let end_by: [fn(&mut Rig); 3] =
-        [|rig| subscribe(rig, 0, 20_000).unwrap(), bench::hello_again, |rig| rig.run(5_000_000)];
-    for end in end_by {
-        let (mut rig, _) = bench::rmd(StopAction::Coast);
-        subscribe(&mut rig, 1, 20_000).unwrap();
-        run_with_host(&mut rig, 100_000);
-        assert!(!samples(&rig, 0).is_empty());
-        end(&mut rig);
-        rig.run(10_000);
-        let (since, events) = (rig.now_us, rig.events().len());
-        run_with_host(&mut rig, 500_000);
-        assert_eq!(samples(&rig, events).len(), 0);
-        assert_eq!(rig.sent_since(0, since).len(), 0);
-    }
-}
-
-#[test]
 fn a_period_out_of_range_is_refused_and_the_subscription_stays() {
     let (mut rig, _) = bench::rmd(StopAction::Coast);
     subscribe(&mut rig, 1, 20_000).unwrap();

@@ -145,23 +145,6 @@ fn nothing_starts_while_a_speed_waits_in_a_motor_that_moves_otherwise() {
     assert!(rig.sent_since(1, since).contains(&"00B#D50B050420000034"));
 }
 
-#[test]
-fn a_motor_that_does_not_answer_stops_the_others() {
-    let mut rig = three();
-    let members = two_armed(&mut rig);
-    rig.instead(|text| if text == WAIT[1] { Instead::Nothing } else { Instead::AsUsual });
-    let since = rig.now_us;
-    let request = together(&rig, &members);
-    assert!(matches!(
-        rig.ask(request),
-        Err(Error::NoReply { axis: 1, .. } | Error::Tripped { axis: 1, .. })
-    ));
-    run_with_host(&mut rig, 100_000);
-    assert!(!rig.sent_since(1, since).contains(&EXECUTE_ALL));
-    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
-    assert!(rig.sent_since(1, since).contains(&STOPS[0]));
-}
-
 /// At whatever moment the e-stop comes, nothing starts behind it.
 #[test]
 fn an_e_stop_while_it_is_prepared_starts_nothing() {

@@ -73,26 +73,6 @@ fn assert_rhythm(rig: &Rig, stop: &str) {
 }
 
 #[test]
-fn the_enable_output_stays_inactive_and_the_motor_is_left_alone_between_two_stops() {
-    let (mut rig, _) = unreachable_rmd();
-    for _ in 0..2 {
-        reset(&mut rig);
-        // Its first stop leaves before a host is heard, as everybody's does.
-        assert!(rig.gateway.stops_under_way());
-        rig.run(1_000);
-        assert!(!rig.gateway.stops_under_way());
-        assert_eq!(rig.sent_since(0, 0)[0], HOLD);
-        rig.run(2_500_000);
-        assert_rhythm(&rig, HOLD);
-        assert!(!rig.gateway.enable_output());
-        bench::hello(&mut rig);
-        assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
-        assert!(state(&mut rig).trip.unwrap().unreachable);
-        assert_eq!(clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
-    }
-}
-
-#[test]
 fn a_stop_that_is_confirmed_after_the_reset_ends_it() {
     let (mut rig, play) = unreachable_rmd();
     reset(&mut rig);
