@@ -25,6 +25,89 @@ pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
 const BUSY_TRIES: u32 = 5;
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
+/// What a request returns: its reply, or nothing where that is `Done`.
+macro_rules! returned {
+    ($result:expr) => {
+        $result.map(drop)
+    };
+    ($result:expr, $reply:ty) => {
+        $result
+    };
+}
+
+/// Methods that send one request and await its reply for [`DEADLINE`].
+macro_rules! plain_requests {
+    (@type) => { () };
+    (@type $reply:ty) => { $reply };
+    ($(
+        $(#[$doc:meta])+
+        fn $name:ident($($argument:ident: $type:ty),*) $(-> $reply:ty)? = $request:expr;
+    )+) => {
+        impl<T: Transport> Client<T> {
+            $(
+                $(#[$doc])+
+                ///
+                /// # Errors
+                /// As [`request`](Self::request).
+                pub fn $name(
+                    &mut self,
+                    $($argument: $type),*
+                ) -> Result<plain_requests!(@type $($reply)?), ClientError> {
+                    returned!(self.request(&$request) $(, $reply)?)
+                }
+            )+
+        }
+    };
+}
+
+plain_requests! {
+    /// Releases the right to command.
+    fn release_authority() = ask::ReleaseAuthority {};
+
+    /// Sets a parameter of the gateway.
+    fn configure_gateway(parameter: GatewayParameter, value: Value) =
+        ask::ConfigureGateway { parameter: parameter.number(), value };
+
+    /// How a bus is.
+    fn bus_status(bus: u8) -> BusReport = ask::BusStatus { bus };
+
+    /// How the gateway itself is: who commands, e-stop, enable output.
+    fn gateway_status() -> GatewayReport = ask::GatewayStatus {};
+
+    /// Sets a parameter of an axis.
+    fn configure_axis(axis: u8, parameter: AxisParameter, value: Value) =
+        ask::ConfigureAxis { axis, parameter: parameter.number(), value };
+
+    /// Forgets an axis and its parameters.
+    fn remove_axis(axis: u8) = ask::RemoveAxis { axis };
+
+    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop.
+    fn output_off(axis: u8) = ask::OutputOff { axis };
+
+    /// Clears the trip of an axis, or the latched e-stop. Never arms.
+    fn clear(target: ClearTarget) = ask::Clear { target };
+
+    /// How an axis is.
+    fn read_state(axis: u8) -> AxisReport = ask::ReadState { axis };
+
+    /// Opens a bus for raw frames that only read a motor.
+    fn raw_open(bus: u8) = ask::RawOpen { bus, unsafe_access: false };
+
+    /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing
+    /// stops them.
+    fn raw_open_unsafe(bus: u8) = ask::RawOpen { bus, unsafe_access: true };
+
+    /// Sends a raw frame on an open bus.
+    fn raw_send(bus: u8, frame: RawFrame) = ask::RawSend { bus, frame };
+
+    /// Fetches frames that were received on an open bus; as many as fit, so ask until there are
+    /// none.
+    fn raw_receive(bus: u8) -> RawFrames = ask::RawReceive { bus };
+
+    /// Closes a bus for raw frames.
+    fn raw_close(bus: u8) = ask::RawClose { bus };
+}
+
 impl<T: Transport> Client<T> {
     /// Says hello again and returns what the gateway says of itself now. To the gateway that is a
     /// new session: if this link held authority, it ends, what moves trips and what is armed is
@@ -44,26 +127,6 @@ impl<T: Transport> Client<T> {
         self.request(&ask::TakeAuthority {}).map(drop)
     }
 
-    /// Releases the right to command.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn release_authority(&mut self) -> Result<(), ClientError> {
-        self.request(&ask::ReleaseAuthority {}).map(drop)
-    }
-
-    /// Sets a parameter of the gateway.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn configure_gateway(
-        &mut self,
-        parameter: GatewayParameter,
-        value: Value,
-    ) -> Result<(), ClientError> {
-        self.request(&ask::ConfigureGateway { parameter: parameter.number(), value }).map(drop)
-    }
-
     /// Starts a bus, or restarts it differently. `reply_window` is how long a reply is awaited, 100
     /// µs to 200 ms.
     ///
@@ -81,22 +144,6 @@ impl<T: Transport> Client<T> {
         let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
         self.request(&ask::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us })
             .map(drop)
-    }
-
-    /// How a bus is.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn bus_status(&mut self, bus: u8) -> Result<BusReport, ClientError> {
-        self.request(&ask::BusStatus { bus })
-    }
-
-    /// How the gateway itself is: who commands, e-stop, enable output.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn gateway_status(&mut self) -> Result<GatewayReport, ClientError> {
-        self.request(&ask::GatewayStatus {})
     }
 
     /// The last trips and starts of the gateway, the latest first; they outlive a reset.
@@ -124,19 +171,6 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ReadCrashReport {}).map(|report| report.text.as_str().to_owned())
     }
 
-    /// Sets a parameter of an axis.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn configure_axis(
-        &mut self,
-        axis: u8,
-        parameter: AxisParameter,
-        value: Value,
-    ) -> Result<(), ClientError> {
-        self.request(&ask::ConfigureAxis { axis, parameter: parameter.number(), value }).map(drop)
-    }
-
     /// A parameter of an axis: the value in force, `None` where none is set and there is no
     /// default.
     ///
@@ -161,14 +195,6 @@ impl<T: Transport> Client<T> {
             Some(Value::Unsigned(ttl_us)) => Ok(Duration::from_micros(ttl_us.into())),
             _ => Err(Error::WrongType { parameter: parameter.number() }.into()),
         }
-    }
-
-    /// Forgets an axis and its parameters.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn remove_axis(&mut self, axis: u8) -> Result<(), ClientError> {
-        self.request(&ask::RemoveAxis { axis }).map(drop)
     }
 
     /// Every axis that has at least one parameter set.
@@ -257,31 +283,6 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request); `NothingToClear` while the stop may still be confirmed.
     pub fn clear_unreachable(&mut self, axis: u8) -> Result<(), ClientError> {
         self.request(&ask::ClearUnreachable { axis }).map(drop)
-    }
-
-    /// Restarts the motor of a tripped axis whose stop is confirmed, and clears the trip. Takes up
-    /// to 3 s, in which what the motor held may drop.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn clear_by_restart(&mut self, axis: u8) -> Result<(), ClientError> {
-        self.request_within(&ask::ClearByRestart { axis }, MOTOR_DEADLINE).map(drop)
-    }
-
-    /// Switches the output of a holding motor off: it lets go, and a load that it held may drop.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn output_off(&mut self, axis: u8) -> Result<(), ClientError> {
-        self.request(&ask::OutputOff { axis }).map(drop)
-    }
-
-    /// Clears the trip of an axis, or the latched e-stop. Never arms.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn clear(&mut self, target: ClearTarget) -> Result<(), ClientError> {
-        self.request(&ask::Clear { target }).map(drop)
     }
 
     /// Says what an armed axis should do from now on, for `ttl` at most; it has to be said again
@@ -444,14 +445,6 @@ impl<T: Transport> Client<T> {
         })
     }
 
-    /// How an axis is.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn read_state(&mut self, axis: u8) -> Result<AxisReport, ClientError> {
-        self.request(&ask::ReadState { axis })
-    }
-
     /// As [`read_state`](Self::read_state), asked again a few times while the axis is carrying out
     /// another request.
     ///
@@ -467,45 +460,12 @@ impl<T: Transport> Client<T> {
         self.read_state(axis)
     }
 
-    /// Opens a bus for raw frames that only read a motor.
+    /// Restarts the motor of a tripped axis whose stop is confirmed, and clears the trip. Takes up
+    /// to 3 s, in which what the motor held may drop.
     ///
     /// # Errors
     /// As [`request`](Self::request).
-    pub fn raw_open(&mut self, bus: u8) -> Result<(), ClientError> {
-        self.request(&ask::RawOpen { bus, unsafe_access: false }).map(drop)
-    }
-
-    /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing
-    /// stops them.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn raw_open_unsafe(&mut self, bus: u8) -> Result<(), ClientError> {
-        self.request(&ask::RawOpen { bus, unsafe_access: true }).map(drop)
-    }
-
-    /// Sends a raw frame on an open bus.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn raw_send(&mut self, bus: u8, frame: RawFrame) -> Result<(), ClientError> {
-        self.request(&ask::RawSend { bus, frame }).map(drop)
-    }
-
-    /// Fetches frames that were received on an open bus; as many as fit, so ask until there are
-    /// none.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn raw_receive(&mut self, bus: u8) -> Result<RawFrames, ClientError> {
-        self.request(&ask::RawReceive { bus })
-    }
-
-    /// Closes a bus for raw frames.
-    ///
-    /// # Errors
-    /// As [`request`](Self::request).
-    pub fn raw_close(&mut self, bus: u8) -> Result<(), ClientError> {
-        self.request(&ask::RawClose { bus }).map(drop)
+    pub fn clear_by_restart(&mut self, axis: u8) -> Result<(), ClientError> {
+        self.request_within(&ask::ClearByRestart { axis }, MOTOR_DEADLINE).map(drop)
     }
 }
