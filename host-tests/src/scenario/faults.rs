@@ -21,24 +21,12 @@ impl Bench {
             Some(&"off") => Some(false),
             _ => None,
         };
+        let switch = words.get(1).zip(on).and_then(|(name, on)| Injection::switch(name, on));
+        if let Some(switch) = switch {
+            self.world.borrow_mut().inject(motor, switch);
+            return Ok(());
+        }
         let injection = match (words.get(1), on) {
-            (Some(&"mute"), Some(on)) => Injection::Mute(on),
-            (Some(&"unplugged"), Some(on)) => Injection::Unplugged(on),
-            (Some(&"garbage"), Some(on)) => Injection::Garbage(on),
-            (Some(&"wrong-checksum"), Some(on)) => Injection::WrongChecksum(on),
-            (Some(&"stuck-rotor"), Some(on)) => Injection::StuckRotor(on),
-            (Some(&"ignore-stop"), Some(on)) => Injection::IgnoreStop(on),
-            (Some(&"ignore-motion"), Some(on)) => Injection::IgnoreMotion(on),
-            (Some(&"refuse"), Some(on)) => Injection::Refuse(on),
-            (Some(&"encoder"), Some(on)) => Injection::Encoder(on),
-            (Some(&"resume-after-timeout"), Some(on)) => Injection::ResumeAfterTimeout(on),
-            (Some(&"ignore-restart"), Some(on)) => Injection::IgnoreRestart(on),
-            (Some(&"brake"), Some(on)) => Injection::Brake(on),
-            (Some(&"stuck-brake"), Some(on)) => Injection::StuckBrake(on),
-            (Some(&"resume-after-fault"), Some(on)) => Injection::ResumeAfterFault(on),
-            (Some(&"lenient"), Some(on)) => Injection::Lenient(on),
-            (Some(&"brake-on"), Some(on)) => Injection::BrakeOn(on),
-            (Some(&"answers-others"), Some(on)) => Injection::AnswersOthers(on),
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
             (Some(&"lose-answers-like"), Some(false)) => {

@@ -7,6 +7,7 @@
 //! | `motor PROTOCOL NODE [serial]` | the motor of the test |
 //! | `> FRAME [= REPLY …]` | the motor hears a frame; what it says within 1 ms, `-` for nothing |
 //! | `run MS [= REPLY …]` | time passes; what the motor says meanwhile |
+//! | `time MIN..MAX FRAME` | the motor hears a frame and answers so many ms in its last four bytes |
 //! | `keep MS FRAME` | the motor hears a frame every 20 ms |
 //! | `inject FAULT VALUE`, `power-cycle` | what happens to it |
 //! | `speed RANGE`, `position RANGE` | rad/s, rad: a number ± 0.01, or `MIN..MAX` |
@@ -84,6 +85,11 @@ impl<'a> Script<'a> {
                 let said = motor.run_ms(first.parse().expect(place));
                 assert_replies(&said, last, place);
             }
+            "time" => {
+                let said = self.say(motor, last).join(" ");
+                let word = bytes(&said[said.len() - 8..]).try_into().expect(place);
+                assert_within(u32::from_le_bytes(word).into(), first, place);
+            }
             "keep" => {
                 for _ in 0..first.parse::<u64>().expect(place) / 20 {
                     self.say(motor, last);
@@ -143,19 +149,10 @@ fn bytes(hex: &str) -> Vec<u8> {
 fn injection(name: &str, value: &str) -> Option<Injection> {
     let on = value == "on";
     assert!(on || value == "off" || value.starts_with(|digit: char| digit.is_ascii_hexdigit()));
+    if let Some(switch) = Injection::switch(name, on) {
+        return Some(switch);
+    }
     Some(match name {
-        "brake" => Injection::Brake(on),
-        "encoder" => Injection::Encoder(on),
-        "garbage" => Injection::Garbage(on),
-        "ignore-motion" => Injection::IgnoreMotion(on),
-        "ignore-stop" => Injection::IgnoreStop(on),
-        "mute" => Injection::Mute(on),
-        "refuse" => Injection::Refuse(on),
-        "resume-after-fault" => Injection::ResumeAfterFault(on),
-        "resume-after-timeout" => Injection::ResumeAfterTimeout(on),
-        "stuck-brake" => Injection::StuckBrake(on),
-        "stuck-rotor" => Injection::StuckRotor(on),
-        "wrong-checksum" => Injection::WrongChecksum(on),
         "fault-bits" => Injection::FaultBits(u16::from_str_radix(value, 16).ok()?),
         "late-reply" => Injection::LateReply(Duration::from_millis(value.parse().ok()?)),
         "lose-replies" => Injection::LoseReplies(value.parse().ok()?),
