@@ -163,6 +163,8 @@ fn a_wiring_that_cannot_be_is_refused_with_its_reason() {
     };
     assert_eq!(refused(3, Protocol::Rmd, 1).unwrap(), "there is no bus 3: the board has 3");
     assert_eq!(refused(0, Protocol::Rmd, 33).unwrap(), "no rmd motor can have the id 33");
-    assert_eq!(refused(2, Protocol::D5, 11).unwrap(), "the simulated d5 motor speaks CAN only");
+    let thruster = refused(2, Protocol::Thruster, 11).unwrap();
+    assert_eq!(thruster, "the simulated thruster motor speaks CAN only");
+    assert_eq!(refused(2, Protocol::D5, 11), None);
     assert_eq!(refused(0, Protocol::Thruster, 127), None);
 }

@@ -7,7 +7,7 @@
 //! | `motor PROTOCOL NODE [serial]` | the motor of the test |
 //! | `> FRAME [= REPLY …]` | the motor hears a frame; what it says within 1 ms, `-` for nothing |
 //! | `run MS [= REPLY …]` | time passes; what the motor says meanwhile |
-//! | `time MIN..MAX FRAME` | the motor hears a frame and answers so many ms in its last four bytes |
+//! | `time MIN..MAX FRAME` | the motor hears a frame; the last four bytes of its reply are ms |
 //! | `keep MS FRAME` | the motor hears a frame every 20 ms |
 //! | `inject FAULT VALUE`, `power-cycle` | what happens to it |
 //! | `speed RANGE`, `position RANGE` | rad/s, rad: a number ± 0.01, or `MIN..MAX` |
