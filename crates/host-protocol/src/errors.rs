@@ -117,6 +117,18 @@ macro_rules! errors {
             }
         }
 
+        #[cfg(test)]
+        impl Error {
+            /// The largest of each kind, and the bytes of its data.
+            pub(crate) fn largest_ones() -> impl Iterator<Item = (Self, usize)> {
+                [$((
+                    Self::$name { $($field: $crate::largest::Largest::largest()),* },
+                    0 $(+ <$type as MaxSize>::MAX_SIZE)*,
+                )),+]
+                .into_iter()
+            }
+        }
+
         impl fmt::Display for Error {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 match *self {

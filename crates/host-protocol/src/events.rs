@@ -90,6 +90,18 @@ macro_rules! events {
             }
         }
 
+        #[cfg(test)]
+        impl Event {
+            /// The largest of each kind, and the bytes of its data.
+            pub(crate) fn largest_ones() -> impl Iterator<Item = (Self, usize)> {
+                [$((
+                    Self::$name { $($field: $crate::largest::Largest::largest()),* },
+                    0 $(+ <$type as MaxSize>::MAX_SIZE)*,
+                )),+]
+                .into_iter()
+            }
+        }
+
         impl EventMessage {
             /// The event of a frame with this number and body.
             ///

@@ -38,6 +38,8 @@ mod events;
 mod field_doc;
 mod frame;
 mod incident;
+#[cfg(test)]
+mod largest;
 pub mod messages;
 pub mod parameters;
 mod protocol;

@@ -195,6 +195,17 @@ macro_rules! messages {
             }
         }
 
+        /// The largest of each request and reply, and the bound of its body.
+        #[cfg(test)]
+        pub(crate) fn largest_ones() -> impl Iterator<Item = ((Request, usize), (Reply, usize))> {
+            use crate::largest::Largest;
+            [$((
+                (Request::$name(Largest::largest()), <requests::$name>::MAX_SIZE),
+                (Reply::$name(Largest::largest()), <replies::$reply>::MAX_SIZE),
+            )),+]
+            .into_iter()
+        }
+
         $(
             impl Call for requests::$name {
                 const NUMBER: u16 = $number;

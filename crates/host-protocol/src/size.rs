@@ -133,6 +133,13 @@ macro_rules! wire {
             );
         }
 
+        #[cfg(test)]
+        impl $crate::largest::Largest for $name {
+            fn largest() -> Self {
+                Self { $($field: $crate::largest::Largest::largest()),* }
+            }
+        }
+
         $crate::size::wire! { $($rest)* }
     };
     (
@@ -172,6 +179,19 @@ macro_rules! wire {
                     $($(<$type as $crate::MaxSize>::LAYOUT,)+)?
                 )+],
             );
+        }
+
+        #[cfg(test)]
+        impl $crate::largest::Largest for $name {
+            fn largest() -> Self {
+                $crate::largest::of_variants(&[$((
+                    0 $($(+ <$inner as $crate::MaxSize>::MAX_SIZE)+)?
+                        $($(+ <$type as $crate::MaxSize>::MAX_SIZE)+)?,
+                    || Self::$variant
+                        $(($(<$inner as $crate::largest::Largest>::largest()),+))?
+                        $({ $($field: $crate::largest::Largest::largest()),+ })?,
+                )),+])
+            }
         }
 
         $crate::size::wire! { $($rest)* }
