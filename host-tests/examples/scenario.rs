@@ -1,9 +1,8 @@
 //! Plays a scenario by name and tells what went wrong; `cargo test -p host-tests --test scenarios`
-//! plays them all.
+//! plays them all. The seed is 1 unless told otherwise; a trace has every frame on the buses.
 //!
 //! ```text
-//! cargo run -p host-tests --example scenario -- NAME [SEED]          with one seed (default 1)
-//! cargo run -p host-tests --example scenario -- NAME [SEED] --trace  the same, and every frame on the buses
+//! cargo run -p host-tests --example scenario -- NAME [SEED] [--trace]
 //! ```
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,8 @@
 //! What may happen in a run.
 
+use crate::text::hex;
+use serde::{Deserialize, Serialize};
+
 /// Something that happens at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
@@ -10,14 +13,18 @@ pub struct Step {
 }
 
 /// What happens.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Action {
     /// A host asks.
     Ask { link: u8, ask: Ask },
     /// A host repeats, byte for byte, the request so many before its latest.
     Again { link: u8, back: u8 },
     /// A host sends bytes that are what they are.
-    Bytes { link: u8, bytes: Vec<u8> },
+    Bytes {
+        link: u8,
+        #[serde(with = "hex")]
+        bytes: Vec<u8>,
+    },
     /// A host reads nothing for a while.
     Unread { link: u8, for_us: u64 },
     /// The e-stop input.
@@ -32,9 +39,18 @@ pub enum Action {
     /// one has left it has the next.
     Foreign { bus: u8, id: u32, length: u8, pause_us: u64, for_us: u64 },
     /// A frame that nobody asked for comes in at the end of what is on the bus.
-    Stray { bus: u8, id: u32, data: Vec<u8> },
+    Stray {
+        bus: u8,
+        id: u32,
+        #[serde(with = "hex")]
+        data: Vec<u8>,
+    },
     /// Bytes that nobody asked for come in on a serial line.
-    Noise { bus: u8, bytes: Vec<u8> },
+    Noise {
+        bus: u8,
+        #[serde(with = "hex")]
+        bytes: Vec<u8>,
+    },
     /// For a while the controller gives nothing back that it is asked for.
     Stubborn { bus: u8, for_us: u64 },
     /// The controller of a CAN bus that is not off reports its error counters.
@@ -61,7 +77,7 @@ pub enum Action {
 }
 
 /// What a motor does.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Does {
     /// It answers nothing for a while.
     Mute { for_us: u64 },
@@ -72,7 +88,10 @@ pub enum Does {
     /// Its next answer comes twice.
     Twice,
     /// Its next answer has these data.
-    Lies { data: Vec<u8> },
+    Lies {
+        #[serde(with = "hex")]
+        data: Vec<u8>,
+    },
     /// It refuses the next command.
     Refuses,
     /// Its fault word is this.
@@ -95,7 +114,7 @@ pub enum Does {
 
 /// A request. Epoch and expiry are relative to what the host knows, so that a list of steps that
 /// has become shorter means the same.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Ask {
     Hello,
     Ping,
@@ -157,6 +176,7 @@ pub enum Ask {
     },
     Native {
         permit: Permit,
+        #[serde(with = "hex")]
         data: Vec<u8>,
     },
     /// Axis, epoch as in a [`Permit`], and rad/s of each motor.
@@ -186,6 +206,7 @@ pub enum Ask {
     RawSend {
         bus: u8,
         id: u32,
+        #[serde(with = "hex")]
         data: Vec<u8>,
     },
     RawReceive {
@@ -197,7 +218,7 @@ pub enum Ask {
 }
 
 /// A value of an axis parameter.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Number {
     Bool(bool),
     Unsigned(u32),
@@ -206,7 +227,7 @@ pub enum Number {
 }
 
 /// Axis, epoch and expiry of what moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Permit {
     pub axis: u8,
     /// Added to the epoch that the host knows.
@@ -216,7 +237,7 @@ pub struct Permit {
 }
 
 /// What a setpoint sets.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     Signal(f32),
     Current(f32),

@@ -70,6 +70,8 @@ pub struct Bus {
     foreign: Vec<Foreign>,
     cut_until: u64,
     pub short_until: u64,
+    /// Its controller went off and was not started since.
+    pub is_off: bool,
     pub stubborn_until: u64,
     pub generation: Option<u32>,
 }
@@ -85,6 +87,7 @@ impl Bus {
             foreign: Vec::new(),
             cut_until: 0,
             short_until: 0,
+            is_off: false,
             stubborn_until: 0,
             generation: None,
         }

@@ -62,7 +62,8 @@ fn main() -> ExitCode {
 
 fn usage() -> ExitCode {
     eprintln!(
-        "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | exhaust [--depth N] [--seconds N] | \
+        "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | \
+         exhaust [--depth N] [--seconds N] | \
          survey EVENTS FIRST_SEED [CHECK...] | replay FILE [CHECK...]"
     );
     ExitCode::FAILURE
@@ -101,8 +102,8 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
     let seeds = next.load(Ordering::Relaxed) - first_seed;
     let busy = total.busy * 100 / total.events.max(1);
     println!(
-        "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; {} motion frames, {} of them for \
-         several motors, {} armings, {} trips, {} stops confirmed, {} starts",
+        "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; \
+         {} motion frames, {} of them for several motors, {} armings, {} trips, {} stops confirmed, {} starts",
         total.events,
         total.motions,
         total.started_together,
@@ -196,8 +197,8 @@ fn bad_host() -> ExitCode {
     match bad_host::run(1, BAD_FRAMES) {
         Ok(outcome) if outcome.frames == BAD_FRAMES && outcome.axes > 0 => {
             println!(
-                "{} random frames between a trip and its confirmation: the stops of {} axes went on, at least {} times each, \
-                 and were confirmed",
+                "{} random frames between a trip and its confirmation: the stops of {} axes went \
+                 on, at least {} times each, and were confirmed",
                 outcome.frames, outcome.axes, outcome.fewest_stops
             );
             ExitCode::SUCCESS

@@ -32,8 +32,9 @@ checks! {
     MotionKept,
     /// G2: broadcast motion is never sent.
     Broadcast,
-    /// G10: what starts several D5 motors goes out once, when a speed waits in each that was named and may move, and nothing in any other of
-    /// its bus, which is exclusive; its result says what has happened.
+    /// G10: what starts several D5 motors goes out once, when a speed waits in each that was named
+    /// and may move, and nothing in any other of its bus, which is exclusive; its result says what
+    /// has happened.
     StartUnproved,
     /// G5: the first stop frame leaves within its bound.
     StopLate,
@@ -43,18 +44,20 @@ checks! {
     StopOnce,
     /// G4: a stop is repeated, until it is confirmed and while the axis is tripped.
     StopForgotten,
-    /// G4: a stop is confirmed by its acknowledgement and, for hold and brake, two readings of standstill after that.
+    /// G4: a stop is confirmed by its acknowledgement and, for hold and brake, two readings of
+    /// standstill after that.
     ConfirmedUnproved,
     /// G4: what is sent is the stop action of the configuration.
     WrongStopAction,
-    /// G4: a stop that has not left 100 ms after its bound is told not to be sent, and its axis to be unreachable unless it was at rest.
+    /// G4: a stop that has not left 100 ms after its bound is told not to be sent, and its axis to
+    /// be unreachable unless it was at rest.
     UnsentUntold,
     /// G1: a trip ends only by a request to clear it.
     TripForgotten,
     /// G1: only an arm request of the link in command arms.
     ArmedUnasked,
-    /// G1: an axis is armed when its motor has answered what its protocol asks, stands, has no fault and, unless the axis allows
-    /// otherwise, a timeout of its own that is known.
+    /// G1: an axis is armed when its motor has answered what its protocol asks, stands, has no
+    /// fault and, unless the axis allows otherwise, a timeout of its own that is known.
     ArmedUnproved,
     /// G1: while the e-stop is latched nothing is armed.
     EStopIgnored,
@@ -72,15 +75,18 @@ checks! {
     ResultChanged,
     /// G9: a host is told one whole frame after another, and loses no event while it reads.
     ToldInPart,
-    /// G10: raw access only where it is open, while every axis there is at rest and no e-stop is latched.
+    /// G10: raw access only where it is open, while every axis there is at rest and no e-stop is
+    /// latched.
     RawUnopened,
     /// G10: a raw frame that a lenient motor might obey is refused.
     RawHarmful,
     /// G7: a frame to one axis moves and changes no other's motor.
     WrongMotor,
-    /// G7: ids on which one axis is sent requests are none on which another's motor acts or answers.
+    /// G7: ids on which one axis is sent requests are none on which another's motor acts or
+    /// answers.
     IdShared,
-    /// G7: D5 motors run at 200001 to 222222 bit/s (D5 manual, point 3), so a bus with them has such a rate and carries nothing else.
+    /// G7: D5 motors run at 200001 to 222222 bit/s (D5 manual, point 3), so a bus with them has
+    /// such a rate and carries nothing else.
     BusShared,
     /// G7: an axis that is moved leaves nothing behind.
     LeftBehind,
@@ -96,17 +102,19 @@ checks! {
     StandstillBlind,
     /// G1: an epoch is not given twice, nor after a loss of power.
     EpochRepeated,
-    /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the axis says so, and changes nothing
-    /// else (G1).
+    /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the
+    /// axis says so, and changes nothing else (G1).
     ChangedWhileArmed,
     /// G7: a bus that goes off trips what may move there.
     BusOffIgnored,
-    /// G7: frames sent, received, lost, not acknowledged and given back, and times that a bus went off, are counted as they were.
+    /// G7: frames sent, received, lost, not acknowledged and given back, and times that a bus went
+    /// off, are counted as they were.
     CountWrong,
-    /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop stays latched, the
-    /// configuration is the same, and the starts are counted.
+    /// G6: after a reset nothing is armed, what was in motion or tripped is tripped, the e-stop
+    /// stays latched, the configuration is the same, and the starts are counted.
     ResetForgot,
-    /// What follows from an event comes to an end: nothing is asked back for what is asked back for it in turn (G4).
+    /// What follows from an event comes to an end: nothing is asked back for what is asked back for
+    /// it in turn (G4).
     Restless,
     /// A bus had a frame, and nobody was told to ask for it.
     NotNamed,

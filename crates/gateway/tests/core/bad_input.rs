@@ -105,7 +105,8 @@ fn modes_a_protocol_does_not_have_are_unsupported() {
 fn a_slow_thruster_speed_is_refused_with_what_is_allowed() {
     let (mut rig, _) = bench::thruster();
     let epoch = arm(&mut rig);
-    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: 1.0 }); // 9.5 rpm
+    // 9.5 rpm
+    let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: 1.0 });
     let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, .. }) = rig.ask(request) else {
         panic!()
     };

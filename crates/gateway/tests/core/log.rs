@@ -29,9 +29,12 @@ fn the_log_tells_who_commands_and_how_an_axis_fares_in_order() {
     };
     let places = [
         state(AxisState::Armed),
-        place(
-            &|entry| matches!(entry, LogEntry::Event(Event::Tripped { axis: 0, trip }) if trip.reason == TripReason::SetpointExpired),
-        ),
+        place(&|entry| match entry {
+            LogEntry::Event(Event::Tripped { axis: 0, trip }) => {
+                trip.reason == TripReason::SetpointExpired
+            }
+            _ => false,
+        }),
         place(&|entry| matches!(entry, LogEntry::Event(Event::StopConfirmed { axis: 0, .. }))),
         place(&|entry| {
             *entry == LogEntry::Event(Event::AuthorityLost { reason: AuthorityLossReason::Silence })

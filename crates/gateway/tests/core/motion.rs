@@ -14,10 +14,12 @@ fn rmd_state_is_read_over_rs485_and_comes_back_in_si_units() {
     else {
         panic!("no state");
     };
-    assert_eq!(rig.sent_since(2, since).first(), Some(&"3E01089C00000000000000F230")); // PROTOCOL-NOTES R1
+    // PROTOCOL-NOTES R1
+    assert_eq!(rig.sent_since(2, since).first(), Some(&"3E01089C00000000000000F230"));
     assert_eq!(state.velocity_rad_s.unwrap().value, 8.726_646); // 500 °/s
     assert_eq!(state.current_a.unwrap().value, 1.0);
-    assert_eq!(state.position_rad.unwrap().value, core::f32::consts::TAU); // 36000 hundredths of a degree
+    // 36000 hundredths of a degree
+    assert_eq!(state.position_rad.unwrap().value, core::f32::consts::TAU);
     assert_eq!(state.voltage_v.unwrap().value, 48.5);
     assert_eq!(state.motor_temperature_c.unwrap().value, 50.0);
     assert_eq!(state.faults.unwrap().word, 0);

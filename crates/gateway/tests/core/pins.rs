@@ -43,7 +43,8 @@ fn an_open_input_stops_everything_at_once_and_bars_arming_until_it_is_closed_and
     assert_eq!(clear(&mut rig, ClearTarget::Gateway), Err(Error::EStopInputOpen {}));
     assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 1 })), Err(Error::EStopped {}));
     rig.handle(Event::EStopInput { open: false });
-    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 1 })), Err(Error::EStopped {})); // latched
+    // Latched.
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 1 })), Err(Error::EStopped {}));
     clear(&mut rig, ClearTarget::Gateway).unwrap();
     clear(&mut rig, ClearTarget::Axis(0)).unwrap();
     arm_axis(&mut rig, 0);

@@ -189,7 +189,8 @@ fn an_e_stop_drops_what_waits() {
     open_unsafe(&mut rig, 0).unwrap();
     rig.cut();
     for _ in 0..3 {
-        send_text(&mut rig, 0, "149#A200000010270000").unwrap(); // one in the controller, two behind it
+        // One in the controller, two behind it.
+        send_text(&mut rig, 0, "149#A200000010270000").unwrap();
     }
     assert_eq!(rig.held_texts().len(), 1);
     e_stop(&mut rig);

@@ -34,7 +34,8 @@ fn an_idle_axis_is_read_and_told_of_at_the_period() {
     let Event::Sample { axis, state, position_rad, velocity_rad_s, faults, .. } = told[9] else {
         panic!("no sample");
     };
-    assert_eq!((axis, state, velocity_rad_s), (0, AxisState::Idle, None)); // velocity was not subscribed to
+    // It has not subscribed to the velocity.
+    assert_eq!((axis, state, velocity_rad_s), (0, AxisState::Idle, None));
     assert_eq!(position_rad.map(|reading| reading.value), Some(core::f32::consts::TAU));
     assert_eq!(faults.map(|reading| reading.word), Some(0));
     // One request in each state_poll_us of 50 ms, in turn.

@@ -139,7 +139,8 @@ fn thruster_speed_position_and_stop_of_a_position_device() {
 fn thruster_faults_are_cleared_and_read_again() {
     let (mut rig, play) = bench::thruster();
     let sent = sent_by_clear(&mut rig, &play, 0, Setpoint::Signal { fraction: 0.1 });
-    assert_eq!(sent.get(..3).unwrap(), ["30B#43460000", "30B#45460000", "30B#51560000"]); // CF, EF, QV
+    // CF, EF, QV
+    assert_eq!(sent.get(..3).unwrap(), ["30B#43460000", "30B#45460000", "30B#51560000"]);
 }
 
 #[test]
@@ -168,7 +169,8 @@ fn a_write_that_waits_in_a_d5_is_overwritten_by_the_stop() {
     });
     move_axis(&mut rig, Setpoint::Velocity { velocity_rad_s: -10.471_976 });
     rig.run(5_000);
-    assert!(rig.sent_since(1, 0).contains(&"00B#D50B05032058820D")); // D5 manual, common commands 3: 600 °/s CW
+    // D5 manual, common commands 3: 600 °/s clockwise.
+    assert!(rig.sent_since(1, 0).contains(&"00B#D50B05032058820D"));
     let sent = sent_by_stop(&mut rig, 1);
     let (stop, pending, overwrite) =
         ("00B#D50B050320000033", "00B#D50B04022C00003D", "00B#D50B050420000034");

@@ -66,7 +66,8 @@ pub fn run(limits: Limits) -> bool {
         judged.fetch_add(level.judged, Ordering::Relaxed);
         let is_whole = !stop.load(Ordering::Relaxed);
         println!(
-            "depth {depth} of {} of {} prepared states: {} prefixes judged, {} distinct states gone on from, {} cut off, {} s",
+            "depth {depth} of {} of {} prepared states: {} prefixes judged, \
+             {} distinct states gone on from, {} cut off, {} s",
             level.finished,
             scenes.len(),
             level.judged,

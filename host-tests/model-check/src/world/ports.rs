@@ -70,8 +70,11 @@ impl World {
         if !matches!(input, Input::Tick) {
             self.note(|| format!("in  {input:X?}"));
         }
-        if let Input::State { bus, off: true } = input {
-            self.drop_held(*bus);
+        if let Input::State { bus, off } = input {
+            self.buses[usize::from(*bus)].is_off = *off;
+            if *off {
+                self.drop_held(*bus);
+            }
         }
         let oracle = &mut self.oracle;
         let event = match input {

@@ -90,7 +90,8 @@ impl World {
             }
             Action::PowerLoss => self.lose_power(),
             Action::Errors { bus, transmit, receive } => {
-                if self.buses.get(usize::from(*bus)).is_some_and(|bus| bus.short_until <= now) {
+                let runs = |bus: &Bus| bus.generation.is_some() && !bus.is_off;
+                if self.buses.get(usize::from(*bus)).is_some_and(runs) {
                     self.feed(Input::Errors { bus: *bus, transmit: *transmit, receive: *receive });
                 }
             }

@@ -153,7 +153,10 @@ impl History {
         let Some(place) = read.iter().position(this_start) else { return Err("no start".into()) };
         let (since, before) = (&read[..place], &read[place + 1..]);
         let has_tripped = |wanted: &u8| {
-            let of_it = |incident: &Incident| matches!(incident, Incident::Tripped { start, axis, .. } if *start == self.start && axis == wanted);
+            let of_it = |incident: &Incident| match incident {
+                Incident::Tripped { start, axis, .. } => *start == self.start && axis == wanted,
+                _ => false,
+            };
             since.iter().any(of_it)
         };
         if let Some(axis) = tripping.iter().find(|axis| !has_tripped(axis)).filter(|_| !interrupted)

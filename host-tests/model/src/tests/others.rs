@@ -42,10 +42,10 @@ pub fn a_request_id_on_which_another_motor_acts() {
 
 #[test]
 pub fn a_bus_that_d5_motors_share_or_that_is_too_fast_for_them() {
-    // Bus 1, bitrate, protocols, not exclusive, 3000 µs
+    // Bus 0, bitrate, protocols, not exclusive, 3000 µs
     let configured = |bitrate: [u8; 3], protocols: u8| {
         let mut trace = Trace::new(HOLD);
-        trace.done(0, 0x11, &[&[1], &bitrate[..], &[protocols, 0, 0xB8, 0x17]].concat());
+        trace.done(0, 0x11, &[&[0], &bitrate[..], &[protocols, 0, 0xB8, 0x17]].concat());
         trace
     };
     let (of_d5, mbit) = ([0xDE, 0xEC, 0x0C], [0xC0, 0x84, 0x3D]); // 210 526 and 1 000 000
