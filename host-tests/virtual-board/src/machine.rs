@@ -23,6 +23,7 @@ mod snapshot;
 
 pub use builder::{Builder, ImageError, image_path};
 pub use handles::{CanNode, CanPort, Line, UartPort};
+pub(crate) use names::mangled;
 pub use pins::PinProbe;
 pub use plant::{Fault, Place};
 pub use reports::Reports;

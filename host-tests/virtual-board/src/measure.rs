@@ -11,6 +11,7 @@ mod image;
 mod life;
 mod operations;
 mod stack;
+mod stages;
 mod table;
 
 pub use table::{Complaint, Malformed, Row, Table};
@@ -22,8 +23,10 @@ use std::{fmt, fs, thread};
 use crate::board::Board;
 use crate::machine::Builder;
 use bench::{Bench, Count, Span};
+use fetches::Traced;
 use image::ImageFacts;
 use operations::Session;
+use stages::{Functions, STAGES};
 
 /// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with
 /// its caches, and a bad case without.
@@ -55,6 +58,9 @@ pub const LEGEND: &str = "\
 #                             end, to the first bit of AxisReport on the host UART; the motor turns
 # round over 8 axes           from the first bit of the first of eight Setpoints, sent one right behind the other, until the
 #                             eighth Done has left and the motors' replies are valid at the board; all motors turn
+# of these ...                instructions of the last repetition by stage, from the same trace as below. A stage is named by functions
+#                             (src/measure/stages.rs): an instruction belongs to the innermost one under way, so what copies memory
+#                             counts where it was called. The core's events are all of Gateway::handle but the host protocol
 # reads of the flash, cycles with cache misses
 #                             reads that the instruction cache has not spared, from a trace of the last repetition at the higher speed, and
 #                             cycles of a core of one instruction a cycle that waits for each, with the wait states that the firmware
@@ -93,6 +99,8 @@ pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
         |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
     let file = fs::read(image).map_err(|error| unreadable(&error))?;
     let facts = ImageFacts::read(&file).map_err(|error| unreadable(&error))?;
+    let functions = is_traced.then(|| Functions::read(&file)).transpose();
+    let functions = functions.map_err(|error| unreadable(&error))?;
     // Once as a trial: from then on it is the same file.
     Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
@@ -100,8 +108,8 @@ pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
     let [fast, slow] = thread::scope(|scope| {
         // What is executed is nearly the same at each speed.
         let [fast, slow] = Board::chosen().speeds();
-        let runs = [(fast, is_traced), (slow, false)]
-            .map(|(speed, is_traced)| scope.spawn(move || measure_at(board, speed, is_traced)));
+        let runs = [(fast, functions), (slow, None)]
+            .map(|(speed, functions)| scope.spawn(move || measure_at(board, speed, functions)));
         runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     let row = |(what, unit, fast): &Measured| {
@@ -133,58 +141,52 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
 }
 
 /// One row for a core of one speed: what, in which unit, how much.
-type Measured = (&'static str, &'static str, u64);
+type Measured = (&'static str, String, u64);
 
 /// Runs everything twice, to find the instants and to count at them.
 fn measure_at(
     board: &dyn Fn() -> Builder,
     instructions_per_second: u64,
-    is_traced: bool,
+    functions: Option<Functions>,
 ) -> Vec<Measured> {
+    let is_traced = functions.is_some();
     let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
     let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
     let traced =
         spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
-    let mut bench =
-        Bench::power_on(board(), instructions_per_second, marks.collect()).traced(traced);
+    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect())
+        .traced(traced, functions);
     assert_eq!(run(&mut bench), spans, "the same orders make the same run");
     let read_cycles = bench.read_cycles();
 
     let mut counts = bench.counts().chunks_exact(2).map(|pair| Cost::between(pair[0], pair[1]));
     let mut rows = Vec::new();
+    let mut row = |what: &'static str, unit: &str, value| rows.push((what, unit.to_owned(), value));
     for (what, spans) in &spans {
         let costs: Vec<Cost> = counts.by_ref().take(spans.len()).collect();
         match costs[..] {
-            [Cost { instructions, .. }] => rows.push((*what, "instructions", instructions)),
+            [Cost { instructions, .. }] => row(what, "instructions", instructions),
             _ => {
                 let (median, worst) = median_and_worst(costs.iter().map(|cost| cost.instructions));
-                rows.extend([
-                    (*what, "instructions, median", median),
-                    (*what, "instructions, worst", worst),
-                ]);
-                if is_traced {
-                    // The first of them had an empty cache.
-                    let costs = &costs[costs.len() - TRACED + 1..];
-                    let (reads, _) = median_and_worst(costs.iter().map(|cost| cost.reads));
-                    let cycles =
-                        costs.iter().map(|cost| cost.instructions + cost.reads * read_cycles);
-                    let (cycles, _) = median_and_worst(cycles);
-                    rows.extend([
-                        (*what, "reads of the flash, last", reads),
-                        (*what, "cycles with cache misses, last", cycles),
-                    ]);
+                row(what, "instructions, median", median);
+                row(what, "instructions, worst", worst);
+                if let (true, Some(Cost { instructions, trace })) = (is_traced, costs.last()) {
+                    for ((stage, _), count) in STAGES.iter().zip(trace.stages) {
+                        row(what, &format!("of these {stage}, last"), count);
+                    }
+                    row(what, "reads of the flash, last", trace.reads);
+                    let cycles = instructions + trace.reads * read_cycles;
+                    row(what, "cycles with cache misses, last", cycles);
                 }
                 let (median, worst) = median_and_worst(spans.iter().map(Span::nanos));
-                rows.extend([
-                    (*what, "latency ns, median", median),
-                    (*what, "latency ns, worst", worst),
-                ]);
+                row(what, "latency ns, median", median);
+                row(what, "latency ns, worst", worst);
             }
         }
     }
     let depth = life::stack_used(board(), instructions_per_second);
-    rows.push(("stack, start-up", "bytes", depth.start_up));
-    rows.push(("stack, afterwards", "bytes", depth.life.max(bench.stack_used())));
+    row("stack, start-up", "bytes", depth.start_up);
+    row("stack, afterwards", "bytes", depth.life.max(bench.stack_used()));
     rows
 }
 
@@ -192,14 +194,14 @@ fn measure_at(
 #[derive(Debug, Clone, Copy)]
 struct Cost {
     instructions: u64,
-    /// Reads of the flash; none without a trace.
-    reads: u64,
+    /// Nothing without a trace.
+    trace: Traced,
 }
 
 impl Cost {
     fn between(from: Count, to: Count) -> Self {
-        let reads = to.reads.zip(from.reads).map_or(0, |(to, from)| to - from);
-        Self { instructions: to.instructions - from.instructions, reads }
+        let trace = to.trace.zip(from.trace).map(|(to, from)| to - from).unwrap_or_default();
+        Self { instructions: to.instructions - from.instructions, trace }
     }
 }
 

@@ -67,7 +67,7 @@ impl Names {
 }
 
 /// Both manglings write each part of a path with its length before it.
-fn mangled(path: &str) -> String {
+pub(crate) fn mangled(path: &str) -> String {
     path.split("::").map(|part| format!("{}{part}", part.len())).collect()
 }
 

@@ -10,7 +10,8 @@ use std::time::Duration;
 use host_protocol::{Deframer, Error, Kind, MAX_FRAME, Protocol, Reply, Request};
 use mgw_sim::MotorWiring;
 
-use super::fetches::{self, Fetches};
+use super::fetches::{self, Fetches, Traced};
+use super::stages::Functions;
 use super::{SEED, stack};
 use crate::host_uart::{HostUart, Received};
 use crate::machine::{Builder, CanPort, Line, Machine};
@@ -45,8 +46,8 @@ impl Span {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Count {
     pub(super) instructions: u64,
-    /// Reads of the flash, where there is a trace.
-    pub(super) reads: Option<u64>,
+    /// What a trace says, where there is one.
+    pub(super) trace: Option<Traced>,
 }
 
 /// A request and what came of it.
@@ -84,6 +85,7 @@ pub(super) struct Bench {
     counts: Vec<Count>,
     /// Of these times there is a trace as well, in order.
     traced: VecDeque<Span>,
+    functions: Option<Functions>,
     fetches: Option<Fetches>,
 }
 
@@ -112,13 +114,24 @@ impl Bench {
         machine.run_for(STARTED);
         stack::paint_anew(&mut machine);
         let (host, inbox) = (outside.hosts[0], Inbox::default());
-        let (counts, traced, fetches) = (Vec::new(), VecDeque::new(), None);
-        Self { machine, host, inbox, sequence: 1, marks: marks.into(), counts, traced, fetches }
+        Self {
+            machine,
+            host,
+            inbox,
+            sequence: 1,
+            marks: marks.into(),
+            counts: Vec::new(),
+            traced: VecDeque::new(),
+            functions: None,
+            fetches: None,
+        }
     }
 
-    /// Traces the instructions of these times, which are in order and begin and end with a mark.
-    pub(super) fn traced(mut self, spans: Vec<Span>) -> Self {
+    /// Traces the instructions of these times, which are in order and begin and end with a mark,
+    /// where the functions of the image are known.
+    pub(super) fn traced(mut self, spans: Vec<Span>, functions: Option<Functions>) -> Self {
         self.traced = spans.into();
+        self.functions = functions;
         self
     }
 
@@ -151,11 +164,14 @@ impl Bench {
     }
 
     fn count(&mut self, mark: Duration) {
-        if self.fetches.is_none() && self.traced.front().is_some_and(|span| span.from == mark) {
-            self.fetches = Some(Fetches::begin(&mut self.machine));
+        if self.fetches.is_none()
+            && self.traced.front().is_some_and(|span| span.from == mark)
+            && let Some(functions) = &self.functions
+        {
+            self.fetches = Some(Fetches::begin(&mut self.machine, functions.clone()));
         }
-        let reads = self.fetches.as_mut().map(|fetches| fetches.reads(&mut self.machine));
-        self.counts.push(Count { instructions: self.machine.instructions(), reads });
+        let trace = self.fetches.as_mut().map(|fetches| fetches.look(&mut self.machine));
+        self.counts.push(Count { instructions: self.machine.instructions(), trace });
         if self.traced.pop_front_if(|span| span.to == mark).is_some()
             && let Some(fetches) = self.fetches.take()
         {

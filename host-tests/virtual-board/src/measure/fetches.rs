@@ -1,9 +1,11 @@
-//! How often the flash is read for the instructions that are executed.
+//! A trace of the program counter: how often the flash is read for the instructions that are
+//! executed, and which stage they belong to.
 
-use std::ops::Range;
+use std::ops::{Range, Sub};
 
 use virtual_stm32::fetch::{Cache, Geometry, read_cycles};
 
+use super::stages::{Counts, Functions, Stages};
 use crate::machine::Machine;
 use crate::nodes::instant;
 
@@ -11,25 +13,42 @@ use crate::nodes::instant;
 const BEGIN: &str = "__stext";
 const END: &str = "__etext";
 
+/// What a trace says.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Traced {
+    /// Reads of the flash.
+    pub(super) reads: u64,
+    /// Instructions by stage.
+    pub(super) stages: Counts,
+}
+
+impl Sub for Traced {
+    type Output = Self;
+
+    fn sub(self, before: Self) -> Self {
+        let stages = std::array::from_fn(|stage| self.stages[stage] - before.stages[stage]);
+        Self { reads: self.reads - before.reads, stages }
+    }
+}
+
 /// A board's trace, and the cache that it is fed to.
 pub(super) struct Fetches {
     code: Range<u64>,
     bytes: Vec<u8>,
     cache: Cache,
-    /// Instructions seen.
-    seen: u64,
+    stages: Stages,
 }
 
 impl Fetches {
     /// Traces from now on.
-    pub(super) fn begin(machine: &mut Machine) -> Self {
+    pub(super) fn begin(machine: &mut Machine, functions: Functions) -> Self {
         let code = machine.symbol(BEGIN)..machine.symbol(END);
         let length = usize::try_from(code.end - code.start).expect("less than the flash");
         let bytes = machine.read_memory(code.start, length);
         let cache = Cache::new(Geometry::of(machine.part()));
         machine.take_hits();
         machine.trace(code.clone(), true);
-        Self { code, bytes, cache, seen: 0 }
+        Self { code, bytes, cache, stages: Stages::new(functions) }
     }
 
     /// Traces no longer.
@@ -38,8 +57,8 @@ impl Fetches {
         machine.take_hits();
     }
 
-    /// Reads of the flash so far.
-    pub(super) fn reads(&mut self, machine: &mut Machine) -> u64 {
+    /// What it says so far.
+    pub(super) fn look(&mut self, machine: &mut Machine) -> Traced {
         for hit in machine.take_hits() {
             let Some(at) = hit.address.checked_sub(self.code.start) else { continue };
             let Some(upper) = usize::try_from(at).ok().and_then(|at| self.bytes.get(at + 1)) else {
@@ -48,9 +67,9 @@ impl Fetches {
             // Armv7-M: these five bits begin an instruction of 32 bits.
             let is_long = *upper >= 0b1110_1000;
             self.cache.fetch(hit.address, if is_long { 4 } else { 2 });
-            self.seen += 1;
+            self.stages.executed(hit.address);
         }
-        self.cache.reads()
+        Traced { reads: self.cache.reads(), stages: self.stages.counts() }
     }
 }
 
@@ -71,13 +90,14 @@ mod tests {
     fn every_instruction_is_traced_and_code_that_stays_is_read_once() {
         let mut machine = Machine::builder().power_on();
         machine.run_for(STARTED);
-        let mut fetches = Fetches::begin(&mut machine);
+        let image = std::fs::read(crate::machine::image_path().unwrap()).unwrap();
+        let mut fetches = Fetches::begin(&mut machine, Functions::read(&image).unwrap());
         let before = machine.instructions();
         machine.run_for(Duration::from_millis(30));
-        let reads = fetches.reads(&mut machine);
+        let Traced { reads, stages } = fetches.look(&mut machine);
         let executed = machine.instructions() - before;
         assert!(executed > 1_000, "{executed}");
-        assert_eq!(fetches.seen, executed);
+        assert_eq!(stages.iter().sum::<u64>(), executed);
         assert!(reads > 100 && reads < executed / 10, "{reads} of {executed}");
         // Two wait states at 200 MHz, half of the processor's clock: (2 + 4) * 2.
         assert_eq!(cycles(&mut machine), 12);
