@@ -13,7 +13,7 @@ use crate::retained::Retention;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{DELIMITER, Error, Incident, MAX_FRAME, TripReason};
+use host_protocol::{Error, Incident, MAX_FRAME, TripReason};
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone)]
@@ -268,11 +268,10 @@ impl Gateway {
     ) -> Option<usize> {
         while !self.save_some(store) {}
         let Self { links, axes, now, .. } = self;
-        links.hand_out();
-        let link = links.get_mut(usize::from(link))?;
-        if let Some(length) = link.poll_transmit(out) {
+        if let Some(length) = links.poll_transmit(link, out) {
             return Some(length);
         }
+        let link = links.get_mut(usize::from(link))?;
         // Samples are made when there is room for them, so that they wait nowhere and push nothing
         // out.
         loop {
@@ -369,12 +368,8 @@ impl Gateway {
 
     fn host_bytes(&mut self, now: Instant, link: u8, bytes: &[u8]) {
         for byte in bytes {
-            if *byte == DELIMITER {
-                // A session may begin.
-                self.links.hand_out();
-            }
-            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
-            let incoming = port.receive(now.as_micros(), *byte);
+            let incoming = self.links.receive(link, now.as_micros(), *byte);
+            let Some(port) = self.links.get(usize::from(link)) else { return };
             if port.last_valid() == Some(now.as_micros()) {
                 self.authority.heard(now, link);
                 self.link_lost = false;

@@ -3,17 +3,12 @@
 use core::mem::take;
 use core::ops::{Deref, DerefMut};
 
-use heapless::{Deque, Vec};
-use host_protocol::{Error, Event, Reply};
+use heapless::Vec;
+use host_protocol::{Error, Event, MAX_FRAME, Reply};
 
+use crate::MAX_LINKS;
 use crate::gateway::Gateway;
-use crate::link::{Link, Slot};
-use crate::{MAX_AXES, MAX_LINKS};
-
-/// Entries that can wait.
-const QUEUE: usize = 16;
-/// Events that wait to be handed out: those of an e-stop of all axes, and some more.
-const NEWS: usize = MAX_AXES + 8;
+use crate::link::{Cursor, Incoming, Link, Ring, Slot};
 
 /// Something worth a line in a log.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,11 +42,10 @@ pub enum LogEntry {
 #[derive(Clone)]
 pub(crate) struct Links {
     links: Vec<Link, MAX_LINKS>,
-    /// What happened, µs and what, and is not in the queue of every link yet: the frames that
-    /// follow from it go first.
-    news: Deque<(u64, Event), NEWS>,
-    log: Deque<LogEntry, QUEUE>,
-    dropped: u32,
+    /// What happened.
+    ring: Ring,
+    /// How far the log has been told.
+    told: Cursor,
     /// The link that is in command, as the log knows it.
     holder: Option<u8>,
     /// The links that have had something to send since that was last asked, a bit for each.
@@ -64,50 +58,38 @@ impl Links {
     pub const fn new() -> Self {
         Self {
             links: Vec::new(),
-            news: Deque::new(),
-            log: Deque::new(),
-            dropped: 0,
+            ring: Ring::new(),
+            told: Cursor { entry: 0, event: 0 },
             holder: None,
             changed: 0,
             log_changed: false,
         }
     }
 
-    /// Takes an event that every host is told, and the log: soon, by [`hand_out`](Self::hand_out).
+    /// Takes an event that every host is told, and the log.
     pub fn event(&mut self, now_us: u64, event: &Event) {
-        if self.news.is_full() {
-            self.hand_out();
-        }
-        // It fits: there is room now.
-        let _ = self.news.push_back((now_us, *event));
-        self.changed = u8::MAX;
+        self.ring.push(now_us, LogEntry::Event(*event));
         self.log_changed = true;
-    }
-
-    /// Puts what has happened into the queues of the links and into the log, in its order. Due
-    /// before anything else goes there or is taken from there, and before a host begins a
-    /// session: what was before it is not for that host.
-    pub fn hand_out(&mut self) {
-        while let Some((time_us, event)) = self.news.pop_front() {
-            self.append(LogEntry::Event(event));
-            for link in &mut self.links {
-                link.event(time_us, &event);
-            }
+        for (link, port) in (0u8..).zip(&self.links) {
+            self.changed |= u8::from(port.is_told()).checked_shl(link.into()).unwrap_or(0);
         }
     }
 
-    /// Adds to the log.
+    /// Adds to the log alone.
     pub fn log(&mut self, entry: LogEntry) {
-        self.hand_out();
-        self.append(entry);
+        self.ring.push(0, entry);
+        self.log_changed = true;
     }
 
-    fn append(&mut self, entry: LogEntry) {
-        self.log_changed = true;
-        // What comes after a loss waits until the loss has been told.
-        if self.dropped > 0 || self.log.push_back(entry).is_err() {
-            self.dropped = self.dropped.saturating_add(1);
-        }
+    /// The next byte of a host, see [`Link::receive`].
+    pub fn receive(&mut self, link: u8, now_us: u64, byte: u8) -> Option<Incoming> {
+        let end = self.ring.end();
+        self.links.get_mut(usize::from(link))?.receive(now_us, byte, end)
+    }
+
+    /// The next frame for a host, see [`Link::poll_transmit`].
+    pub fn poll_transmit(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.links.get_mut(usize::from(link))?.poll_transmit(&self.ring, out)
     }
 
     /// Answers a request of a link.
@@ -120,7 +102,7 @@ impl Links {
 
     /// A link may have something to send.
     pub fn touch(&mut self, link: u8) {
-        if self.links.get(usize::from(link)).is_some_and(Link::has_output) {
+        if self.links.get(usize::from(link)).is_some_and(|link| link.has_output(&self.ring)) {
             self.changed |= 1u8.checked_shl(link.into()).unwrap_or(0);
         }
     }
@@ -159,11 +141,14 @@ impl DerefMut for Links {
 impl Gateway {
     /// The next entry of the log, in order. Who takes none loses nothing else.
     pub fn take_log(&mut self) -> Option<LogEntry> {
-        self.links.hand_out();
-        let Links { log, dropped, .. } = &mut self.links;
-        match log.pop_front() {
-            None if *dropped > 0 => Some(LogEntry::Dropped { count: take(dropped) }),
-            entry => entry,
+        let Links { ring, told, .. } = &mut self.links;
+        let (entry, lost, behind_it) = ring.next(*told)?;
+        if lost > 0 {
+            // The loss is told first.
+            told.entry = told.entry.wrapping_add(lost);
+            return Some(LogEntry::Dropped { count: lost });
         }
+        *told = behind_it;
+        Some(entry.what)
     }
 }

@@ -1,23 +1,12 @@
-//! The events of a link that wait to be sent.
+//! How far a host has been told of the events, and what only its own link has to tell.
 
 use core::mem::take;
 
-use heapless::Deque;
+use super::ring::{Cursor, Ring};
 use host_protocol::{Event, FrameError, MAX_FRAME};
-
-/// Events that can wait.
-const QUEUE: usize = 16;
 
 /// Reasons of [`FrameError`], numbered from 1 without gaps.
 const REASONS: usize = FrameError::ALL.len();
-
-#[derive(Clone)]
-struct Waiting {
-    time_us: u64,
-    /// Events lost between the one before and this one.
-    dropped: u32,
-    event: Event,
-}
 
 /// How often something happened that is reported as one event.
 #[derive(Debug, Clone, Copy, Default)]
@@ -36,11 +25,12 @@ impl Tally {
     }
 }
 
-/// The queue, and the faults of the link itself, which are counted instead of queued so that noise
+/// The place in the ring, and the faults of the link itself, which are counted instead of queued so that noise
 /// on the line cannot push out what happened to an axis.
 #[derive(Clone)]
 pub struct Events {
-    queue: Deque<Waiting, QUEUE>,
+    next: Cursor,
+    /// Events lost since the last one sent.
     dropped: u32,
     rejected_frames: [Tally; REASONS],
     dropped_requests: Tally,
@@ -52,7 +42,7 @@ pub struct Events {
 impl Events {
     pub const fn new() -> Self {
         Self {
-            queue: Deque::new(),
+            next: Cursor { entry: 0, event: 0 },
             dropped: 0,
             rejected_frames: [Tally::NONE; REASONS],
             dropped_requests: Tally::NONE,
@@ -61,21 +51,10 @@ impl Events {
         }
     }
 
-    /// A host has said hello: what waited for another one is forgotten. A host of another version
-    /// gets no events.
-    pub fn start_session(&mut self, open: bool) {
-        *self = Self { open, ..Self::new() };
-    }
-
-    pub fn push(&mut self, now_us: u64, event: &Event) {
-        if !self.open {
-            return;
-        }
-        let waiting = Waiting { time_us: now_us, dropped: self.dropped, event: *event };
-        self.dropped = match self.queue.push_back(waiting) {
-            Ok(()) => 0,
-            Err(_) => self.dropped.saturating_add(1),
-        };
+    /// A host has said hello: what happens from now on is for it. A host of another version gets no
+    /// events.
+    pub fn start_session(&mut self, open: bool, next: Cursor) {
+        *self = Self { open, next, ..Self::new() };
     }
 
     /// Bytes between two delimiters were no frame.
@@ -101,43 +80,34 @@ impl Events {
         self.dropped = self.dropped.saturating_add(count);
     }
 
-    /// Writes an event that does not wait in the queue.
-    pub fn send_at_once(
+    pub fn poll_transmit(&mut self, ring: &Ring, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        if !self.open {
+            return None;
+        }
+        if let Some((time_us, event, lost)) = ring.next_event(&mut self.next) {
+            self.count_dropped(lost);
+            return self.write(time_us, event, out);
+        }
+        let (time_us, event) = self.next_tally()?;
+        self.write(time_us, &event, out)
+    }
+
+    /// Writes an event, one of the ring or any other.
+    pub fn write(
         &mut self,
         time_us: u64,
         event: &Event,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
         let dropped = take(&mut self.dropped);
-        self.write(Waiting { time_us, dropped, event: *event }, out)
-    }
-
-    pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        let waiting = self.next()?;
-        self.write(waiting, out)
-    }
-
-    fn write(&mut self, waiting: Waiting, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        let Waiting { time_us, dropped, event } = waiting;
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
         event.encode_frame(sequence, dropped, time_us, out).ok()
     }
 
-    pub fn has_output(&self) -> bool {
+    pub fn has_output(&self, ring: &Ring) -> bool {
         let tallies = self.rejected_frames.iter().chain([&self.dropped_requests]);
-        self.open && (!self.queue.is_empty() || tallies.into_iter().any(|tally| tally.count > 0))
-    }
-
-    fn next(&mut self) -> Option<Waiting> {
-        if !self.open {
-            return None;
-        }
-        if let Some(waiting) = self.queue.pop_front() {
-            return Some(waiting);
-        }
-        let (time_us, event) = self.next_tally()?;
-        Some(Waiting { time_us, dropped: take(&mut self.dropped), event })
+        self.open && (ring.has_event(self.next) || tallies.into_iter().any(|tally| tally.count > 0))
     }
 
     fn next_tally(&mut self) -> Option<(u64, Event)> {

@@ -6,11 +6,13 @@
 
 mod events;
 mod replies;
+mod ring;
 mod subscription;
 #[cfg(test)]
 mod tests;
 
 pub use replies::Slot;
+pub(crate) use ring::{Cursor, Ring};
 
 use events::Events;
 use host_protocol::{
@@ -67,7 +69,9 @@ impl Link {
 
     /// Takes the next byte of the host. What comes out is to be executed; repeated requests are
     /// answered inside, and so is what cannot be executed for want of a slot.
-    pub fn receive(&mut self, now_us: u64, byte: u8) -> Option<Incoming> {
+    ///
+    /// `end`: where what is still to happen comes in the ring.
+    pub(crate) fn receive(&mut self, now_us: u64, byte: u8, end: Cursor) -> Option<Incoming> {
         let frame = match self.deframer.push(byte)? {
             Ok(frame) => frame,
             Err(error) => {
@@ -86,7 +90,7 @@ impl Link {
             && !self.replies.contains(&frame)
         {
             self.replies.clear();
-            self.events.start_session(speaks_our_version(hello));
+            self.events.start_session(speaks_our_version(hello), end);
             self.subscription = None;
         }
         let unanswered = |request| Incoming { request: Ok(request), slot: None };
@@ -115,10 +119,10 @@ impl Link {
         self.replies.store(slot, result);
     }
 
-    /// Takes an event. It is counted as dropped if too many wait; nothing is sent before the host
-    /// has said hello.
-    pub fn event(&mut self, now_us: u64, event: &Event) {
-        self.events.push(now_us, event);
+    /// Whether the host is told of events: it has said hello.
+    #[must_use]
+    pub fn is_told(&self) -> bool {
+        self.events.is_open()
     }
 
     /// Replaces the host's subscription.
@@ -175,13 +179,17 @@ impl Link {
         event: &Event,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
-        self.events.send_at_once(now_us, event, out)
+        self.events.write(now_us, event, out)
     }
 
     /// Writes the next frame for the host to `out` and returns its length: replies first, then
     /// events.
-    pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(out))
+    pub(crate) fn poll_transmit(
+        &mut self,
+        ring: &Ring,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<usize> {
+        self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(ring, out))
     }
 
     /// Writes what can influence the link from now on (see `Gateway::write_state`).
@@ -195,10 +203,10 @@ impl Link {
 
     /// Whether [`poll_transmit`](Self::poll_transmit) has a frame.
     #[must_use]
-    pub fn has_output(&self) -> bool {
+    pub(crate) fn has_output(&self, ring: &Ring) -> bool {
         let sample =
             self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
-        self.replies.has_output() || self.events.has_output() || sample
+        self.replies.has_output() || self.events.has_output(ring) || sample
     }
 }
 

@@ -186,9 +186,12 @@ impl Replies {
                 _ => None,
             })
             .max_by_key(|(waiting, _)| *waiting)?;
-        *out = entry.reply;
+        let length = usize::from(entry.length);
+        if let (Some(to), Some(reply)) = (out.get_mut(..length), entry.reply.get(..length)) {
+            to.copy_from_slice(reply);
+        }
         entry.state = State::Sent;
-        Some(usize::from(entry.length))
+        Some(length)
     }
 
     /// The places of requests that have no result yet.

@@ -10,7 +10,9 @@ use host_protocol::{
     requests::{Arm, Disarm, EStop, Hello, Ping, RawSend, Stop},
 };
 
+use super::ring::RING;
 use super::*;
+use crate::log::LogEntry;
 
 /// Ping with sequence 1; its derivation is in host-tests/vectors/host-protocol.txt.
 const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
@@ -21,15 +23,31 @@ fn bytes(request: impl Into<Request>, sequence: u16) -> Vec<u8> {
     out[..length].to_vec()
 }
 
-fn feed(link: &mut Link, now_us: u64, bytes: &[u8]) -> Option<Incoming> {
+/// A link, and what happens.
+struct Port {
+    link: Link,
+    ring: Ring,
+}
+
+impl Port {
+    fn new() -> Self {
+        Self { link: Link::new(), ring: Ring::new() }
+    }
+
+    fn event(&mut self, now_us: u64, event: &Event) {
+        self.ring.push(now_us, LogEntry::Event(*event));
+    }
+}
+
+fn feed(Port { link, ring }: &mut Port, now_us: u64, bytes: &[u8]) -> Option<Incoming> {
     let mut incoming: Vec<_> =
-        bytes.iter().filter_map(|byte| link.receive(now_us, *byte)).collect();
+        bytes.iter().filter_map(|byte| link.receive(now_us, *byte, ring.end())).collect();
     assert!(incoming.len() <= 1);
     incoming.pop()
 }
 
 /// Feeds a request that is new and returns its slot.
-fn request(link: &mut Link, request: impl Into<Request>, sequence: u16) -> Slot {
+fn request(link: &mut Port, request: impl Into<Request>, sequence: u16) -> Slot {
     let request = request.into();
     let incoming = feed(link, 0, &bytes(request.clone(), sequence)).unwrap();
     assert_eq!(incoming.request, Ok(request));
@@ -41,23 +59,23 @@ fn hello(session: u32) -> Hello {
 }
 
 /// A link whose host has said hello and has read the reply.
-fn greeted() -> Link {
-    let mut link = Link::new();
+fn greeted() -> Port {
+    let mut link = Port::new();
     let slot = request(&mut link, hello(1), 0);
-    link.reply(slot, &Ok(Reply::Stop(Done {})));
+    link.link.reply(slot, &Ok(Reply::Stop(Done {})));
     sent(&mut link).unwrap();
     link
 }
 
-fn sent(link: &mut Link) -> Option<Vec<u8>> {
+fn sent(Port { link, ring }: &mut Port) -> Option<Vec<u8>> {
     let mut out = [0; MAX_FRAME];
-    let had_output = link.has_output();
-    let length = link.poll_transmit(&mut out);
+    let had_output = link.has_output(ring);
+    let length = link.poll_transmit(ring, &mut out);
     assert_eq!(length.is_some(), had_output);
     length.map(|length| out[..length].to_vec())
 }
 
-fn sent_event(link: &mut Link) -> Option<(u16, EventMessage)> {
+fn sent_event(link: &mut Port) -> Option<(u16, EventMessage)> {
     let bytes = sent(link)?;
     let mut deframer = Deframer::new();
     for byte in bytes {
@@ -78,14 +96,14 @@ const RESET: Event = Event::EStopCleared {};
 
 #[test]
 fn a_request_comes_out_and_its_reply_goes_back() {
-    let mut link = Link::new();
-    assert_eq!(link.last_valid(), None);
+    let mut link = Port::new();
+    assert_eq!(link.link.last_valid(), None);
     let incoming = feed(&mut link, 77, &PING).unwrap();
     assert_eq!(incoming.request, Ok(Request::Ping(Ping {})));
-    assert_eq!(link.last_valid(), Some(77));
+    assert_eq!(link.link.last_valid(), Some(77));
     assert_eq!(sent(&mut link), None);
 
-    link.reply(incoming.slot.unwrap(), &pong(5));
+    link.link.reply(incoming.slot.unwrap(), &pong(5));
     // Kind 2, sequence 1, number 2, time 5, CRC-32C CE29F5F4 from an independent computation.
     let reply = [0x00, 0x03, 0x02, 0x01, 0x02, 0x02, 0x06, 0x05, 0xF4, 0xF5, 0x29, 0xCE, 0x00];
     assert_eq!(sent(&mut link).unwrap(), reply);
@@ -94,18 +112,18 @@ fn a_request_comes_out_and_its_reply_goes_back() {
 
 #[test]
 fn a_repeated_request_gets_the_same_bytes_and_is_not_executed() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let slot = request(&mut link, Ping {}, 1);
     assert_eq!(feed(&mut link, 1, &PING), None, "while it is executed");
     assert_eq!(sent(&mut link), None);
-    link.reply(slot, &pong(9));
+    link.link.reply(slot, &pong(9));
     assert_eq!(feed(&mut link, 2, &PING), None, "while its reply waits");
     let first = sent(&mut link).unwrap();
     assert_eq!(sent(&mut link), None, "one reply for all of them");
 
     assert_eq!(feed(&mut link, 3, &PING), None);
     assert_eq!(sent(&mut link).unwrap(), first);
-    assert_eq!(link.last_valid(), Some(3), "it still shows that the host is there");
+    assert_eq!(link.link.last_valid(), Some(3), "it still shows that the host is there");
 }
 
 #[test]
@@ -115,11 +133,11 @@ fn what_stops_is_executed_each_time_and_its_result_repeated() {
         Request::from(EStop {}),
         Request::from(Disarm { axis: 2 }),
     ] {
-        let mut link = Link::new();
+        let mut link = Port::new();
         let slot = request(&mut link, stop.clone(), 1);
         let again = Some(Incoming { request: Ok(stop.clone()), slot: None });
         assert_eq!(feed(&mut link, 1, &bytes(stop.clone(), 1)), again, "while it is executed");
-        link.reply(slot, &pong(9));
+        link.link.reply(slot, &pong(9));
         let first = sent(&mut link).unwrap();
         assert_eq!(feed(&mut link, 2, &bytes(stop, 1)), again);
         assert_eq!(sent(&mut link).unwrap(), first);
@@ -128,7 +146,7 @@ fn what_stops_is_executed_each_time_and_its_result_repeated() {
 
 #[test]
 fn the_same_sequence_with_another_request_is_executed() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     request(&mut link, Arm { axis: 1 }, 5);
     request(&mut link, Arm { axis: 2 }, 5);
     request(&mut link, Disarm { axis: 1 }, 5);
@@ -137,9 +155,9 @@ fn the_same_sequence_with_another_request_is_executed() {
 
 #[test]
 fn errors_are_results_and_are_repeated_too() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let slot = request(&mut link, Arm { axis: 9 }, 3);
-    link.reply(slot, &Err(Error::UnknownAxis { axis: 9, max_axes: 4 }));
+    link.link.reply(slot, &Err(Error::UnknownAxis { axis: 9, max_axes: 4 }));
     let first = sent(&mut link).unwrap();
     assert_eq!(first[2], 3, "the kind of an error");
     assert_eq!(feed(&mut link, 0, &bytes(Arm { axis: 9 }, 3)), None);
@@ -148,7 +166,7 @@ fn errors_are_results_and_are_repeated_too() {
 
 #[test]
 fn what_cannot_be_read_comes_out_as_the_error_it_is() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let mut out = [0; MAX_FRAME];
     let length = host_protocol::encode(Kind::Request, 8, 0x7777, &(), &mut out).unwrap();
     let incoming = feed(&mut link, 0, &out[..length]).unwrap();
@@ -158,10 +176,10 @@ fn what_cannot_be_read_comes_out_as_the_error_it_is() {
 
 #[test]
 fn the_last_eight_requests_are_remembered() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     for sequence in 1..=9 {
         let slot = request(&mut link, Ping {}, sequence);
-        link.reply(slot, &pong(u64::from(sequence)));
+        link.link.reply(slot, &pong(u64::from(sequence)));
         sent(&mut link).unwrap();
     }
     // A repeated request does not make the others older.
@@ -176,10 +194,10 @@ fn the_last_eight_requests_are_remembered() {
 
 #[test]
 fn replies_leave_in_the_order_of_their_results() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let slots: Vec<_> = (1..=3).map(|sequence| request(&mut link, Ping {}, sequence)).collect();
     for index in [2, 0, 1] {
-        link.reply(slots[index], &pong(0));
+        link.link.reply(slots[index], &pong(0));
     }
     for sequence in [3, 1, 2] {
         assert_eq!(sent(&mut link).unwrap()[3], sequence);
@@ -194,7 +212,7 @@ fn a_repeated_request_is_not_executed_even_if_its_reply_had_to_make_room() {
     }
     for sequence in 5..=9 {
         let slot = request(&mut link, Ping {}, sequence);
-        link.reply(slot, &pong(0));
+        link.link.reply(slot, &pong(0));
         sent(&mut link).unwrap();
     }
     // Of the last 8 requests the fifth still has its place: four are owed.
@@ -226,7 +244,7 @@ fn without_a_slot_only_a_stop_is_executed() {
     );
 
     // A reply that waits still holds its slot; one that was handed out does not.
-    link.reply(slots[4], &pong(0));
+    link.link.reply(slots[4], &pong(0));
     assert_eq!(feed(&mut link, 70, &bytes(Ping {}, 9)), None);
     sent(&mut link).unwrap();
     assert!(feed(&mut link, 80, &bytes(Ping {}, 9)).is_some());
@@ -237,34 +255,34 @@ fn a_new_hello_forgets_the_requests_before_it() {
     let mut link = greeted();
     let orphan = request(&mut link, Arm { axis: 1 }, 1);
     let waiting = request(&mut link, Ping {}, 2);
-    link.reply(waiting, &pong(0));
+    link.link.reply(waiting, &pong(0));
 
     let slot = request(&mut link, hello(2), 0);
     assert_eq!(sent(&mut link), None, "the reply of the session before");
-    link.reply(orphan, &pong(0));
+    link.link.reply(orphan, &pong(0));
     assert_eq!(sent(&mut link), None, "a result of the session before");
     let again = request(&mut link, Arm { axis: 1 }, 1);
-    link.reply(orphan, &pong(0));
+    link.link.reply(orphan, &pong(0));
     assert_eq!(sent(&mut link), None, "nor does it take the place of another one");
-    link.reply(again, &pong(0));
-    link.reply(slot, &pong(0));
+    link.link.reply(again, &pong(0));
+    link.link.reply(slot, &pong(0));
     assert!(sent(&mut link).is_some() && sent(&mut link).is_some());
 }
 
 #[test]
 fn a_repeated_hello_begins_nothing_new() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let slot = request(&mut link, hello(1), 0);
     request(&mut link, Ping {}, 1);
     assert_eq!(feed(&mut link, 0, &bytes(hello(1), 0)), None);
-    link.reply(slot, &pong(0));
+    link.link.reply(slot, &pong(0));
     assert!(sent(&mut link).is_some());
     assert_eq!(feed(&mut link, 0, &PING), None, "still remembered");
 }
 
 #[test]
 fn events_wait_for_a_hello_of_our_version() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     link.event(1, &RESET);
     assert_eq!(sent(&mut link), None);
     request(
@@ -286,28 +304,31 @@ fn replies_go_before_events() {
     let mut link = greeted();
     link.event(1, &RESET);
     let slot = request(&mut link, Ping {}, 1);
-    link.reply(slot, &pong(0));
+    link.link.reply(slot, &pong(0));
     assert_eq!(sent(&mut link).unwrap()[2], 2, "a reply");
     assert!(sent_event(&mut link).is_some());
 }
 
 #[test]
-fn events_that_find_no_room_are_counted_in_the_next_that_does() {
+fn events_that_lose_their_places_are_counted_in_the_next() {
     let mut link = greeted();
-    for time in 0..19 {
+    let latest = RING as u64 + 2;
+    for time in 0..=latest {
         link.event(time, &RESET);
+        // The log's own entries are no events.
+        link.ring.push(time, LogEntry::NoRandomNumber);
     }
-    for sequence in 0..16 {
-        let message = EventMessage { dropped: 0, time_us: u64::from(sequence), event: RESET };
+    let first = latest + 1 - RING as u64 / 2;
+    for (sequence, time_us) in (0..).zip(first..=latest) {
+        let dropped = if sequence == 0 { u32::try_from(first).unwrap() } else { 0 };
+        let message = EventMessage { dropped, time_us, event: RESET };
         assert_eq!(sent_event(&mut link), Some((sequence, message)));
     }
     assert_eq!(sent(&mut link), None);
-    link.event(30, &RESET);
-    link.event(31, &RESET);
-    let first = EventMessage { dropped: 3, time_us: 30, event: RESET };
-    let second = EventMessage { dropped: 0, time_us: 31, event: RESET };
-    assert_eq!(sent_event(&mut link), Some((16, first)));
-    assert_eq!(sent_event(&mut link), Some((17, second)));
+    (0..RING).for_each(|_| link.ring.push(90, LogEntry::NoRandomNumber));
+    link.event(91, &RESET);
+    let message = EventMessage { dropped: 0, time_us: 91, event: RESET };
+    assert_eq!(sent_event(&mut link), Some((RING as u16 / 2, message)));
 }
 
 #[test]
@@ -321,7 +342,7 @@ fn frames_that_cannot_be_read_are_reported_once_for_each_reason() {
     let mut too_long = [0x55; 700];
     too_long[699] = 0;
     assert_eq!(feed(&mut link, 40, &too_long), None);
-    assert_eq!(link.last_valid(), Some(0), "none of them shows that the host is there");
+    assert_eq!(link.link.last_valid(), Some(0), "none of them shows that the host is there");
 
     let mut rejected =
         || sent_event(&mut link).map(|(_, message)| (message.time_us, message.event));
@@ -337,12 +358,12 @@ fn our_own_frames_coming_back_stay_unanswered() {
     link.event(1, &RESET);
     let echo = sent(&mut link).unwrap();
     assert_eq!(feed(&mut link, 2, &echo), None);
-    assert_eq!((sent(&mut link), link.last_valid()), (None, Some(0)));
+    assert_eq!((sent(&mut link), link.link.last_valid()), (None, Some(0)));
 }
 
 #[test]
 fn the_longest_messages_pass() {
-    let mut link = Link::new();
+    let mut link = Port::new();
     let frame = RawFrame::Serial(Bytes::from_slice(&[0xAA; 64]).unwrap());
     request(&mut link, RawSend { bus: 0, frame }, 1);
     let frame = RawFrame::Can(CanFrame::extended(0x1FFF_FFFF, &[0xFF; 8]).unwrap());
@@ -369,6 +390,6 @@ fn the_longest_messages_pass() {
             .collect(),
         time_us: u64::MAX,
     };
-    link.reply(slot, &Ok(Reply::Hello(reply)));
+    link.link.reply(slot, &Ok(Reply::Hello(reply)));
     assert!(sent(&mut link).unwrap().len() > 470);
 }

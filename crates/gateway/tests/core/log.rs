@@ -47,14 +47,16 @@ fn the_log_tells_who_commands_and_how_an_axis_fares_in_order() {
 fn a_log_that_nobody_takes_counts_what_it_loses_and_goes_on() {
     let mut rig = bench::rmd_axes(1);
     log(&mut rig);
-    for open in [true, false].into_iter().cycle().take(40) {
+    for open in [true, false].into_iter().cycle().take(50) {
         rig.handle(gateway::Event::EStopInput { open });
     }
     let entries = log(&mut rig);
-    let (last, kept) = entries.split_last().expect("entries");
+    let [LogEntry::Dropped { count }, kept @ .., latest] = &entries[..] else {
+        panic!("the loss comes first: {entries:?}")
+    };
     assert!(!kept.iter().any(|entry| matches!(entry, LogEntry::Dropped { .. })), "{entries:?}");
-    let LogEntry::Dropped { count } = *last else { panic!("the loss comes last: {entries:?}") };
-    assert!(count >= 40 - 16, "{count} lost of 40 and more");
+    assert_eq!(*latest, LogEntry::Event(Event::EStopInputChanged { open: false }));
+    assert!(*count >= 50 - 40, "{count} lost of 50 and more");
     assert_eq!(log(&mut rig), []);
     rig.handle(gateway::Event::EStopInput { open: true });
     assert_eq!(log(&mut rig), [LogEntry::Event(Event::EStopInputChanged { open: true })]);
