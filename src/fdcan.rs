@@ -12,7 +12,9 @@ mod port;
 mod timing;
 
 pub(crate) use can_events::instance;
-pub use can_events::{CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO};
+pub use can_events::{
+    CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO, look, waiting,
+};
 pub use controller::{Controller, ErrorState};
 pub use message_ram::MessageRam;
 pub use port::{CanPort, FdcanPort};

@@ -35,6 +35,8 @@ const DRIVER_ENABLE_BITS: u64 = 4;
 const TRANSMITTER_DEPTH: usize = 16 + 1;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
+/// What ends a frame where lines have delimiters.
+const DELIMITER: u8 = 0;
 /// How often a stream that is to be stopped is looked at: it stops when the byte on its way has
 /// arrived.
 const STREAM_POLLS: usize = 1000;
@@ -79,12 +81,6 @@ impl LineEvents {
     pub fn ask_for_restart(&self) {
         self.restart.store(true, Ordering::Relaxed);
         self.arrived.signal(());
-    }
-
-    /// Waits until bytes have arrived that want to be read: the line is idle, or the byte 0x00 came
-    /// where that is a delimiter, or an error. For one task per line.
-    pub async fn arrived(&self) {
-        self.arrived.wait().await;
     }
 }
 
@@ -209,29 +205,57 @@ pub struct Receiver {
     memory: NonNull<[u8]>,
     make: unsafe fn(NonNull<[u8]>) -> Ring,
     registers: Usart,
+    /// What ends what is to be read.
+    ends: Ends,
+    /// The ring may hold more of what wants to be read.
+    has_more: bool,
+    /// What was read last ends inside a frame.
+    is_inside: bool,
     /// What else happens on the line.
     pub events: &'static LineEvents,
 }
 
+/// What ends the bytes that want to be read together.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Ends {
+    /// The line is idle.
+    Idle,
+    /// [`DELIMITER`]: what comes before it says nothing yet.
+    Delimiter,
+}
+
 impl Receiver {
-    /// Starts a receiver that also looks for each byte 0x00.
+    /// Starts a receiver of frames that end with the byte 0x00.
     pub fn with_delimiters<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer) -> Self {
         // The character to match is the reset value of CR2.ADD, 0x00: the delimiter of the host
         // protocol.
         T::registers().cr1().modify(|w| w.set_cmie(true));
-        Self::new::<T>(driver, memory)
+        Self::start::<T>(driver, memory, Ends::Delimiter)
     }
 
-    /// Starts a receiver.
+    /// Starts a receiver of what comes between two idle times of the line.
     pub fn new<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer) -> Self {
+        T::registers().cr1().modify(|w| w.set_idleie(true));
+        Self::start::<T>(driver, memory, Ends::Idle)
+    }
+
+    fn start<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer, ends: Ends) -> Self {
         // It holds the pin and the clock; both are in use from now on.
         mem::forget(driver);
         let (registers, memory) = (T::registers(), NonNull::from(memory.into_bytes()));
         // Safety: the first ring of this line, and `restart` ends one before it makes the next.
         let ring = unsafe { T::ring(memory) };
-        let mut receiver = Self { ring, memory, make: T::ring, registers, events: T::events() };
+        let mut receiver = Self {
+            ring,
+            memory,
+            make: T::ring,
+            registers,
+            ends,
+            has_more: false,
+            is_inside: false,
+            events: T::events(),
+        };
         receiver.ring.start();
-        registers.cr1().modify(|w| w.set_idleie(true));
         registers.cr3().modify(|w| {
             w.set_eie(true);
             w.set_dmar(true);
@@ -252,12 +276,27 @@ impl Receiver {
     /// Waits for bytes, until those that have come want to be read, and takes as much as fits;
     /// nothing where there was only an error. Bears being dropped.
     pub async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
-        match self.take(bytes) {
-            Ok(0) => {}
-            result => return result,
+        let looks_first = self.ends == Ends::Idle || self.has_more;
+        let mut result = if looks_first { self.take(bytes) } else { Ok(0) };
+        self.has_more = false;
+        if result == Ok(0) {
+            self.wait().await;
+            result = self.take(bytes);
         }
-        self.wait().await;
-        self.take(bytes)
+        if let Ok(length @ 1..) = result {
+            self.has_more = length == bytes.len();
+            self.wake_when_idle(bytes.get(length - 1) != Some(&DELIMITER));
+        }
+        result
+    }
+
+    /// Where frames end with a delimiter, that wakes; behind the begin of one so does an idle line,
+    /// as DMA may be later than the interrupt.
+    fn wake_when_idle(&mut self, is_inside: bool) {
+        if self.ends == Ends::Delimiter && mem::replace(&mut self.is_inside, is_inside) != is_inside
+        {
+            self.registers.cr1().modify(|w| w.set_idleie(is_inside));
+        }
     }
 
     /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is

@@ -7,6 +7,8 @@
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod can_bus;
+#[cfg(target_os = "none")]
 mod crash_report;
 #[cfg(target_os = "none")]
 mod dma_memory;
@@ -69,7 +71,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     }
     // Where there is none, nothing is armed, and the core says so.
     let gateway = SharedGateway::place(description, random::number(), words, is_bare);
-    spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor()));
+    spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::history::history(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));

@@ -1,6 +1,10 @@
-//! The core, shared by the tasks, and the signals that tell each port to look at it again.
+//! The core and the CAN buses, shared by the tasks, and the signals that tell each other port to
+//! look at the core again.
+//!
+//! Whoever gives the core an event hands over the CAN frames that follow from it before anything
+//! else happens: no task stands between a demand and its stop.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
@@ -8,13 +12,14 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use gateway::{
-    Board, BusSetup, Changes, Event, Gateway, Instant, Light, LogEntry, MAX_BUSES, MAX_LINKS,
-    Store, Transmit,
+    Board, BusSetup, Changes, Event, Gateway, Instant, Light, LogEntry, MAX_LINKS, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
 
-use crate::board;
+use crate::board::{self, CAN_BUSES, RS485_BUSES};
+use crate::can_bus::CanBus;
+use crate::fdcan::CanPort;
 use crate::retained::{self, CoreWords};
 use crate::watchdog::Watch;
 
@@ -25,6 +30,9 @@ type Guard = ThreadModeRawMutex;
 /// "The core has changed: poll again."
 type Changed = Signal<Guard, ()>;
 
+/// The number of the first RS485 bus: they come after the CAN buses.
+#[expect(clippy::cast_possible_truncation, reason = "a handful")]
+const FIRST_RS485: u8 = CAN_BUSES as u8;
 /// How long the host links wait for the first stops after a start.
 const FIRST_STOPS: Duration = Duration::from_millis(100);
 /// How often these are looked for.
@@ -33,17 +41,64 @@ const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
 /// The one gateway of the board. What reaches into the core is never inlined: several tasks call
 /// it, and the core's code would be in the image as often.
 pub struct SharedGateway {
-    core: Mutex<Guard, RefCell<Gateway>>,
-    kept: Mutex<Guard, RefCell<CoreWords>>,
-    buses: [Changed; MAX_BUSES],
+    parts: Mutex<Guard, RefCell<Parts>>,
+    /// The RS485 buses, which have tasks of their own.
+    buses: [Changed; RS485_BUSES],
     links: [Changed; MAX_LINKS],
-    /// The next deadline, where it is another one.
-    due: Signal<Guard, Option<embassy_time::Instant>>,
+    /// When the task of the deadlines comes next by itself, and that it must come earlier.
+    tick: Mutex<Guard, Cell<Option<Instant>>>,
+    earlier: Changed,
     log: Changed,
     history: Changed,
     /// This run knows no motor that a run before may have left turning: the enable output stays
     /// inactive.
     is_bare: bool,
+}
+
+/// What one caller at a time reaches.
+struct Parts {
+    core: Gateway,
+    kept: CoreWords,
+    can: [Option<CanBus>; CAN_BUSES],
+    /// The CAN bus that is asked first for its next event.
+    first: usize,
+}
+
+impl Parts {
+    /// Gives the core the memory that outlives a reset, and closes what it writes.
+    fn storing<R>(&mut self, act: impl FnOnce(&mut Gateway, Store<'_>) -> R) -> R {
+        let mut wrote = false;
+        let Self { core, kept, .. } = self;
+        let result = act(core, &mut |index, word| {
+            wrote = true;
+            kept.write(index, word);
+        });
+        if wrote {
+            retained::close();
+        }
+        result
+    }
+
+    /// The next event of a CAN bus, each in turn.
+    fn next_can_event(&mut self) -> Option<Event<'static>> {
+        let Self { core, can, first, .. } = self;
+        let (before, from) = can.split_at_mut(*first);
+        for bus in from.iter_mut().chain(before) {
+            *first = if *first + 1 < CAN_BUSES { *first + 1 } else { 0 };
+            if let Some(event) = bus.as_mut().and_then(|bus| bus.next(core)) {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    /// Hands the CAN controllers the frames of the buses that have changed. Returns whether there
+    /// was one.
+    fn serve_can(&mut self, now: Instant, changes: Changes) -> bool {
+        let Self { core, can, .. } = self;
+        let changed = can.iter_mut().flatten().filter(|bus| changes.has_bus(bus.number()));
+        changed.filter_map(|bus| bus.serve(core, now).then_some(())).count() > 0
+    }
 }
 
 impl SharedGateway {
@@ -59,27 +114,43 @@ impl SharedGateway {
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
-            core: Mutex::new(RefCell::new(Gateway::unequipped(board, random_number))),
-            kept: Mutex::new(RefCell::new(kept)),
-            buses: [const { Signal::new() }; MAX_BUSES],
+            parts: Mutex::new(RefCell::new(Parts {
+                core: Gateway::unequipped(board, random_number),
+                kept,
+                can: [const { None }; CAN_BUSES],
+                first: 0,
+            })),
+            buses: [const { Signal::new() }; RS485_BUSES],
             links: [const { Signal::new() }; MAX_LINKS],
-            due: Signal::new(),
+            tick: Mutex::new(Cell::new(None)),
+            earlier: Signal::new(),
             log: Signal::new(),
             history: Signal::new(),
             is_bare,
         });
-        shared.with(|core, now| {
-            core.equip();
-            shared.kept.lock(|kept| core.restore(now, kept.borrow().as_slice()));
+        shared.with(|parts, now| {
+            parts.core.equip();
+            parts.core.restore(now, parts.kept.as_slice());
         });
         shared
+    }
+
+    /// Adds a CAN bus. Its task starts it.
+    pub fn add_can(&self, bus: u8, port: &'static mut (dyn CanPort + Send)) {
+        self.with(|parts, _| {
+            if let Some(place) = parts.can.get_mut(usize::from(bus)) {
+                *place = Some(CanBus::new(bus, port));
+            }
+        });
     }
 
     /// Waits until every motor that the run before has left configured has been sent a stop; not
     /// for ever.
     pub async fn first_stops_have_left(&self) {
         let end = embassy_time::Instant::now() + FIRST_STOPS;
-        while self.with(|core, _| core.stops_under_way()) && embassy_time::Instant::now() < end {
+        while self.with(|parts, _| parts.core.stops_under_way())
+            && embassy_time::Instant::now() < end
+        {
             Timer::after(FIRST_STOPS_POLL).await;
         }
     }
@@ -89,126 +160,119 @@ impl SharedGateway {
         Instant::from_micros(embassy_time::Instant::now().as_micros())
     }
 
-    fn with<R>(&self, act: impl FnOnce(&mut Gateway, Instant) -> R) -> R {
+    fn with<R>(&self, act: impl FnOnce(&mut Parts, Instant) -> R) -> R {
         // The clock is read under the guard: the core must see times in order.
-        self.core.lock(|core| act(&mut core.borrow_mut(), Self::now()))
+        self.parts.lock(|parts| act(&mut parts.borrow_mut(), Self::now()))
     }
 
-    /// Tells the core what happened, and those for whom it has something to poll it again.
+    /// Tells the core what happened, hands over the CAN frames that follow from it, and tells the
+    /// other ports for which it has something to poll it again.
     ///
-    /// The buses are urgent ([`TaskBudget`](crate::task_budget)) and come next. Who may move and whether
-    /// the e-stop is latched is stored by then; the history follows when the buses have had
-    /// their frames, after many trips in parts, so that the next event does not wait long.
+    /// Who may move and whether the e-stop is latched is stored before a frame follows from it; the
+    /// history follows when nobody is in a hurry, after many trips in parts.
+    #[inline(never)]
     pub fn handle(&self, event: Event<'_>) {
-        let enabled = self.with(|core, now| {
-            let changes = self.storing(|store| core.handle(now, event, store));
-            self.wake(core, changes);
-            core.enable_output()
-        });
-        board::set_enable_output(enabled && !self.is_bare);
+        self.with(|parts, now| self.follow(parts, now, event));
     }
 
-    /// Wakes those who have to poll the core again. Among equals the executor takes first what was
+    fn follow(&self, parts: &mut Parts, now: Instant, event: Event<'_>) {
+        let changes = parts.storing(|core, store| core.handle(now, event, store));
+        self.hand_out(parts, now, changes);
+        board::set_enable_output(parts.core.enable_output() && !self.is_bare);
+    }
+
+    /// Tells the core what a CAN controller has done, one event of one bus. Returns false where
+    /// none has done anything.
+    #[inline(never)]
+    pub fn follow_can(&self) -> bool {
+        self.with(|parts, now| {
+            let event = parts.next_can_event();
+            event.map(|event| self.follow(parts, now, event)).is_some()
+        })
+    }
+
+    /// Looks for error states of the CAN buses that no interrupt has told of.
+    pub fn look_at_can(&self) {
+        self.with(|parts, _| parts.can.iter().flatten().for_each(CanBus::look));
+    }
+
+    /// Serves the CAN buses that have changed, and tells the others. A frame that is handed over
+    /// changes more; a controller has room for a few.
+    fn hand_out(&self, parts: &mut Parts, now: Instant, mut changes: Changes) {
+        let mut has_other_deadline = changes.deadline;
+        while parts.serve_can(now, changes) {
+            self.tell(changes);
+            changes = parts.core.take_changes();
+            has_other_deadline |= changes.deadline;
+        }
+        self.tell(changes);
+        // A tick that comes too early finds nothing to do and costs less than to put it off.
+        if has_other_deadline
+            && let Some(due) = parts.core.next_deadline()
+            && self.tick.lock(Cell::get).is_none_or(|tick| due < tick)
+        {
+            self.earlier.signal(());
+        }
+    }
+
+    /// Tells those who have to poll the core again. Among equals the executor takes first what was
     /// woken last.
-    fn wake(&self, core: &Gateway, changes: Changes) {
+    fn tell(&self, changes: Changes) {
         if changes.log {
             self.log.signal(());
         }
         if changes.history {
             self.history.signal(());
         }
-        if changes.deadline {
-            let due = core.next_deadline();
-            self.due.signal(due.map(|due| embassy_time::Instant::from_micros(due.as_micros())));
-        }
         for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.has_link(*index)) {
             link.signal(());
         }
-        for (_, bus) in (0u8..).zip(&self.buses).filter(|(index, _)| changes.has_bus(*index)) {
+        for (_, bus) in (FIRST_RS485..).zip(&self.buses).filter(|(bus, _)| changes.has_bus(*bus)) {
             bus.signal(());
         }
     }
 
-    /// Gives the core the memory that outlives a reset, and closes what it writes.
-    fn storing<R>(&self, act: impl FnOnce(Store<'_>) -> R) -> R {
-        let mut wrote = false;
-        let result = self.kept.lock(|kept| {
-            let mut kept = kept.borrow_mut();
-            act(&mut |index, word| {
-                wrote = true;
-                kept.write(index, word);
-            })
-        });
-        if wrote {
-            retained::close();
-        }
-        result
-    }
-
     /// Stores a part of what the latest events have left to store. Returns whether that was all.
     #[inline(never)]
-    fn save_some(&self, core: &mut Gateway) -> bool {
-        self.storing(|store| core.save_some(store))
+    fn save_some(&self) -> bool {
+        self.with(|parts, _| parts.storing(|core, store| core.save_some(store)))
     }
 
     /// Stores all of it, and lets others go first between its parts. Before
     /// [`poll_host`](Self::poll_host), which would not.
     pub async fn save(&self) {
-        while !self.with(|core, _| self.save_some(core)) {
+        while !self.save_some() {
             yield_now().await;
         }
     }
 
-    /// The next frame for a bus.
+    /// The next frame for an RS485 bus.
     #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {
-        self.with(|core, now| {
-            let transmit = core.poll_transmit(now, bus);
-            if transmit.is_some() {
-                let changes = core.take_changes();
-                self.wake(core, changes);
-            }
-            transmit
-        })
-    }
-
-    /// The slot of a frame that the controller of a bus should cancel.
-    #[inline(never)]
-    pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
-        self.with(|core, now| {
-            let slot = core.poll_cancel(now, bus);
-            if slot.is_some() {
-                let changes = core.take_changes();
-                self.wake(core, changes);
-            }
-            slot
+        self.with(|parts, now| {
+            let transmit = parts.core.poll_transmit(now, bus)?;
+            let changes = parts.core.take_changes();
+            self.hand_out(parts, now, changes);
+            Some(transmit)
         })
     }
 
     /// The next frame for a host link: its length in `out`.
     #[inline(never)]
     pub fn poll_host(&self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
-        self.with(|core, _| self.storing(|store| core.poll_host(link, out, store)))
+        self.with(|parts, _| parts.storing(|core, store| core.poll_host(link, out, store)))
     }
 
     /// Whether no motor moves and none may.
     #[inline(never)]
     pub fn all_at_rest(&self) -> bool {
-        self.with(|core, _| core.all_at_rest())
+        self.with(|parts, _| parts.core.all_at_rest())
     }
 
     /// How a bus must be running.
     #[inline(never)]
     pub fn bus_setup(&self, bus: u8) -> Option<BusSetup> {
-        self.with(|core, _| core.bus_setup(bus))
-    }
-
-    /// The same, for the task of that bus, which now polls it for everything that has changed.
-    pub fn bus_setup_to_poll(&self, bus: u8) -> Option<BusSetup> {
-        if let Some(changed) = self.buses.get(usize::from(bus)) {
-            changed.reset();
-        }
-        self.bus_setup(bus)
+        self.with(|parts, _| parts.core.bus_setup(bus))
     }
 
     /// Waits until a bus must run otherwise than `current`, for the watched task of that bus.
@@ -230,18 +294,18 @@ impl SharedGateway {
     /// The next entry of the core's log.
     #[inline(never)]
     pub fn take_log(&self) -> Option<LogEntry> {
-        self.with(|core, _| core.take_log())
+        self.with(|parts, _| parts.core.take_log())
     }
 
     /// What the light of the board shows.
     #[inline(never)]
     pub fn light(&self) -> Light {
-        self.with(|core, _| core.light())
+        self.with(|parts, _| parts.core.light())
     }
 
-    /// Waits until the core may have something new for a bus. For one task per bus.
+    /// Waits until the core may have something new for an RS485 bus. For one task per bus.
     pub async fn bus_changed(&self, bus: u8) {
-        self.buses[usize::from(bus)].wait().await;
+        self.buses[usize::from(bus - FIRST_RS485)].wait().await;
     }
 
     /// Waits until the core may have something new for a host link. For one task per link.
@@ -259,8 +323,26 @@ impl SharedGateway {
         self.history.wait().await;
     }
 
-    /// Waits until the core wants to be told of another time: when. For one task.
-    pub async fn due_changed(&self) -> Option<embassy_time::Instant> {
-        self.due.wait().await
+    /// When the next tick is due, and that the task of the deadlines comes then. Not before
+    /// `earliest`.
+    pub fn next_tick(&self, earliest: Instant) -> Option<Instant> {
+        let due = self.with(|parts, _| parts.core.next_deadline()).map(|due| due.max(earliest));
+        self.tick.lock(|tick| tick.set(due));
+        due
+    }
+
+    /// Waits until it must come earlier. For one task.
+    pub async fn earlier_tick(&self) {
+        self.earlier.wait().await;
+    }
+
+    /// Tells the core that time has passed, where something is due.
+    #[inline(never)]
+    pub fn tick(&self) {
+        self.with(|parts, now| {
+            if parts.core.next_deadline().is_some_and(|due| due <= now) {
+                self.follow(parts, now, Event::Tick);
+            }
+        });
     }
 }

@@ -58,11 +58,6 @@ impl TaskBudget {
         .await
     }
 
-    /// Lets tasks of the same urgency go first, within a long round.
-    pub async fn pause(&self) {
-        yield_now().await;
-    }
-
     /// Ends a round behind which the next is ready, as a packet holds several requests: buses and
     /// deadlines go first too, and all tasks when the budget is spent.
     pub async fn spend_one_of_many(&self) {

@@ -1,9 +1,11 @@
 //! The independent watchdog, and the loops that must check in before it is fed.
 //!
 //! It runs from its own oscillator and resets the board 50 ms after it was last fed. It is fed only
-//! when every watched loop has checked in since: so a loop that hangs, one that waits for ever and
-//! one that never gets the processor all end the same way. A debugger does not stop it: where the
-//! core is halted for longer, the board starts again and stops its motors.
+//! when every watched loop has checked in since or waits for its next event: so a loop that hangs,
+//! one that waits for ever for something else and one that never gets the processor all end the
+//! same way. Those that wait are asked one after the other to prove that they can be woken. A
+//! debugger does not stop it: where the core is halted for longer, the board starts again and stops
+//! its motors.
 //!
 //! So that the next run can say which loop failed, retained RAM keeps which task has the processor,
 //! and which were missing.
@@ -11,7 +13,7 @@
 mod check_in;
 mod verdict;
 
-pub use check_in::{TaskId, Watch, missing, pulse};
+pub use check_in::{TASKS, TaskId, Watch, ask, missing};
 pub use verdict::{CHECK_IN_WORDS, forget, note_missing, write_verdict};
 
 use embassy_stm32::pac::iwdg::vals::Key;

@@ -364,18 +364,19 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
 }
 
 impl Ports {
-    /// Starts what stops motors: a task for the e-stop input and one for every bus. Returns what
-    /// comes after that.
+    /// Starts what stops motors: the tasks of the e-stop input and of the buses. Returns what comes
+    /// after that.
     pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
         spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
         spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
         static CAN_0: StaticCell<FdcanPort<FDCAN1, PD0, PD1, Irqs>> = StaticCell::new();
         static CAN_1: StaticCell<FdcanPort<FDCAN2, PB5, PB6, Irqs>> = StaticCell::new();
-        let can: [&'static mut dyn CanPort; CAN_BUSES] =
+        let can: [&'static mut (dyn CanPort + Send); CAN_BUSES] =
             [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
         for (bus, port) in (0..).zip(can) {
-            spawner.spawn(defmt::unwrap!(tasks::can::can(gateway, bus, port)));
+            gateway.add_can(bus, port);
         }
+        spawner.spawn(defmt::unwrap!(tasks::can::can(gateway)));
         let (receiver, sender) = self.rs485;
         spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 2, receiver, sender)));
         self.hosts

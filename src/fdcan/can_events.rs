@@ -6,9 +6,8 @@
 //! the controller's interrupts are routed to its second line, which the driver leaves free.
 
 use core::marker::PhantomData;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use embassy_futures::select::{Either3, select3};
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::pac::can::Fdcan;
@@ -24,7 +23,7 @@ use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
 /// Events waiting for the task: 1.5 ms of the shortest frames at 1 Mbit/s (47 bits each).
 const DEPTH: usize = 32;
-/// Places that received frames leave free, so that the report of a transmitted frame is never lost.
+/// Places that received frames leave free, so that a report of a sent frame is never lost.
 const RESERVED: usize = 4;
 const _: () = assert!(TRANSMIT_SLOTS < RESERVED);
 
@@ -35,28 +34,36 @@ pub const OTHER_FIFO: usize = 1;
 /// More entries than either FIFO holds; a bound for loops.
 const MORE_THAN_A_FIFO: usize = 8;
 
-/// Something the controller did.
+/// Something that a controller did with a frame.
 #[derive(Clone, Copy)]
 pub enum CanEvent {
-    /// The frame with this marker was transmitted: another node has acknowledged it.
+    /// The frame sent with this marker was acknowledged by another node.
     Transmitted(u8),
-    /// The frame of this slot was cancelled: it has not been transmitted and will not be.
+    /// The frame of this slot was cancelled: it has not been sent and will not be.
     Cancelled(u8),
-    /// The controller has dealt with a request to cancel a frame.
-    CancellationFinished,
     /// A frame arrived.
     Received(CanFrame),
-    /// The error state may have changed.
-    ErrorState,
+}
+
+/// "One of the controllers has an event."
+static WAITING: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Waits until one of the controllers may have an event. For one task.
+pub async fn waiting() {
+    WAITING.wait().await;
+}
+
+/// Has the task of [`waiting`] look.
+pub fn look() {
+    WAITING.signal(());
 }
 
 /// The events of one controller.
 pub struct CanEvents {
     queue: Channel<CriticalSectionRawMutex, CanEvent, DEPTH>,
-    /// [`CanEvent::CancellationFinished`] and [`CanEvent::ErrorState`]: however often they come, they
-    /// take no place from a frame.
-    cancellation_finished: Signal<CriticalSectionRawMutex, ()>,
-    error_state: Signal<CriticalSectionRawMutex, ()>,
+    /// Set however often they come: they take no place from a frame.
+    cancellation_finished: AtomicBool,
+    error_state: AtomicBool,
     /// Received frames lost since the last look, in the controller or here.
     lost: AtomicU32,
 }
@@ -66,8 +73,8 @@ impl CanEvents {
     pub const fn new() -> Self {
         Self {
             queue: Channel::new(),
-            cancellation_finished: Signal::new(),
-            error_state: Signal::new(),
+            cancellation_finished: AtomicBool::new(false),
+            error_state: AtomicBool::new(false),
             lost: AtomicU32::new(0),
         }
     }
@@ -75,30 +82,33 @@ impl CanEvents {
     /// Forgets everything.
     pub fn clear(&self) {
         self.queue.clear();
-        self.cancellation_finished.reset();
-        self.error_state.reset();
+        self.cancellation_finished.store(false, Ordering::Relaxed);
+        self.error_state.store(false, Ordering::Relaxed);
         self.lost.store(0, Ordering::Relaxed);
     }
 
-    /// Waits for the next event. A cancelled frame comes first: it makes room for a stop.
-    pub async fn next(&self) -> CanEvent {
-        match select3(
-            self.cancellation_finished.wait(),
-            self.queue.receive(),
-            self.error_state.wait(),
-        )
-        .await
-        {
-            Either3::First(()) => CanEvent::CancellationFinished,
-            Either3::Second(event) => event,
-            Either3::Third(()) => CanEvent::ErrorState,
-        }
+    /// The next event.
+    pub fn take(&self) -> Option<CanEvent> {
+        self.queue.try_receive().ok()
+    }
+
+    /// Whether the controller has dealt with a request to cancel a frame since the last call.
+    pub fn take_cancellation_finished(&self) -> bool {
+        take(&self.cancellation_finished)
+    }
+
+    /// Whether the error state may have changed since the last call.
+    pub fn take_error_state(&self) -> bool {
+        take(&self.error_state)
     }
 
     /// How many frames were lost since the last call, at least: the controller says that it lost
     /// frames, not how many.
     pub fn take_lost(&self) -> u32 {
-        self.lost.swap(0, Ordering::Relaxed)
+        match self.lost.load(Ordering::Relaxed) {
+            0 => 0,
+            _ => self.lost.swap(0, Ordering::Relaxed),
+        }
     }
 
     fn count_lost(&self) {
@@ -114,18 +124,30 @@ impl CanEvents {
         }
     }
 
-    /// Adds an event of the controller itself.
+    /// Adds an event.
     pub(super) fn report(&self, event: CanEvent) {
-        match event {
-            CanEvent::CancellationFinished => self.cancellation_finished.signal(()),
-            CanEvent::ErrorState => self.error_state.signal(()),
-            // Received frames leave room for the outcome of ours: as many as there are slots, and
-            // one that waits.
-            _ => {
-                let _ = self.queue.try_send(event);
-            }
-        }
+        // Received frames leave room for what becomes of ours: as many as there are slots, and one
+        // that waits.
+        let _ = self.queue.try_send(event);
+        look();
     }
+
+    /// A request to cancel a frame has been dealt with.
+    pub(super) fn report_cancellation(&self) {
+        self.cancellation_finished.store(true, Ordering::Relaxed);
+        look();
+    }
+
+    /// The error state may have changed.
+    pub fn report_error_state(&self) {
+        self.error_state.store(true, Ordering::Relaxed);
+        look();
+    }
+}
+
+/// Takes a flag that an interrupt sets.
+fn take(flag: &AtomicBool) -> bool {
+    flag.load(Ordering::Relaxed) && flag.swap(false, Ordering::Relaxed)
 }
 
 /// A controller of the chip whose events are kept.
@@ -176,7 +198,7 @@ pub(crate) use instance;
 pub fn route_interrupts<T: Instance>() {
     T::route_to_second_line();
     let controller = T::registers();
-    // Every place tells when its frame is cancelled.
+    // Every place tells when it has given its frame back.
     controller.txbcie().write_value(Txbcie((1 << TRANSMIT_PLACES) - 1));
     controller.ie().write(|w| {
         w.set_rfle(FIFO, true);
@@ -187,7 +209,7 @@ pub fn route_interrupts<T: Instance>() {
     });
 }
 
-/// Disables the interrupts that the driver's start added: the event FIFO reports transmitted frames.
+/// Takes back what the driver's start added and nobody reads: the event FIFO reports sent frames.
 pub fn drop_needless_interrupts(controller: Fdcan) {
     controller.ie().modify(|w| {
         w.set_rfne(OTHER_FIFO, false);
@@ -216,10 +238,10 @@ impl<T: Instance> Handler<T::IT1Interrupt> for InterruptHandler<T> {
         take_transmitted::<T>();
         take_received::<T>();
         if flags.tcf() {
-            events.report(CanEvent::CancellationFinished);
+            events.report_cancellation();
         }
         if flags.bo() || flags.ep() || flags.ew() {
-            events.report(CanEvent::ErrorState);
+            events.report_error_state();
         }
     }
 }

@@ -3,19 +3,14 @@
 use embassy_stm32::can::Can;
 use embassy_stm32::pac;
 use embassy_stm32::pac::can::Fdcan;
-use embassy_time::{Duration, Instant, Timer};
 use embedded_can::Id;
 use gateway::port::TRANSMIT_SLOTS;
 use host_protocol::{BusState, CanFrame};
 
 use super::can_events::{CanEvent, CanEvents, Instance};
 use super::element;
-use super::message_ram::{MessageRam, TRANSMIT_PLACES};
+use super::message_ram::MessageRam;
 
-/// How long the controller may take to cancel a frame.
-const CANCELLATION_DEADLINE: Duration = Duration::from_millis(1);
-/// How often that is looked at.
-const CANCELLATION_POLL: Duration = Duration::from_micros(20);
 /// How often a bit is read that the controller sets within a few of its clocks; a bound, not a
 /// measure of time.
 const REGISTER_POLLS: usize = 1000;
@@ -37,14 +32,14 @@ struct Held {
     id: Id,
     /// Its place in the transmit queue.
     place: usize,
-    /// Its cancellation is requested; not yet known whether it is transmitted or cancelled.
+    /// Its cancellation was asked for, and its fate is not known yet.
     cancel_requested: bool,
-    /// Its outcome, where another frame has taken its place since: the registers are about that
-    /// one now.
+    /// What has become of it, where another frame has taken its place since: the registers speak
+    /// of that one now.
     fate: Option<Fate>,
 }
 
-/// The outcome of a frame in the controller.
+/// What becomes of a frame in the controller.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fate {
     Transmitted,
@@ -66,20 +61,21 @@ impl Held {
 }
 
 /// A controller on its bus. Off the bus again when dropped.
-pub struct Controller<'d> {
+pub struct Controller {
     registers: Fdcan,
     message_ram: MessageRam,
-    events: &'static CanEvents,
+    /// What its interrupt has reported.
+    pub events: &'static CanEvents,
     /// Holds the clock and the pins.
-    _driver: Can<'d>,
+    _driver: Can<'static>,
     /// The frames in the controller, by slot.
     held: [Option<Held>; TRANSMIT_SLOTS],
     /// A frame that may not join them yet.
     waiting: Option<(u8, CanFrame)>,
 }
 
-impl<'d> Controller<'d> {
-    pub(super) fn new<T: Instance>(driver: Can<'d>) -> Self {
+impl Controller {
+    pub(super) fn new<T: Instance>(driver: Can<'static>) -> Self {
         Self {
             registers: T::registers(),
             message_ram: T::message_ram(),
@@ -90,23 +86,23 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Waits for the next event; the slot of a frame that was transmitted or cancelled is free again
-    /// when it has returned.
-    pub async fn next(&mut self) -> CanEvent {
+    /// The next event; the slot of a frame that was sent or cancelled is free again then. A
+    /// cancelled frame makes room for a stop: it comes first.
+    pub fn next(&mut self) -> Option<CanEvent> {
+        if self.events.take_cancellation_finished()
+            && let Some(slot) = self.take_cancelled()
+        {
+            return Some(CanEvent::Cancelled(slot));
+        }
         loop {
-            let event = self.events.next().await;
-            match event {
-                CanEvent::Transmitted(slot) if !self.release(slot) => continue,
-                CanEvent::CancellationFinished => match self.take_cancelled() {
-                    Some(slot) => return CanEvent::Cancelled(slot),
-                    None => continue,
-                },
-                event => return event,
+            match self.events.take()? {
+                CanEvent::Transmitted(slot) if !self.release(slot) => {}
+                event => return Some(event),
             }
         }
     }
 
-    /// Requests that a frame is cancelled. It is reported as transmitted or as cancelled.
+    /// Asks for the cancellation of a frame. It is reported as sent or as cancelled.
     pub fn cancel(&mut self, slot: u8) {
         if self.waiting.take_if(|(waiting, _)| *waiting == slot).is_some() {
             self.events.report(CanEvent::Cancelled(slot));
@@ -119,8 +115,8 @@ impl<'d> Controller<'d> {
         }
     }
 
-    /// Frees the slot of a cancelled frame, and returns it; one that was transmitted all the same is
-    /// reported as such.
+    /// Frees the slot of a frame that was cancelled before it was sent; one that was sent all the
+    /// same is reported as such.
     fn take_cancelled(&mut self) -> Option<u8> {
         let registers = self.registers;
         let is_cancelled = |held: &Held| held.fate(registers) == Some(Fate::Cancelled);
@@ -129,14 +125,9 @@ impl<'d> Controller<'d> {
             .find(|(_, held)| held.as_ref().is_some_and(is_cancelled))?;
         *held = None;
         // Another one may be cancelled too.
-        self.events.report(CanEvent::CancellationFinished);
+        self.events.report_cancellation();
         self.send_waiting();
         Some(slot)
-    }
-
-    /// How many received frames were lost since the last call.
-    pub fn take_lost(&self) -> u32 {
-        self.events.take_lost()
     }
 
     /// Whether a frame can be taken over.
@@ -170,9 +161,9 @@ impl<'d> Controller<'d> {
         self.registers.txbar().write(|w| w.set_ar(place, true));
     }
 
-    /// Notes the outcome of the frame that was in a place: the request of the next one there clears
-    /// what TXBCF and TXBTO say of it. So a stop need not wait until the task has read it. False if
-    /// neither says anything yet.
+    /// Notes what has become of the frame that was in a place: the request of the next one there
+    /// clears what TXBCF and TXBTO say of it. A stop need not wait until the task has come to
+    /// it. False if neither says anything yet.
     fn note_fate(&mut self, place: usize) -> bool {
         let registers = self.registers;
         self.held.iter_mut().flatten().filter(|held| held.place == place).all(|held| {
@@ -181,28 +172,18 @@ impl<'d> Controller<'d> {
         })
     }
 
-    /// Frees the slot of a transmitted frame; false if it held none, as after a cancellation.
+    /// Frees the slot of a sent frame; false if it held none.
     fn release(&mut self, slot: u8) -> bool {
         let held = self.held.get_mut(usize::from(slot)).and_then(Option::take).is_some();
         self.send_waiting();
         held
     }
 
-    /// Cancels every frame that has not been transmitted. Afterwards none is reported as transmitted.
-    pub async fn cancel_all(&mut self) {
+    /// Drops every frame that a stopped controller has not sent. None is reported as sent any more.
+    pub fn drop_all(&mut self) {
         self.waiting = None;
         self.held = [None; TRANSMIT_SLOTS];
-        self.registers
-            .txbcr()
-            .write(|w| (0..TRANSMIT_PLACES).for_each(|place| w.set_cr(place, true)));
-        let deadline = Instant::now() + CANCELLATION_DEADLINE;
-        while self.registers.txbrp().read().0 != 0 && Instant::now() < deadline {
-            Timer::after(CANCELLATION_POLL).await;
-        }
-        if self.registers.txbrp().read().0 != 0 {
-            defmt::debug!("the CAN controller kept frames; they are wiped");
-            self.wipe();
-        }
+        self.wipe();
     }
 
     /// Takes the controller off the bus.
@@ -260,7 +241,7 @@ impl<'d> Controller<'d> {
     }
 }
 
-impl Drop for Controller<'_> {
+impl Drop for Controller {
     fn drop(&mut self) {
         // Two controllers share one clock gate: with the other one running this one would go on.
         self.registers.ie().write_value(pac::can::regs::Ie(0));

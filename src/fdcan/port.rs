@@ -21,7 +21,11 @@ const ACCEPT_ALL: GlobalFilter = GlobalFilter {
 /// One CAN bus of a board, whichever controller and pins it has.
 pub trait CanPort {
     /// Sets the controller up from nothing and starts it.
-    fn start(&mut self, timing: &Timing) -> Controller<'_>;
+    ///
+    /// # Safety
+    ///
+    /// What the start before has returned is dropped.
+    unsafe fn start(&mut self, timing: &Timing) -> Controller;
 }
 
 /// A controller of the chip and its pins.
@@ -47,13 +51,16 @@ where
         + Binding<<T as can::Instance>::IT1Interrupt, IT1InterruptHandler<T>>
         + Binding<<T as can::Instance>::IT1Interrupt, InterruptHandler<T>>,
 {
-    fn start(&mut self, timing: &Timing) -> Controller<'_> {
-        let mut setup = CanConfigurator::new(
-            self.controller.reborrow(),
-            self.rx.reborrow(),
-            self.tx.reborrow(),
-            self.irqs,
-        );
+    unsafe fn start(&mut self, timing: &Timing) -> Controller {
+        // Safety: nobody else uses them, the caller says.
+        let (controller, rx, tx) = unsafe {
+            (
+                self.controller.clone_unchecked(),
+                self.rx.clone_unchecked(),
+                self.tx.clone_unchecked(),
+            )
+        };
+        let mut setup = CanConfigurator::new(controller, rx, tx, self.irqs);
         setup.set_config(
             setup
                 .config()

@@ -1,8 +1,10 @@
 //! Wakes the core when its next deadline is due.
 
+use core::future::pending;
+
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, Timer};
-use gateway::Event;
+use embassy_time::{Instant, Timer};
+use gateway::Duration;
 
 use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
@@ -17,28 +19,21 @@ const LEAST_PAUSE: Duration = Duration::from_micros(20);
 pub async fn tick(gateway: &'static SharedGateway) -> ! {
     let watch = Watch::new(TaskId::TICKS);
     let budget = TaskBudget::new(Urgency::Deadline).await;
-    let mut due = None;
+    let mut earliest = SharedGateway::now();
     loop {
-        match budget.wait(watch.wait(due_or_changed(gateway, due))).await {
-            Some(Either::First(())) => {
-                due = None;
-                gateway.handle(Event::Tick);
-                budget.spend().await;
-                Timer::after(LEAST_PAUSE).await;
-            }
-            Some(Either::Second(changed)) => due = changed,
-            None => {}
+        let due = gateway.next_tick(earliest);
+        let due_or_earlier = select(until(due), gateway.earlier_tick());
+        if let Some(Either::First(())) = budget.wait(watch.wait(due_or_earlier)).await {
+            gateway.tick();
+            earliest = SharedGateway::now() + LEAST_PAUSE;
         }
     }
 }
 
-/// Until the deadline, or until there is another one.
-async fn due_or_changed(
-    gateway: &SharedGateway,
-    due: Option<Instant>,
-) -> Either<(), Option<Instant>> {
+/// Until a time of the gateway.
+async fn until(due: Option<gateway::Instant>) {
     match due {
-        Some(due) => select(Timer::at(due), gateway.due_changed()).await,
-        None => Either::Second(gateway.due_changed().await),
+        Some(due) => Timer::at(Instant::from_micros(due.as_micros())).await,
+        None => pending().await,
     }
 }

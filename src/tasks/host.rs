@@ -1,6 +1,5 @@
 //! One host link on a UART: bytes in, frames out.
 
-use embassy_time::{Duration, with_timeout};
 use gateway::Event;
 use host_protocol::MAX_FRAME;
 
@@ -12,9 +11,6 @@ use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once.
 const CHUNK: usize = 128;
-/// Longest wait for the end of a frame before what has come is taken: 92 bytes at 921600 baud, less
-/// than a ring holds.
-const REST: Duration = Duration::from_millis(1);
 
 /// Line errors without a byte after which a ring counts as stuck.
 const SILENT_ERRORS: u32 = 16;
@@ -29,6 +25,7 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
     let mut chunk = [0; CHUNK];
     let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
     let (mut heard, mut silent_errors) = (0, 0);
+    let mut is_between_frames = false;
     loop {
         let new_errors = line.events.take_errors();
         if let Some(so_far) = errors.add(new_errors) {
@@ -45,15 +42,14 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             Some(Ok(0)) | None => {}
             Some(Ok(length)) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
-                gateway.handle(Event::HostBytes { link, bytes });
+                // Every frame begins with a delimiter too: alone it says nothing.
+                if !is_between_frames || bytes.iter().any(|byte| *byte != DELIMITER) {
+                    is_between_frames = bytes.last() == Some(&DELIMITER);
+                    gateway.handle(Event::HostBytes { link, bytes });
+                }
                 // On a busy line there is always another byte: the others must have the processor
                 // in between.
                 budget.spend().await;
-                // The rest of a frame is taken with its end, not a byte at a time; behind a full
-                // chunk there is more already.
-                if length < CHUNK {
-                    let _ = budget.wait(with_timeout(REST, line.events.arrived())).await;
-                }
             }
             Some(Err(Overflow)) => {
                 if let Some(so_far) = overflows.add(1) {
@@ -61,6 +57,7 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 }
                 // What follows is the rest of some frame: this ends what had come of one.
                 gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
+                is_between_frames = true;
                 budget.spend().await;
             }
         }

@@ -1,21 +1,27 @@
-//! Feeds the watchdog while every watched loop checks in.
+//! Feeds the watchdog while every watched loop checks in or waits.
 
 use embassy_time::{Duration, Instant, Ticker};
 
+use crate::shared_gateway::SharedGateway;
+use crate::watchdog::TaskId;
 use crate::{starts, watchdog};
 
-/// How often every loop has to check in, and the watchdog is fed.
+/// How often each loop that does not wait has to check in, and the watchdog is fed.
 const PERIOD: Duration = Duration::from_millis(10);
+/// Of those that wait, so many are asked in a period to prove that they can be woken.
+const ASKED_AT_ONCE: usize = 2;
 /// Periods without a feed after which those who are missing are noted: no longer a late one, and
 /// before the watchdog strikes.
 const NOTED_AFTER: u32 = 3;
 
 /// For ever. It needs no low priority: where it runs and others do not, these are missing.
 #[embassy_executor::task]
-pub async fn supervisor() -> ! {
+pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
     let mut ticker = Ticker::every(PERIOD);
     let mut late = 0;
     let mut lasts = false;
+    // All in less than a tenth of a second.
+    let mut tasks = TaskId::all().cycle();
     loop {
         match watchdog::missing() {
             0 => {
@@ -24,6 +30,9 @@ pub async fn supervisor() -> ! {
                     watchdog::note_missing(0);
                 }
                 late = 0;
+                let watched =
+                    tasks.by_ref().take(watchdog::TASKS).filter(|task| watchdog::ask(*task));
+                watched.take(ASKED_AT_ONCE).for_each(drop);
             }
             missing => {
                 late += 1;
@@ -32,11 +41,13 @@ pub async fn supervisor() -> ! {
                 }
             }
         }
+        // Nothing else may tell of these: the level of the contact, and how a bus is.
+        watchdog::ask(TaskId::E_STOP);
+        gateway.look_at_can();
         if !lasts && Instant::now() >= Instant::MIN + starts::LASTED {
             lasts = true;
             starts::lasted();
         }
-        watchdog::pulse().await;
         ticker.next().await;
     }
 }

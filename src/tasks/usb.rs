@@ -45,7 +45,7 @@ async fn usb_sender(gateway: &'static SharedGateway, link: u8, sender: Sender) {
     join(send(gateway, link, sender), check_in(TaskId::link_sender(link))).await;
 }
 
-/// For ever: checks in for a task whose other work may wait for ever for a host.
+/// For ever: says that the task comes round. What it carries may wait for ever for a host.
 async fn check_in(task: TaskId) -> ! {
     let watch = Watch::new(task);
     loop {

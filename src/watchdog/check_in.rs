@@ -1,17 +1,22 @@
-//! Which loops are watched, and which of them have checked in since the watchdog was last fed.
+//! Who is watched, and who has checked in since the watchdog was last fed.
+//!
+//! A loop that waits for its next event, and for nothing else, need not check in. Once it is woken
+//! it has to, or to wait again, before the next feed; and each is woken now and then to prove that
+//! it can be.
 
 use core::fmt;
+use core::future::poll_fn;
+use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::Poll;
 
-use embassy_futures::select::{Either, select};
-use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use gateway::{MAX_BUSES, MAX_LINKS};
 
 use super::verdict;
 
-/// A loop that must check in: a bit of the masks here.
+/// A loop that is watched: a bit of the masks here.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct TaskId(u8);
 
@@ -19,15 +24,15 @@ pub struct TaskId(u8);
 const BUSES: u8 = byte(MAX_BUSES);
 const LINKS: u8 = byte(MAX_LINKS);
 
-/// The loops per bus and per host link, then the others.
+/// The loops per RS485 bus and per host link, then the others.
 const BUS: u8 = 0;
 const BUS_RECEIVER: u8 = BUS + BUSES;
 const LINK_RECEIVER: u8 = BUS_RECEIVER + BUSES;
 const LINK_SENDER: u8 = LINK_RECEIVER + LINKS;
 const OTHERS: u8 = LINK_SENDER + LINKS;
-/// Number of loops.
-const ALL: u8 = OTHERS + 5;
-/// The same, for arrays.
+/// How many there are.
+const ALL: u8 = OTHERS + 6;
+/// The same.
 pub const TASKS: usize = ALL as usize;
 const _: () = assert!(TASKS <= u32::BITS as usize);
 
@@ -38,18 +43,20 @@ const fn byte(count: usize) -> u8 {
 }
 
 impl TaskId {
-    /// Ticks.
+    /// What ticks.
     pub const TICKS: Self = Self(OTHERS + 4);
+    /// What serves the CAN buses.
+    pub const CAN: Self = Self(OTHERS + 5);
     /// What stores the history.
     pub const HISTORY: Self = Self(OTHERS);
-    /// Watches the e-stop input.
+    /// What watches the e-stop input.
     pub const E_STOP: Self = Self(OTHERS + 1);
-    /// Serves USB.
+    /// What serves USB.
     pub const USB: Self = Self(OTHERS + 2);
     /// The light.
     pub const LIGHT: Self = Self(OTHERS + 3);
 
-    /// A CAN bus, or the sending half of an RS485 bus.
+    /// The sending half of an RS485 bus.
     pub const fn bus(bus: u8) -> Self {
         assert!(bus < BUSES);
         Self(BUS + bus)
@@ -74,7 +81,7 @@ impl TaskId {
     }
 
     /// All there can be.
-    pub fn all() -> impl Iterator<Item = Self> {
+    pub fn all() -> impl Iterator<Item = Self> + Clone {
         (0..ALL).map(Self)
     }
 
@@ -100,6 +107,7 @@ impl fmt::Display for TaskId {
             _ => f.write_str(match *self {
                 Self::HISTORY => "history",
                 Self::TICKS => "ticks",
+                Self::CAN => "CAN buses",
                 Self::E_STOP => "e-stop input",
                 Self::USB => "USB",
                 _ => "light",
@@ -108,67 +116,83 @@ impl fmt::Display for TaskId {
     }
 }
 
-/// The loops that are watched, as a mask.
+/// Who is watched.
 static WATCHED: AtomicU32 = AtomicU32::new(0);
-/// Those that have checked in since none was missing, as a mask.
+/// Who must check in before the watchdog is fed: all that are watched and do not wait.
+static BUSY: AtomicU32 = AtomicU32::new(0);
+/// Who has checked in since the watchdog was last fed.
 static CHECKED_IN: AtomicU32 = AtomicU32::new(0);
-/// Has a loop check in.
-static PULSES: [Signal<ThreadModeRawMutex, ()>; TASKS] = [const { Signal::new() }; TASKS];
+/// "Prove that you can be woken."
+static ASKED: [Signal<ThreadModeRawMutex, ()>; TASKS] = [const { Signal::new() }; TASKS];
 
-/// A loop is watched as long as this exists.
+/// Changes a mask. Tasks alone come here, so nothing comes between load and store.
+fn change(mask: &AtomicU32, by: impl FnOnce(u32) -> u32) {
+    mask.store(by(mask.load(Ordering::Relaxed)), Ordering::Relaxed);
+}
+
+/// A loop that is watched as long as this lives.
 pub struct Watch(TaskId);
 
 impl Watch {
-    /// Watches a loop from now on; once for each.
+    /// From now on. For one loop each.
     pub fn new(task: TaskId) -> Self {
-        // Tasks alone come here, so nothing comes between load and store.
-        WATCHED.store(WATCHED.load(Ordering::Relaxed) | task.bit(), Ordering::Relaxed);
+        change(&WATCHED, |watched| watched | task.bit());
+        change(&BUSY, |busy| busy | task.bit());
+        verdict::note_task(task);
         Self(task)
     }
 
-    /// Checks in, then waits for `work`, at most until the next pulse, which returns `None`. `work`
-    /// may be dropped at any time.
-    pub async fn wait<F: Future>(&self, work: F) -> Option<F::Output> {
+    /// Waits for the event that a round begins with; it may be dropped at any time. Returns `None`
+    /// where the loop has been [asked](ask) to prove that it can be woken.
+    pub async fn wait<F: Future>(&self, event: F) -> Option<F::Output> {
+        let mut event = pin!(event);
+        let mut asked = pin!(ASKED[self.0.index()].wait());
+        let result = poll_fn(|context| {
+            if let Poll::Ready(result) = event.as_mut().poll(context) {
+                return Poll::Ready(Some(result));
+            }
+            let asked = asked.as_mut().poll(context).map(|()| None);
+            if asked.is_pending() {
+                change(&BUSY, |busy| busy & !self.0.bit());
+            }
+            asked
+        })
+        .await;
+        change(&BUSY, |busy| busy | self.0.bit());
         self.check_in();
-        match select(work, PULSES[self.0.index()].wait()).await {
-            Either::First(result) => Some(result),
-            Either::Second(()) => None,
-        }
+        result
     }
 
-    /// Checks in.
+    /// Says that the loop comes round.
     pub fn check_in(&self) {
-        let (checked_in, task) = (CHECKED_IN.load(Ordering::Relaxed), self.0);
-        if checked_in & task.bit() == 0 {
-            CHECKED_IN.store(checked_in | task.bit(), Ordering::Relaxed);
-            verdict::note_task(task);
-        }
+        change(&CHECKED_IN, |checked_in| checked_in | self.0.bit());
     }
 }
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        WATCHED.store(WATCHED.load(Ordering::Relaxed) & !self.0.bit(), Ordering::Relaxed);
+        change(&WATCHED, |watched| watched & !self.0.bit());
+        change(&BUSY, |busy| busy & !self.0.bit());
     }
 }
 
-/// The watched loops that have not checked in, as a mask. When none is missing, all have to check in
-/// again.
+/// Who had to check in and has not, as a mask. When nobody is missing, everybody who does not
+/// wait has to check in anew.
 pub fn missing() -> u32 {
-    let missing = WATCHED.load(Ordering::Relaxed) & !CHECKED_IN.load(Ordering::Relaxed);
+    let missing = BUSY.load(Ordering::Relaxed) & !CHECKED_IN.load(Ordering::Relaxed);
     if missing == 0 {
         CHECKED_IN.store(0, Ordering::Relaxed);
     }
     missing
 }
 
-/// Has every watched loop check in, one after the other: what an interrupt wakes meanwhile waits for
-/// one of them, not for all.
-pub async fn pulse() {
-    for (task, pulse) in TaskId::all().zip(&PULSES) {
-        if WATCHED.load(Ordering::Relaxed) & task.bit() != 0 {
-            pulse.signal(());
-            yield_now().await;
-        }
+/// Asks a loop to prove that it can be woken: it counts as waiting when it has. False where it is
+/// not watched.
+pub fn ask(task: TaskId) -> bool {
+    let is_watched = WATCHED.load(Ordering::Relaxed) & task.bit() != 0;
+    if is_watched {
+        change(&BUSY, |busy| busy | task.bit());
+        ASKED[task.index()].signal(());
     }
+    is_watched
 }

@@ -19,7 +19,7 @@ const FIRST_TASK: usize = 2;
 /// Words in all.
 pub const CHECK_IN_WORDS: usize = FIRST_TASK + TASKS;
 
-/// A loop has checked in: it belongs to the task that has the processor.
+/// A watched loop belongs to the task that has the processor.
 pub fn note_task(task: TaskId) {
     retained::write(CHECK_INS, FIRST_TASK + task.index(), retained::read(CHECK_INS, RUNNING));
     retained::push();

@@ -47,6 +47,10 @@ fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<React
         Cause::Planted(place, fault, words) => {
             let mut machine = lab.machine.borrow_mut();
             machine.plant(place, fault);
+            // What serves a host has something to do at once.
+            for host in lab.outside.hosts {
+                machine.line(host).send(&ping());
+            }
             let strikes = machine.run_until(STRIKES, |machine| machine.struck().is_some());
             assert!(strikes, "{place:?} never has the processor");
             if matches!(place, Place::Function(_)) {
@@ -89,14 +93,19 @@ fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<React
 
 /// Until well behind the restart and its stops.
 fn ask_all_the_while(lab: &Lab) {
+    let mut machine = lab.machine.borrow_mut();
+    for _ in 0..300 {
+        machine.line(lab.outside.hosts[1]).send(&ping());
+        machine.run_for(Duration::from_millis(1));
+    }
+}
+
+/// A request that nobody in the lab has made.
+fn ping() -> Vec<u8> {
     let mut frame = [0; MAX_FRAME];
     let length =
         encode(Kind::Request, 0x7000, Ping::NUMBER, &Ping {}, &mut frame).expect("it fits");
-    let mut machine = lab.machine.borrow_mut();
-    for _ in 0..300 {
-        machine.line(lab.outside.hosts[1]).send(&frame[..length]);
-        machine.run_for(Duration::from_millis(1));
-    }
+    frame[..length].to_vec()
 }
 
 /// When the first byte after an instant had arrived at a host.
@@ -154,13 +163,7 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
             "hang of a CAN task",
             "motor_gateway::tasks::can::can",
             0,
-            "watchdog: no check-in from bus 0",
-        ),
-        (
-            "hang of the other CAN task",
-            "motor_gateway::tasks::can::can",
-            1,
-            "watchdog: no check-in from bus 1",
+            "watchdog: no check-in from CAN buses",
         ),
         ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, &rs485),
         (
