@@ -45,11 +45,9 @@ impl Buffer {
         self.0
     }
 
-    /// Copies a message to its begin and returns the copy; `None` if the message is longer.
-    pub fn hold(&mut self, message: &[u8]) -> Option<&[u8]> {
-        let copy = self.0.get_mut(..message.len())?;
-        copy.copy_from_slice(message);
-        Some(copy)
+    /// Its bytes, as long as it stays here.
+    pub fn bytes(&mut self) -> &mut [u8] {
+        self.0
     }
 }
 

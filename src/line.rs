@@ -376,15 +376,27 @@ impl Sender {
         }
     }
 
+    /// Room for a message, to be sent by [`send_held`](Self::send_held).
+    pub fn message(&mut self) -> &mut [u8] {
+        self.memory.bytes()
+    }
+
     /// Sends, and returns when the last stop bit has left. A message without room counts as one
     /// that did not leave in time.
     pub async fn send(&mut self, message: &[u8]) -> Result<(), TimeoutError> {
-        let bits = BITS_PER_BYTE * message.len() as u64 + DRIVER_ENABLE_BITS;
+        let room = self.message().get_mut(..message.len()).ok_or(TimeoutError)?;
+        room.copy_from_slice(message);
+        self.send_held(message.len()).await
+    }
+
+    /// The same for so many bytes of [`message`](Self::message).
+    pub async fn send_held(&mut self, length: usize) -> Result<(), TimeoutError> {
+        let bits = BITS_PER_BYTE * length as u64 + DRIVER_ENABLE_BITS;
         // What is left when the transmitter has been handed the last byte, and a byte more.
-        let held = message.len().min(TRANSMITTER_DEPTH) + 1;
+        let held = length.min(TRANSMITTER_DEPTH) + 1;
         let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
         let limit = self.duration(bits) + MARGIN;
-        let bytes = self.memory.hold(message).ok_or(TimeoutError)?;
+        let bytes = self.memory.bytes().get(..length).ok_or(TimeoutError)?;
         with_timeout(limit, async {
             self.registers.icr().write(|w| w.set_tc(true));
             self.events.sent.reset();

@@ -68,15 +68,15 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -> ! {
     let watch = Watch::new(TaskId::link_sender(link));
-    let mut frame = [0; MAX_FRAME];
     loop {
         watch.check_in();
         gateway.save().await;
-        let Some(length) = gateway.poll_host(link, &mut frame) else {
+        let room = line.message().first_chunk_mut::<MAX_FRAME>();
+        let Some(length) = room.and_then(|frame| gateway.poll_host(link, frame)) else {
             while watch.wait(gateway.link_changed(link)).await.is_none() {}
             continue;
         };
-        if line.send(frame.get(..length).unwrap_or_default()).await.is_err() {
+        if line.send_held(length).await.is_err() {
             defmt::warn!(
                 "host link {=u8}: a frame of {=usize} bytes did not leave in time",
                 link,
