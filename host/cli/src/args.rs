@@ -1,9 +1,10 @@
 //! The command line.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use host_protocol::CanId;
+use host_protocol::{CanId, ClearTarget, StateField, StopTarget};
 
 use crate::plan::Plan;
 
@@ -110,12 +111,8 @@ pub enum Command {
         #[arg(required = true, value_name = "AXIS")]
         axes: Vec<u8>,
         /// Seconds to stay armed; without it until Ctrl-C
-        #[arg(
-            long = "for",
-            value_name = "SECONDS",
-            value_parser = seconds, allow_negative_numbers = true
-        )]
-        duration: Option<std::time::Duration>,
+        #[arg(long = "for", value_parser = seconds, allow_negative_numbers = true)]
+        seconds: Option<Duration>,
     },
 
     /// Arm an axis, hold a setpoint, then stop it and wait for the confirmed stop
@@ -167,7 +164,7 @@ pub enum Command {
     Stop {
         /// An axis, or `all`
         #[arg(default_value = "all", value_name = "AXIS|all", value_parser = stop_target)]
-        target: host_protocol::StopTarget,
+        target: StopTarget,
     },
 
     /// Stop everything and latch: nothing arms until `mgw clear gateway`; needs no authority
@@ -180,7 +177,7 @@ pub enum Command {
     Clear {
         /// An axis, or `gateway`
         #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
-        target: host_protocol::ClearTarget,
+        target: ClearTarget,
         /// Unsafe: leave a trip whose stop the motor does not confirm; it may still be turning
         #[arg(long)]
         unreachable: bool,
@@ -403,7 +400,7 @@ pub struct WatchArgs {
     /// What to tell of them: position, velocity, current, voltage, motor_temperature,
     /// driver_temperature, faults; all without it
     #[arg(long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field)]
-    pub fields: Vec<host_protocol::StateField>,
+    pub fields: Vec<StateField>,
     /// Milliseconds between two samples of an axis
     #[arg(
         long, default_value_t = 500,
@@ -435,12 +432,8 @@ pub struct NativeArgs {
     )]
     pub fields: Vec<String>,
     /// Move: seconds to keep the command up
-    #[arg(
-        long = "for",
-        value_name = "SECONDS",
-        value_parser = some_seconds, allow_negative_numbers = true
-    )]
-    pub duration: Option<std::time::Duration>,
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
 }
 
 #[derive(Debug, Args)]
@@ -457,12 +450,8 @@ pub struct MoveArgs {
     #[arg(long, default_value_t = 0.02, value_name = "RAD")]
     pub tolerance: f32,
     /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
-    #[arg(
-        long = "for",
-        value_name = "SECONDS",
-        value_parser = some_seconds, allow_negative_numbers = true
-    )]
-    pub duration: Option<std::time::Duration>,
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
 }
 
 #[derive(Debug, Args)]
@@ -471,12 +460,8 @@ pub struct TogetherArgs {
     #[arg(required = true, value_name = "AXIS velocity RAD_S", allow_negative_numbers = true)]
     pub words: Vec<String>,
     /// Seconds to keep them turning; without it until Ctrl-C
-    #[arg(
-        long = "for",
-        value_name = "SECONDS",
-        value_parser = some_seconds, allow_negative_numbers = true
-    )]
-    pub duration: Option<std::time::Duration>,
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
 }
 
 /// One of several axes that start together.
@@ -540,12 +525,8 @@ pub struct SetArgs {
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
-    #[arg(
-        long = "for",
-        value_name = "SECONDS",
-        value_parser = some_seconds, allow_negative_numbers = true
-    )]
-    pub duration: Option<std::time::Duration>,
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -575,7 +556,7 @@ pub enum RawAction {
             value_name = "SECONDS",
             value_parser = seconds, allow_negative_numbers = true
         )]
-        wait: std::time::Duration,
+        wait: Duration,
     },
     /// Send bytes on a serial bus, in hexadecimal, and print what arrives
     SendHex {
@@ -587,35 +568,29 @@ pub enum RawAction {
             value_name = "SECONDS",
             value_parser = seconds, allow_negative_numbers = true
         )]
-        wait: std::time::Duration,
+        wait: Duration,
     },
     /// Print what arrives
     Listen {
         /// Seconds to listen; without it until Ctrl-C
-        #[arg(
-            long = "for",
-            value_name = "SECONDS",
-            value_parser = seconds, allow_negative_numbers = true
-        )]
-        duration: Option<std::time::Duration>,
+        #[arg(long = "for", value_parser = seconds, allow_negative_numbers = true)]
+        seconds: Option<Duration>,
     },
 }
 
-fn seconds(text: &str) -> Result<std::time::Duration, String> {
-    let duration =
-        text.parse().ok().and_then(|value| std::time::Duration::try_from_secs_f64(value).ok());
+fn seconds(text: &str) -> Result<Duration, String> {
+    let duration = text.parse().ok().and_then(|value| Duration::try_from_secs_f64(value).ok());
     duration.ok_or_else(|| "takes seconds from 0 on, for example 2.5".to_owned())
 }
 
-fn some_seconds(text: &str) -> Result<std::time::Duration, String> {
+fn some_seconds(text: &str) -> Result<Duration, String> {
     let duration = seconds(text).ok().filter(|duration| !duration.is_zero());
     duration.ok_or_else(|| "takes seconds above 0, for example 2.5".to_owned())
 }
 
-fn state_field(text: &str) -> Result<host_protocol::StateField, String> {
-    host_protocol::StateField::from_name(text).ok_or_else(|| {
-        let names: Vec<&str> =
-            host_protocol::StateField::ALL.iter().map(|field| field.name()).collect();
+fn state_field(text: &str) -> Result<StateField, String> {
+    StateField::from_name(text).ok_or_else(|| {
+        let names: Vec<&str> = StateField::ALL.iter().map(|field| field.name()).collect();
         format!("must be one of {}", names.join(", "))
     })
 }
@@ -627,14 +602,12 @@ fn axis_or(text: &str, word: &str) -> Result<Option<u8>, String> {
     text.parse().map(Some).map_err(|_| format!("must be the number of an axis, or `{word}`"))
 }
 
-fn stop_target(text: &str) -> Result<host_protocol::StopTarget, String> {
-    Ok(axis_or(text, "all")?
-        .map_or(host_protocol::StopTarget::All, host_protocol::StopTarget::Axis))
+fn stop_target(text: &str) -> Result<StopTarget, String> {
+    Ok(axis_or(text, "all")?.map_or(StopTarget::All, StopTarget::Axis))
 }
 
-fn clear_target(text: &str) -> Result<host_protocol::ClearTarget, String> {
-    Ok(axis_or(text, "gateway")?
-        .map_or(host_protocol::ClearTarget::Gateway, host_protocol::ClearTarget::Axis))
+fn clear_target(text: &str) -> Result<ClearTarget, String> {
+    Ok(axis_or(text, "gateway")?.map_or(ClearTarget::Gateway, ClearTarget::Axis))
 }
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),
         Command::Configure(arguments) => configure::run(session, arguments),
-        Command::Arm { axes, duration } => arm::run(session, axes, *duration),
+        Command::Arm { axes, seconds } => arm::run(session, axes, *seconds),
         Command::Set(arguments) => set::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),
         Command::Together(arguments) => together::run(session, arguments),

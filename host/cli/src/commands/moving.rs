@@ -21,7 +21,7 @@ const FRESH_US: u32 = 1_000_000;
 
 /// Arms an axis, moves it by a distance and holds it there, stops it and disarms it.
 pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
-    let MoveArgs { axis, distance, speed_limit, tolerance, duration } = *arguments;
+    let MoveArgs { axis, distance, speed_limit, tolerance, seconds: duration } = *arguments;
     if tolerance.is_nan() || tolerance <= 0.0 {
         return Err(Failure::Usage("--tolerance is an angle above 0".to_owned()));
     }

@@ -37,7 +37,7 @@ struct Command {
 /// Sends the command and prints the reply; what moves is armed before, kept up, and stopped.
 pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure> {
     let command = command(session, arguments)?;
-    match (command.effect, arguments.duration) {
+    match (command.effect, arguments.seconds) {
         (NativeEffect::Prepares, _) => Err(Failure::Usage(encode::PREPARED.to_owned())),
         (NativeEffect::Moves | NativeEffect::MovesOnce, None) => Err(Failure::Usage(
             "this command moves the motor: add --for SECONDS, and the axis is armed, moved for so \

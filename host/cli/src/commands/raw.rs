@@ -29,7 +29,7 @@ pub fn run(
     let (frame, duration) = match action {
         RawAction::Send { frame, wait } => (Some(RawFrame::Can(can_frame(frame)?)), *wait),
         RawAction::SendHex { bytes, wait } => (Some(RawFrame::Serial(serial_frame(bytes)?)), *wait),
-        RawAction::Listen { duration } => (None, duration.unwrap_or(Duration::MAX)),
+        RawAction::Listen { seconds } => (None, seconds.unwrap_or(Duration::MAX)),
     };
     if unsafe_access {
         session.client.raw_open_unsafe(bus)?;

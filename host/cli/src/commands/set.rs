@@ -18,7 +18,7 @@ pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     drive(session, arguments.axis, |session, armed| {
         let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
-        let duration = arguments.duration.unwrap_or(Duration::MAX);
+        let duration = arguments.seconds.unwrap_or(Duration::MAX);
         let held = session.client.hold_setpoints(&[hold], duration, |client| rounds.turn(client));
         rounds.end(held)?;
         Ok(nothing_to_tell)

@@ -24,7 +24,7 @@ pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failur
         limits::check_setpoint(session, *axis, Setpoint::Velocity { velocity_rad_s: *velocity })?;
     }
     let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
-    let duration = arguments.duration.unwrap_or(Duration::MAX);
+    let duration = arguments.seconds.unwrap_or(Duration::MAX);
     let stopped = while_armed(session, &axes, |session, armed| {
         start_and_hold(session, &targets, armed, duration)
     })?;

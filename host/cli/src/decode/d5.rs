@@ -6,8 +6,8 @@ use d5::{Address, DecodeError, FRAME_LEN, Message, Reply, Request};
 use embedded_can::Frame;
 use host_protocol::CanFrame;
 
-use super::put;
 use super::record::{Direction, Motor, Record};
+use super::{put, put_message};
 
 const NAME: &str = "d5";
 
@@ -36,18 +36,12 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Address::Node(node) => Motor::Node(node.get()),
                 Address::Broadcast => Motor::All,
             };
-            record.message(Direction::Request, NAME, &motor, request.name());
-            request.visit_fields(&mut put(record));
-            if let Request::Unknown { .. } = request {
-                record.unknown_command();
-            }
+            let is_known = !matches!(request, Request::Unknown { .. });
+            put_message!(record, Request, motor, request, is_known);
         }
         Ok(Message::Reply(node, reply)) => {
-            record.message(Direction::Reply, NAME, &Motor::Node(node.get()), reply.name());
-            reply.visit_fields(&mut put(record));
-            if let Reply::Unknown { .. } = reply {
-                record.unknown_command();
-            }
+            let is_known = !matches!(reply, Reply::Unknown { .. });
+            put_message!(record, Reply, Motor::Node(node.get()), reply, is_known);
         }
         Err(error) => {
             record.protocol(NAME);

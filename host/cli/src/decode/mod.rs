@@ -53,6 +53,18 @@ fn put<W: Write>(record: &mut Record<W>) -> impl FnMut(&'static str, FieldValue<
     }
 }
 
+/// Puts a message with its fields into a record; one that the manual does not list says so.
+macro_rules! put_message {
+    ($record:ident, $direction:ident, $motor:expr, $message:ident, $is_known:expr) => {
+        $record.message(Direction::$direction, NAME, &$motor, $message.name());
+        $message.visit_fields(&mut put($record));
+        if !$is_known {
+            $record.unknown_command();
+        }
+    };
+}
+use put_message;
+
 struct Decoder<'a, W: Write> {
     args: &'a DecodeArgs,
     record: Record<W>,

@@ -6,8 +6,8 @@ use host_protocol::CanFrame;
 use rmd::rs485::FRAME_LEN;
 use rmd::{Answer, DecodeError, Function, Node, Reply, Request, Target};
 
-use super::put;
 use super::record::{Direction, Motor as Addressee, Record};
+use super::{put, put_message};
 use crate::args::DirectionChoice;
 
 const NAME: &str = "rmd";
@@ -227,42 +227,29 @@ fn is_about_id(reply: &Reply) -> bool {
 
 /// Writes a message, or why there is none.
 pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Record<W>) {
-    let is_known = match message {
+    match message {
         Ok(Message::Request(target, request)) => {
             let motor = match target {
                 Target::Node(node) => Addressee::Node(node.get()),
                 Target::All => Addressee::All,
             };
-            record.message(Direction::Request, NAME, &motor, request.name());
-            request.visit_fields(&mut put(record));
-            request.info().is_some()
+            put_message!(record, Request, motor, request, request.info().is_some());
         }
-        Ok(Message::Reply(node, reply)) => write_reply(Direction::Reply, node, &reply, record),
-        Ok(Message::Event(node, reply)) => write_reply(Direction::Event, node, &reply, record),
+        Ok(Message::Reply(node, reply)) => {
+            put_message!(record, Reply, Addressee::Node(node.get()), reply, reply.info().is_some());
+        }
+        Ok(Message::Event(node, reply)) => {
+            put_message!(record, Event, Addressee::Node(node.get()), reply, reply.info().is_some());
+        }
         Ok(Message::NotExecuted(node, reply)) => {
             record.message(Direction::Reply, NAME, &Addressee::Node(node.get()), reply.name());
             record.boolean("not_executed", true);
-            true
         }
         Err(error) => {
             record.protocol(NAME);
-            return record.error(error_name(&error), &error);
+            record.error(error_name(&error), &error);
         }
-    };
-    if !is_known {
-        record.unknown_command();
     }
-}
-
-fn write_reply<W: Write>(
-    direction: Direction,
-    node: Node,
-    reply: &Reply,
-    record: &mut Record<W>,
-) -> bool {
-    record.message(direction, NAME, &Addressee::Node(node.get()), reply.name());
-    reply.visit_fields(&mut put(record));
-    reply.info().is_some()
 }
 
 fn error_name(error: &DecodeError) -> &'static str {

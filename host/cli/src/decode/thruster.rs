@@ -9,8 +9,8 @@ use thruster::{
     DecodeError, Headerless, Node, Reply, Request, ReturnFlags, ReturnSource, Returned, command,
 };
 
-use super::put;
 use super::record::{Direction, Motor, Record};
+use super::{put, put_message};
 use crate::native_request::thruster_cause;
 
 const NAME: &str = "thruster";
@@ -158,38 +158,31 @@ impl Device {
 
 /// Writes a message, or why there is none.
 pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Record<W>) {
-    let is_known = match message {
+    match message {
         Ok(Message::Request(node, request)) => {
-            record.message(Direction::Request, NAME, &Motor::Node(node.get()), request.name());
-            request.visit_fields(&mut put(record));
-            request.info().is_some()
+            put_message!(
+                record,
+                Request,
+                Motor::Node(node.get()),
+                request,
+                request.info().is_some()
+            );
         }
-        Ok(Message::Reply(node, reply)) => write_reply(Direction::Reply, node, &reply, record),
-        Ok(Message::Event(node, reply)) => write_reply(Direction::Event, node, &reply, record),
+        Ok(Message::Reply(node, reply)) => {
+            put_message!(record, Reply, Motor::Node(node.get()), reply, reply.info().is_some());
+        }
+        Ok(Message::Event(node, reply)) => {
+            put_message!(record, Event, Motor::Node(node.get()), reply, reply.info().is_some());
+        }
         Ok(Message::Headerless(node, values)) => {
             record.message(Direction::Reply, NAME, &Motor::Node(node.get()), Headerless::NAME);
             values.visit_fields(&mut put(record));
-            true
         }
         Err(error) => {
             record.protocol(NAME);
-            return record.error(error_name(&error), &thruster_cause(&error));
+            record.error(error_name(&error), &thruster_cause(&error));
         }
-    };
-    if !is_known {
-        record.unknown_command();
     }
-}
-
-fn write_reply<W: Write>(
-    direction: Direction,
-    node: Node,
-    reply: &Reply,
-    record: &mut Record<W>,
-) -> bool {
-    record.message(direction, NAME, &Motor::Node(node.get()), reply.name());
-    reply.visit_fields(&mut put(record));
-    reply.info().is_some()
 }
 
 fn error_name(error: &DecodeError) -> &'static str {

@@ -177,7 +177,10 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
         (axis("").replace("rmd", "thruster"), "Unsupported", "line 2, axis 0: "),
         (axis("").replace("node = 1", "node = 33"), "OutOfRange", "allowed are 1 to 32"),
         (
-            axis("").replace("bus = 0", "bus = 2").replace("rmd", "d5"),
+            axis("")
+                .replace("bus = 0", "bus = 2")
+                .replace("rmd", "thruster")
+                .replace("hold", "coast"),
             "WrongBusKind",
             "line 2, axis 0: ",
         ),
