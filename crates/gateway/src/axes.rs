@@ -6,7 +6,7 @@
 //! touches.
 
 use crate::axis::Axis;
-use crate::time::Instant;
+use crate::time::{Earliest, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use heapless::Vec;
 use host_protocol::{AxisState, Protocol};
@@ -139,25 +139,61 @@ impl Is {
         Self::Unsaved,
     ];
 
-    /// Whether it is so of an axis at `now`.
-    fn so(self, axis: &Axis, now: Instant) -> bool {
-        match self {
-            Self::Configured => axis.is_configured(),
-            Self::Stopping => axis.stop().is_some(),
-            Self::FirstStop => axis.stop_has_not_left(),
-            Self::Ready => axis.is_ready(now),
-            Self::Overdue => axis.is_overdue(now),
-            Self::Awaiting => axis.transactions.awaits_reply(),
-            Self::OwedOurId => axis.reply_with_our_id_since().is_some(),
-            Self::Objecting => axis.transactions.objects(),
-            Self::Active => axis.state() == AxisState::Active,
-            Self::Moving => axis.may_move(),
-            Self::Tripped => axis.trip_reason().is_some(),
-            Self::Unreachable => axis.is_unreachable(),
-            Self::Spreading => axis.trip_spreads(),
-            Self::Unrecorded => axis.trip_is_unrecorded(),
-            Self::Unsaved => axis.is_unsaved(),
+    const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
+/// What is kept of one axis: what is so of it, a bit for each [`Is`], and when it is due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Look {
+    flags: u16,
+    /// When the axis must be looked at again; [`Instant::NEVER`] where time alone changes nothing.
+    due: Instant,
+    /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
+    /// none is owed.
+    delivery_due: Instant,
+}
+
+impl Look {
+    /// Of an axis without configuration.
+    const NONE: Self = Self { flags: 0, due: Instant::NEVER, delivery_due: Instant::NEVER };
+
+    /// At an axis at `now`. `after`: what was due until then has been done.
+    fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
+        if !axis.is_configured() {
+            let flags = if axis.is_unsaved() { Is::Unsaved.bit() } else { 0 };
+            return Self { flags, ..Self::NONE };
         }
+        let mut flags = Is::Configured.bit();
+        let mut note = |is: Is, so: bool| flags |= if so { is.bit() } else { 0 };
+        if let Some(stop) = axis.stop() {
+            note(Is::Stopping, true);
+            note(Is::FirstStop, !stop.has_left());
+            note(Is::Tripped, axis.trip_reason().is_some());
+            note(Is::Unreachable, axis.is_unreachable());
+            note(Is::Spreading, axis.trip_spreads());
+            note(Is::Unrecorded, axis.trip_is_unrecorded());
+        }
+        note(Is::Active, axis.state() == AxisState::Active);
+        note(Is::Moving, axis.may_move());
+        note(Is::Unsaved, axis.is_unsaved());
+        note(Is::Awaiting, axis.transactions.awaits_reply());
+        note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
+        note(Is::Objecting, axis.transactions.objects());
+        let mut due = Earliest::after(after);
+        for at in axis.timers().into_iter().flatten() {
+            note(Is::Overdue, at <= now);
+            due.consider(Some(at));
+        }
+        if axis.transactions.is_idle() {
+            let at = axis.next_request_at(now);
+            note(Is::Ready, at.is_some_and(|at| at <= now));
+            due.consider(if after == now { at } else { axis.next_request_at(after) });
+        }
+        let due = due.at().unwrap_or(Instant::NEVER);
+        let delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
+        Self { flags, due, delivery_due }
     }
 }
 
@@ -168,12 +204,7 @@ struct Kept {
     on: [AxisSet; MAX_BUSES],
     /// By [`Is`].
     which: [AxisSet; Is::ALL.len()],
-    /// When each axis must be looked at again; [`Instant::NEVER`] where time alone changes
-    /// nothing.
-    due: [Instant; MAX_AXES],
-    /// When the setpoint of each is late, but for the time that its bus may take;
-    /// [`Instant::NEVER`] where none is owed.
-    delivery_due: [Instant; MAX_AXES],
+    looks: [Look; MAX_AXES],
     traffic: [Traffic; MAX_AXES],
 }
 
@@ -208,33 +239,38 @@ impl Kept {
     const NONE: Self = Self {
         on: [AxisSet::NONE; MAX_BUSES],
         which: [AxisSet::NONE; Is::ALL.len()],
-        due: [Instant::NEVER; MAX_AXES],
-        delivery_due: [Instant::NEVER; MAX_AXES],
+        looks: [const { Look::NONE }; MAX_AXES],
         traffic: [const { Traffic::NONE }; MAX_AXES],
     };
 
-    /// Works out what is kept of one axis. `after`: what was due until then has been done. Returns
-    /// whether its traffic is another one.
+    /// Works out what is kept of one axis. Returns whether its traffic is another one.
     fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> bool {
         let index = usize::from(axis.index);
         let one = AxisSet::of(index);
-        let bus = axis.config.bus().map(usize::from);
+        let (Some(look), Some(traffic)) = (self.looks.get_mut(index), self.traffic.get_mut(index))
+        else {
+            return false;
+        };
+        let before = core::mem::replace(look, Look::at(axis, now, after));
+        let mut changed = before.flags ^ look.flags;
+        while changed != 0 {
+            if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
+                set.0 ^= one.0;
+            }
+            changed &= changed - 1;
+        }
+        let known = core::mem::replace(traffic, axis.traffic());
+        if known == *traffic {
+            return false;
+        }
         for (here, set) in self.on.iter_mut().enumerate() {
-            set.put(one, bus == Some(here));
+            set.put(one, traffic.bus.map(usize::from) == Some(here));
         }
-        for (is, set) in Is::ALL.into_iter().zip(&mut self.which) {
-            set.put(one, is.so(axis, now));
-        }
-        if let Some(due) = self.due.get_mut(index) {
-            *due = axis.next_deadline(after).unwrap_or(Instant::NEVER);
-        }
-        if let Some(due) = self.delivery_due.get_mut(index) {
-            *due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
-        }
-        let traffic = axis.traffic();
-        self.traffic
-            .get_mut(index)
-            .is_some_and(|known| core::mem::replace(known, traffic) != traffic)
+        true
+    }
+
+    fn due(&self, index: usize) -> Instant {
+        self.looks.get(index).map_or(Instant::NEVER, |look| look.due)
     }
 }
 
@@ -314,8 +350,11 @@ impl Axes {
 
     /// When the first of these setpoints is late, but for the time that their bus may take.
     pub fn first_delivery_due(&self, set: AxisSet) -> Option<Instant> {
-        let due = set.into_iter().filter_map(|index| self.kept.delivery_due.get(index)).min();
-        due.copied().filter(|at| *at < Instant::NEVER)
+        let due = set
+            .into_iter()
+            .filter_map(|index| self.kept.looks.get(index))
+            .map(|look| look.delivery_due);
+        due.min().filter(|at| *at < Instant::NEVER)
     }
 
     /// When the first axis must be looked at again.
@@ -332,7 +371,7 @@ impl Axes {
     fn due_by(&self, now: Instant) -> AxisSet {
         let mut set = AxisSet::NONE;
         for index in self.which(Is::Configured) {
-            if self.kept.due.get(index).is_some_and(|at| *at <= now) {
+            if self.kept.due(index) <= now {
                 set = set.with(AxisSet::of(index));
             }
         }
@@ -350,15 +389,21 @@ impl Axes {
             return 0;
         }
         let before = self.buses_of(touched);
-        let mut is_new_traffic = false;
+        let (mut is_new_traffic, mut is_first_later) = (false, false);
         for index in touched {
+            let before = self.kept.due(index);
             if let Some(axis) = self.axes.get(index) {
                 is_new_traffic |= self.kept.keep(axis, now, after);
             }
+            let due = self.kept.due(index);
+            is_first_later |= before <= self.first_due && due > before;
+            self.first_due = self.first_due.min(due);
         }
-        let due =
-            self.which(Is::Configured).into_iter().filter_map(|index| self.kept.due.get(index));
-        self.first_due = due.min().copied().unwrap_or(Instant::NEVER);
+        if is_first_later {
+            let configured = self.which(Is::Configured).into_iter();
+            let first = configured.map(|index| self.kept.due(index)).min();
+            self.first_due = first.unwrap_or(Instant::NEVER);
+        }
         let buses = before | self.buses_of(touched);
         self.new_traffic |= if is_new_traffic { buses } else { 0 };
         buses
@@ -377,7 +422,7 @@ impl Axes {
     /// Panics where what is kept is not what a look at every axis gives. For tests.
     pub fn assert_kept(&self, now: Instant, after: Instant) {
         let mut fresh = Kept::NONE;
-        for axis in self.axes.iter().filter(|axis| !axis.config.is_empty()) {
+        for axis in self.axes.iter() {
             fresh.keep(axis, now, after);
         }
         assert_eq!(self.touched, AxisSet::NONE, "axes that are not settled");
@@ -387,7 +432,7 @@ impl Axes {
             assert_eq!(fresh, kept, "{is:?}");
         }
         assert_eq!(fresh, self.kept);
-        assert_eq!(fresh.due.into_iter().min(), Some(self.first_due));
+        assert_eq!(fresh.looks.iter().map(|look| look.due).min(), Some(self.first_due));
     }
 
     fn buses_of(&self, set: AxisSet) -> u8 {

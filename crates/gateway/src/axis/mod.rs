@@ -31,7 +31,7 @@ pub(crate) use stop::Stop;
 
 use crate::axes::Traffic;
 use crate::protocol;
-use crate::time::{Duration, Earliest, Instant};
+use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use core::num::NonZeroU64;
 use host_protocol::replies::AxisReport;
@@ -236,21 +236,8 @@ impl Axis {
         }
     }
 
-    /// Earliest time after `after` at which the axis must be looked at again.
-    pub fn next_deadline(&self, after: Instant) -> Option<Instant> {
-        if !self.is_configured() {
-            return None;
-        }
-        let mut next = Earliest::after(after);
-        self.timers().into_iter().for_each(|at| next.consider(at));
-        if self.transactions.is_idle() {
-            next.consider(self.next_request_at(after));
-        }
-        next.at()
-    }
-
     /// When something of the axis is over.
-    fn timers(&self) -> [Option<Instant>; 5] {
+    pub fn timers(&self) -> [Option<Instant>; 5] {
         let [former, current] = self.transactions.deadlines();
         [
             former,
@@ -259,18 +246,6 @@ impl Axis {
             self.job_stalls_at(),
             self.stop().and_then(Stop::gives_up_at),
         ]
-    }
-
-    /// Whether something of the axis is over that nobody has looked at.
-    pub fn is_overdue(&self, now: Instant) -> bool {
-        self.is_configured() && self.timers().into_iter().flatten().any(|at| at <= now)
-    }
-
-    /// Whether the axis has something to send.
-    pub fn is_ready(&self, now: Instant) -> bool {
-        self.is_configured()
-            && self.transactions.is_idle()
-            && self.next_request_at(now).is_some_and(|at| at <= now)
     }
 
     /// What of the axis decides how long others wait on its bus.
