@@ -12,6 +12,8 @@ use crate::plan::Plan;
 
 /// Its configuration, which is also the example of a configuration file.
 const CONFIGURATION: &str = include_str!("../examples/four-motors.toml");
+/// What the demonstration has beside it, which is also an example.
+const FIFTH: &str = include_str!("../examples/d5-on-rs485.toml");
 /// The axis of the D5 in it.
 pub const D5_AXIS: u8 = 2;
 /// The host link that it is set up through.
@@ -31,6 +33,12 @@ pub fn world(d5_id: Option<CanId>) -> Rc<RefCell<World>> {
         .filter(|motor| motor.protocol == Protocol::D5)
         .for_each(|d5| d5.can_id = d5_id);
     Rc::new(RefCell::new(World::new(wiring)))
+}
+
+/// The same with a fifth motor, a D5 on RS485, and the configuration of all five.
+pub fn demonstration() -> Result<(Rc<RefCell<World>>, Plan), Failure> {
+    let plan = Plan::parse(&[CONFIGURATION, FIFTH].join("\n"))?;
+    Ok((Rc::new(RefCell::new(World::new(Wiring::five_motors()))), plan))
 }
 
 /// The configuration for it.

@@ -71,8 +71,10 @@ fn thruster_reply(wire: &Wire) -> Option<Meaning> {
 }
 
 fn d5_request(wire: &Wire) -> Option<Meaning> {
-    let Wire::Can(frame) = wire else { return None };
-    let (address, request) = d5::can::decode_request(frame).ok()?;
+    let (address, request) = match wire {
+        Wire::Can(frame) => d5::can::decode_request(frame).ok()?,
+        Wire::Serial(bytes) => d5::decode_request_frame(bytes.as_slice().try_into().ok()?).ok()?,
+    };
     let motor = match address {
         d5::Address::Node(node) => d5_name(node),
         d5::Address::Broadcast => "every d5".to_owned(),
@@ -94,8 +96,10 @@ fn d5_request(wire: &Wire) -> Option<Meaning> {
 }
 
 fn d5_reply(wire: &Wire) -> Option<Meaning> {
-    let Wire::Can(frame) = wire else { return None };
-    let (node, reply) = d5::can::decode_reply(frame).ok()?;
+    let (node, reply) = match wire {
+        Wire::Can(frame) => d5::can::decode_reply(frame).ok()?,
+        Wire::Serial(bytes) => d5::decode_reply_frame(bytes.as_slice().try_into().ok()?).ok()?,
+    };
     let text = match reply {
         d5::Reply::Read { register, value } => {
             format!("Read {} = {}", d5_register(register), d5_value(register, value))

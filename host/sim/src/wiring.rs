@@ -18,8 +18,13 @@ const BAUD: u32 = 115_200;
 #[allow(clippy::cast_possible_truncation)]
 const LINKS: u8 = MAX_LINKS as u8;
 
-/// The board that the simulator plays: two CAN controllers, one RS485 port that hears itself, and
-/// all host links.
+const LINE: BusPort = BusPort {
+    kind: BusPortKind::Rs485 { local_echo: true },
+    bitrates: &[BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
+};
+
+/// The board that the simulator plays: two CAN controllers, two RS485 ports that hear themselves,
+/// and all host links.
 pub static BOARD: Board = Board {
     name: "simulated",
     firmware: env!("CARGO_PKG_VERSION"),
@@ -31,10 +36,8 @@ pub static BOARD: Board = Board {
     buses: &[
         BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
         BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
-        BusPort {
-            kind: BusPortKind::Rs485 { local_echo: true },
-            bitrates: &[BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
-        },
+        LINE,
+        LINE,
     ],
     bus_limit: None,
     links: LINKS,
@@ -134,6 +137,11 @@ impl Wiring {
             .with(1, Protocol::D5, 0x0B)
             .with(2, Protocol::Rmd, 0x01)
     }
+
+    /// [`four_motors`](Self::four_motors), and a D5 (0x0C) on bus 3.
+    pub fn five_motors() -> Self {
+        Self::four_motors().with(3, Protocol::D5, 0x0C)
+    }
 }
 
 /// Protocol and node, as in `rmd 1` or `thruster 0x0B`.
@@ -174,8 +182,8 @@ mod tests {
     #[test]
     fn motors_get_the_bitrate_of_their_kind_and_bus() {
         let rates: Vec<_> =
-            Wiring::four_motors().motors.iter().map(|motor| motor.bitrate).collect();
-        assert_eq!(rates, [1_000_000, 1_000_000, 210_526, 115_200]);
+            Wiring::five_motors().motors.iter().map(|motor| motor.bitrate).collect();
+        assert_eq!(rates, [1_000_000, 1_000_000, 210_526, 115_200, 115_200]);
     }
 
     #[test]

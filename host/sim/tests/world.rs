@@ -161,7 +161,7 @@ fn a_wiring_that_cannot_be_is_refused_with_its_reason() {
         let wiring = Wiring::on(&mgw_sim::BOARD).with(bus, protocol, node);
         World::try_new(wiring).err().map(|error| error.to_string())
     };
-    assert_eq!(refused(3, Protocol::Rmd, 1).unwrap(), "there is no bus 3: the board has 3");
+    assert_eq!(refused(4, Protocol::Rmd, 1).unwrap(), "there is no bus 4: the board has 4");
     assert_eq!(refused(0, Protocol::Rmd, 33).unwrap(), "no rmd motor can have the id 33");
     let thruster = refused(2, Protocol::Thruster, 11).unwrap();
     assert_eq!(thruster, "the simulated thruster motor speaks CAN only");

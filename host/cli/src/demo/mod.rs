@@ -15,12 +15,11 @@ use trace::Trace;
 
 /// Shows it all; fails if any axis does not stop as it must.
 pub fn run(out: Output) -> Result<(), Failure> {
-    let world = four_motors::world(None);
-    let plan = four_motors::plan()?;
+    let (world, plan) = four_motors::demonstration()?;
     let mut trace = Trace::new(&plan);
 
     out.text(
-        "A motor gateway with four simulated motors, in simulated time. The gateway is the \
+        "A motor gateway with five simulated motors, in simulated time. The gateway is the \
         very code of the firmware.",
     )?;
     let mut client = four_motors::connect(&world)?;

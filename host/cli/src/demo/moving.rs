@@ -21,12 +21,14 @@ use crate::states;
 const MOVING_FOR: Duration = Duration::from_secs(2);
 /// States are shown after these times.
 const SHOWN_AFTER: [Duration; 2] = [Duration::from_millis(300), Duration::from_millis(1_900)];
-/// What each axis shall do: 2 rad/s; a fifth of the full signal; 600 °/s; a long way at 3 rad/s.
-const SETPOINTS: [Setpoint; 4] = [
+/// What each axis shall do: 2 rad/s; a fifth of the full signal; 600 °/s; a long way at 3 rad/s;
+/// 5 rad/s.
+const SETPOINTS: [Setpoint; 5] = [
     Setpoint::Velocity { velocity_rad_s: 2.0 },
     Setpoint::Signal { fraction: 0.2 },
     Setpoint::Velocity { velocity_rad_s: 10.471_976 },
     Setpoint::Position { position_rad: 30.0, speed_limit_rad_s: 3.0 },
+    Setpoint::Velocity { velocity_rad_s: 5.0 },
 ];
 
 /// What an axis shall do.

@@ -59,7 +59,7 @@ pub fn configure<T: Transport>(
     out: Output,
 ) -> Result<(), Failure> {
     plan.apply(client)?;
-    heading(out, "2. Configuration (host/cli/examples/four-motors.toml)")?;
+    heading(out, "2. Configuration (host/cli/examples: four-motors.toml, d5-on-rs485.toml)")?;
     for bus in plan.buses() {
         out.either(
             format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),

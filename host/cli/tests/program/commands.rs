@@ -11,7 +11,7 @@ fn info_tells_board_and_buses() {
     assert_eq!(json.len(), 1);
     assert_eq!(json[0]["board"], "simulated");
     assert_eq!(json[0]["protocol_major"], 1);
-    assert_eq!(json[0]["buses"].as_array().unwrap().len(), 3);
+    assert_eq!(json[0]["buses"].as_array().unwrap().len(), 4);
 }
 
 #[test]

@@ -3,21 +3,22 @@
 use crate::support::mgw;
 
 #[test]
-fn all_four_axes_stop_without_the_host() {
+fn all_five_axes_stop_without_the_host() {
     let text = mgw(&[]).success();
-    assert!(text.contains("All 4 axes tripped and stopped without the host."), "{text}");
-    for protocol in ["rmd 1", "thruster 0x0B", "d5 0x0B"] {
+    assert!(text.contains("All 5 axes tripped and stopped without the host."), "{text}");
+    for protocol in ["rmd 1", "thruster 0x0B", "d5 0x0B", "d5 0x0C"] {
         assert!(text.contains(protocol), "{text}");
     }
-    for axis in ["axis 0 tripped", "axis 1 tripped", "axis 2 tripped", "axis 3 tripped"] {
-        assert!(text.contains(axis), "{text}");
+    for axis in 0..5 {
+        assert!(text.contains(&format!("axis {axis} tripped")), "{text}");
     }
     assert!(text.contains("SetpointExpired") && text.contains("HostSilent"), "{text}");
     assert!(text.contains("What to try next"), "{text}");
     // 600 °/s counter-clockwise, D5 manual, common commands, row 2.
     assert!(text.contains("D50B05032058028D"), "{text}");
-    // Speed 0 is the stop of a D5.
-    assert!(text.contains("D50B050320000033"), "{text}");
+    // Speed 0 is the stop of a D5, on CAN and on RS485.
+    assert!(text.contains("00B#D50B050320000033"), "{text}");
+    assert!(text.contains(" D50C050320000034"), "{text}");
 }
 
 #[test]
@@ -29,11 +30,11 @@ fn it_is_the_same_each_time() {
 fn it_speaks_json_too() {
     let lines = mgw(&["--json"]).json_lines();
     let last = lines.last().unwrap();
-    assert_eq!(last["demonstration"]["axes"], 4);
-    assert_eq!(last["demonstration"]["stopped"], 4);
+    assert_eq!(last["demonstration"]["axes"], 5);
+    assert_eq!(last["demonstration"]["stopped"], 5);
     let stops: Vec<_> = lines
         .iter()
         .filter(|line| line.get("reaction_us").is_some_and(|value| value.is_u64()))
         .collect();
-    assert!(stops.len() >= 4, "{lines:?}");
+    assert!(stops.len() >= 5, "{lines:?}");
 }

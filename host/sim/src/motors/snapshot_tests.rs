@@ -140,3 +140,13 @@ fn d5() {
     };
     lives_are_the_same(|| motor(Protocol::D5, 0x0B, false), 9 * MS, hear);
 }
+
+/// A byte each time, so that snapshots fall into frames.
+#[test]
+fn d5_on_a_serial_line() {
+    let speed = [0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8D];
+    let hear = |motor: &mut Motor, at: Duration, step: u32| {
+        motor.hear_byte(at, speed[step as usize % speed.len()]);
+    };
+    lives_are_the_same(|| motor(Protocol::D5, 0x0B, true), Duration::from_micros(87), hear);
+}
