@@ -115,7 +115,7 @@ impl SharedGateway {
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
             parts: Mutex::new(RefCell::new(Parts {
-                core: Gateway::unequipped(board, random_number),
+                core: Gateway::uninit(board, random_number),
                 kept,
                 can: [const { None }; CAN_BUSES],
                 first: 0,
@@ -129,7 +129,7 @@ impl SharedGateway {
             is_bare,
         });
         shared.with(|parts, now| {
-            parts.core.equip();
+            parts.core.init();
             parts.core.restore(now, parts.kept.as_slice());
         });
         shared

@@ -55,15 +55,15 @@ impl Gateway {
     /// number, another one at each start, from which epochs count, so that none comes back;
     /// nothing if the chip gave none in time.
     pub fn new(board: &'static Board, seed: Option<u32>) -> Self {
-        let mut gateway = Self::unequipped(board, seed);
-        gateway.equip();
+        let mut gateway = Self::uninit(board, seed);
+        gateway.init();
         gateway
     }
 
     /// A gateway without axes, buses and links, to be put where it stays before it is
-    /// [equipped](Self::equip): complete, it is too large for the stack of a board.
+    /// [initialised](Self::init): complete, it is too large for the stack of a board.
     #[inline(always)]
-    pub const fn unequipped(board: &'static Board, seed: Option<u32>) -> Self {
+    pub const fn uninit(board: &'static Board, seed: Option<u32>) -> Self {
         Self {
             board,
             axes: Axes::new(),
@@ -88,10 +88,10 @@ impl Gateway {
         }
     }
 
-    /// Makes the axes, buses and links of an unequipped gateway; each passes over the stack alone.
+    /// Makes the axes, buses and links of an uninit gateway; each passes over the stack alone.
     /// Another time it does nothing.
     #[inline(never)]
-    pub fn equip(&mut self) {
+    pub fn init(&mut self) {
         if self.epoch.is_none() && self.buses.is_empty() {
             self.links.log(LogEntry::NoRandomNumber);
         }
@@ -196,7 +196,7 @@ impl Gateway {
         }
     }
 
-    /// New trips go into the history: not while they are news, as their stops are to leave first.
+    /// Records new trips in the history, one call later: the stop frames go first.
     pub(crate) fn remember_trips(&mut self) {
         self.settle(self.now);
         let Self { axes, history, starts, .. } = self;
@@ -247,7 +247,7 @@ impl Gateway {
         self.touched_buses |= u8::from(has_changed).checked_shl(bus.into()).unwrap_or(0);
     }
 
-    /// The slot of a frame that the controller of a CAN bus should give back, if there is one:
+    /// The slot of a frame that the controller of a CAN bus should cancel, if there is one:
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);

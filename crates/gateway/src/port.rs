@@ -6,7 +6,7 @@
 //!   each one it took, once, by its slot: [`Event::Transmitted`] when the bus has acknowledged it
 //!   (CAN) or its last bit has left (RS485). It never holds more than one frame per slot.
 //! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames a CAN
-//!   controller should give back, and reports each, once: [`Event::Cancelled`] if it has not been
+//!   controller should cancel, and reports each, once: [`Event::Cancelled`] if it has not been
 //!   sent and will not be, else [`Event::Transmitted`]. A port that does neither in time is started
 //!   again.
 //! - When a CAN controller goes bus-off the port drops every frame it holds, then reports

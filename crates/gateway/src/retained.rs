@@ -170,8 +170,8 @@ impl Gateway {
         self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
-        let news = self.axes.which(Is::Tripped).bits() & !states.tripped;
-        self.retention.is_complete = !self.history.has_unsaved() && news == 0;
+        let unrecorded = self.axes.which(Is::Tripped).bits() & !states.tripped;
+        self.retention.is_complete = !self.history.has_unsaved() && unrecorded == 0;
         self.retention.write_states(states, store);
     }
 

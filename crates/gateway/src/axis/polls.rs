@@ -45,12 +45,11 @@ pub(crate) struct Request {
     pub exchange: Exchange,
 }
 
-/// What an axis turns to next.
+/// What an axis asks for next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Next {
     This(Exchange),
-    /// The poll whose turn it is. Which one that is takes a while to find, and matters only when it
-    /// is due.
+    /// The next poll. Which one that is takes a while to find, and matters only when it is due.
     Poll,
 }
 
@@ -167,12 +166,12 @@ impl Axis {
         earliest
     }
 
-    /// The poll whose turn it is.
+    /// The next poll.
     fn poll_exchange(&self) -> Option<Exchange> {
         if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
-    /// The poll of an armed axis whose turn it is: every third time it is one that a limit or a
+    /// The next poll of an armed axis: every third is one that a limit or a
     /// watcher asks for.
     fn armed_poll(&self) -> Option<Exchange> {
         let asks = |armed: &Armed| armed.echo.is_doubtful || armed.uncommanded_since.is_some();
@@ -195,11 +194,11 @@ impl Axis {
         };
         if place == 2 {
             let count = info.state.iter().filter(|exchange| further(exchange)).count();
-            if let Some(turn) = round.checked_rem(count) {
-                return info.state.iter().copied().filter(further).nth(turn);
+            if let Some(index) = round.checked_rem(count) {
+                return info.state.iter().copied().filter(further).nth(index);
             }
         }
-        self.in_turn(info.polls, self.poll_index - round)
+        self.cyclic(info.polls, self.poll_index - round)
     }
 
     fn run_time_every(&self) -> usize {
@@ -235,14 +234,14 @@ impl Axis {
             return Some(Exchange::Velocity);
         }
         let state = Info::of_axis(&self.config)?.state;
-        let turn = if holds { self.poll_index / 2 } else { self.poll_index };
-        self.watched.then(|| self.in_turn(state, turn)).flatten()
+        let index = if holds { self.poll_index / 2 } else { self.poll_index };
+        self.watched.then(|| self.cyclic(state, index)).flatten()
     }
 
-    /// The exchange whose turn it is, of those this motor has commands for.
-    fn in_turn(&self, exchanges: &[Exchange], turn: usize) -> Option<Exchange> {
+    /// The exchange at a place that counts on and on, of those this motor has commands for.
+    fn cyclic(&self, exchanges: &[Exchange], index: usize) -> Option<Exchange> {
         (0..exchanges.len())
-            .filter_map(|offset| exchanges.get((turn + offset) % exchanges.len()).copied())
+            .filter_map(|offset| exchanges.get((index + offset) % exchanges.len()).copied())
             .find(|exchange| protocol::command(*exchange, &self.config).is_some())
     }
 }

@@ -1,4 +1,4 @@
-//! A half-duplex serial line: whose turn it is, our own echo, and the frames in the byte stream.
+//! A half-duplex serial line: who may transmit, our own echo, and the frames in the byte stream.
 
 use crate::port::MAX_SERIAL;
 use crate::protocol::{Deframer, Info, Serial, SerialFrame};
@@ -66,7 +66,7 @@ struct Awaited {
     until_for_stop: Instant,
 }
 
-/// The times of one bus that decide whose turn it is.
+/// The times of one bus that decide who may transmit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineTimes {
     /// `GAP_BITS` bits.

@@ -52,7 +52,7 @@ pub(crate) struct Bus {
     quiet_at: Instant,
     pub raw: Option<Raw>,
     /// When the frame that has waited longest for an acknowledgement counts as unacknowledged,
-    /// although it was taken back.
+    /// although it was cancelled.
     carried_deadline: Option<Instant>,
     /// The last frame that came back had met the reply to the one before; none has left since.
     let_reply_pass: bool,
@@ -73,7 +73,7 @@ pub(crate) struct Bus {
     /// The configuration is another one than they know.
     has_new_config: bool,
     /// The axis that was served last; the next one after it goes first.
-    turn: u8,
+    last_served: u8,
     /// When the bus must be looked at again.
     due: Option<Instant>,
 }
@@ -131,7 +131,7 @@ impl Bus {
             longest_frame_bits: STANDARD_FRAME_BITS,
             bounds: Bounds::NONE,
             has_new_config: false,
-            turn: 0,
+            last_served: 0,
             due: None,
         }
     }

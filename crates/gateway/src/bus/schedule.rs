@@ -1,5 +1,5 @@
 //! What goes out next on a bus: stops first, on CAN those with the lowest id, everything else in
-//! turn.
+//! order.
 
 use super::{Bus, InFlight};
 use crate::axes::{Axes, Is};
@@ -23,7 +23,7 @@ const FIRST_STOPS_BAR_FRAMES: u64 = 4;
 pub(super) enum Room {
     /// The room that the port has now.
     Left,
-    /// That of all frames which it can give back.
+    /// That of all frames which it can cancel.
     All,
 }
 
@@ -58,7 +58,7 @@ impl Bus {
             return None;
         }
         let mut best: Option<(usize, Request, Precedence)> = None;
-        for index in self.which(Is::Ready, axes).behind(self.turn) {
+        for index in self.which(Is::Ready, axes).behind(self.last_served) {
             let Some(axis) = axes.get(index) else { continue };
             if !may_ordinary && axis.stop().is_none() && !axis.is_kept_holding() {
                 continue;
@@ -108,7 +108,7 @@ impl Bus {
     }
 
     /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any
-    /// other order round. What has no precedence over another goes in turn.
+    /// other order round. Others go one after the other.
     fn precedence(&self, axis: &Axis, want: &Request, stops: Stops) -> Precedence {
         let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {

@@ -17,7 +17,7 @@ use host_protocol::{BusKind, RawFrame, TripReason};
 /// G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
-/// A controller that has neither sent nor given back a frame within this and four frame times is
+/// A controller that has neither transmitted nor cancelled a frame within this and four frame times is
 /// started again.
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// A frame that waited in vain for a reply with its own id, and has not left after so many frame
@@ -78,7 +78,7 @@ impl Bus {
         }
     }
 
-    /// The next frame that the controller should give back: its axis has replaced it, or it keeps a
+    /// The next frame that the controller should cancel: its axis has replaced it, or it keeps a
     /// stop out that goes before it.
     pub fn poll_cancel(&mut self, now: Instant, axes: &Axes) -> Option<u8> {
         if self.kind() != BusKind::Can {
@@ -113,7 +113,7 @@ impl Bus {
         Some(slot)
     }
 
-    /// The controller has given back the frame in `slot`.
+    /// The controller has cancelled the frame in `slot`.
     pub fn cancelled(&mut self, now: Instant, slot: u8, axes: &mut Axes) {
         let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
         else {
@@ -133,7 +133,7 @@ impl Bus {
         }
     }
 
-    /// Looks for frames that nobody has acknowledged, or that the controller has not given back, in
+    /// Looks for frames that nobody has acknowledged, or that the controller has not cancelled, in
     /// time.
     pub fn expire_in_flight(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         if self.in_flight.iter().flatten().filter_map(|f| f.cancel_by).any(|by| by <= now) {
@@ -232,7 +232,7 @@ impl Bus {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
             return None;
         };
-        self.turn = axis.index;
+        self.last_served = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
         let may_come = self.kind() == BusKind::Can
             && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects());

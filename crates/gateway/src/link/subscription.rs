@@ -17,8 +17,8 @@ pub struct Subscription {
     next_us: u64,
     /// Axes whose sample of this period has not gone out.
     due: u32,
-    /// Where the turn goes on, so that a slow link leaves out no axis for ever.
-    turn: u8,
+    /// The axis that comes next, so that a slow link leaves out no axis for ever.
+    next_axis: u8,
     /// Samples that were not out when the next were due.
     missed: u32,
 }
@@ -38,7 +38,7 @@ impl Subscription {
             period_us: u64::from(request.period_us),
             next_us: now_us,
             due: 0,
-            turn: 0,
+            next_axis: 0,
             missed: 0,
         };
         Ok((request.axes != 0).then_some(subscription))
@@ -76,11 +76,11 @@ impl Subscription {
 
     /// The next axis to tell of, what of it, and how many samples were missed since the last one.
     pub fn take(&mut self) -> Option<(u8, StateFields, u32)> {
-        let later = self.due & u32::MAX.checked_shl(u32::from(self.turn)).unwrap_or(0);
+        let later = self.due & u32::MAX.checked_shl(u32::from(self.next_axis)).unwrap_or(0);
         let from = if later == 0 { self.due } else { later };
         let axis = u8::try_from(from.trailing_zeros()).ok().filter(|_| from != 0)?;
         self.due &= !axis_bit(axis);
-        self.turn = axis + 1;
+        self.next_axis = axis + 1;
         Some((axis, self.fields, core::mem::take(&mut self.missed)))
     }
 }

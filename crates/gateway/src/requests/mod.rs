@@ -442,7 +442,7 @@ impl Gateway {
         Ok(Outcome::Later)
     }
 
-    /// Authority given back: what is armed is stopped and disarmed.
+    /// Authority released: what is armed is stopped and disarmed.
     fn release_authority(&mut self, now: Instant) {
         self.authority.release();
         self.close_all_raw(now);
