@@ -9,6 +9,7 @@ mod replies;
 mod ring;
 mod subscription;
 #[cfg(test)]
+#[path = "../../tests/unit/link.rs"]
 mod tests;
 
 pub use replies::Slot;
