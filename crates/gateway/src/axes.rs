@@ -5,11 +5,11 @@
 //! [`Axes::settle`] works its words out anew: what an event costs depends on the axes that it
 //! touches.
 
-use crate::axis::Axis;
+use crate::axis::{Axis, Traffic};
 use crate::time::{Earliest, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use heapless::Vec;
-use host_protocol::{AxisState, Protocol};
+use host_protocol::AxisState;
 
 /// A set of axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -206,33 +206,6 @@ struct Kept {
     which: [AxisSet; Is::ALL.len()],
     looks: [Look; MAX_AXES],
     traffic: [Traffic; MAX_AXES],
-}
-
-/// What of an axis decides how long others wait on its bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Traffic {
-    pub bus: Option<u8>,
-    pub protocol: Option<Protocol>,
-    /// Its frames, or those of its motor, have ids of 29 bits.
-    pub is_extended: bool,
-    /// Its motor answers requests to others.
-    pub objects: bool,
-    /// Frames that answer one motion.
-    pub replies: u8,
-    /// The frames that its motor sends by itself, as `stream` says it.
-    pub stream: u32,
-}
-
-impl Traffic {
-    /// Of an axis without configuration.
-    const NONE: Self = Self {
-        bus: None,
-        protocol: None,
-        is_extended: false,
-        objects: false,
-        replies: 1,
-        stream: 0,
-    };
 }
 
 impl Kept {

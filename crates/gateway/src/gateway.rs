@@ -1,19 +1,26 @@
 //! The gateway as one object: events in, frames out.
 
+mod pins;
+mod requests;
+mod retained;
+
+pub use retained::RETAINED_WORDS;
+
 use crate::axes::{Axes, AxisSet, Is};
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
 use crate::link::Link;
-use crate::log::{Links, LogEntry};
+use crate::link::Links;
+use crate::log::LogEntry;
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
-use crate::requests::{Authority, Together};
-use crate::retained::Retention;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{Error, Incident, MAX_FRAME, TripReason};
+use requests::{Authority, Together};
+use retained::Retention;
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone)]
@@ -280,6 +287,11 @@ impl Gateway {
                 return link.sample(now.as_micros(), &axis.sample(*now, fields), out);
             }
         }
+    }
+
+    /// The next entry of the log, in order. Who takes none loses nothing else.
+    pub fn take_log(&mut self) -> Option<LogEntry> {
+        self.links.take_entry()
     }
 
     /// How the bus must be running; `None` while it is not configured.

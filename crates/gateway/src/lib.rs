@@ -10,16 +10,15 @@ mod axes;
 mod axis;
 mod bus;
 mod bus_rules;
+mod config;
 mod gateway;
 mod history;
 pub mod link;
 mod log;
+mod measured;
 mod outbox;
-mod pins;
 pub mod port;
 mod protocol;
-mod requests;
-mod retained;
 mod rules;
 #[cfg(feature = "state-text")]
 mod state_text;
@@ -27,12 +26,11 @@ pub mod time;
 mod transaction;
 
 pub use bus_rules::check_bus_config;
-pub use gateway::Gateway;
+pub use gateway::{Gateway, RETAINED_WORDS};
 pub use log::LogEntry;
 pub use port::{
     Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, Outgoing, Store, Transmit,
 };
-pub use retained::RETAINED_WORDS;
 pub use rules::{AxisRules, NativeEffect};
 pub use time::{Duration, Instant};
 

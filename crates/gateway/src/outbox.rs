@@ -1,7 +1,7 @@
 //! Where results and events go: the host links.
 
+use crate::link::Links;
 use crate::link::Slot;
-use crate::log::Links;
 use crate::time::Instant;
 use host_protocol::{Error, Event, Reply};
 

@@ -2,8 +2,8 @@
 //! gateway makes them before it takes anything that moves; a program may make the same ones before
 //! it arms, as arming may free a brake.
 
-use crate::axis::{Address, AxisConfig};
 use crate::bus_rules;
+use crate::config::{Address, AxisConfig};
 use crate::protocol::{self, Command, Demand, Effect, Info, Native};
 use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
 

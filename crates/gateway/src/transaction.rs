@@ -3,7 +3,8 @@
 //! One request of an axis is under way at a time. A stop preempts it; the request before is
 //! remembered as long as its reply may come, so that this reply answers nothing else.
 
-use crate::axis::{AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use crate::protocol::{self, Command, Exchange, Received, Unasked, Verdict};
 use crate::time::{Duration, Instant};
 

@@ -44,6 +44,7 @@ store!(HostUart);
 
 impl HostUart {
     /// An adapter with nothing to send.
+    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -59,11 +60,13 @@ impl HostUart {
     }
 
     /// Bytes whose start bit has not been sent.
+    #[must_use]
     pub fn unsent(&self) -> usize {
         self.unsent.len()
     }
 
     /// Whether the board has sent something that nobody has taken yet.
+    #[must_use]
     pub fn has_received(&self) -> bool {
         !self.received.is_empty()
     }
@@ -85,6 +88,7 @@ impl HostUart {
     }
 
     /// How the firmware has set the port up.
+    #[must_use]
     pub fn settings(&self) -> Settings {
         self.settings
     }

@@ -15,4 +15,3 @@ pub mod sections;
 pub mod serve;
 pub mod transport;
 pub mod usb_session;
-pub mod usual;

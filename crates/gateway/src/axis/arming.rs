@@ -1,6 +1,7 @@
 //! What each step of a job must show before it goes on: above all, before an axis is armed.
 
-use super::{Axis, JobKind, Observation};
+use super::{Axis, JobKind};
+use crate::measured::Observation;
 use crate::protocol::{Exchange, Sets};
 use host_protocol::{AxisParameter, Error, MotorTimeout, Quantity, TogetherBar, TripReason};
 

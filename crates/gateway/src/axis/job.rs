@@ -3,10 +3,12 @@
 //!
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
+use super::Axis;
 use super::restart::Restart;
 use super::sequence::Sequence;
 use super::state::State;
-use super::{Axis, AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use crate::outbox::{Outbox, Ticket};
 use crate::protocol::{Command, Exchange, Info, Sets};
 use crate::time::{Duration, Instant};

@@ -1,7 +1,8 @@
 //! What a motor measures against the limits of its axis: beyond them it trips.
 
+use super::Axis;
 use super::state::State;
-use super::{Axis, Observation};
+use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol;
 use crate::time::{Duration, Instant};

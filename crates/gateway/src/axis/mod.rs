@@ -4,10 +4,8 @@
 //! it, and reports what became of it (`outcome.rs`); a stop preempts every other request.
 
 mod arming;
-mod config;
 mod job;
 mod limits;
-mod measured;
 mod outcome;
 mod polls;
 mod restart;
@@ -20,23 +18,23 @@ mod telemetry;
 mod timeout;
 mod together;
 
-pub(crate) use config::{Address, AxisConfig};
 pub(crate) use job::{Job, JobKind};
-pub(crate) use measured::Observation;
 pub(crate) use outcome::Reception;
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
 pub(crate) use setpoint::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 
-use crate::axes::Traffic;
+use crate::config::AxisConfig;
+use crate::measured::{Measured, Observation};
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use core::num::NonZeroU64;
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields};
-use measured::Measured;
+use host_protocol::{
+    AxisSummary, Event, FaultReading, MotorTimeout, Protocol, StateField, StateFields,
+};
 use outcome::Silence;
 use restart::RunTime;
 use setpoint::Motion;
@@ -259,4 +257,31 @@ impl Axis {
             stream: protocol::stream_word(&self.config),
         }
     }
+}
+
+/// What of an axis decides how long others wait on its bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Traffic {
+    pub bus: Option<u8>,
+    pub protocol: Option<Protocol>,
+    /// Its frames, or those of its motor, have ids of 29 bits.
+    pub is_extended: bool,
+    /// Its motor answers requests to others.
+    pub objects: bool,
+    /// Frames that answer one motion.
+    pub replies: u8,
+    /// The frames that its motor sends by itself, as `stream` says it.
+    pub stream: u32,
+}
+
+impl Traffic {
+    /// Of an axis without configuration.
+    pub const NONE: Self = Self {
+        bus: None,
+        protocol: None,
+        is_extended: false,
+        objects: false,
+        replies: 1,
+        stream: 0,
+    };
 }

@@ -1,7 +1,8 @@
 //! What becomes of the requests of an axis, and what follows from it.
 
+use super::Axis;
 use super::state::State;
-use super::{Axis, Observation};
+use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::{Command, Exchange, Info, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};

@@ -1,6 +1,6 @@
 //! A place in a table of exchanges: arming, reading, clearing and stopping all go through one.
 
-use super::AxisConfig;
+use crate::config::AxisConfig;
 use crate::protocol::{self, Exchange};
 
 /// What comes next of a table.

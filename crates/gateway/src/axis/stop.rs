@@ -2,7 +2,8 @@
 //! is tripped (GUARANTEES G4). Its steps are those of the stop action's table.
 
 use super::sequence::{Sequence, is_served};
-use super::{AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Instant};
 use crate::transaction::Transaction;

@@ -3,7 +3,8 @@
 
 use super::state::State;
 use super::stop::StopEffect;
-use super::{Axis, Observation, Stop};
+use super::{Axis, Stop};
+use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::Exchange;
 use crate::time::Instant;

@@ -5,6 +5,7 @@
 //! that does not read costs nothing but its own events.
 
 mod events;
+mod links;
 mod replies;
 mod ring;
 mod subscription;
@@ -12,8 +13,9 @@ mod subscription;
 #[path = "../../tests/unit/link.rs"]
 mod tests;
 
+pub(crate) use links::Links;
 pub use replies::Slot;
-pub(crate) use ring::{Cursor, Ring};
+use ring::{Cursor, Ring};
 
 use events::Events;
 use host_protocol::{

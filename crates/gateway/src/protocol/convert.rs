@@ -9,7 +9,7 @@
 //! software or not at all; so the products are integers of 64 bits, and f64 is left to the
 //! compiler.
 
-use crate::axis::AxisConfig;
+use crate::config::AxisConfig;
 use core::f64::consts::PI;
 use host_protocol::{AxisParameter, Error, Quantity};
 

@@ -1,7 +1,7 @@
 //! Which CAN ids an axis is sent frames on, and on which its motor acts or answers (GUARANTEES G7).
 
 use super::Info;
-use crate::axis::AxisConfig;
+use crate::config::AxisConfig;
 use embedded_can::Id;
 use host_protocol::CanId;
 

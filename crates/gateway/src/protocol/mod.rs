@@ -23,7 +23,8 @@ pub(crate) use rmd::{slow_reply, tracks};
 pub(crate) use serial::{Deframer, Serial, SerialFrame};
 pub(crate) use stream::Stream;
 
-use crate::axis::{AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use convert::Scale;
 use host_protocol::{
     AxisParameter, BusKind, CanFrame, CanId, Error, Protocol, ProtocolSet, Quantity, Setpoint,

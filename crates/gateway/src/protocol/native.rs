@@ -1,7 +1,7 @@
 //! Native commands: data bytes of a manual, decoded before the gateway acts on them.
 
 use super::{Command, Info, to_can, to_serial};
-use crate::axis::AxisConfig;
+use crate::config::AxisConfig;
 use host_protocol::{AxisParameter, BusKind, Error, Setpoint};
 
 /// A decoded native command and what it does.

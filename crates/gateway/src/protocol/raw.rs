@@ -3,7 +3,7 @@
 //! lenient motor may obey it.
 
 use super::Info;
-use crate::axis::AxisConfig;
+use crate::config::AxisConfig;
 use embedded_can::{Id, StandardId};
 use host_protocol::{CanFrame, CanId, ProtocolSet};
 

@@ -5,7 +5,8 @@ use super::{
     Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Serial,
     SerialFrame, Sets, Unasked, Verdict,
 };
-use crate::axis::{AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use crate::time::Duration;
 use embedded_can::StandardId;
 use heapless::Vec;

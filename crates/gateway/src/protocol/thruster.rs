@@ -4,7 +4,8 @@ use super::convert::{DECIDEGREES, HUNDREDTHS, RPM, TENTHS, position};
 use super::{
     Command, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Sets, Unasked, Verdict,
 };
-use crate::axis::{AxisConfig, Observation};
+use crate::config::AxisConfig;
+use crate::measured::Observation;
 use embedded_can::StandardId;
 use host_protocol::{
     AxisParameter, BusKind, CanId, Error, Protocol, Quantity, Setpoint, StopAction,

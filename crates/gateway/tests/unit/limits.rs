@@ -4,7 +4,7 @@
 extern crate std;
 
 use super::to_can;
-use crate::axis::AxisConfig;
+use crate::config::AxisConfig;
 use crate::rules;
 use core::f64::consts::PI;
 use host_protocol::{AxisParameter, Protocol, Setpoint, Value};

@@ -1,7 +1,7 @@
 //! Tests of `retained/states.rs`.
 
 use super::*;
-use crate::retained::layout::Place;
+use crate::gateway::retained::layout::Place;
 
 const STATES: States = States {
     starts: 3,

@@ -74,7 +74,10 @@ impl Machine {
     /// Runs a branch of this run: `act` is done `after` a while, and `report` is made `span` after
     /// that. The board itself stays where it stands, and never knows. One thread of a process
     /// is to do so at a time with one board.
-    /// Panics if the branch panics.
+    ///
+    /// # Panics
+    ///
+    /// If the branch panics.
     pub fn branch(
         &mut self,
         after: Duration,

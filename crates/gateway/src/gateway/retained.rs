@@ -20,9 +20,10 @@ pub use layout::RETAINED_WORDS;
 use core::mem::take;
 
 use crate::axes::Is;
-use crate::axis::{Axis, AxisConfig};
+use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::bus_rules;
+use crate::config::AxisConfig;
 use crate::gateway::Gateway;
 use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
@@ -402,5 +403,5 @@ fn bus_config(words: &[u32]) -> Option<BusConfig> {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/retained.rs"]
+#[path = "../../tests/unit/retained.rs"]
 mod tests;

@@ -254,5 +254,5 @@ fn from_bits(kind: ValueKind, bits: u32) -> Value {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/config.rs"]
+#[path = "../tests/unit/config.rs"]
 mod tests;

@@ -37,5 +37,5 @@ impl States {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/retained_states.rs"]
+#[path = "../../../tests/unit/retained_states.rs"]
 mod tests;

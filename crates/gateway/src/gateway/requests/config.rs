@@ -1,9 +1,10 @@
 //! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still
 //! fits together.
 
-use crate::axis::{Address, Axis, AxisConfig};
+use crate::axis::Axis;
 use crate::bus::check_load;
 use crate::bus_rules;
+use crate::config::{Address, AxisConfig};
 use crate::gateway::Gateway;
 use crate::outbox::Outbox;
 use crate::protocol;

@@ -123,5 +123,5 @@ pub(super) fn mark(store: Store<'_>) {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/retained_layout.rs"]
+#[path = "../../../tests/unit/retained_layout.rs"]
 mod tests;

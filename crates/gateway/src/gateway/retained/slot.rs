@@ -147,5 +147,5 @@ impl Slot {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/retained_slot.rs"]
+#[path = "../../../tests/unit/retained_slot.rs"]
 mod tests;

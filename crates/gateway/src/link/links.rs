@@ -1,0 +1,122 @@
+//! The host links together, with the one ring of what happened that they and the log read.
+
+use super::{Cursor, Incoming, Link, Ring, Slot};
+use crate::MAX_LINKS;
+use crate::log::LogEntry;
+use core::mem::take;
+use core::ops::{Deref, DerefMut};
+use heapless::Vec;
+use host_protocol::{Error, Event, MAX_FRAME, Reply};
+
+/// The host links, and the log, which hears what they all hear.
+#[derive(Clone)]
+pub(crate) struct Links {
+    links: Vec<Link, MAX_LINKS>,
+    /// What happened.
+    ring: Ring,
+    /// How far the log has been told.
+    told: Cursor,
+    /// The link that is in command, as the log knows it.
+    holder: Option<u8>,
+    /// The links that have had something to send since that was last asked, a bit for each.
+    changed: u8,
+    /// The same of the log.
+    log_changed: bool,
+}
+
+impl Links {
+    /// The next entry of the log, in order. Who takes none loses nothing else.
+    pub fn take_entry(&mut self) -> Option<LogEntry> {
+        let Self { ring, told, .. } = self;
+        let (entry, lost, behind_it) = ring.next(*told)?;
+        if lost > 0 {
+            // The loss is told first.
+            told.entry = told.entry.wrapping_add(lost);
+            return Some(LogEntry::Dropped { count: lost });
+        }
+        *told = behind_it;
+        Some(entry.what)
+    }
+
+    pub const fn new() -> Self {
+        Self {
+            links: Vec::new(),
+            ring: Ring::new(),
+            told: Cursor { entry: 0, event: 0 },
+            holder: None,
+            changed: 0,
+            log_changed: false,
+        }
+    }
+
+    /// Takes an event that every host is told, and the log.
+    pub fn event(&mut self, now_us: u64, event: &Event) {
+        self.ring.push(now_us, LogEntry::Event(*event));
+        self.log_changed = true;
+        for (link, port) in (0u8..).zip(&self.links) {
+            self.changed |= u8::from(port.is_told()).checked_shl(link.into()).unwrap_or(0);
+        }
+    }
+
+    /// Adds to the log alone.
+    pub fn log(&mut self, entry: LogEntry) {
+        self.ring.push(0, entry);
+        self.log_changed = true;
+    }
+
+    /// The next byte of a host, see [`Link::receive`].
+    pub fn receive(&mut self, link: u8, now_us: u64, byte: u8) -> Option<Incoming> {
+        let end = self.ring.end();
+        self.links.get_mut(usize::from(link))?.receive(now_us, byte, end)
+    }
+
+    /// The next frame for a host, see [`Link::poll_transmit`].
+    pub fn poll_transmit(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.links.get_mut(usize::from(link))?.poll_transmit(&self.ring, out)
+    }
+
+    /// Answers a request of a link.
+    pub fn reply(&mut self, link: u8, slot: Slot, result: &Result<Reply, Error>) {
+        if let Some(port) = self.links.get_mut(usize::from(link)) {
+            port.reply(slot, result);
+            self.touch(link);
+        }
+    }
+
+    /// A link may have something to send.
+    pub fn touch(&mut self, link: u8) {
+        if self.links.get(usize::from(link)).is_some_and(|link| link.has_output(&self.ring)) {
+            self.changed |= 1u8.checked_shl(link.into()).unwrap_or(0);
+        }
+    }
+
+    /// The links that have got something to send since the last time, a bit for each; and whether
+    /// the log has.
+    pub fn take_changed(&mut self) -> (u8, bool) {
+        (take(&mut self.changed), take(&mut self.log_changed))
+    }
+
+    /// Adds to the log who is in command, where that has changed.
+    pub fn log_holder(&mut self, holder: Option<u8>) {
+        if self.holder != holder {
+            self.holder = holder;
+            if let Some(link) = holder {
+                self.log(LogEntry::InCommand { link });
+            }
+        }
+    }
+}
+
+impl Deref for Links {
+    type Target = Vec<Link, MAX_LINKS>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.links
+    }
+}
+
+impl DerefMut for Links {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.links
+    }
+}
