@@ -5,14 +5,11 @@
 //! is counted in virtual time, so the figures are the same on every machine.
 
 use std::error::Error;
-use std::fs;
-use std::path::Path;
 use std::process::ExitCode;
 
-use virtual_board::board::Board;
 use virtual_board::machine::image_path;
-use virtual_board::measure::{LEGEND, Table, measure};
-use virtual_board::sections;
+use virtual_board::measure::{Table, measure};
+use virtual_board::sections::{exit_code, settle};
 
 /// The committed table.
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/measurements.txt");
@@ -30,37 +27,13 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match run(renew) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(renew))
 }
 
 /// Whether the committed table holds.
 fn run(renew: bool) -> Result<bool, Box<dyn Error>> {
     let measured = measure(&image_path()?, renew)?;
-    print!("{measured}");
-    let (path, board) = (Path::new(COMMITTED), Board::chosen());
-    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    if renew {
-        let renewed = sections::renewed(&text, LEGEND, board, &measured.to_string());
-        fs::write(path, renewed).map_err(|error| format!("{COMMITTED}: {error}"))?;
-        println!("renewed {COMMITTED}");
-        return Ok(true);
-    }
-    let section = sections::section(&text, board);
-    let section = section.ok_or_else(|| format!("{COMMITTED}: nothing of {}", board.name()))?;
-    let committed = Table::parse(section).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    let complaints = measured.complaints(&committed);
-    for complaint in &complaints {
-        eprintln!("{complaint}");
-    }
-    if complaints.is_empty() {
-        println!("no value has grown by more than 5 % over {COMMITTED}");
-    }
-    Ok(complaints.is_empty())
+    settle(COMMITTED, renew, &measured, |committed| {
+        Ok(measured.complaints(&Table::parse(committed)?))
+    })
 }

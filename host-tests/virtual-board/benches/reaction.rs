@@ -6,14 +6,11 @@
 //! about the slowest stop of each line.
 
 use std::error::Error;
-use std::fs;
-use std::path::Path;
 use std::process::ExitCode;
 
-use virtual_board::board::Board;
 use virtual_board::machine::image_path;
-use virtual_board::reaction::{Complaint, FEW_PHASES, LEGEND, Table, measure, traces};
-use virtual_board::sections;
+use virtual_board::reaction::{FEW_PHASES, Table, measure, traces};
+use virtual_board::sections::{exit_code, settle};
 
 /// The committed table.
 const COMMITTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reaction-times.txt");
@@ -54,14 +51,7 @@ fn main() -> ExitCode {
         eprintln!("usage: reaction [--phases N] [--only LINE] [--trace | --renew]");
         return ExitCode::from(2);
     };
-    match run(&arguments) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run(&arguments))
 }
 
 /// Whether the committed table holds.
@@ -73,27 +63,7 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn Error>> {
         return Ok(true);
     }
     let measured = measure(&image_path()?, phases, only)?;
-    print!("{measured}");
-    let (path, board) = (Path::new(COMMITTED), Board::chosen());
-    let text = fs::read_to_string(path).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    if arguments.renew {
-        let renewed = sections::renewed(&text, LEGEND, board, &measured.to_string());
-        fs::write(path, renewed).map_err(|error| format!("{COMMITTED}: {error}"))?;
-        println!("renewed {COMMITTED}");
-        return Ok(true);
-    }
-    let section = sections::section(&text, board);
-    let section = section.ok_or_else(|| format!("{COMMITTED}: nothing of {}", board.name()))?;
-    let committed = Table::parse(section).map_err(|error| format!("{COMMITTED}: {error}"))?;
-    let mut complaints = measured.complaints(&committed);
-    if arguments.only.is_some() {
-        complaints.retain(|complaint| !matches!(complaint, Complaint::NotMeasured(_)));
-    }
-    for complaint in &complaints {
-        eprintln!("{complaint}");
-    }
-    if complaints.is_empty() {
-        println!("nothing is slower than {COMMITTED} says");
-    }
-    Ok(complaints.is_empty())
+    settle(COMMITTED, arguments.renew, &measured, |committed| {
+        Ok(measured.complaints(&Table::parse(committed)?, only))
+    })
 }

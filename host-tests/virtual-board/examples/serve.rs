@@ -6,7 +6,9 @@
 use std::net::TcpListener;
 use std::process::ExitCode;
 use std::time::Duration;
+use std::{env, fs, io};
 
+use virtual_board::board::Board;
 use virtual_board::machine::{Builder, image_path};
 use virtual_board::outside::Outside;
 use virtual_board::serve::serve;
@@ -24,7 +26,8 @@ fn main() -> ExitCode {
         || arguments.iter().any(|argument| argument.starts_with('-'))
     {
         eprintln!(
-            "usage: serve [HOST:PORT of host link 0 [HOST:PORT of host link 1]]; port 0 takes a free one"
+            "usage: serve [HOST:PORT of host link 0 [HOST:PORT of host link 1]]; \
+             port 0 takes a free one"
         );
         return ExitCode::from(2);
     }
@@ -39,6 +42,25 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// A file that configures the four motors: the example, which is of the NUCLEO-H743ZI, or a copy of
+/// it with the RS485 bus of this board.
+fn configuration() -> io::Result<String> {
+    const FILE: &str = "host/cli/examples/four-motors.toml";
+    let (example, board) = (Board::default(), Board::chosen());
+    if board == example {
+        return Ok(FILE.to_owned());
+    }
+    let text = fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../host/cli/examples/four-motors.toml"
+    ))?;
+    let [of_example, of_board] =
+        [example, board].map(|board| format!("\nbus = {}\n", board.rs485_bus()));
+    let copy = env::temp_dir().join(format!("four-motors-{}.toml", board.name()));
+    fs::write(&copy, text.replace(&of_example, &of_board))?;
+    Ok(copy.display().to_string())
 }
 
 fn run([first, second]: &[String; 2]) -> Result<(), Box<dyn std::error::Error>> {
@@ -56,7 +78,7 @@ fn run([first, second]: &[String; 2]) -> Result<(), Box<dyn std::error::Error>> 
     println!("the virtual board runs {}", image.display());
     println!("host link 0 is tcp:{port}, host link 1 is tcp:{}", listeners[1].local_addr()?);
     println!("try: mgw --port tcp:{port} info");
-    println!("     mgw --port tcp:{port} configure --file host/cli/examples/four-motors.toml");
+    println!("     mgw --port tcp:{port} configure --file {}", configuration()?);
     println!("     mgw --port tcp:{port} set 0 velocity 2 --for 3");
     println!("Ctrl-C ends it. What its motors do, in seconds since the start:");
     serve(listeners, machine, outside, |line| println!("{line}"))?;

@@ -1,8 +1,10 @@
 //! The boards that the firmware is built for: what is on them, and which pin and port means what.
 
 use std::num::NonZeroU64;
+use std::ops::Deref;
 
 use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
+use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 use virtual_stm32::Chip;
 use virtual_stm32::pins::{Pin, Port};
@@ -33,6 +35,80 @@ pub struct RetainedRam {
     pub loses_last_write: bool,
 }
 
+/// What is on a board.
+#[derive(Debug)]
+pub struct Facts {
+    /// As the firmware calls it.
+    name: &'static str,
+    /// The variable that names the file of its image.
+    pub image_variable: &'static str,
+    /// The clock on the HSE pins.
+    pub(crate) hse_hz: u64,
+    /// The clock of the core that the firmware sets.
+    clock_hz: NonZeroU64,
+    /// How many instructions a second its core executes unless told otherwise.
+    pub(crate) usual_rate: NonZeroU64,
+    /// The speeds that measurements and reaction times are taken at, in instructions per second:
+    /// what the core reaches at best, and a bad case.
+    pub speeds: [u64; 2],
+    /// What a bit lasts on host link 1 at 921600 baud, in picoseconds.
+    pub host_1_bit_ps: u64,
+    /// Its CAN buses, which the gateway numbers first.
+    pub can_ports: &'static [CanPort],
+    rs485_bus: u8,
+    /// Where the image has nothing: the end of the flash.
+    pub free_flash: u64,
+    /// The chip's names for the serial ports: of host links 0 and 1, and of RS485.
+    serial_names: [&'static str; 3],
+    /// The e-stop input: closed to ground on a machine that may run, pulled up inside the part.
+    pub e_stop: Pin,
+    /// The enable output: the drives have power while it is high; a resistor outside pulls it down.
+    pub enable: Pin,
+    /// The light: on while it is high.
+    pub light: Pin,
+    /// Where the firmware keeps what must outlive a reset.
+    pub retained_ram: RetainedRam,
+}
+
+/// The ST-LINK clocks the chip; a core with its caches, and without.
+static NUCLEO_H743ZI: Facts = Facts {
+    name: "nucleo-h743zi",
+    image_variable: "MOTOR_GATEWAY_ELF",
+    hse_hz: 8_000_000,
+    clock_hz: NonZeroU64::new(400_000_000).expect("not zero"),
+    usual_rate: INSTRUCTIONS_PER_SECOND,
+    speeds: SPEEDS,
+    host_1_bit_ps: 1_090_000, // 109 cycles of 100 MHz
+    can_ports: &[CanPort::Bus0, CanPort::Bus1],
+    rs485_bus: 2,
+    free_flash: 0x081F_F000,
+    serial_names: ["USART3", "USART6", "USART2"],
+    e_stop: Pin::new(Port::E, 11),
+    enable: Pin::new(Port::E, 9),
+    light: Pin::new(Port::B, 0),
+    retained_ram: RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true },
+};
+
+/// The crystal X3 clocks the chip; one instruction in each cycle at most. SRAM2 checks no words,
+/// so no write waits.
+static NUCLEO_G474RE: Facts = Facts {
+    name: "nucleo-g474re",
+    image_variable: "MOTOR_GATEWAY_G474_ELF",
+    hse_hz: 24_000_000,
+    clock_hz: NonZeroU64::new(168_000_000).expect("not zero"),
+    usual_rate: NonZeroU64::new(168_000_000).expect("not zero"),
+    speeds: [168_000_000, 100_000_000],
+    host_1_bit_ps: 1_083_333, // 182 cycles of 168 MHz
+    can_ports: &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
+    rs485_bus: 3,
+    free_flash: 0x0807_F000,
+    serial_names: ["LPUART1", "USART1", "USART3"],
+    e_stop: Pin::new(Port::A, 4),
+    enable: Pin::new(Port::B, 0),
+    light: Pin::new(Port::A, 5),
+    retained_ram: RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false },
+};
+
 /// The variable that chooses a board.
 const BOARD_VARIABLE: &str = "MOTOR_GATEWAY_BOARD";
 /// VDD and VDDA.
@@ -44,28 +120,22 @@ impl Board {
 
     /// The one that the variable `MOTOR_GATEWAY_BOARD` names; the NUCLEO-H743ZI where it is not
     /// set.
-    ///
-    /// # Panics
-    ///
-    /// If it names another.
-    #[must_use]
+    /// Panics if it names another.
     pub fn chosen() -> Self {
         let Ok(name) = std::env::var(BOARD_VARIABLE) else { return Self::default() };
         let found = Self::ALL.into_iter().find(|board| board.name() == name);
         found.unwrap_or_else(|| panic!("{BOARD_VARIABLE} names {name}, which is no board"))
     }
 
-    /// The variable that names the file of its image.
-    #[must_use]
-    pub const fn image_variable(self) -> &'static str {
+    /// What is on it.
+    pub const fn facts(self) -> &'static Facts {
         match self {
-            Self::NucleoH743zi => "MOTOR_GATEWAY_ELF",
-            Self::NucleoG474re => "MOTOR_GATEWAY_G474_ELF",
+            Self::NucleoH743zi => &NUCLEO_H743ZI,
+            Self::NucleoG474re => &NUCLEO_G474RE,
         }
     }
 
     /// The board around a chip.
-    #[must_use]
     pub const fn of(chip: &Chip) -> Self {
         match chip {
             Chip::H743(_) => Self::NucleoH743zi,
@@ -73,27 +143,15 @@ impl Board {
         }
     }
 
-    /// The clock on the HSE pins: from the ST-LINK, or the crystal X3.
-    pub(crate) const fn hse_hz(self) -> u64 {
-        match self {
-            Self::NucleoH743zi => 8_000_000,
-            Self::NucleoG474re => 24_000_000,
-        }
-    }
-
-    /// Its chip, with the clock on its HSE pins.
-    ///
-    /// # Panics
-    ///
-    /// If a chip is not described as our models expect it: a defect of the emulator.
-    #[must_use]
+    /// Its chip, with the clock on its HSE pins. Panics if it is not described as our models
+    /// expect it: a defect of the emulator.
     pub fn chip(self) -> Chip {
         let chip = match self {
             Self::NucleoH743zi => Chip::new_h743(),
             Self::NucleoG474re => Chip::new_g474(),
         };
         let mut chip = chip.unwrap_or_else(|error| panic!("{error}"));
-        chip.attach_hse(self.hse_hz());
+        chip.attach_hse(VirtualNanos(0), self.hse_hz);
         if let Chip::H743(part) = &mut chip {
             part.stm32.set_supply(SUPPLY_MILLIVOLTS);
             part.stm32.set_analog_supply(SUPPLY_MILLIVOLTS);
@@ -103,131 +161,30 @@ impl Board {
 
     /// How its core runs, with the clock that the firmware sets.
     pub(crate) fn pace(self, instructions_per_second: NonZeroU64) -> Pace {
-        let clock_hz = match self {
-            Self::NucleoH743zi => const { NonZeroU64::new(400_000_000).expect("not zero") },
-            Self::NucleoG474re => const { NonZeroU64::new(168_000_000).expect("not zero") },
-        };
-        Pace { clock_hz, instructions_per_second }
-    }
-
-    /// How many instructions a second its core executes unless told otherwise: what rigless assumes
-    /// of the STM32H743, and one for each cycle of the STM32G474, the most that it can.
-    pub(crate) fn usual_rate(self) -> NonZeroU64 {
-        match self {
-            Self::NucleoH743zi => INSTRUCTIONS_PER_SECOND,
-            Self::NucleoG474re => const { NonZeroU64::new(168_000_000).expect("not zero") },
-        }
-    }
-
-    /// The speeds that measurements and reaction times are taken at, in instructions per second:
-    /// what the core reaches at best with its caches, or with one instruction in each cycle,
-    /// and a bad case without.
-    #[must_use]
-    pub const fn speeds(self) -> [u64; 2] {
-        match self {
-            Self::NucleoH743zi => SPEEDS,
-            Self::NucleoG474re => [168_000_000, 100_000_000],
-        }
-    }
-
-    /// What a bit lasts on host link 1 at 921600 baud, in picoseconds: 109 cycles of 100 MHz, 182
-    /// of 168 MHz.
-    #[must_use]
-    pub const fn host_1_bit_ps(self) -> u64 {
-        match self {
-            Self::NucleoH743zi => 1_090_000,
-            Self::NucleoG474re => 1_083_333,
-        }
+        Pace { clock_hz: self.clock_hz, instructions_per_second }
     }
 
     /// As the firmware calls it.
-    #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::NucleoH743zi => "nucleo-h743zi",
-            Self::NucleoG474re => "nucleo-g474re",
-        }
-    }
-
-    /// Its CAN buses, which the gateway numbers first.
-    #[must_use]
-    pub const fn can_ports(self) -> &'static [CanPort] {
-        match self {
-            Self::NucleoH743zi => &[CanPort::Bus0, CanPort::Bus1],
-            Self::NucleoG474re => &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
-        }
-    }
-
-    /// The gateway's number of the RS485 bus: the last.
-    #[must_use]
-    pub const fn rs485_bus(self) -> u8 {
-        match self {
-            Self::NucleoH743zi => 2,
-            Self::NucleoG474re => 3,
-        }
-    }
-
-    /// Where the image has nothing: the end of the flash.
-    #[must_use]
-    pub const fn free_flash(self) -> u64 {
-        match self {
-            Self::NucleoH743zi => 0x081F_F000,
-            Self::NucleoG474re => 0x0807_F000,
-        }
+        self.facts().name
     }
 
     /// The chip's name for a serial port.
-    #[must_use]
     pub const fn serial_name(self, port: UartPort) -> &'static str {
-        match (self, port) {
-            (Self::NucleoH743zi, UartPort::Host0) => "USART3",
-            (Self::NucleoH743zi, UartPort::Host1) => "USART6",
-            (Self::NucleoH743zi, UartPort::Rs485) => "USART2",
-            (Self::NucleoG474re, UartPort::Host0) => "LPUART1",
-            (Self::NucleoG474re, UartPort::Host1) => "USART1",
-            (Self::NucleoG474re, UartPort::Rs485) => "USART3",
-        }
+        self.facts().serial_names[port as usize]
     }
 
-    /// The e-stop input: closed to ground on a machine that may run, pulled up inside the part.
-    #[must_use]
-    pub const fn e_stop(self) -> Pin {
-        match self {
-            Self::NucleoH743zi => Pin::new(Port::E, 11),
-            Self::NucleoG474re => Pin::new(Port::A, 4),
-        }
+    /// The gateway's number of the RS485 bus: the last.
+    pub const fn rs485_bus(self) -> u8 {
+        self.facts().rs485_bus
     }
+}
 
-    /// The enable output: the drives have power while it is high; a resistor outside pulls it down.
-    #[must_use]
-    pub const fn enable(self) -> Pin {
-        match self {
-            Self::NucleoH743zi => Pin::new(Port::E, 9),
-            Self::NucleoG474re => Pin::new(Port::B, 0),
-        }
-    }
+impl Deref for Board {
+    type Target = Facts;
 
-    /// The light: on while it is high.
-    #[must_use]
-    pub const fn light(self) -> Pin {
-        match self {
-            Self::NucleoH743zi => Pin::new(Port::B, 0),
-            Self::NucleoG474re => Pin::new(Port::A, 5),
-        }
-    }
-
-    /// Where the firmware keeps what must outlive a reset. SRAM2 of the STM32G474 checks no words,
-    /// so no write waits.
-    #[must_use]
-    pub const fn retained_ram(self) -> RetainedRam {
-        match self {
-            Self::NucleoH743zi => {
-                RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true }
-            }
-            Self::NucleoG474re => {
-                RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false }
-            }
-        }
+    fn deref(&self) -> &Facts {
+        self.facts()
     }
 }
 

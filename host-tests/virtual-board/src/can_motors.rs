@@ -39,10 +39,7 @@ store!(CanMotor);
 
 impl CanMotor {
     /// A motor at rest. `seed` decides its reply times and its garbage.
-    ///
-    /// # Errors
-    ///
-    /// If its protocol has no such node.
+    /// Fails if its protocol has no such node.
     pub fn new(wiring: MotorWiring, seed: u64) -> Result<Self, WiringError> {
         Ok(Self {
             motor: Motor::on_can(wiring, seed)?,
@@ -52,13 +49,11 @@ impl CanMotor {
     }
 
     /// Its bitrate, bit/s.
-    #[must_use]
     pub fn bitrate(&self) -> u32 {
         self.motor.bitrate()
     }
 
     /// The motor: its shaft, its faults, its log.
-    #[must_use]
     pub fn motor(&self) -> &Motor {
         &self.motor
     }

@@ -44,7 +44,6 @@ store!(HostUart);
 
 impl HostUart {
     /// An adapter with nothing to send.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -60,13 +59,11 @@ impl HostUart {
     }
 
     /// Bytes whose start bit has not been sent.
-    #[must_use]
     pub fn unsent(&self) -> usize {
         self.unsent.len()
     }
 
     /// Whether the board has sent something that nobody has taken yet.
-    #[must_use]
     pub fn has_received(&self) -> bool {
         !self.received.is_empty()
     }
@@ -88,7 +85,6 @@ impl HostUart {
     }
 
     /// How the firmware has set the port up.
-    #[must_use]
     pub fn settings(&self) -> Settings {
         self.settings
     }

@@ -15,3 +15,4 @@ pub mod sections;
 pub mod serve;
 pub mod transport;
 pub mod usb_session;
+pub mod usual;

@@ -67,24 +67,18 @@ pub struct Machine {
 
 impl Machine {
     /// A board with the image that `MOTOR_GATEWAY_ELF` names, to hang peers on.
-    ///
-    /// # Panics
-    ///
-    /// Without an image: the message says how to build it.
-    #[must_use]
+    /// Panics without an image: the message says how to build it.
     pub fn builder() -> Builder {
         let image = image_path().unwrap_or_else(|error| panic!("{error}"));
         Builder::new(&image).unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// Virtual time since the board was switched on.
-    #[must_use]
     pub fn now(&self) -> Duration {
         Duration::from_nanos(self.core.stop().at.0)
     }
 
     /// Instructions that the core has executed since the board was switched on.
-    #[must_use]
     pub fn instructions(&self) -> u64 {
         self.core.stop().instruction_count
     }
@@ -127,13 +121,11 @@ impl Machine {
     }
 
     /// Which board it is.
-    #[must_use]
     pub fn board(&self) -> Board {
         Board::of(self.part())
     }
 
     /// The part with every model.
-    #[must_use]
     pub fn part(&self) -> &Chip {
         self.core.part()
     }
@@ -144,7 +136,6 @@ impl Machine {
     }
 
     /// A CAN controller with its bus.
-    #[must_use]
     pub fn can(&self, port: CanPort) -> &Fdcan {
         self.part().fdcan(port.index())
     }
@@ -170,10 +161,6 @@ impl Machine {
     }
 
     /// The far end of a serial line.
-    ///
-    /// # Panics
-    ///
-    /// Never: the handle comes from hanging it there.
     pub fn line<P: FarEnd>(&mut self, line: Line<P>) -> &mut P {
         let port = serial_port(self.part_mut(), line.port());
         port.peer_mut().expect("the far end that was hung here")
@@ -239,20 +226,13 @@ impl Machine {
     }
 
     /// The address of a symbol of the image.
-    ///
-    /// # Panics
-    ///
-    /// If the image has no such symbol, or several.
-    #[must_use]
+    /// Panics if the image has no such symbol, or several.
     pub fn symbol(&self, name: &str) -> u64 {
         self.symbols.get(name).unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// Reads memory, not registers.
-    ///
-    /// # Panics
-    ///
-    /// Where there is no memory.
+    /// Panics where there is no memory.
     pub fn read_memory(&mut self, address: u64, length: usize) -> Vec<u8> {
         self.core.order(move |_, host, _, _| {
             (address..).take(length).map(|at| read(host, at, Width::W8).to_le_bytes()[0]).collect()
@@ -260,20 +240,14 @@ impl Machine {
     }
 
     /// Reads a word of memory.
-    ///
-    /// # Panics
-    ///
-    /// Where there is no memory.
+    /// Panics where there is no memory.
     pub fn read_word(&mut self, address: u64) -> u32 {
         let bytes = self.read_memory(address, WORD_BYTES);
         u32::from_le_bytes(bytes.try_into().expect("as many as were asked for"))
     }
 
     /// Writes memory, as a debug probe would.
-    ///
-    /// # Panics
-    ///
-    /// Where there is no writable memory.
+    /// Panics where there is no writable memory.
     pub fn write_memory(&mut self, address: u64, bytes: &[u8]) {
         let bytes = bytes.to_vec();
         self.core.order(move |_, host, _, _| {
@@ -285,10 +259,7 @@ impl Machine {
 
     /// Everything as it stands: the core, memory, the part, the peers. Any number of machines start
     /// from it, with [`Builder::resume`].
-    ///
-    /// # Panics
-    ///
-    /// Between a reset and the next run, and with a peer that keeps no snapshot.
+    /// Panics between a reset and the next run, and with a peer that keeps no snapshot.
     pub fn snapshot(&mut self) -> Snapshot {
         let firmware = self.firmware;
         let taken = self.core.order(move |session, host, stop, recorder| {

@@ -14,7 +14,7 @@ mod stack;
 mod stages;
 mod table;
 
-pub use table::{Complaint, Malformed, Row, Table};
+pub use table::{Row, Table};
 
 use std::panic::resume_unwind;
 use std::path::Path;
@@ -39,42 +39,9 @@ const TRACED: usize = 2;
 /// Decides the motors' reply times.
 const SEED: u64 = 1;
 
-/// What the lines of the table mean.
-pub const LEGEND: &str = "\
-# What the firmware costs on the virtual board. CI fails when a value grows by more than 5 % (the worst ones are shown and
-# not compared), or when another compiler has built the image and the table was not renewed:
-#
-#     .ci/virtual-board measure [--board BOARD] --renew
-#
-# The last two columns are of a core that executes 250 and 100 million instructions a second, that of the STM32G474 168 and 100
-# million. Instructions: all that the core executes between two instants, interrupts and other tasks included, counted
-# exactly. Latency: the virtual time between the same two instants. Median and worst: of 100 repetitions at other phases of the
-# firmware's own timers. Eight axes, RMD motors, four on each CAN bus at 1 Mbit/s, and a host on UART at 921600 baud.
-#
-# idle second                 the host is silent, and no axis is armed or none is even configured
-# setpoint in, CAN frame out  from the last bit of Setpoint on the host UART to the first bit of its frame; the motor turns
-# stop in, CAN frame out      from the last bit of Stop on the host UART to the first bit of 0x81 on CAN; the motor turns
-# CAN reply in, state out     from the instant at which the motor's reply to ReadState is valid at the board, one bit before its
-#                             end, to the first bit of AxisReport on the host UART; the motor turns
-# round over 8 axes           from the first bit of the first of eight Setpoints, sent one right behind the other, until the
-#                             eighth Done has left and the motors' replies are valid at the board; all motors turn
-# of these ...                instructions of the last repetition by stage, from the same trace as below. A stage is named by functions
-#                             (src/measure/stages.rs): an instruction belongs to the innermost one under way, so what copies memory
-#                             counts where it was called. The core's events are all of Gateway::handle but the host protocol
-# reads of the flash, cycles with cache misses
-#                             reads that the instruction cache has not spared, from a trace of the last repetition at the higher speed, and
-#                             cycles of a core of one instruction a cycle that waits for each, with the wait states that the firmware
-#                             has set. Not counted: constants, which are read past the cache; branches and divisions of more than a
-#                             cycle; what arbitration adds; two instructions in a cycle, and prefetching, which save some. Only
-#                             --renew works them out: it takes minutes
-# stack                       the deepest it was until the firmware waits for the first time, and afterwards: in all this and
-#                             in a life with every kind of request, trips, a shorted bus and line noise. Seen, not proven
-# image                       flash, and static RAM without the stack
-";
-
 /// An image that cannot be measured.
 #[derive(Debug)]
-pub struct NotMeasurable(String);
+pub struct NotMeasurable(pub(crate) String);
 
 impl fmt::Display for NotMeasurable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -86,14 +53,8 @@ impl std::error::Error for NotMeasurable {}
 
 /// Measures an image. `is_traced`: with the rows that a trace of every instruction gives, which
 /// takes minutes.
-///
-/// # Errors
-///
-/// If the file is no image.
-///
-/// # Panics
-///
-/// If the firmware does not do what it is asked for, or the emulation is not deterministic.
+/// Fails if the file is no image.
+/// Panics if the firmware does not do what it is asked for, or the emulation is not deterministic.
 pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
     let unreadable =
         |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
@@ -107,7 +68,7 @@ pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
 
     let [fast, slow] = thread::scope(|scope| {
         // What is executed is nearly the same at each speed.
-        let [fast, slow] = Board::chosen().speeds();
+        let [fast, slow] = Board::chosen().speeds;
         let runs = [(fast, functions), (slow, None)]
             .map(|(speed, functions)| scope.spawn(move || measure_at(board, speed, functions)));
         runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)))

@@ -20,19 +20,16 @@ use rigless::time::VirtualNanos;
 
 /// The instant as a span since the start of the run, which is how the simulator's motors count
 /// time.
-#[must_use]
 pub fn since_start(at: VirtualNanos) -> Duration {
     Duration::from_nanos(at.0)
 }
 
 /// The instant `since_start` after the start of the run; the clock's end for more than 584 years.
-#[must_use]
 pub fn instant(since_start: Duration) -> VirtualNanos {
     VirtualNanos(u64::try_from(since_start.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// A frame of the project as the emulator's buses carry it.
-#[must_use]
 pub fn to_bus(frame: &CanFrame) -> can::Frame {
     let id = match frame.id() {
         Id::Standard(id) => can::Id::Standard(id.as_raw()),
@@ -46,7 +43,6 @@ pub fn to_bus(frame: &CanFrame) -> can::Frame {
 
 /// A frame of the emulator's buses as the project knows it. A length code above 8, which carries 8
 /// bytes, becomes 8; `None` for an identifier that does not fit its format.
-#[must_use]
 pub fn from_bus(frame: &can::Frame) -> Option<CanFrame> {
     let id = match frame.id {
         can::Id::Standard(raw) => Id::Standard(embedded_can::StandardId::new(raw)?),

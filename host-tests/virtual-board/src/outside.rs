@@ -30,16 +30,13 @@ pub struct Outside {
 impl Outside {
     /// Hangs two computers, an RS485 line and these motors on a board. The last bus is the RS485
     /// line, the others are CAN. `seed` decides the motors' reply times.
-    ///
-    /// # Errors
-    ///
-    /// If a motor cannot be connected as the wiring says.
+    /// Fails if a motor cannot be connected as the wiring says.
     pub fn connect(
         board: &mut Builder,
         motors: &[MotorWiring],
         seed: u64,
     ) -> Result<Self, WiringError> {
-        let (ports, rs485_bus) = (board.board().can_ports(), board.board().rs485_bus());
+        let (ports, rs485_bus) = (board.board().can_ports, board.board().rs485_bus());
         let mut line = Rs485Line::new();
         let mut places = Vec::with_capacity(motors.len());
         for (wiring, seed) in motors.iter().zip(seed..) {
@@ -63,39 +60,26 @@ impl Outside {
         Ok(Self { hosts, rs485: board.line(UartPort::Rs485, line), motors: places })
     }
 
-    /// [`Outside::connect`] with the motors of [`Wiring::four_motors`]: an RMD (node 1) and a thruster (0x0B) on bus 0, a
-    /// D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line of the board. Their indexes are 0 to
-    /// 3.
-    ///
-    /// # Panics
-    ///
-    /// Never: this wiring is sound.
+    /// [`Outside::connect`] with the motors of [`Wiring::four_motors`]: an RMD (node 1) and a
+    /// thruster (0x0B) on bus 0, a D5 (0x0B) on bus 1, an RMD (node 1) on the RS485 line.
     pub fn four_motors(board: &mut Builder, seed: u64) -> Self {
         let motors = four_motors(board.board());
         Self::connect(board, &motors, seed).expect("a sound wiring")
     }
 
     /// How many motors there are.
-    #[must_use]
     pub fn motors(&self) -> usize {
         self.motors.len()
     }
 
     /// The bus of a motor.
-    ///
-    /// # Panics
-    ///
-    /// If there is none with this index.
-    #[must_use]
+    /// Panics if there is none with this index.
     pub fn bus(&self, motor: usize) -> u8 {
         self.motors[motor].0
     }
 
     /// A motor, in the order of the wiring: its shaft, its faults, its log.
-    ///
-    /// # Panics
-    ///
-    /// If there is none with this index.
+    /// Panics if there is none with this index.
     pub fn motor<'a>(&self, machine: &'a mut Machine, motor: usize) -> &'a Motor {
         match self.motors[motor].1 {
             Place::Can(node) => machine.node(node).motor(),
@@ -105,10 +89,7 @@ impl Outside {
 
     /// Puts a fault into a motor, or takes it out again. Unplugged, a motor on CAN acknowledges
     /// nothing either.
-    ///
-    /// # Panics
-    ///
-    /// If there is none with this index.
+    /// Panics if there is none with this index.
     pub fn inject(&self, machine: &mut Machine, motor: usize, injection: Injection) {
         match self.motors[motor].1 {
             Place::Can(node) => {
@@ -126,10 +107,7 @@ impl Outside {
     }
 
     /// Switches a motor off and on again.
-    ///
-    /// # Panics
-    ///
-    /// If there is none with this index.
+    /// Panics if there is none with this index.
     pub fn power_cycle(&self, machine: &mut Machine, motor: usize) {
         match self.motors[motor].1 {
             Place::Can(node) => machine.drive_node(node, CanMotor::power_cycle),

@@ -11,68 +11,25 @@ mod table;
 mod trace;
 
 pub use situation::Situation;
-pub use table::{Complaint, Malformed, Row, Table, Times};
+pub use table::{Row, Table, Times};
 
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::Mutex;
+use std::thread;
 use std::time::Duration;
-use std::{fmt, thread};
 
 use host_protocol::StopTarget;
 use host_protocol::requests::{EStop, Stop};
 
 use crate::board::Board;
 use crate::machine::Builder;
-use crate::measure::SPEEDS;
+use crate::measure::{NotMeasurable, SPEEDS};
 use rig::{Rig, Stand};
 use situation::Bus;
 
 /// Phases that a run in CI looks at, at each speed.
 pub const FEW_PHASES: [u32; SPEEDS.len()] = [20, 5];
-
-/// What the lines of the table mean.
-pub const LEGEND: &str = "\
-# Reaction times on the virtual board: microseconds of virtual time from the last bit of a host's command on UART B to the first
-# bit of a stop, on a core that executes 250 million instructions a second, and on one that executes 100 million. Sixteen axes are armed
-# on the one bus in question, eleven on that at 210526 bit/s, which takes no more. Best, median and worst of the phases, which are spread
-# evenly over the time of one frame, and with a load over sixteen periods of it as well; each is a branch of one run, as from a snapshot.
-# The bound is that of GUARANTEES G5. Under floods from hosts there are four at most.
-#
-#     .ci/virtual-board reaction                          20 and 5 phases, compared with this table
-#     .ci/virtual-board reaction --phases 1000 --renew    writes it anew
-#
-# CI looks at three lines.
-# A comparison fails when the worst of its phases is more than 5 % and 20 us above the worst here, or above the bound and that of the table is
-# not: a line with \"over\" breaks its bound, and says so; SAFETY.md lists them. never: no stop came within 100 ms of the bound.
-#
-# quiet      the axes stand, nothing else is on the bus at that time
-# own        all axes move; refresh and polls take the 80 % of the bus that the gateway allows
-# foreign    the axes stand; another node sends its id 0x7FF without a pause
-# behind lowest, middle, before highest
-#            the same with an id right behind that of the first axis, in the middle of the axes, right before that of the last, from
-#            shortly before the command on: the stops with a lower id than that have a bound, and are measured. The others have none: a
-#            test shows that they are reported, and their axes unreachable
-# host requests, host garbage
-#            the axes stand; the computers on UART A and UART B send pings, or any bytes, without a pause at 921600 baud, the command among
-#            them
-# all floods foreign frames (0x7FF) on both CAN buses at 1 Mbit/s, noise on RS485 at 2 Mbaud, and host requests
-# one        Stop of one axis, another one in each phase
-# first      EStop of all axes: the first of their stops
-# last       EStop of all axes: the last, of those that have a bound
-";
-
-/// An image that cannot be run.
-#[derive(Debug)]
-pub struct NotRunnable(String);
-
-impl fmt::Display for NotRunnable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for NotRunnable {}
 
 /// What one board measures: the situations of one bus at one speed.
 struct Task {
@@ -89,21 +46,15 @@ struct Measured {
 }
 
 /// Measures the lines of the table whose names contain `filter`.
-///
-/// # Errors
-///
-/// If the file is no image.
-///
-/// # Panics
-///
-/// If the gateway does not do what it is asked for, or an axis is not stopped at all.
+/// Fails if the file is no image.
+/// Panics if the gateway does not do what it is asked for, or an axis is not stopped at all.
 pub fn measure(
     image: &Path,
     phases: [u32; SPEEDS.len()],
     filter: &str,
-) -> Result<Table, NotRunnable> {
+) -> Result<Table, NotMeasurable> {
     // Once as a trial: from then on it is the same file.
-    Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
+    Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
     let wanted = &wanted(filter);
     // The bus with most situations first.
@@ -152,7 +103,7 @@ fn measured(
         return Vec::new();
     }
     let mut stand =
-        Stand::new(&|| board().instructions_per_second(Board::chosen().speeds()[speed]), bus);
+        Stand::new(&|| board().instructions_per_second(Board::chosen().speeds[speed]), bus);
     let measured = |(situation, lines): &(Situation, Vec<Line>)| {
         let rig = stand.set_up(*situation);
         let phases = situation.phases(phases);
@@ -169,22 +120,16 @@ fn measured(
 
 /// What the bus carried about the stop that took longest: of each line of the table whose name
 /// contains `filter`, at each speed.
-///
-/// # Errors
-///
-/// If the file is no image.
-///
-/// # Panics
-///
-/// If the gateway does not do what it is asked for.
+/// Fails if the file is no image.
+/// Panics if the gateway does not do what it is asked for.
 pub fn traces(
     image: &Path,
     phases: [u32; SPEEDS.len()],
     filter: &str,
-) -> Result<String, NotRunnable> {
-    Builder::new(image).map_err(|error| NotRunnable(error.to_string()))?;
+) -> Result<String, NotMeasurable> {
+    Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
     let mut text = String::new();
-    for (speed, phases) in Board::chosen().speeds().into_iter().zip(phases) {
+    for (speed, phases) in Board::chosen().speeds.into_iter().zip(phases) {
         let board = || {
             Builder::new(image)
                 .expect("the image that was just read")

@@ -81,7 +81,7 @@ struct LineMotor {
 /// than on a real line. A motor at another rate than the port's hears garbage, and is heard as
 /// garbage. What overlaps is garbled, as far as the port's receiver has not taken it yet. A
 /// snapshot keeps everything.
-#[derive(Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 #[serde(bound(deserialize = "'de: 'static"))]
 pub struct Rs485Line {
     motors: Vec<LineMotor>,
@@ -98,34 +98,15 @@ pub struct Rs485Line {
 
 store!(Rs485Line);
 
-impl Default for Rs485Line {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Rs485Line {
     /// A line with nobody else on it.
-    #[must_use]
     pub fn new() -> Self {
-        Self {
-            motors: Vec::new(),
-            fault: BusFault::None,
-            settings: Settings::default(),
-            sent: Vec::new(),
-            replies: Vec::new(),
-            arriving: VecDeque::new(),
-            taken: None,
-            alarm: Alarm::default(),
-        }
+        Self::default()
     }
 
     /// Connects a motor at its own rate; its index here. `seed` decides its reply times and its
     /// garbage.
-    ///
-    /// # Errors
-    ///
-    /// If its protocol has no such node, or the simulator has it on CAN only.
+    /// Fails if its protocol has no such node, or the simulator has it on CAN only.
     pub fn connect(&mut self, wiring: MotorWiring, seed: u64) -> Result<usize, WiringError> {
         let motor = Motor::on_rs485(wiring, seed)?;
         let ear = Sampler::new(motor_bit_ps(&motor));
@@ -134,26 +115,18 @@ impl Rs485Line {
     }
 
     /// A motor: its shaft, its faults, its log.
-    ///
-    /// # Panics
-    ///
-    /// If there is none with this index.
-    #[must_use]
+    /// Panics if there is none with this index.
     pub fn motor(&self, index: usize) -> &Motor {
         &self.motors[index].motor
     }
 
     /// How many motors there are.
-    #[must_use]
     pub fn motors(&self) -> usize {
         self.motors.len()
     }
 
     /// Puts a fault into a motor, or takes it out again.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such motor.
+    /// Panics if there is no such motor.
     pub fn inject(&mut self, motor: usize, injection: Injection, timeline: &mut Timeline<'_, '_>) {
         let now = since_start(timeline.now());
         self.live(timeline);
@@ -162,10 +135,7 @@ impl Rs485Line {
     }
 
     /// Switches a motor off and on again: what it was about to send is lost.
-    ///
-    /// # Panics
-    ///
-    /// If there is no such motor.
+    /// Panics if there is no such motor.
     pub fn power_cycle(&mut self, motor: usize, timeline: &mut Timeline<'_, '_>) {
         let now = since_start(timeline.now());
         self.live(timeline);
@@ -191,13 +161,11 @@ impl Rs485Line {
     }
 
     /// What the port has sent since the start or the last [`Rs485Line::clear_sent`].
-    #[must_use]
     pub fn sent(&self) -> &[SentByte] {
         &self.sent
     }
 
     /// What motors have sent since the start or the last [`Rs485Line::clear_sent`].
-    #[must_use]
     pub fn replies(&self) -> &[Reply] {
         &self.replies
     }
@@ -209,7 +177,6 @@ impl Rs485Line {
     }
 
     /// How the firmware has set the port up.
-    #[must_use]
     pub fn settings(&self) -> Settings {
         self.settings
     }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use self::connection::Connection;
 use crate::host_uart::HostUart;
-use crate::machine::{CanPort, Line, Machine};
+use crate::machine::{Line, Machine};
 use crate::outside::Outside;
 
 /// Pause between two looks at the sockets.
@@ -31,10 +31,7 @@ const BACKLOG: usize = 4_096;
 ///
 /// `listeners`: of host links 0 and 1. Each line of the motors' logs, and each coming and going of
 /// a client, goes to `log`.
-///
-/// # Errors
-///
-/// When a listener fails.
+/// Fails when a listener fails.
 pub fn serve(
     listeners: [TcpListener; 2],
     machine: Machine,
@@ -76,10 +73,7 @@ pub struct Server {
 
 impl Server {
     /// A server for this board.
-    ///
-    /// # Errors
-    ///
-    /// When a listener cannot be switched to non-blocking.
+    /// Fails when a listener cannot be switched to non-blocking.
     pub fn new(
         listeners: [TcpListener; 2],
         machine: Machine,
@@ -105,10 +99,7 @@ impl Server {
 
     /// Brings the board to `elapsed` after the start and passes bytes on, without waiting for
     /// anything.
-    ///
-    /// # Errors
-    ///
-    /// When a listener fails.
+    /// Fails when a listener fails.
     pub fn turn(&mut self, elapsed: Duration, log: &mut impl FnMut(&str)) -> io::Result<()> {
         self.lost += self.behind(elapsed).saturating_sub(LAG);
         loop {
@@ -145,8 +136,8 @@ impl Server {
     }
 
     fn tidy(&mut self) {
-        for port in [CanPort::Bus0, CanPort::Bus1] {
-            self.machine.can_mut(port).take_log();
+        for port in self.machine.board().can_ports {
+            self.machine.can_mut(*port).take_log();
         }
         self.machine.line(self.outside.rs485).clear_sent();
         self.machine.take_rtt();
@@ -158,7 +149,8 @@ impl Server {
         if lost > WORTH_A_LINE {
             let ms = lost.as_millis();
             log(&format!(
-                "this computer was {ms} ms too slow for one second of the board: setpoints may expire"
+                "this computer was {ms} ms too slow for one second of the board: \
+                 setpoints may expire"
             ));
         }
     }

@@ -39,19 +39,16 @@ pub struct BoardTransport {
 
 impl BoardTransport {
     /// Over the line on which that computer hangs.
-    #[must_use]
     pub fn new(machine: &Rc<RefCell<Machine>>, line: Line<HostUart>) -> Self {
         Self { machine: Rc::clone(machine), link: Link::Uart(line), unread: VecDeque::new() }
     }
 
     /// Over USB, where the serial port is open.
-    #[must_use]
     pub fn usb(machine: &Rc<RefCell<Machine>>) -> Self {
         Self { machine: Rc::clone(machine), link: Link::Usb, unread: VecDeque::new() }
     }
 
     /// The board behind it.
-    #[must_use]
     pub fn machine(&self) -> &Rc<RefCell<Machine>> {
         &self.machine
     }

@@ -69,10 +69,7 @@ fn wait(
 }
 
 /// Carries out one control transfer.
-///
-/// # Panics
-///
-/// If it does not end within the 5 s that a device has.
+/// Panics if it does not end within the 5 s that a device has.
 pub fn control(machine: &mut Machine, request: Control) -> Ended {
     machine.usb().control(request);
     let mut ended = None;
@@ -84,10 +81,7 @@ pub fn control(machine: &mut Machine, request: Control) -> Ended {
 }
 
 /// Carries out one that must succeed, and returns what the device has sent.
-///
-/// # Panics
-///
-/// If it does not.
+/// Panics if it does not.
 pub fn request(machine: &mut Machine, request: Control) -> Vec<u8> {
     let setup = request.setup;
     match control(machine, request) {
@@ -103,10 +97,7 @@ pub fn plug(machine: &mut Machine) -> bool {
 }
 
 /// Resets the bus and waits for the device to recover.
-///
-/// # Panics
-///
-/// Without a device.
+/// Panics without a device.
 pub fn reset(machine: &mut Machine) {
     machine.usb().reset();
     let ready = wait(machine, RESET, |machine| {
@@ -118,10 +109,7 @@ pub fn reset(machine: &mut Machine) {
 
 /// Resets the bus, and reads and configures the device as Linux does: eight bytes of the device
 /// descriptor, a reset, an address, all descriptors and strings, the configuration.
-///
-/// # Panics
-///
-/// If a request fails, or the device describes no bulk endpoint in each direction.
+/// Panics if a request fails, or the device describes no bulk endpoint in each direction.
 pub fn enumerate(machine: &mut Machine) -> Described {
     reset(machine);
     request(machine, Control::read(0, GET_DESCRIPTOR, DEVICE, 0, 64));
@@ -172,20 +160,14 @@ fn bulk_endpoints(configuration: &[u8]) -> (u8, u8) {
 }
 
 /// Opens the serial port as a program does: line coding, DTR and RTS.
-///
-/// # Panics
-///
-/// If the device refuses.
+/// Panics if the device refuses.
 pub fn open_port(machine: &mut Machine) {
     request(machine, Control::write(TO_INTERFACE, SET_LINE_CODING, 0, 0, &LINE_CODING));
     request(machine, Control::write(TO_INTERFACE, SET_CONTROL_LINE_STATE, DTR_AND_RTS, 0, &[]));
 }
 
 /// Plugs in, enumerates and opens the serial port.
-///
-/// # Panics
-///
-/// If one of these fails.
+/// Panics if one of these fails.
 pub fn connect(machine: &mut Machine) -> Described {
     assert!(plug(machine), "the board does not show itself");
     let described = enumerate(machine);

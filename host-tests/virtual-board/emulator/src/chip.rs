@@ -111,10 +111,10 @@ impl Chip {
     }
 
     /// Puts a crystal, or another clock of `hz`, on the HSE pins; nothing where it is 0.
-    pub fn attach_hse(&mut self, hz: u64) {
+    pub fn attach_hse(&mut self, at: VirtualNanos, hz: u64) {
         match self {
             Self::H743(part) => part.attach_hse(hz),
-            Self::G474(part) => part.clocks.attach_crystal(hz),
+            Self::G474(part) => part.attach_hse(at, hz),
         }
     }
 

@@ -355,6 +355,13 @@ impl Stm32g474 {
         self.bus.registers(PORTS[port]).expect("it is there")
     }
 
+    /// Puts a crystal of `hz` on the HSE pins; none where it is 0.
+    pub fn attach_hse(&mut self, at: VirtualNanos, hz: u64) {
+        let slot = self.bus.slot(clocks::NAME).expect("it is there");
+        let (registers, mut context) = self.bus.drive(at, slot);
+        self.clocks.attach_crystal(hz, registers, &mut context);
+    }
+
     /// The crystal stops. Whether the clock security system was on: it then moves the system to the
     /// HSI, and raises the NMI, which is up to the caller.
     pub fn lose_hse(&mut self, at: VirtualNanos) -> bool {

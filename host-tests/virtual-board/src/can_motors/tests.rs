@@ -1,9 +1,10 @@
 use std::time::Duration;
 
-use host_protocol::{CanFrame, Protocol};
+use host_protocol::CanFrame;
 
 use super::*;
 use crate::nodes::test_bus::{Entry, Outcome, TestBus};
+use crate::usual;
 
 const MBIT: u32 = 1_000_000;
 /// 0xA2, 100 degrees per second (RMD V3.6 §2.18.4): 1.7453 rad/s.
@@ -18,11 +19,7 @@ fn ms(ms: u64) -> Duration {
 }
 
 fn rmd() -> CanMotor {
-    CanMotor::new(
-        MotorWiring { bus: 0, protocol: Protocol::Rmd, node: 1, bitrate: MBIT, can_id: None },
-        3,
-    )
-    .unwrap()
+    CanMotor::new(usual::rmd(0, 1, MBIT), 3).unwrap()
 }
 
 fn to_rmd(data: [u8; 8]) -> CanFrame {

@@ -74,10 +74,7 @@ impl Machine {
     /// Runs a branch of this run: `act` is done `after` a while, and `report` is made `span` after
     /// that. The board itself stays where it stands, and never knows. One thread of a process
     /// is to do so at a time with one board.
-    ///
-    /// # Panics
-    ///
-    /// If the branch panics.
+    /// Panics if the branch panics.
     pub fn branch(
         &mut self,
         after: Duration,

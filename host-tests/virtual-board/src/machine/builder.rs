@@ -57,12 +57,9 @@ impl fmt::Display for ImageError {
 impl std::error::Error for ImageError {}
 
 /// The image of the chosen board: what its [`Board::image_variable`] names.
-///
-/// # Errors
-///
-/// If it names none.
+/// Fails if it names none.
 pub fn image_path() -> Result<PathBuf, ImageError> {
-    let variable = Board::chosen().image_variable();
+    let variable = Board::chosen().image_variable;
     env::var_os(variable).map(PathBuf::from).ok_or(ImageError::Unnamed(variable))
 }
 
@@ -80,19 +77,13 @@ pub struct Builder {
 
 impl Builder {
     /// The chosen board with the image in that file.
-    ///
-    /// # Errors
-    ///
-    /// If the file is none.
+    /// Fails if the file is none.
     pub fn new(image: &Path) -> Result<Self, ImageError> {
         Self::of(Board::chosen(), image)
     }
 
     /// A board with the image in that file.
-    ///
-    /// # Errors
-    ///
-    /// If the file is none.
+    /// Fails if the file is none.
     pub fn of(board: Board, image: &Path) -> Result<Self, ImageError> {
         let bytes =
             fs::read(image).map_err(|error| ImageError::Unreadable(image.to_owned(), error))?;
@@ -103,7 +94,7 @@ impl Builder {
         let image = Image::new(image, bytes, None).map_err(|error| unusable(&error))?;
         let mut part = Box::new(board.chip());
         // Nobody has pressed an emergency stop.
-        part.drive_pin(board.e_stop(), Some(Level::Low), VirtualNanos(0));
+        part.drive_pin(board.e_stop, Some(Level::Low), VirtualNanos(0));
         Ok(Self {
             part,
             image,
@@ -111,40 +102,35 @@ impl Builder {
             bootloader: false,
             symbols,
             names,
-            instructions_per_second: board.usual_rate(),
+            instructions_per_second: board.usual_rate,
         })
     }
 
     /// Which board it is.
-    #[must_use]
     pub fn board(&self) -> Board {
         Board::of(&self.part)
     }
 
     /// Which revision the chip is; V unless set.
-    #[must_use]
     pub fn revision(mut self, revision: Revision) -> Self {
         self.part.h743_mut().set_revision(revision, None);
         self
     }
 
     /// A chip of one revision that says it is of another.
-    #[must_use]
     pub fn disguised(mut self, revision: Revision, pretended: Revision) -> Self {
         self.part.h743_mut().set_revision(revision, Some(pretended));
         self
     }
 
     /// Nothing is on the HSE input: no ST-LINK that clocks the chip, no crystal that swings.
-    #[must_use]
     pub fn without_hse(mut self) -> Self {
-        self.part.attach_hse(0);
+        self.part.attach_hse(VirtualNanos(0), 0);
         self
     }
 
     /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector
     /// table still in place, as after an update over USB (DFU `:leave`, AN3156).
-    #[must_use]
     pub fn started_by_rom(mut self) -> Self {
         self.started_by_rom = true;
         self
@@ -152,7 +138,6 @@ impl Builder {
 
     /// Puts a bootloader where the firmware starts it: it waits at
     /// [`bootloader_entry`](super::bootloader_entry).
-    #[must_use]
     pub fn with_bootloader(mut self) -> Self {
         self.bootloader = true;
         self
@@ -160,11 +145,7 @@ impl Builder {
 
     /// How fast the core is; unless set, 250 million instructions a second for an STM32H743 and 168
     /// for an STM32G474.
-    ///
-    /// # Panics
-    ///
-    /// On 0.
-    #[must_use]
+    /// Panics on 0.
     pub fn instructions_per_second(mut self, rate: u64) -> Self {
         self.instructions_per_second = NonZeroU64::new(rate).expect("a core that runs");
         self
@@ -189,14 +170,12 @@ impl Builder {
     }
 
     /// Switches the board on. It stands before its first instruction.
-    #[must_use]
     pub fn power_on(self) -> Machine {
         self.start(None)
     }
 
     /// Goes on from where the snapshot was taken, with the same image and the same peers in the
     /// same places.
-    #[must_use]
     pub fn resume(self, snapshot: &Snapshot) -> Machine {
         self.start(Some(snapshot.clone()))
     }

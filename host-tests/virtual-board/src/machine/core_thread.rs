@@ -165,7 +165,7 @@ fn run(
     stops: Sender<Lent>,
 ) {
     let PoweredOff { board, images, firmware, recorder } = powered_off;
-    let retained = Board::of(board.chip()).retained_ram();
+    let retained = Board::of(board.chip()).retained_ram;
     // Asked to reach instant 0: it stops before the first instruction.
     let mut session =
         Session::new(Box::new(board), 0, VirtualNanos(0)).unwrap_or_else(|error| failed(error));

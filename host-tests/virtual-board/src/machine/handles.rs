@@ -15,7 +15,6 @@ pub enum CanPort {
 
 impl CanPort {
     /// Its place among the part's FDCANs.
-    #[must_use]
     pub const fn index(self) -> usize {
         match self {
             Self::Bus0 => 0,
@@ -49,13 +48,11 @@ impl<P> CanNode<P> {
     }
 
     /// Its bus.
-    #[must_use]
     pub const fn port(self) -> CanPort {
         self.port
     }
 
     /// Its place among the nodes there.
-    #[must_use]
     pub const fn index(self) -> usize {
         self.index
     }
@@ -81,7 +78,6 @@ impl<P> Line<P> {
     }
 
     /// Its port.
-    #[must_use]
     pub const fn port(self) -> UartPort {
         self.port
     }

@@ -20,14 +20,11 @@ impl Machine {
     /// Stops the clock on the HSE input, and runs until the firmware has restarted the part. The
     /// clock security system raises the NMI, for which the emulator's core has no input: a task
     /// that waits for it pends it at that instant.
-    ///
-    /// # Panics
-    ///
-    /// If the firmware has not switched the clock security system on (the core would stand still,
-    /// which is not modelled), or does not restart the part.
+    /// Panics if the firmware has not switched the clock security system on (the core would stand
+    /// still, which is not modelled), or does not restart the part.
     pub fn lose_hse(&mut self) {
         let resets = self.reports().resets.len();
-        let word = self.board().free_flash() + WORD_AT;
+        let word = self.board().free_flash + WORD_AT;
         let address = u32::try_from(word).expect("32 bits").to_le_bytes();
         let address = [[address[0], address[1]], [address[2], address[3]]].map(u16::from_le_bytes);
         let code = [WAIT_AND_PEND.as_slice(), &address, &ICSR_NMIPENDSET, &[0, 0]].concat();
@@ -45,7 +42,7 @@ impl Machine {
 
     /// Puts the clock on the HSE input again: the firmware finds it at its next start.
     pub fn restore_hse(&mut self) {
-        let hz = self.board().hse_hz();
-        self.part_mut().attach_hse(hz);
+        let (at, hz) = (instant(self.now()), self.board().hse_hz);
+        self.part_mut().attach_hse(at, hz);
     }
 }

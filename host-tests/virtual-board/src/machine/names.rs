@@ -17,10 +17,7 @@ pub(crate) struct Names(Vec<(String, Named)>);
 
 impl Names {
     /// Of an ELF file.
-    ///
-    /// # Errors
-    ///
-    /// If it is none.
+    /// Fails if it is none.
     pub(crate) fn read(file: &[u8]) -> Result<Self, object::Error> {
         let file = object::File::parse(file)?;
         let named = |symbol: object::Symbol<'_, '_>| {
@@ -36,10 +33,7 @@ impl Names {
 
     /// What has that path: `motor_gateway::tasks::can::can::POOL`. A name that is not mangled is
     /// its own path.
-    ///
-    /// # Panics
-    ///
-    /// If nothing has it, or more than one thing.
+    /// Panics if nothing has it, or more than one thing.
     pub(crate) fn get(&self, path: &str) -> Named {
         let mut found = self.all(path);
         found.sort_by_key(|named| named.address);

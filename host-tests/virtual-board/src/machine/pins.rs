@@ -17,27 +17,24 @@ pub struct PinProbe<'m> {
 
 impl Machine {
     /// A pin of the board: `machine.pin(Port::E, 9)`.
-    ///
-    /// # Panics
-    ///
-    /// If the part has no such pin.
+    /// Panics if the part has no such pin.
     pub fn pin(&mut self, port: Port, number: u8) -> PinProbe<'_> {
         self.probe(Pin::new(port, number))
     }
 
     /// The e-stop input.
     pub fn e_stop(&mut self) -> PinProbe<'_> {
-        self.probe(self.board().e_stop())
+        self.probe(self.board().e_stop)
     }
 
     /// The enable output.
     pub fn enable_output(&mut self) -> PinProbe<'_> {
-        self.probe(self.board().enable())
+        self.probe(self.board().enable)
     }
 
     /// The light.
     pub fn light(&mut self) -> PinProbe<'_> {
-        self.probe(self.board().light())
+        self.probe(self.board().light)
     }
 
     /// Any pin.
@@ -60,27 +57,23 @@ impl PinProbe<'_> {
     }
 
     /// What the firmware drives; `None` while the pin is no general-purpose output.
-    #[must_use]
     pub fn driven(self) -> Option<Level> {
         self.changes().last().and_then(|change| change.level)
     }
 
     /// When that changed last; `None`: never since the board was switched on.
-    #[must_use]
     pub fn changed(self) -> Option<Duration> {
         self.changes().last().map(|change| change.at)
     }
 
     /// Every change of what the firmware drives, since the board was switched on: to the nanosecond
     /// of the access.
-    #[must_use]
     pub fn changes(self) -> Vec<Change> {
         let Self { machine, pin } = self;
         machine.core.order(move |_, _, _, recorder| recorder.outputs().of(pin))
     }
 
     /// Whether the part reads it as high.
-    #[must_use]
     pub fn reads_high(self) -> bool {
         self.machine.part().reads_high(self.pin)
     }

@@ -54,10 +54,7 @@ pub enum Place<'a> {
 impl Machine {
     /// Plants a fault in the running image. A reset leaves it there; [`Machine::heal`] takes it
     /// away.
-    ///
-    /// # Panics
-    ///
-    /// If the image has no such place.
+    /// Panics if the image has no such place.
     pub fn plant(&mut self, place: Place<'_>, fault: &Fault) {
         let code = match fault {
             Fault::Hang => HANG.to_vec(),
@@ -65,7 +62,7 @@ impl Machine {
             Fault::Panic => self.panicking(),
             Fault::Code(code) => code.clone(),
         };
-        let free = self.board().free_flash();
+        let free = self.board().free_flash;
         self.program(free, &code);
         self.core.order(move |session, _, _, recorder| {
             session.unwatch(Watch::Instruction(free));
@@ -93,10 +90,7 @@ impl Machine {
     }
 
     /// Gives the function of the last [`Place::Function`] its own instructions back.
-    ///
-    /// # Panics
-    ///
-    /// If nothing was planted in a function.
+    /// Panics if nothing was planted in a function.
     pub fn heal(&mut self) {
         let (at, instructions) = self.planted.take().expect("something was planted in a function");
         self.program(at, &instructions);
@@ -124,7 +118,7 @@ impl Machine {
     /// A call that no code of the image makes: of what a wrong index calls.
     fn panicking(&self) -> Vec<u16> {
         let panic = self.names.get(PANIC).address | 1;
-        let location = self.board().free_flash() + 7 * WORD;
+        let location = self.board().free_flash + 7 * WORD;
         let file = location + 4 * WORD;
         // LDR r0, r1, r2 and pc from the words behind it (A7.7.44).
         let mut code = vec![0x4802, 0x4903, 0x4A03, 0xF8DF, 0xF010, 0xBF00];

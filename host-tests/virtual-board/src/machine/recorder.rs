@@ -55,8 +55,8 @@ impl Recorder {
             rtt_block,
             rtt: Vec::new(),
             outputs: OutputLog::default(),
-            retention: Retention::new(board.retained_ram()),
-            planted_at: board.free_flash(),
+            retention: Retention::new(board.retained_ram),
+            planted_at: board.free_flash,
             strike: None,
             hits: Vec::new(),
         }

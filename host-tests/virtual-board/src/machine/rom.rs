@@ -56,7 +56,6 @@ const fn started_at(board: Board) -> u32 {
 const STACK: u32 = 0x2000_4000;
 
 /// The first instruction of the bootloader that a board's firmware starts.
-#[must_use]
 pub const fn bootloader_entry(board: Board) -> u64 {
     (started_at(board) + WAIT) as u64
 }

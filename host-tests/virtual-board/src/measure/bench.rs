@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use host_protocol::{Deframer, Error, Kind, MAX_FRAME, Protocol, Reply, Request};
+use host_protocol::{Deframer, Error, Kind, MAX_FRAME, Reply, Request};
 use mgw_sim::MotorWiring;
 
 use super::fetches::{self, Fetches, Traced};
@@ -17,6 +17,7 @@ use crate::host_uart::{HostUart, Received};
 use crate::machine::{Builder, CanPort, Line, Machine};
 use crate::nodes::instant;
 use crate::outside::Outside;
+use crate::usual;
 use virtual_stm32::fdcan::FrameRecord;
 
 /// Bits of a byte on a UART: start, 8 data, stop.
@@ -106,7 +107,7 @@ impl Bench {
         let motors: Vec<MotorWiring> = (0..AXES)
             .map(|axis| {
                 let (bus, node) = place(axis);
-                MotorWiring { bus, protocol: Protocol::Rmd, node, bitrate: BITRATE, can_id: None }
+                usual::rmd(bus, node, BITRATE)
             })
             .collect();
         let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
@@ -181,10 +182,7 @@ impl Bench {
 
     /// Sends requests at an instant, one right behind the other, and gives the board until `end` to
     /// answer them.
-    ///
-    /// # Panics
-    ///
-    /// If one of them is refused or not answered.
+    /// Panics if one of them is refused or not answered.
     pub(super) fn exchange(
         &mut self,
         at: Duration,

@@ -20,10 +20,7 @@ pub(super) struct ImageFacts {
 
 impl ImageFacts {
     /// Of an ELF file.
-    ///
-    /// # Errors
-    ///
-    /// In words, if it is none or names no Rust compiler.
+    /// Fails in words if it is none or names no Rust compiler.
     pub(super) fn read(file: &[u8]) -> Result<Self, String> {
         let file = object::File::parse(file).map_err(|error| error.to_string())?;
         let (mut flash, mut static_ram) = (0, 0);

@@ -5,10 +5,7 @@ use std::ops::ControlFlow;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{
-    AxisParameter, Bytes, ClearTarget, Protocol, ProtocolSet, RawFrame, Setpoint, StateFields,
-    StopAction, StopTarget, Value,
-};
+use host_protocol::{Bytes, ClearTarget, RawFrame, Setpoint, StateFields, StopAction, StopTarget};
 use mgw_client::{Client, ClientError, Hold, Transport};
 
 use super::bench::STARTED;
@@ -17,26 +14,15 @@ use crate::board::Board;
 use crate::machine::{Builder, CanPort, Machine};
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
+use crate::usual::{self, Axis, REPLY_WINDOW};
 use virtual_stm32::fdcan::Wiring;
 
-/// Bus, bitrate and protocols.
-fn buses() -> [(u8, u32, &'static [Protocol]); 3] {
-    [
-        (0, 1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
-        (1, 210_526, &[Protocol::D5]),
-        (Board::chosen().rs485_bus(), 115_200, &[Protocol::Rmd]),
-    ]
+/// The four motors; the last one brakes.
+fn axes() -> [Axis; 4] {
+    let mut axes = usual::axes();
+    axes[3].stop_action = StopAction::Brake;
+    axes
 }
-/// Bus, protocol, node and stop action of each axis: the four motors of the simulator.
-fn axes() -> [(u8, Protocol, u32, StopAction); 4] {
-    [
-        (0, Protocol::Rmd, 0x01, StopAction::Hold),
-        (0, Protocol::Thruster, 0x0B, StopAction::Coast),
-        (1, Protocol::D5, 0x0B, StopAction::Hold),
-        (Board::chosen().rs485_bus(), Protocol::Rmd, 0x01, StopAction::Brake),
-    ]
-}
-const REPLY_WINDOW: Duration = Duration::from_millis(5);
 const MOTOR_TIMEOUT_MS: u32 = 1_000;
 const TTL: Duration = Duration::from_millis(100);
 const SAMPLE_PERIOD: Duration = Duration::from_millis(20);
@@ -55,10 +41,7 @@ pub(super) struct Depth {
 }
 
 /// Lives such a life on a board of this speed.
-///
-/// # Panics
-///
-/// If the gateway refuses what it should do.
+/// Panics if the gateway refuses what it should do.
 pub(super) fn stack_used(board: Builder, instructions_per_second: u64) -> Depth {
     let mut board = board.instructions_per_second(instructions_per_second);
     let outside = Outside::four_motors(&mut board, SEED);
@@ -121,21 +104,13 @@ fn live(
 }
 
 fn configure(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
-    for (bus, bitrate, protocols) in buses() {
-        client.configure_bus(bus, bitrate, ProtocolSet::of(protocols), true, REPLY_WINDOW)?;
+    for (bus, bitrate, protocols) in usual::buses() {
+        client.configure_bus(bus, bitrate, protocols, true, REPLY_WINDOW)?;
     }
-    for (axis, (bus, protocol, node, stop_action)) in (0..).zip(axes()) {
-        let values = [
-            (AxisParameter::Bus, bus.into()),
-            (AxisParameter::Protocol, protocol.into()),
-            (AxisParameter::Node, node),
-            (AxisParameter::StopAction, stop_action.into()),
-        ];
-        for (parameter, value) in values {
-            client.configure_axis(axis, parameter, Value::Unsigned(value))?;
-        }
-        if protocol != Protocol::D5 {
-            client.provision_motor_timeout(axis, MOTOR_TIMEOUT_MS)?;
+    for (number, axis) in (0..).zip(axes()) {
+        axis.configure(client, number)?;
+        if axis.has_motor_timeout() {
+            client.provision_motor_timeout(number, MOTOR_TIMEOUT_MS)?;
         }
     }
     Ok(())
@@ -144,12 +119,9 @@ fn configure(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
 /// All four motors turn at once.
 fn move_all(client: &mut Client<BoardTransport>) -> Result<(), ClientError> {
     let mut holds = Vec::new();
-    for (axis, (_, protocol, ..)) in (0..).zip(axes()) {
-        let setpoint = match protocol {
-            Protocol::Thruster => Setpoint::Signal { fraction: 0.1 },
-            Protocol::Rmd | Protocol::D5 => Setpoint::Velocity { velocity_rad_s: 2.0 },
-        };
-        holds.push(Hold { axis, epoch: client.arm(axis)?.epoch, setpoint, ttl: TTL });
+    for (axis, Axis { protocol, .. }) in (0..).zip(axes()) {
+        let (epoch, setpoint) = (client.arm(axis)?.epoch, usual::turning(protocol));
+        holds.push(Hold { axis, epoch, setpoint, ttl: TTL });
     }
     client.hold_setpoints(&holds, SETTLED, |client| {
         for axis in 0..4 {

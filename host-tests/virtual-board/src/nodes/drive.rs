@@ -9,10 +9,6 @@ use virtual_stm32::serial_port::FarEnd;
 
 impl Machine {
     /// Changes a node of a CAN bus now.
-    ///
-    /// # Panics
-    ///
-    /// Never: the handle comes from hanging the node there.
     pub fn drive_node<P: can::Peer, T>(
         &mut self,
         node: CanNode<P>,
@@ -25,10 +21,6 @@ impl Machine {
     }
 
     /// Changes the far end of a serial line now.
-    ///
-    /// # Panics
-    ///
-    /// Never: the handle comes from hanging it there.
     pub fn drive_line<P: FarEnd, T>(
         &mut self,
         line: Line<P>,

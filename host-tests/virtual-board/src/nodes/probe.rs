@@ -26,7 +26,6 @@ pub struct Heard {
 
 impl Heard {
     /// When its first bit was sent, on a bus of `bitrate` bits per second.
-    #[must_use]
     pub fn first_bit(&self, bitrate: f64) -> Duration {
         self.valid_at.saturating_sub(Duration::from_secs_f64(f64::from(self.bits) / bitrate))
     }
@@ -54,13 +53,11 @@ store!(Probe);
 
 impl Probe {
     /// A probe that only listens, so far.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
     /// The frames of others, since the start or the last [`Probe::clear`].
-    #[must_use]
     pub fn heard(&self) -> &[Heard] {
         &self.heard
     }
@@ -86,7 +83,6 @@ impl Probe {
     }
 
     /// Frames that were sent and acknowledged.
-    #[must_use]
     pub fn delivered(&self) -> usize {
         self.delivered
     }
@@ -97,7 +93,6 @@ impl Probe {
     }
 
     /// Frames that still wait.
-    #[must_use]
     pub fn unsent(&self) -> usize {
         self.waiting.len()
     }

@@ -5,24 +5,17 @@ use std::ops::ControlFlow;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, Setpoint, StopAction, Value};
+use host_protocol::Protocol;
 use mgw_client::{Client, Hold};
 use mgw_sim::{MotorEvent, MotorWiring};
 
 use super::*;
 use crate::machine::CanPort;
 use crate::transport::BoardTransport;
+use crate::usual::{self, REPLY_WINDOW};
 use virtual_stm32::fdcan::FrameEnd;
 
 const TTL: Duration = Duration::from_millis(100);
-/// Bus, protocol, node and stop action of axes 0 to 3, in the order of the motors.
-const AXES: [(u32, Protocol, u32, StopAction); 4] = [
-    (0, Protocol::Rmd, 0x01, StopAction::Hold),
-    (0, Protocol::Thruster, 0x0B, StopAction::Coast),
-    (1, Protocol::D5, 0x0B, StopAction::Hold),
-    (2, Protocol::Rmd, 0x01, StopAction::Hold),
-];
-
 struct Rig {
     machine: Rc<RefCell<Machine>>,
     outside: Outside,
@@ -37,46 +30,32 @@ impl Rig {
         let machine = Rc::new(RefCell::new(builder.power_on()));
         let transport = BoardTransport::new(&machine, outside.hosts[0]);
         let mut client = Client::connect_as(transport, 7, 1).unwrap();
-        let window = Duration::from_millis(5);
-        let both = ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]);
-        client.configure_bus(0, 1_000_000, both, false, window).unwrap();
-        client.configure_bus(1, 210_526, ProtocolSet::of(&[Protocol::D5]), false, window).unwrap();
-        client.configure_bus(2, 115_200, ProtocolSet::of(&[Protocol::Rmd]), false, window).unwrap();
+        for (bus, bitrate, protocols) in usual::buses() {
+            client.configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW).unwrap();
+        }
         Self { machine, outside, client }
     }
 
     fn configure(&mut self, axis: u8) {
-        let (bus, protocol, node, stop_action) = AXES[usize::from(axis)];
-        let values = [
-            (AxisParameter::Bus, bus),
-            (AxisParameter::Protocol, protocol.into()),
-            (AxisParameter::Node, node),
-            (AxisParameter::StopAction, stop_action.into()),
-        ];
-        for (parameter, value) in values {
-            self.client.configure_axis(axis, parameter, Value::Unsigned(value)).unwrap();
-        }
+        usual::axes()[usize::from(axis)].configure(&mut self.client, axis).unwrap();
     }
 
     /// Asks the motor of a configured axis for something; whether it answered.
     fn motor_answers(&mut self, axis: u8) -> bool {
-        match AXES[usize::from(axis)].1 {
-            Protocol::D5 => self.client.arm(axis).is_ok(),
-            Protocol::Rmd | Protocol::Thruster => {
-                self.client.provision_motor_timeout(axis, 1_000).is_ok()
-            }
+        if usual::axes()[usize::from(axis)].has_motor_timeout() {
+            self.client.provision_motor_timeout(axis, 1_000).is_ok()
+        } else {
+            self.client.arm(axis).is_ok()
         }
     }
 
     fn arm(&mut self, axis: u8) -> Hold {
         self.configure(axis);
-        if AXES[usize::from(axis)].1 != Protocol::D5 {
+        let usual = usual::axes()[usize::from(axis)];
+        if usual.has_motor_timeout() {
             assert!(self.motor_answers(axis));
         }
-        let setpoint = match AXES[usize::from(axis)].1 {
-            Protocol::Thruster => Setpoint::Signal { fraction: 0.1 },
-            Protocol::Rmd | Protocol::D5 => Setpoint::Velocity { velocity_rad_s: 2.0 },
-        };
+        let setpoint = usual::turning(usual.protocol);
         Hold { axis, epoch: self.client.arm(axis).unwrap().epoch, setpoint, ttl: TTL }
     }
 
@@ -205,12 +184,10 @@ fn a_motor_at_another_rate_answers_nothing_and_breaks_frames() {
 #[test]
 fn a_wiring_that_cannot_be_is_refused() {
     let mut builder = Machine::builder();
-    let motor =
-        MotorWiring { bus: 3, protocol: Protocol::Rmd, node: 1, bitrate: 1_000_000, can_id: None };
+    let motor = usual::rmd(3, 1, 1_000_000);
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::Bus { bus: 3, buses: 3 }));
-    let motor =
-        MotorWiring { bus: 2, protocol: Protocol::D5, node: 11, bitrate: 115_200, can_id: None };
+    let motor = MotorWiring { protocol: Protocol::D5, ..usual::rmd(2, 11, 115_200) };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::NotOnSerial { protocol: Protocol::D5 }));
 }

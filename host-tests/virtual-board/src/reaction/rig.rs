@@ -27,11 +27,11 @@ use crate::nodes::{Probe, since_start};
 use crate::outside::Outside;
 use crate::rs485_line::Rs485Line;
 use crate::transport::BoardTransport;
+use crate::usual::{self, REPLY_WINDOW};
 use virtual_stm32::Chip;
 
 /// Decides the motors' reply times.
 const SEED: u64 = 1;
-const REPLY_WINDOW: Duration = Duration::from_millis(5);
 const MOTOR_TIMEOUT_MS: u32 = 1_000;
 /// Nothing expires while nobody speaks.
 const TTL: Duration = Duration::from_secs(60);
@@ -112,10 +112,7 @@ impl Stand {
     }
 
     /// Sets a situation of its bus up. The one before is over.
-    ///
-    /// # Panics
-    ///
-    /// If the gateway refuses what it should do.
+    /// Panics if the gateway refuses what it should do.
     pub(super) fn set_up(&mut self, situation: Situation) -> Rig {
         assert_eq!(situation.bus, self.bus);
         let is_first = !std::mem::replace(&mut self.is_used, true);
@@ -288,14 +285,14 @@ impl Rig {
             None => (Vec::new(), Vec::new()),
         };
         let bits = BITS_PER_BYTE * u64::try_from(before.len() + command.len()).expect("short");
-        let takes = Duration::from_nanos(bits * Board::chosen().host_1_bit_ps() / 1000);
+        let takes = Duration::from_nanos(bits * Board::chosen().host_1_bit_ps / 1000);
         let since = machine.now() + begin + takes;
         let send = move |part: &mut Chip, _| {
             computer(part, UartPort::Host0).send(&[&before[..], &behind[..]].concat());
             let host = computer(part, UartPort::Host1);
             assert_eq!(
                 host.settings().bit_ps,
-                Board::chosen().host_1_bit_ps(),
+                Board::chosen().host_1_bit_ps,
                 "as fast as it should be"
             );
             host.send(&[&before[..], &command[..], &behind[..]].concat());
@@ -364,13 +361,7 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
     )?;
     if load == Load::All {
         for (bus, bitrate) in [FLOODED_CAN, (Board::chosen().rs485_bus(), FLOODED_BAUD)] {
-            client.configure_bus(
-                bus,
-                bitrate,
-                ProtocolSet::of(&[Protocol::Rmd]),
-                false,
-                REPLY_WINDOW,
-            )?;
+            usual::start_rmd_bus(client, bus, bitrate)?;
         }
     }
     let (refresh_us, poll_us) =
@@ -387,20 +378,16 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
             // From here on it counts on its bus.
             (AxisParameter::Bus, bus.index().into()),
         ];
-        for (parameter, value) in values {
-            client.configure_axis(axis, parameter, Value::Unsigned(value))?;
-        }
+        usual::set_axis(client, axis, &values)?;
         if bus.protocol() != Protocol::D5 {
             client.provision_motor_timeout(axis, MOTOR_TIMEOUT_MS)?;
         }
     }
     // Not before: an axis whose motor's own timeout is not known yet takes more of its bus.
     for axis in 0..bus.axes() {
-        for (parameter, value) in
-            [(AxisParameter::RefreshUs, refresh_us), (AxisParameter::StatePollUs, poll_us)]
-        {
-            client.configure_axis(axis, parameter, Value::Unsigned(value))?;
-        }
+        let values =
+            [(AxisParameter::RefreshUs, refresh_us), (AxisParameter::StatePollUs, poll_us)];
+        usual::set_axis(client, axis, &values)?;
     }
     Ok(())
 }

@@ -5,15 +5,12 @@ use std::time::Duration;
 
 use crate::board::Board;
 use crate::measure::SPEEDS;
+use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_measured};
 
 /// By how much the worst may be worse than the committed worst: a twentieth, and 20 µs. The
 /// committed table has looked at more phases, so what is beyond that is the software's.
 const TOLERANCE: u64 = 20;
 const TOLERANCE_NS: u64 = 20_000;
-/// Between the columns.
-const SEPARATOR: char = '|';
-/// Begins a line that says something to people.
-const COMMENT: char = '#';
 /// The first words of the lines with the build and the number of phases.
 const IMAGE: &str = "image";
 const PHASES: &str = "phases";
@@ -59,52 +56,10 @@ pub struct Table {
     pub rows: Vec<Row>,
 }
 
-/// Why the committed table does not fit what was measured.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Complaint {
-    /// The worst is worse than the committed worst by more than the tolerance.
-    Slower {
-        /// What was measured.
-        what: String,
-        /// Instructions a second.
-        speed: u64,
-        /// The worst that was measured, ns.
-        measured: u64,
-        /// The committed worst, ns.
-        committed: u64,
-    },
-    /// The worst is beyond its bound, and the committed one is not.
-    OverBound {
-        /// What was measured.
-        what: String,
-        /// Instructions a second.
-        speed: u64,
-        /// The worst that was measured, ns.
-        measured: u64,
-        /// The bound, ns.
-        bound: u64,
-    },
-    /// The committed table has no such row.
-    NotCommitted(String),
-    /// A row of the committed table is measured no more.
-    NotMeasured(String),
-}
-
-/// A line that is not of a table.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Malformed {
-    /// Its number, from 1; 0 for a text without image or phases.
-    pub line: usize,
-}
-
 impl Times {
     /// Of all phases, rounded up to tenths of a microsecond, as the table has them; `None`: no stop
     /// came.
-    ///
-    /// # Panics
-    ///
-    /// Without any.
-    #[must_use]
+    /// Panics without any.
     pub fn of(took: &[Option<Duration>]) -> Self {
         let mut took: Vec<u64> = took.iter().map(|took| took.map_or(NEVER, rounded)).collect();
         took.sort_unstable();
@@ -120,7 +75,6 @@ fn rounded(span: Duration) -> u64 {
 
 impl Row {
     /// A row.
-    #[must_use]
     pub fn new(what: &str, times: [Times; SPEEDS.len()], bound: Duration) -> Self {
         Self { what: what.to_owned(), times, bound: rounded(bound) }
     }
@@ -160,18 +114,11 @@ fn tenths(text: &str) -> Option<u64> {
 
 impl Table {
     /// Reads what [`Display`](fmt::Display) has written, comments and empty lines in between.
-    ///
-    /// # Errors
-    ///
-    /// The first line that is none of a table.
+    /// Fails with the first line that is none of a table.
     pub fn parse(text: &str) -> Result<Self, Malformed> {
         let (mut image, mut phases, mut rows) = (None, None, Vec::new());
-        for (line, content) in (1..).zip(text.lines()) {
-            if content.trim().is_empty() || content.starts_with(COMMENT) {
-                continue;
-            }
+        for (line, columns) in lines(text) {
             let malformed = Malformed { line };
-            let columns: Vec<&str> = content.split(SEPARATOR).map(str::trim).collect();
             match columns[..] {
                 [IMAGE, build] => image = Some(build.to_owned()),
                 [PHASES, fast, slow] => {
@@ -191,39 +138,37 @@ impl Table {
         }
     }
 
-    /// What is wrong with a committed table, measured by this one. Nothing: it holds.
-    #[must_use]
-    pub fn complaints(&self, committed: &Self) -> Vec<Complaint> {
+    /// What is wrong with a committed table, measured by this one, which has the rows whose names
+    /// contain `only`. Nothing: it holds.
+    pub fn complaints(&self, committed: &Self, only: &str) -> Vec<String> {
         let mut complaints = Vec::new();
         for row in &self.rows {
             match committed.rows.iter().find(|other| other.what == row.what) {
-                None => complaints.push(Complaint::NotCommitted(row.what.clone())),
+                None => complaints.push(not_committed(&row.what)),
                 Some(other) => complaints
                     .extend((0..SPEEDS.len()).filter_map(|speed| worse(row, other, speed))),
             }
         }
-        let gone = committed
-            .rows
-            .iter()
-            .filter(|row| !self.rows.iter().any(|other| other.what == row.what));
-        complaints.extend(gone.map(|row| Complaint::NotMeasured(row.what.clone())));
+        let gone = committed.rows.iter().map(|row| &row.what).filter(|what| {
+            what.contains(only) && !self.rows.iter().any(|other| other.what == **what)
+        });
+        complaints.extend(gone.map(|what| not_measured(what)));
         complaints
     }
 }
 
 /// What is worse at one speed.
-fn worse(row: &Row, committed: &Row, at: usize) -> Option<Complaint> {
-    let (what, speed) = (row.what.clone(), Board::chosen().speeds()[at]);
+fn worse(row: &Row, committed: &Row, at: usize) -> Option<String> {
     let (measured, before) = (row.times[at].worst, committed.times[at].worst);
-    if row.is_over(at) && !committed.is_over(at) {
-        return Some(Complaint::OverBound { what, speed, measured, bound: row.bound });
-    }
-    (measured > tolerated(before)).then_some(Complaint::Slower {
-        what,
-        speed,
-        measured,
-        committed: before,
-    })
+    let against = if row.is_over(at) && !committed.is_over(at) {
+        format!("and the bound is {} us", Tenths(row.bound))
+    } else if measured > tolerated(before) {
+        format!("the table has {} us", Tenths(before))
+    } else {
+        return None;
+    };
+    let (what, speed) = (&row.what, Board::chosen().speeds[at]);
+    Some(format!("{what}, at {speed} a second: {} us, {against}", Tenths(measured)))
 }
 
 fn tolerated(worst: u64) -> u64 {
@@ -249,7 +194,7 @@ impl fmt::Display for Table {
         let [fast, slow] = self.phases;
         writeln!(f, "{PHASES} {SEPARATOR} {fast} {SEPARATOR} {slow}")?;
         let width = self.rows.iter().map(|row| row.what.chars().count()).max().unwrap_or_default();
-        let million = Board::chosen().speeds().map(|speed| format!("{} M:", speed / 1_000_000));
+        let million = Board::chosen().speeds.map(|speed| format!("{} M:", speed / 1_000_000));
         let head = [&million[0], "", "", &million[1], "", ""]
             .map(|speed| format!(" {SEPARATOR} {speed:>9}"));
         writeln!(
@@ -283,39 +228,6 @@ impl fmt::Display for Table {
     }
 }
 
-impl fmt::Display for Complaint {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Slower { what, speed, measured, committed } => {
-                let (measured, committed) = (Tenths(*measured), Tenths(*committed));
-                write!(
-                    f,
-                    "{what}, at {speed} a second: {measured} us, the table has {committed} us"
-                )
-            }
-            Self::OverBound { what, speed, measured, bound } => {
-                let (measured, bound) = (Tenths(*measured), Tenths(*bound));
-                write!(f, "{what}, at {speed} a second: {measured} us, and the bound is {bound} us")
-            }
-            Self::NotCommitted(row) => write!(f, "{row}: the table has no such row: renew it"),
-            Self::NotMeasured(row) => {
-                write!(f, "{row}: is in the table, but is measured no more: renew it")
-            }
-        }
-    }
-}
-
-impl fmt::Display for Malformed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.line {
-            0 => write!(f, "no line names the image, or how many phases were looked at"),
-            line => write!(f, "line {line} is none of a table"),
-        }
-    }
-}
-
-impl std::error::Error for Malformed {}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -334,9 +246,9 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |
         Table::parse(COMMITTED).unwrap()
     }
 
-    fn complaints(committed: &str, measured: &str) -> Vec<Complaint> {
+    fn complaints(committed: &str, measured: &str) -> Vec<String> {
         assert!(COMMITTED.contains(committed));
-        Table::parse(&COMMITTED.replace(committed, measured)).unwrap().complaints(&table())
+        Table::parse(&COMMITTED.replace(committed, measured)).unwrap().complaints(&table(), "")
     }
 
     #[test]
@@ -364,51 +276,46 @@ CAN, own, last     |    1000.0 |    1500.0 |    5000.0 |    1000.0 |    1500.0 |
         let row = Row::new("x", [times, none], Duration::from_micros(10));
         let table = Table { image: String::new(), phases: [2, 2], rows: vec![row] };
         assert_eq!(Table::parse(&table.to_string()).unwrap(), table);
-        assert_eq!(table.complaints(&table), []);
+        assert_eq!(table.complaints(&table, ""), [""; 0]);
     }
 
     #[test]
     fn a_table_that_holds_raises_no_complaint() {
-        assert_eq!(table().complaints(&table()), []);
-        assert_eq!(complaints("180.0", "120.0"), [], "faster");
+        assert_eq!(table().complaints(&table(), ""), [""; 0]);
+        assert_eq!(complaints("180.0", "120.0"), [""; 0], "faster");
     }
 
     /// 5000 × 1.05 + 20 = 5270.
     #[test]
     fn slower_is_noticed_above_the_tolerance_at_each_speed() {
-        assert_eq!(complaints("5000.0", "5270.0"), []);
-        let found = complaints("5000.0", "5270.1");
-        assert!(
-            matches!(&found[..], [Complaint::Slower { committed: 5_000_000, .. }]),
-            "{found:?}"
-        );
-        let found = complaints("6000.0", "6320.1");
-        assert!(matches!(&found[..], [Complaint::Slower { speed: 100_000_000, .. }]), "{found:?}");
+        assert_eq!(complaints("5000.0", "5270.0"), [""; 0]);
+        let slower = "CAN, own, last, at 250000000 a second: 5270.1 us, the table has 5000.0 us";
+        assert_eq!(complaints("5000.0", "5270.1"), [slower]);
+        let slower = "CAN, own, last, at 100000000 a second: 6320.1 us, the table has 6000.0 us";
+        assert_eq!(complaints("6000.0", "6320.1"), [slower]);
     }
 
     #[test]
     fn a_bound_that_was_kept_must_be_kept_at_each_speed() {
-        assert_eq!(complaints("180.0", "200.0"), []);
+        assert_eq!(complaints("180.0", "200.0"), [""; 0]);
+        let over = |speed: u64| {
+            [format!("CAN, quiet, one, at {speed} a second: 200.1 us, and the bound is 200.0 us")]
+        };
         let found = complaints(
             "180.0 |     101.0 |     151.5 |     190.0 |     200.0 |",
             "200.1 | 1.0 | 1.0 | 1.0 | 200.0 | over",
         );
-        assert!(
-            matches!(&found[..], [Complaint::OverBound { measured: 200_100, .. }]),
-            "{found:?}"
-        );
+        assert_eq!(found, over(250_000_000));
         let found = complaints("190.0 |     200.0 |", "200.1 |     200.0 | over at 100 M");
-        assert!(
-            matches!(&found[..], [Complaint::OverBound { speed: 100_000_000, .. }]),
-            "{found:?}"
-        );
+        assert_eq!(found, over(100_000_000));
     }
 
     #[test]
     fn rows_that_only_one_table_has_are_named() {
         let found = complaints("CAN, own", "RS485, own");
-        let (can, rs485) = ("CAN, own, last".to_owned(), "RS485, own, last".to_owned());
-        assert_eq!(found, [Complaint::NotCommitted(rs485), Complaint::NotMeasured(can)]);
+        assert_eq!(found, [not_committed("RS485, own, last"), not_measured("CAN, own, last")]);
+        let quiet = Table { rows: table().rows[..2].to_vec(), ..table() };
+        assert_eq!(quiet.complaints(&table(), "quiet"), [""; 0], "nothing else was asked for");
     }
 
     #[test]

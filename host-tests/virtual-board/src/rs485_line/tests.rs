@@ -1,9 +1,9 @@
-use host_protocol::Protocol;
 use rigless::device::Device;
 use rigless::soc::stm32h743::generated::usart1::{Register, cr1, icr, isr};
 use rmd::{Milliseconds, Node, Request};
 
 use super::*;
+use crate::usual;
 use virtual_stm32::serial_port::SerialPort;
 use virtual_stm32::serial_port::bench::{BRR_115200, Bench};
 
@@ -16,9 +16,7 @@ const STATUS_2: [u8; 13] = [0x3E, 0x01, 0x08, 0x9C, 0, 0, 0, 0, 0, 0, 0, 0xF2, 0
 fn line_with(bitrates: &[u32]) -> Rs485Line {
     let mut line = Rs485Line::new();
     for (bitrate, node) in bitrates.iter().zip(1..) {
-        let wiring =
-            MotorWiring { bus: 2, protocol: Protocol::Rmd, node, bitrate: *bitrate, can_id: None };
-        line.connect(wiring, u64::from(node)).unwrap();
+        line.connect(usual::rmd(2, node, *bitrate), u64::from(node)).unwrap();
     }
     line
 }

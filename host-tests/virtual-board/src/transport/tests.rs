@@ -3,25 +3,30 @@
 use std::ops::ControlFlow;
 
 use host_protocol::requests::Ping;
-use host_protocol::{
-    AxisParameter, Call, Kind, MAX_FRAME, Protocol, ProtocolSet, Setpoint, StopAction, StopTarget,
-    Value, encode,
-};
+use host_protocol::{Call, Kind, MAX_FRAME, Setpoint, StopTarget, encode};
 use mgw_client::{Client, Hold};
-use mgw_sim::MotorWiring;
 
 use super::*;
 use crate::board::Board;
 use crate::outside::Outside;
+use crate::usual::{self, Axis};
 
 const TTL: Duration = Duration::from_millis(100);
 
 /// A board with one RMD motor on its RS485 line.
 fn board(bitrate: u32) -> (Rc<RefCell<Machine>>, Outside) {
     let mut builder = Machine::builder();
-    let motor = MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate, can_id: None };
+    let motor = usual::rmd(2, 1, bitrate);
     let outside = Outside::connect(&mut builder, &[motor], 1).unwrap();
     (Rc::new(RefCell::new(builder.power_on())), outside)
+}
+
+/// That board with its motor, at the usual rate, configured on host link 0.
+fn configured() -> (Rc<RefCell<Machine>>, Outside, Client<BoardTransport>) {
+    let (machine, outside) = board(115_200);
+    let mut client = client(&machine, &outside, 0);
+    configure(&mut client);
+    (machine, outside, client)
 }
 
 fn client(
@@ -35,17 +40,8 @@ fn client(
 
 /// The motor on the RS485 line as axis 0, at the usual 115200 baud.
 fn configure(client: &mut Client<BoardTransport>) {
-    let window = Duration::from_millis(5);
-    client.configure_bus(2, 115_200, ProtocolSet::of(&[Protocol::Rmd]), false, window).unwrap();
-    let values = [
-        (AxisParameter::Bus, 2),
-        (AxisParameter::Protocol, Protocol::Rmd.into()),
-        (AxisParameter::Node, 1),
-        (AxisParameter::StopAction, StopAction::Hold.into()),
-    ];
-    for (parameter, value) in values {
-        client.configure_axis(0, parameter, Value::Unsigned(value)).unwrap();
-    }
+    usual::start_rmd_bus(client, 2, 115_200).unwrap();
+    Axis::rmd(2).configure(client, 0).unwrap();
 }
 
 #[test]
@@ -63,9 +59,7 @@ fn the_image_answers_hello_on_both_links() {
 /// One bit of lead and of tail (src/board/nucleo_h743zi.rs), and 100 MHz / 868.
 #[test]
 fn the_image_drives_the_transceiver() {
-    let (machine, outside) = board(115_200);
-    let mut client = client(&machine, &outside, 0);
-    configure(&mut client);
+    let (machine, outside, _client) = configured();
     let settings = machine.borrow_mut().line(outside.rs485).settings();
     let enable = settings.driver_enable.expect("driver enable is on");
     assert_eq!((enable.assertion, enable.deassertion, enable.active_low), (16, 16, false));
@@ -74,9 +68,7 @@ fn the_image_drives_the_transceiver() {
 
 #[test]
 fn a_motor_on_rs485_is_moved_and_stopped() {
-    let (machine, outside) = board(115_200);
-    let mut client = client(&machine, &outside, 0);
-    configure(&mut client);
+    let (machine, outside, mut client) = configured();
     client.provision_motor_timeout(0, 1_000).unwrap();
     let epoch = client.arm(0).unwrap().epoch;
     let hold =
@@ -133,9 +125,7 @@ fn ping_frame(sequence: u16) -> Vec<u8> {
 #[test]
 fn runs_are_repeatable() {
     let run = || {
-        let (machine, outside) = board(115_200);
-        let mut client = client(&machine, &outside, 0);
-        configure(&mut client);
+        let (machine, outside, mut client) = configured();
         client.provision_motor_timeout(0, 1_000).unwrap();
         let sent = machine.borrow_mut().line(outside.rs485).sent().to_vec();
         let digest = machine.borrow_mut().access_digest();
@@ -147,9 +137,7 @@ fn runs_are_repeatable() {
 /// From a snapshot in mid-motion on, the copy lives as the original does.
 #[test]
 fn a_board_and_its_motor_go_on_from_a_snapshot() {
-    let (machine, outside) = board(115_200);
-    let mut client = client(&machine, &outside, 0);
-    configure(&mut client);
+    let (machine, outside, mut client) = configured();
     client.provision_motor_timeout(0, 1_000).unwrap();
     let epoch = client.arm(0).unwrap().epoch;
     client.set(0, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL).unwrap();
@@ -161,8 +149,7 @@ fn a_board_and_its_motor_go_on_from_a_snapshot() {
         (log, position, machine.line(outside.rs485).sent().to_vec(), machine.access_digest())
     };
     let mut builder = Machine::builder();
-    let motor =
-        MotorWiring { bus: 2, protocol: Protocol::Rmd, node: 1, bitrate: 115_200, can_id: None };
+    let motor = usual::rmd(2, 1, 115_200);
     let other = Outside::connect(&mut builder, &[motor], 1).unwrap();
     let copy = life(&mut builder.resume(&snapshot), &other);
     let original = life(&mut machine.borrow_mut(), &outside);

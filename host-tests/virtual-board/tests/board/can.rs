@@ -1,103 +1,38 @@
 //! The image and its two CAN controllers: it starts them, sends, receives, and survives a bus that
 //! fails.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::replies::BusReport;
-use host_protocol::{BusState, CanFrame, Protocol, ProtocolSet, RawFrame};
-use mgw_client::Client;
-use rigless::chip::can::{Frame, Id, Offer, Pattern};
-use rigless::time::VirtualNanos;
+use host_protocol::{BusState, CanFrame, RawFrame};
+use rigless::chip::can::Pattern;
 use virtual_board::board::Board;
-use virtual_board::host_uart::HostUart;
-use virtual_board::machine::{Builder, CanNode, CanPort, Line, Machine, UartPort};
-use virtual_board::transport::BoardTransport;
+use virtual_board::machine::{CanPort, Machine};
+use virtual_board::usual;
 use virtual_stm32::fdcan::{BitTime, FrameEnd, Sender, Wiring};
 
+use crate::bench::{BITRATE, Bench, data_frame, wired};
 use crate::gaps;
 
-const BITRATE: u32 = 1_000_000;
-const REPLY_WINDOW: Duration = Duration::from_millis(5);
-
-/// A board whose bus 0 the host has configured and opened for raw frames.
-struct Lab {
-    machine: Rc<RefCell<Machine>>,
-    client: Client<BoardTransport>,
-}
-
-impl Lab {
-    fn power_on(mut builder: Builder) -> Self {
-        let host = builder.line(UartPort::Host0, HostUart::new());
-        Self::of(builder.power_on(), host)
-    }
-
-    fn of(machine: Machine, host: Line<HostUart>) -> Self {
-        let machine = Rc::new(RefCell::new(machine));
-        let client = Client::connect_as(BoardTransport::new(&machine, host), 1, 1).expect("hello");
-        let mut lab = Self { machine, client };
-        lab.configure(0, BITRATE);
-        lab.client.raw_open_unsafe(0).expect("open");
-        lab
-    }
-
-    fn configure(&mut self, bus: u8, bitrate: u32) {
-        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
-        self.client
-            .configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW)
-            .expect("configured");
-    }
-
-    fn run_for(&mut self, duration: Duration) {
-        self.machine.borrow_mut().run_for(duration);
-    }
-
-    fn send(&mut self, id: u16, data: &[u8]) {
-        let frame = CanFrame::standard(id, data).expect("a frame");
-        self.client.raw_send(0, RawFrame::Can(frame)).expect("taken over");
-    }
-
-    fn status(&mut self) -> BusReport {
-        self.client.bus_status(0).expect("status")
-    }
-
-    fn heard(&self, node: CanNode<Pattern>) -> Vec<u16> {
-        let mut machine = self.machine.borrow_mut();
-        let heard = machine.node(node).heard();
-        heard.iter().map(|(_, frame)| u16::try_from(frame.id.value()).expect("11 bits")).collect()
-    }
-
-    fn ends(&self) -> Vec<FrameEnd> {
-        self.machine.borrow().can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect()
-    }
-}
-
 /// Cuts the bus, sends, and waits until the controller is in the middle of an attempt.
-fn sending_alone(mut lab: Lab) -> Lab {
-    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Cut);
-    lab.send(0x141, &[1, 2, 3, 4, 5, 6, 7, 8]);
+fn sending_alone(mut lab: Bench) -> Bench {
+    lab.wire(Wiring::Cut);
+    lab.send(0, 0x141, &[1, 2, 3, 4, 5, 6, 7, 8]);
     let sending = |machine: &mut Machine| machine.can(CanPort::Bus0).is_sending();
     assert!(lab.machine.borrow_mut().run_until(Duration::from_millis(5), sending));
     lab
 }
 
-fn data_frame(id: u16, data: &[u8]) -> Frame {
-    Frame::data_frame(Id::Standard(id), data)
-}
-
-/// A board with one node on bus 0.
-fn with_node(pattern: Pattern) -> (Lab, CanNode<Pattern>) {
-    let mut builder = Machine::builder();
-    let node = builder.can_node(CanPort::Bus0, pattern, Some(BITRATE));
-    (Lab::power_on(builder), node)
+fn opened() -> Bench {
+    Bench::of(Machine::builder()).opened()
 }
 
 #[test]
 fn every_controller_leaves_init_at_the_rate_that_the_host_chose() {
-    let (mut lab, _) = with_node(Pattern::default());
-    let ports = Board::chosen().can_ports();
-    (1..).zip(&ports[1..]).for_each(|(bus, _)| lab.configure(bus, 210_526));
+    let mut lab = opened();
+    let ports = Board::chosen().can_ports;
+    (1..)
+        .zip(&ports[1..])
+        .for_each(|(bus, _)| usual::start_rmd_bus(&mut lab.client, bus, 210_526).expect("runs"));
     lab.run_for(Duration::from_millis(1));
     // 4 × 20 and 19 × 20 cycles a bit, or 4 × 21 and 19 × 21.
     let (hz, fast, slow) = match Board::chosen() {
@@ -117,22 +52,12 @@ fn every_controller_leaves_init_at_the_rate_that_the_host_chose() {
 
 #[test]
 fn a_raw_frame_goes_out_and_its_answer_comes_in() {
-    let (mut lab, node) = with_node(Pattern::default());
-    lab.send(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]);
+    let mut lab = opened();
+    lab.send(0, 0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]);
     lab.run_for(Duration::from_millis(1));
-    {
-        let mut machine = lab.machine.borrow_mut();
-        assert_eq!(
-            machine.node(node).heard()[0].1,
-            data_frame(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0])
-        );
-        let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
-        machine.node(node).queue(Offer {
-            since,
-            frame: data_frame(0x241, &[1, 2, 3]),
-            fault: None,
-        });
-    }
+    let asked = data_frame(0x141, &[0x9C, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(lab.machine.borrow_mut().node(lab.node).heard()[0].1, asked);
+    lab.offer([data_frame(0x241, &[1, 2, 3])]);
     lab.run_for(Duration::from_millis(1));
     let received = lab.client.raw_receive(0).expect("frames").frames;
     let frames: Vec<RawFrame> = received.iter().map(|received| received.frame.clone()).collect();
@@ -153,17 +78,16 @@ fn a_raw_frame_goes_out_and_its_answer_comes_in() {
 #[test]
 fn a_frame_leaves_on_each_bus() {
     let mut builder = Machine::builder();
-    let ports = Board::chosen().can_ports();
-    ports.iter().for_each(|port| {
+    let ports = Board::chosen().can_ports;
+    for port in &ports[1..] {
         builder.can_node(*port, Pattern::default(), Some(BITRATE));
-    });
-    let mut lab = Lab::power_on(builder);
+    }
+    let mut lab = Bench::of(builder);
     for (bus, port) in (0..).zip(ports) {
-        lab.configure(bus, BITRATE);
+        lab.configure(bus).expect("it runs");
         lab.client.raw_open_unsafe(bus).expect("open");
         let data = [0xAB, bus];
-        let frame = CanFrame::standard(0x123, &data).expect("a frame");
-        lab.client.raw_send(bus, RawFrame::Can(frame)).expect("taken over");
+        lab.send(bus, 0x123, &data);
         lab.run_for(Duration::from_millis(2));
         let machine = lab.machine.borrow();
         let record =
@@ -175,74 +99,65 @@ fn a_frame_leaves_on_each_bus() {
 
 #[test]
 fn without_acknowledgement_the_bus_is_passive_and_active_again_with_it() {
-    let (mut lab, node) = with_node(Pattern::default());
-    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Cut);
-    lab.send(0x141, &[1]);
+    let mut lab = opened();
+    lab.wire(Wiring::Cut);
+    lab.send(0, 0x141, &[1]);
     lab.run_for(Duration::from_millis(30));
     let status = lab.status();
     assert_eq!((status.state, status.transmit_errors), (BusState::Passive, 128));
     assert!(lab.ends().iter().all(|end| *end == FrameEnd::Unacknowledged));
-    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Connected);
+    lab.wire(Wiring::Connected);
     for _ in 0..40 {
-        lab.send(0x142, &[2]);
+        lab.send(0, 0x142, &[2]);
         lab.run_for(Duration::from_millis(1));
     }
     lab.run_for(Duration::from_millis(20));
     assert_eq!(lab.status().state, BusState::Active);
-    assert!(lab.heard(node).len() >= 40);
+    assert!(lab.heard().len() >= 40);
 }
 
 #[test]
 fn destroyed_frames_put_the_bus_off_and_the_core_starts_it_again() {
-    let (mut lab, node) = with_node(Pattern::default().disturbing(32));
-    lab.send(0x141, &[1]);
-    let machine = Rc::clone(&lab.machine);
-    let off = |machine: &mut Machine| !machine.can(CanPort::Bus0).is_on_bus();
-    assert!(machine.borrow_mut().run_until(Duration::from_millis(10), off));
+    let pattern = Pattern::default().disturbing(32);
+    let mut lab = Bench::with(Machine::builder(), pattern, BITRATE).opened();
+    lab.send(0, 0x141, &[1]);
+    lab.run_until_on_bus(false, Duration::from_millis(10));
     assert_eq!(lab.ends(), [FrameEnd::Destroyed; 32]);
     let status = lab.status();
     assert_eq!(status.state, BusState::BusOff);
     assert_eq!(status.counters.bus_offs, 1);
-    let on = |machine: &mut Machine| machine.can(CanPort::Bus0).is_on_bus();
-    assert!(machine.borrow_mut().run_until(Duration::from_secs(2), on));
+    lab.run_until_on_bus(true, Duration::from_secs(2));
     lab.run_for(Duration::from_millis(20));
     assert_eq!(lab.status().state, BusState::Active);
-    lab.send(0x142, &[2]);
+    lab.send(0, 0x142, &[2]);
     lab.run_for(Duration::from_millis(1));
-    assert_eq!(lab.heard(node), [0x142], "the frame from before was taken back");
+    assert_eq!(lab.heard(), [0x142], "the frame from before was taken back");
 }
 
 #[test]
 fn a_short_puts_the_bus_off_until_it_is_mended() {
-    let (mut lab, node) = with_node(Pattern::default());
-    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Shorted);
-    lab.send(0x141, &[1]);
+    let mut lab = opened();
+    lab.wire(Wiring::Shorted);
+    lab.send(0, 0x141, &[1]);
     lab.run_for(Duration::from_millis(5));
     assert_eq!(lab.status().state, BusState::BusOff);
-    lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Connected);
-    let machine = Rc::clone(&lab.machine);
-    assert!(
-        machine.borrow_mut().run_until(Duration::from_secs(2), |machine| {
-            machine.can(CanPort::Bus0).is_on_bus()
-        })
-    );
+    lab.wire(Wiring::Connected);
+    lab.run_until_on_bus(true, Duration::from_secs(2));
     lab.run_for(Duration::from_millis(20));
-    lab.send(0x142, &[2]);
+    lab.send(0, 0x142, &[2]);
     lab.run_for(Duration::from_millis(1));
     assert_eq!(lab.status().state, BusState::Active);
-    assert_eq!(lab.heard(node), [0x142]);
+    assert_eq!(lab.heard(), [0x142]);
 }
 
 #[test]
 fn a_node_at_another_rate_brings_errors_and_no_answer() {
-    let mut builder = Machine::builder();
-    let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(500_000));
-    let mut lab = Lab::power_on(builder);
-    lab.send(0x141, &[1]);
+    let mut lab = Bench::with(Machine::builder(), Pattern::default(), 500_000).opened();
+    lab.send(0, 0x141, &[1]);
     lab.run_for(Duration::from_millis(30));
     let status = lab.status();
     assert_eq!(status.state, BusState::Passive);
-    assert!(lab.heard(node).is_empty());
+    assert!(lab.heard().is_empty());
     assert!(lab.ends().contains(&FrameEnd::Destroyed));
 }
 
@@ -250,16 +165,9 @@ fn a_node_at_another_rate_brings_errors_and_no_answer() {
 fn a_core_that_is_too_slow_loses_frames_and_counts_that() {
     const FRAMES: u32 = 100;
     // 50 µs a frame: 1000 instructions, and still enough for every loop to feed the watchdog.
-    let mut builder = Machine::builder().instructions_per_second(20_000_000);
-    let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
-    let mut lab = Lab::power_on(builder);
-    {
-        let mut machine = lab.machine.borrow_mut();
-        let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
-        for _ in 0..FRAMES {
-            machine.node(node).queue(Offer { since, frame: data_frame(0x555, &[]), fault: None });
-        }
-    }
+    let builder = Machine::builder().instructions_per_second(20_000_000);
+    let mut lab = Bench::of(builder).opened();
+    lab.offer((0..FRAMES).map(|_| data_frame(0x555, &[])));
     lab.run_for(Duration::from_millis(500));
     let counters = lab.status().counters;
     assert_eq!(lab.ends().len(), FRAMES as usize, "each was acknowledged");
@@ -269,17 +177,11 @@ fn a_core_that_is_too_slow_loses_frames_and_counts_that() {
 
 #[test]
 fn a_snapshot_in_mid_frame_goes_on_alike() {
-    let build = || {
-        let mut builder = Machine::builder();
-        let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
-        let host = builder.line(UartPort::Host0, HostUart::new());
-        (builder, node, host)
-    };
-    let (builder, node, host) = build();
-    let lab = sending_alone(Lab::of(builder.power_on(), host));
+    let lab = sending_alone(opened());
+    let node = lab.node;
     let mut original = lab.machine.borrow_mut();
     let snapshot = original.snapshot();
-    let (builder, copied_node, _) = build();
+    let (builder, copied_node, _) = wired(Machine::builder(), Pattern::default(), BITRATE);
     let mut copy = builder.resume(&snapshot);
     assert!(copy.can(CanPort::Bus0).is_sending());
     for machine in [&mut *original, &mut copy] {
@@ -295,8 +197,7 @@ fn a_snapshot_in_mid_frame_goes_on_alike() {
 
 #[test]
 fn a_reset_in_mid_frame_breaks_the_frame_off_and_leaves_the_nodes_alone() {
-    let (lab, node) = with_node(Pattern::default());
-    let lab = sending_alone(lab);
+    let lab = sending_alone(opened());
     let mut machine = lab.machine.borrow_mut();
     machine.wire_can(CanPort::Bus0, Wiring::Connected);
     let before = machine.can_mut(CanPort::Bus0).take_log();
@@ -308,5 +209,5 @@ fn a_reset_in_mid_frame_breaks_the_frame_off_and_leaves_the_nodes_alone() {
         machine.can(CanPort::Bus0).log().iter().map(|record| record.outcome).collect();
     assert_eq!(ends, [FrameEnd::Destroyed]);
     assert!(machine.can(CanPort::Bus0).is_on_bus(), "configured as before");
-    assert_eq!(machine.node(node).heard(), []);
+    assert_eq!(machine.node(lab.node).heard(), []);
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_protocol::Setpoint;
 
-use crate::gaps::{self, Kind, Known, known};
+use crate::gaps::{self, Kind, Known, gap, known};
 use crate::lab::{BUS_RMD_AND_THRUSTER, Lab, RMD};
 use crate::reaction::Reaction;
 use crate::wire;
@@ -47,7 +47,7 @@ fn a_stop_that_is_too_late_is_noticed() {
     lab.report(RMD);
     let sent = lab.first(BUS_RMD_AND_THRUSTER, since, "141#9C00000000000000");
     let long_before = since - Duration::from_millis(10);
-    Reaction::new("a planted cause", "RMD on CAN", long_before, &sent, Duration::from_millis(5));
+    Reaction::new("a planted cause", RMD, long_before, &sent, Duration::from_millis(5));
 }
 
 /// The list without one of its entries: the entry that is then unlisted is met in every run.
@@ -68,12 +68,7 @@ fn an_unlisted_register_is_noticed() {
 fn an_entry_that_no_longer_occurs_is_noticed() {
     let lab = Lab::configured();
     let met = gaps::met(&mut lab.machine.borrow_mut());
-    let gone = Known {
-        kind: Kind::Unimplemented,
-        address: 0x4000_0000,
-        register: "TIM2.CR1",
-        reason: "none",
-    };
+    let gone = gap(Kind::Unimplemented, 0x4000_0000, "TIM2.CR1", "none");
     let longer = [known(), &[gone]].concat();
     let error = gaps::check_met(&met, &longer).unwrap_err();
     assert!(error.contains("0x40000000 TIM2.CR1"), "{error}");

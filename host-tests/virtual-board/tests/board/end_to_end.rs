@@ -31,7 +31,7 @@ fn hello_names_the_board_the_build_and_the_buses() {
     let buses: Vec<_> = hello.buses.iter().map(|bus| (bus.kind, bus.bitrates.to_vec())).collect();
     let can = vec![1_000_000, 800_000, 500_000, 250_000, 210_526, 125_000, 100_000, 50_000];
     let rs485 = vec![115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
-    let mut expected = vec![(BusKind::Can, can); Board::chosen().can_ports().len()];
+    let mut expected = vec![(BusKind::Can, can); Board::chosen().can_ports.len()];
     expected.push((BusKind::Rs485, rs485));
     assert_eq!(buses, expected);
     assert!((60_000..1_000_000).contains(&hello.time_us), "{} µs", hello.time_us);

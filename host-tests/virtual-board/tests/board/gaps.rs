@@ -45,19 +45,19 @@ pub fn known() -> &'static [Known] {
 }
 
 const H743: &[Known] = &[
-    Known {
-        kind: Kind::Told,
-        address: 0x5802_4428,
-        register: "RCC.PLLCKSELR",
-        reason: "embassy-stm32 writes the dividers of PLL2 and PLL3 while PLL1 runs; their fields, which hold nothing \
-                 in use, are in the register that also holds PLL1's",
-    },
-    Known {
-        kind: Kind::Told,
-        address: 0x5802_4470,
-        register: "RCC.BDCR",
-        reason: "embassy-stm32 writes RTCSEL, the value that stands there already; no RTC is used",
-    },
+    gap(
+        Kind::Told,
+        0x5802_4428,
+        "RCC.PLLCKSELR",
+        "embassy-stm32 writes the dividers of PLL2 and PLL3 while PLL1 runs; their fields, which \
+         hold nothing in use, are in the register that also holds PLL1's",
+    ),
+    gap(
+        Kind::Told,
+        0x5802_4470,
+        "RCC.BDCR",
+        "embassy-stm32 writes RTCSEL, the value that stands there already; no RTC is used",
+    ),
 ];
 
 /// Settings of the STM32G474 that have no effect here.
@@ -71,12 +71,13 @@ const G474: &[Known] = &[
 ];
 
 const fn without_effect(address: u64, register: &'static str) -> Known {
-    Known {
-        kind: Kind::Unimplemented,
-        address,
-        register,
-        reason: "it keeps what is written, and nothing else depends on it",
-    }
+    let reason = "it keeps what is written, and nothing else depends on it";
+    gap(Kind::Unimplemented, address, register, reason)
+}
+
+/// A gap that may be met.
+pub const fn gap(kind: Kind, address: u64, register: &'static str, reason: &'static str) -> Known {
+    Known { kind, address, register, reason }
 }
 
 /// A gap that was met.
@@ -142,10 +143,7 @@ impl Known {
 }
 
 /// Nothing was met that is not in the list.
-///
-/// # Errors
-///
-/// What was.
+/// Fails with what was.
 pub fn check_known(met: &BTreeSet<Met>, known: &[Known]) -> Result<(), String> {
     let new: Vec<_> = met.iter().filter(|met| !known.iter().any(|known| known.is(met))).collect();
     if new.is_empty() {
@@ -159,10 +157,7 @@ pub fn check_known(met: &BTreeSet<Met>, known: &[Known]) -> Result<(), String> {
 }
 
 /// Every entry of the list was met.
-///
-/// # Errors
-///
-/// Which were not.
+/// Fails with those that were not.
 pub fn check_met(met: &BTreeSet<Met>, known: &[Known]) -> Result<(), String> {
     let gone: Vec<_> = known.iter().filter(|known| !met.iter().any(|met| known.is(met))).collect();
     if gone.is_empty() {

@@ -74,7 +74,7 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     lab.machine.borrow_mut().lose_hse();
     let reset = lab.now();
     assert_eq!(
-        lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(),
+        lab.machine.borrow_mut().probe(Board::chosen().enable).driven(),
         None,
         "the pin's resistor switches off"
     );
@@ -82,7 +82,7 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     let stop = lab.first_stop(RMD_RS485, reset);
     // It waits 20 ms for the clock.
     assert!(stop.first_bit - reset < Duration::from_millis(30), "{:?}", stop.first_bit - reset);
-    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(), Some(Level::Low));
+    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable).driven(), Some(Level::Low));
     lab.run_for(Duration::from_millis(300));
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.hello().boot, BootReason::Software);
@@ -102,8 +102,5 @@ fn a_clock_that_stops_while_motors_turn_ends_in_stops_or_without_their_power() {
     for axis in AXES {
         assert_eq!(lab.report(axis).state, AxisState::Tripped { confirmed: true }, "axis {axis}");
     }
-    assert_eq!(
-        lab.machine.borrow_mut().probe(Board::chosen().enable()).driven(),
-        Some(Level::High)
-    );
+    assert_eq!(lab.machine.borrow_mut().probe(Board::chosen().enable).driven(), Some(Level::High));
 }

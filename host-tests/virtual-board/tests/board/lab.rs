@@ -8,10 +8,7 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{
-    AxisParameter, AxisState, Error, Event, Protocol, ProtocolSet, Setpoint, StopAction, Trip,
-    TripReason, Value,
-};
+use host_protocol::{AxisParameter, AxisState, Error, Event, Setpoint, Trip, TripReason};
 use mgw_client::{Client, ClientError, Hold, Transport};
 use mgw_sim::{Motor, MotorEvent};
 use virtual_board::board::Board;
@@ -19,8 +16,10 @@ use virtual_board::machine::{Builder, CanNode, CanPort, Machine, Snapshot};
 use virtual_board::nodes::Probe;
 use virtual_board::outside::Outside;
 use virtual_board::transport::BoardTransport;
+use virtual_board::usual::{self, REPLY_WINDOW};
 
 use crate::gaps;
+use crate::reaction::Reaction;
 use crate::wire::{self, OnWire};
 
 /// The axes, in the order of the motors.
@@ -39,14 +38,6 @@ pub const BUS_D5: u8 = 1;
 pub fn bus_rs485() -> u8 {
     Board::chosen().rs485_bus()
 }
-
-/// Protocol, node and stop action of each axis.
-const WIRING: [(Protocol, u32, StopAction); 4] = [
-    (Protocol::Rmd, 0x01, StopAction::Hold),
-    (Protocol::Thruster, 0x0B, StopAction::Coast),
-    (Protocol::D5, 0x0B, StopAction::Hold),
-    (Protocol::Rmd, 0x01, StopAction::Hold),
-];
 
 /// What stops each motor: 0x81 (RMD V3.6 §2.16), TC 0 (thruster manual §1.3), speed 0 (D5 manual,
 /// quick start 5).
@@ -130,33 +121,15 @@ impl Lab {
 
     /// Starts a bus at the usual rate of its motors.
     pub fn configure_bus(&mut self, bus: u8) {
-        let (bitrate, protocols): (_, &[_]) = match bus {
-            BUS_RMD_AND_THRUSTER => (1_000_000, &[Protocol::Rmd, Protocol::Thruster]),
-            BUS_D5 => (210_526, &[Protocol::D5]),
-            _ => (115_200, &[Protocol::Rmd]),
-        };
-        let window = Duration::from_millis(5);
-        self.client
-            .configure_bus(bus, bitrate, ProtocolSet::of(protocols), false, window)
-            .expect("a bus");
+        let (_, bitrate, protocols) = usual::buses()[usize::from(bus.min(2))];
+        self.client.configure_bus(bus, bitrate, protocols, false, REPLY_WINDOW).expect("a bus");
     }
 
     /// Configures an axis, and the own timeout of its motor if that can be told.
     pub fn configure_axis(&mut self, axis: u8) {
-        let (protocol, node, stop_action) = WIRING[usize::from(axis)];
-        let bus = bus_of(axis);
-        let values = [
-            (AxisParameter::Bus, bus.into()),
-            (AxisParameter::Protocol, protocol.into()),
-            (AxisParameter::Node, node),
-            (AxisParameter::StopAction, stop_action.into()),
-        ];
-        for (parameter, value) in values {
-            self.client
-                .configure_axis(axis, parameter, Value::Unsigned(value))
-                .expect("a parameter");
-        }
-        if protocol != Protocol::D5 {
+        let usual = usual::axes()[usize::from(axis)];
+        usual.configure(&mut self.client, axis).expect("parameters");
+        if usual.has_motor_timeout() {
             self.provision_timeout(axis);
         }
     }
@@ -170,7 +143,7 @@ impl Lab {
     /// Lets the setpoints of an axis be valid for longer.
     pub fn set_ttl(&mut self, axis: u8, ttl: Duration) {
         let us = u32::try_from(ttl.as_micros()).expect("a TTL");
-        self.client.configure_axis(axis, AxisParameter::TtlUs, Value::Unsigned(us)).expect("a TTL");
+        usual::set_axis(&mut self.client, axis, &[(AxisParameter::TtlUs, us)]).expect("a TTL");
     }
 
     /// Arms axes; what each will be told from then on.
@@ -310,6 +283,12 @@ impl Lab {
     pub fn first_stop(&self, axis: u8, since: Duration) -> OnWire {
         self.first(bus_of(axis), since, STOPS[usize::from(axis)])
     }
+
+    /// How all axes have reacted to a cause, with so long before a stop is decided on.
+    #[track_caller]
+    pub fn reactions(&self, cause: &str, at: Duration, within: Duration) -> Vec<Reaction> {
+        Reaction::of_all(cause, at, within, |bus| self.wire(bus, at))
+    }
 }
 
 /// No test may meet a gap of the emulator that nobody knows.
@@ -351,18 +330,19 @@ pub fn wire_of(machine: &mut Machine, outside: &Outside, bus: u8, since: Duratio
 
 /// The bus of an axis.
 pub fn bus_of(axis: u8) -> u8 {
-    match axis {
-        RMD | THRUSTER => BUS_RMD_AND_THRUSTER,
-        D5 => BUS_D5,
-        _ => bus_rs485(),
-    }
+    usual::axes()[usize::from(axis)].bus
 }
 
 /// What makes a motor turn at its speed of [`SPEEDS_RAD_S`].
 pub fn turning(axis: u8) -> Setpoint {
-    match WIRING[usize::from(axis)].0 {
-        Protocol::Thruster => Setpoint::Signal { fraction: 0.1 },
-        Protocol::Rmd | Protocol::D5 => Setpoint::Velocity { velocity_rad_s: 2.0 },
+    usual::turning(usual::axes()[usize::from(axis)].protocol)
+}
+
+/// The gateway's refusal.
+pub fn refused<T: std::fmt::Debug>(result: Result<T, ClientError>) -> Error {
+    match result {
+        Err(ClientError::Gateway(error)) => error,
+        other => panic!("{other:?}"),
     }
 }
 

@@ -6,17 +6,16 @@ use std::time::Duration;
 
 use host_protocol::{BusLimit, CanFrame, RawFrame};
 use mgw_client::ClientError;
-use rigless::chip::can::{Frame, Id, Offer};
 use rigless::emulator::Watch;
 use rigless::soc::stm32h743::generated::rcc::{Register as Clocks, ahb1enr, ahb1lpenr};
-use rigless::time::VirtualNanos;
 use virtual_board::machine::{CanPort, Machine};
 use virtual_stm32::crs::Source;
 use virtual_stm32::revision::Revision;
 
+use crate::bench::{Bench, data_frame};
 use crate::dma;
 use crate::log;
-use crate::silicon::{Bench, START};
+use crate::silicon::START;
 
 /// The RAM that revision Y reads wrong unless it is told otherwise.
 const AXI_SRAM: Watch = Watch::Writes { address: 0x2400_0000, length: 512 << 10 };
@@ -33,13 +32,8 @@ impl Bench {
         let mut wrong = 0;
         for number in 0..100 {
             let data = [number, !number, 3, 4, 5, 6, 7, 8];
-            {
-                let mut machine = self.machine.borrow_mut();
-                let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
-                let frame = Frame::data_frame(Id::Standard(0x241), &data);
-                machine.node(self.node).queue(Offer { since, frame, fault: None });
-                machine.run_for(Duration::from_millis(1));
-            }
+            self.offer([data_frame(0x241, &data)]);
+            self.run_for(Duration::from_millis(1));
             let sent = RawFrame::Can(CanFrame::standard(0x241, &data).expect("a frame"));
             let received = self.client.raw_receive(0).expect("frames").frames;
             assert_eq!(received.len(), 1, "frame {number}");

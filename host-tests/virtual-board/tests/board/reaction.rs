@@ -3,8 +3,11 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::lab::{D5, RMD, THRUSTER};
-use crate::wire::OnWire;
+use virtual_board::machine::Machine;
+use virtual_board::outside::Outside;
+
+use crate::lab::{AXES, D5, Lab, NAMES, RMD, SEED, STOPS, THRUSTER, bus_of, wired};
+use crate::wire::{self, OnWire};
 
 /// Our software (GUARANTEES G5: g).
 const SOFTWARE: Duration = Duration::from_micros(100);
@@ -38,7 +41,7 @@ pub fn stop_within(axis: u8) -> Duration {
 #[derive(Debug, Clone)]
 pub struct Reaction {
     /// What happened.
-    pub cause: &'static str,
+    pub cause: String,
     /// Whose stop it is.
     pub motor: &'static str,
     /// The stop.
@@ -50,23 +53,47 @@ pub struct Reaction {
 }
 
 impl Reaction {
-    /// From `at` to the first bit of `stop`.
-    ///
-    /// # Panics
-    ///
-    /// If it took longer than `limit`.
+    /// From `at` to the first bit of the `stop` of an axis. Panics if it took longer than `limit`.
     #[track_caller]
-    pub fn new(
-        cause: &'static str,
-        motor: &'static str,
-        at: Duration,
-        stop: &OnWire,
-        limit: Duration,
-    ) -> Self {
+    pub fn new(cause: &str, axis: u8, at: Duration, stop: &OnWire, limit: Duration) -> Self {
+        let (cause, motor) = (cause.to_owned(), NAMES[usize::from(axis)]);
         let took = stop.first_bit.checked_sub(at).expect("a stop after its cause");
         let reaction = Self { cause, motor, stop: stop.text.clone(), took, limit };
         assert!(took <= limit, "too late: {reaction}");
         reaction
+    }
+
+    /// Of every axis, which has so long before its stop is decided on: the first stops on its bus.
+    #[track_caller]
+    pub fn of_all(
+        cause: &str,
+        at: Duration,
+        within: Duration,
+        mut wire: impl FnMut(u8) -> Vec<OnWire>,
+    ) -> Vec<Self> {
+        let of = |axis| {
+            let on_wire = wire(bus_of(axis));
+            let stop = wire::find(&on_wire, STOPS[usize::from(axis)])
+                .unwrap_or_else(|error| panic!("{error}"));
+            Self::new(cause, axis, at, stop, within + stop_within(axis))
+        };
+        AXES.into_iter().map(of).collect()
+    }
+
+    /// The worst of every axis at any moment of the buses' traffic: at 12 moments from one
+    /// snapshot in motion on, 1.77 ms apart.
+    pub fn worst_of_12(lab: &Lab, act: impl Fn(&mut Machine, &Outside) -> Vec<Self>) -> Vec<Self> {
+        const APART: Duration = Duration::from_micros(1_770);
+        let in_motion = lab.machine.borrow_mut().snapshot();
+        let moments = (0..12).map(|moment| {
+            let (board, outside, _) = wired(SEED);
+            let mut machine = board.resume(&in_motion);
+            machine.run_for(APART * moment);
+            act(&mut machine, &outside)
+        });
+        let worse = |(one, other): (Self, Self)| if one.took < other.took { other } else { one };
+        let worst = moments.reduce(|one, other| one.into_iter().zip(other).map(worse).collect());
+        worst.expect("a moment")
     }
 }
 

@@ -5,13 +5,14 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, StopAction, StopTarget, Value};
+use host_protocol::{Protocol, ProtocolSet, StopTarget};
 use mgw_client::Client;
-use mgw_sim::{Injection, MotorWiring};
+use mgw_sim::Injection;
 use virtual_board::machine::Machine;
 use virtual_board::outside::Outside;
 use virtual_board::rs485_line::Reply;
 use virtual_board::transport::BoardTransport;
+use virtual_board::usual::{self, Axis};
 
 use crate::lab::{SEED, bus_rs485};
 
@@ -31,31 +32,15 @@ struct Bench {
 impl Bench {
     fn at(baud: u32) -> Self {
         let mut board = Machine::builder();
-        let motor = MotorWiring {
-            bus: bus_rs485(),
-            protocol: Protocol::Rmd,
-            node: 1,
-            bitrate: baud,
-            can_id: None,
-        };
+        let motor = usual::rmd(bus_rs485(), 1, baud);
         let outside = Outside::connect(&mut board, &[motor], SEED).expect("a sound wiring");
         let machine = Rc::new(RefCell::new(board.power_on()));
         let client = Client::connect_as(BoardTransport::new(&machine, outside.hosts[0]), 1, 1)
             .expect("hello");
         let mut bench = Self { machine, outside, client };
-        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
-        bench.client.configure_bus(bus_rs485(), baud, protocols, false, WINDOW).expect("a bus");
-        for (parameter, value) in [
-            (AxisParameter::Bus, bus_rs485().into()),
-            (AxisParameter::Protocol, Protocol::Rmd.into()),
-            (AxisParameter::Node, 1),
-            (AxisParameter::StopAction, StopAction::Hold.into()),
-        ] {
-            bench
-                .client
-                .configure_axis(AXIS, parameter, Value::Unsigned(value))
-                .expect("a parameter");
-        }
+        let rmd = ProtocolSet::of(&[Protocol::Rmd]);
+        bench.client.configure_bus(bus_rs485(), baud, rmd, false, WINDOW).expect("a bus");
+        Axis::rmd(bus_rs485()).configure(&mut bench.client, AXIS).expect("parameters");
         bench
     }
 

@@ -1,14 +1,17 @@
 //! How the firmware has set its three serial ports up: read from the registers, as the port's far
 //! end sees them, and in the configuration of the pins.
 
+use std::time::Duration;
+
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use virtual_board::board::Board;
 use virtual_board::machine::Machine;
 use virtual_board::nodes::instant;
+use virtual_board::usual;
 use virtual_stm32::serial_port::DriverEnable;
 
-use crate::lab::Lab;
+use crate::lab::{Lab, bus_rs485};
 
 /// Registers (RM0433, RM0440): offsets.
 const CR1: u64 = 0x00;
@@ -36,24 +39,13 @@ struct Rs485 {
 
 impl Rs485 {
     fn of_board() -> Self {
-        match Board::chosen() {
+        let (usart, gpio, pins, divider, bits_per_second) = match Board::chosen() {
             // 100 MHz / 868.
-            Board::NucleoH743zi => Self {
-                usart: 0x4000_4400,
-                gpio: 0x5802_0C00,
-                pins: [4, 5, 6],
-                divider: 868,
-                bits_per_second: 115_207,
-            },
+            Board::NucleoH743zi => (0x4000_4400, 0x5802_0C00, [4, 5, 6], 868, 115_207),
             // 168 MHz / 1458.
-            Board::NucleoG474re => Self {
-                usart: 0x4000_4800,
-                gpio: 0x4800_0400,
-                pins: [14, 10, 11],
-                divider: 1458,
-                bits_per_second: 115_226,
-            },
-        }
+            Board::NucleoG474re => (0x4000_4800, 0x4800_0400, [14, 10, 11], 1458, 115_226),
+        };
+        Self { usart, gpio, pins, divider, bits_per_second }
     }
 }
 
@@ -116,15 +108,10 @@ fn the_pins_of_the_rs485_port_belong_to_the_usart() {
 /// byte survives.
 #[test]
 fn every_bitrate_of_the_rs485_port_is_what_it_says() {
-    use host_protocol::{Protocol, ProtocolSet};
     let mut lab = Lab::configured();
     for bitrate in [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000] {
-        let window = std::time::Duration::from_millis(5);
-        let rmd = ProtocolSet::of(&[Protocol::Rmd]);
-        lab.client
-            .configure_bus(crate::lab::bus_rs485(), bitrate, rmd, false, window)
-            .expect("configured");
-        lab.run_for(std::time::Duration::from_millis(1));
+        usual::start_rmd_bus(&mut lab.client, bus_rs485(), bitrate).expect("configured");
+        lab.run_for(Duration::from_millis(1));
         let line = lab.outside.rs485;
         let real = lab.machine.borrow_mut().line(line).settings().bits_per_second();
         assert!(real.abs_diff(bitrate.into()) * 100 < u64::from(bitrate) * 2, "{bitrate}: {real}");

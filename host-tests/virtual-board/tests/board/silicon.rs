@@ -1,50 +1,23 @@
 //! What an emulated chip hides unless it is asked for: starts by the ROM, rings that lock, frames
 //! without a pause, faults at every start.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{Bytes, CanFrame, Protocol, ProtocolSet, RawFrame};
-use mgw_client::{Client, ClientError};
-use rigless::chip::can::{Frame, Id, Offer, Pattern};
+use host_protocol::Bytes;
 use rigless::device::Level;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
-use rigless::time::VirtualNanos;
 use virtual_board::board::Board;
-use virtual_board::host_uart::HostUart;
-use virtual_board::machine::{Builder, CanNode, CanPort, Fault, Machine, Place, UartPort};
-use virtual_board::transport::BoardTransport;
+use virtual_board::machine::{Fault, Machine, Place};
+use virtual_board::nodes::instant;
+use virtual_board::usual;
 use virtual_stm32::fdcan::Wiring;
 
+use crate::bench::{Bench, data_frame};
 use crate::lab::{Lab, RMD, RMD_RS485};
 
-const BITRATE: u32 = 1_000_000;
 /// More than the start takes, USB included.
 pub const START: Duration = Duration::from_millis(60);
-
-/// A board with a node on bus 0 and a computer on host link 0.
-pub struct Bench {
-    pub machine: Rc<RefCell<Machine>>,
-    pub node: CanNode<Pattern>,
-    pub client: Client<BoardTransport>,
-}
-
-impl Bench {
-    pub fn of(mut builder: Builder) -> Self {
-        let node = builder.can_node(CanPort::Bus0, Pattern::default(), Some(BITRATE));
-        let host = builder.line(UartPort::Host0, HostUart::new());
-        let machine = Rc::new(RefCell::new(builder.power_on()));
-        let client = Client::connect_as(BoardTransport::new(&machine, host), 1, 1).expect("hello");
-        Self { machine, node, client }
-    }
-
-    pub fn configure(&mut self, bus: u8) -> Result<(), ClientError> {
-        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
-        self.client.configure_bus(bus, BITRATE, protocols, false, Duration::from_millis(5))
-    }
-}
 
 #[test]
 fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
@@ -72,14 +45,14 @@ fn rs485_stream() -> u64 {
 
 /// Whether a DMA stream is enabled.
 fn runs(machine: &mut Machine, stream: u64) -> bool {
-    let at = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
+    let at = instant(machine.now());
     machine.part_mut().read(at, stream, Width::W32).expect("a register") & 1 == 1
 }
 
 /// Has a DMA stream take nothing any more, as one of revision Y can lock (ES0392, "DMA stream
 /// locked…").
 fn lock(machine: &mut Machine, stream: u64) {
-    let at = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
+    let at = instant(machine.now());
     let part = machine.part_mut();
     let control = part.read(at, stream, Width::W32).expect("a register");
     assert_eq!(control & 1, 1, "it runs");
@@ -121,21 +94,15 @@ fn a_receive_ring_of_rs485_that_locks_starts_again() {
 #[test]
 fn frames_that_come_back_to_back_are_all_taken() {
     // An interrupt takes longer than a frame: it must take what came meanwhile.
-    let mut bench = Bench::of(Machine::builder().instructions_per_second(10_000_000));
-    bench.configure(0).expect("bus 0 runs");
-    bench.client.raw_open_unsafe(0).expect("open");
+    let builder = Machine::builder().instructions_per_second(10_000_000);
+    let mut bench = Bench::of(builder).opened();
     for burst in 0..10u8 {
-        let mut machine = bench.machine.borrow_mut();
-        let since = VirtualNanos(u64::try_from(machine.now().as_nanos()).expect("small"));
         // As many as its FIFO holds.
-        for number in 0..3 {
-            let frame = Frame::data_frame(Id::Standard(0x241), &[burst, number]);
-            machine.node(bench.node).queue(Offer { since, frame, fault: None });
-        }
-        machine.run_for(Duration::from_millis(20));
+        bench.offer((0..3).map(|number| data_frame(0x241, &[burst, number])));
+        bench.run_for(Duration::from_millis(20));
     }
-    let status = bench.client.bus_status(0).expect("a status");
-    assert_eq!((status.counters.received, status.counters.receive_overflows), (30, 0));
+    let counters = bench.status().counters;
+    assert_eq!((counters.received, counters.receive_overflows), (30, 0));
 }
 
 /// Behind bus-off a controller joins again when the line has been recessive for 129 times 11 bits,
@@ -145,27 +112,19 @@ fn frames_that_come_back_to_back_are_all_taken() {
 fn a_bus_that_was_off_stays_away_for_129_times_11_bits_whatever_the_other_does() {
     for other_runs in [false, true] {
         let mut bench = Bench::of(Machine::builder());
-        let protocols = ProtocolSet::of(&[Protocol::Rmd]);
         let slow = 50_000;
-        bench
-            .client
-            .configure_bus(0, slow, protocols, false, Duration::from_millis(5))
-            .expect("bus 0 runs");
+        usual::start_rmd_bus(&mut bench.client, 0, slow).expect("bus 0 runs");
         if other_runs {
             bench.configure(1).expect("bus 1 runs");
         }
         bench.client.raw_open_unsafe(0).expect("open");
-        bench.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Shorted);
-        let frame = CanFrame::standard(0x141, &[1]).expect("a frame");
-        bench.client.raw_send(0, RawFrame::Can(frame)).expect("taken over");
-        let mut machine = bench.machine.borrow_mut();
-        let off = |machine: &mut Machine| !machine.can(CanPort::Bus0).is_on_bus();
-        assert!(machine.run_until(Duration::from_millis(500), off), "off");
-        machine.wire_can(CanPort::Bus0, Wiring::Connected);
-        let at = machine.now();
-        let on = |machine: &mut Machine| machine.can(CanPort::Bus0).is_on_bus();
-        assert!(machine.run_until(Duration::from_millis(500), on), "on again");
-        let away = machine.now() - at;
+        bench.wire(Wiring::Shorted);
+        bench.send(0, 0x141, &[1]);
+        bench.run_until_on_bus(false, Duration::from_millis(500));
+        bench.wire(Wiring::Connected);
+        let at = bench.machine.borrow().now();
+        bench.run_until_on_bus(true, Duration::from_millis(500));
+        let away = bench.machine.borrow().now() - at;
         assert!(away >= Duration::from_secs_f64(129.0 * 11.0 / f64::from(slow)), "{away:?}");
     }
 }

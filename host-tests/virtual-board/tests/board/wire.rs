@@ -76,10 +76,7 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 /// The first message of the gateway that reads like this and arrived.
-///
-/// # Errors
-///
-/// What the gateway sent instead.
+/// Fails with what the gateway sent instead.
 pub fn find<'a>(messages: &'a [OnWire], text: &str) -> Result<&'a OnWire, String> {
     let sent = || messages.iter().filter(|message| message.by_gateway);
     sent().find(|message| message.arrived && message.text == text).ok_or_else(|| {

@@ -102,7 +102,7 @@ fn a_machine_goes_on_from_a_snapshot_as_the_one_it_was_taken_of() {
 fn a_branch_runs_as_the_board_does_which_never_knows() {
     let mut machine = started();
     let (after, span) = (Duration::from_micros(123), Duration::from_millis(30));
-    let open = |part: &mut Chip, at| part.drive_pin(Board::of(part).e_stop(), None, at);
+    let open = |part: &mut Chip, at| part.drive_pin(Board::of(part).e_stop, None, at);
     let registers = |part: &mut Chip| {
         format!("{:?}", part.bus().slots().iter().map(|slot| slot.registers()).collect::<Vec<_>>())
     };

@@ -5,8 +5,8 @@ use std::time::Duration;
 use rigless::device::Level;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
-use rigless::time::VirtualNanos;
 use virtual_board::machine::Machine;
+use virtual_board::nodes::instant;
 use virtual_board::pins::Change;
 use virtual_stm32::pins::Port;
 
@@ -21,7 +21,7 @@ const PUPDR: u64 = 0x5802_100C;
 
 /// As if the firmware had written it.
 fn poke(machine: &mut Machine, address: u64, bits: u64, value: u64) {
-    let now = VirtualNanos(u64::try_from(machine.now().as_nanos()).unwrap());
+    let now = instant(machine.now());
     let part = machine.part_mut();
     let before = part.read(now, address, Width::W32).unwrap();
     part.write(now, address, Width::W32, before & !bits | value).unwrap();

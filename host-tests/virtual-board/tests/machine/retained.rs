@@ -10,7 +10,7 @@ use virtual_board::machine::{Fault, Machine, Place};
 use crate::{STARTED, started};
 
 /// A word that the firmware does not use.
-const UNUSED: u64 = Board::NucleoH743zi.retained_ram().base + 0xC000;
+const UNUSED: u64 = Board::NucleoH743zi.facts().retained_ram.base + 0xC000;
 
 /// `LDR r0, =UNUSED; LDR r1, =word; STR r1, [r0]`, then what `rest` says, then a loop for ever.
 fn storing(word: u32, rest: &[u16]) -> Fault {

@@ -7,18 +7,15 @@ use std::rc::Rc;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use host_protocol::{
-    AxisParameter, Deframer, Kind, MAX_FRAME, Protocol, ProtocolSet, Request, Setpoint, StopAction,
-    Value, requests,
-};
+use host_protocol::{Deframer, Kind, MAX_FRAME, Request, Setpoint, requests};
 use mgw_client::Client;
-use mgw_sim::MotorWiring;
 use virtual_board::board::Board;
 use virtual_board::machine::{Builder, CanNode, CanPort, Machine, Snapshot};
 use virtual_board::nodes::{Probe, since_start};
 use virtual_board::outside::Outside;
 use virtual_board::transport::BoardTransport;
 use virtual_board::usb_session;
+use virtual_board::usual::{self, Axis};
 use virtual_stm32::fdcan::Sender;
 
 use crate::rtt;
@@ -38,10 +35,7 @@ static G474: LazyLock<Snapshot> = LazyLock::new(|| connected(Board::NucleoG474re
 
 /// The image of a board.
 pub fn image(board: Board) -> PathBuf {
-    let variable = match board {
-        Board::NucleoH743zi => "MOTOR_GATEWAY_ELF",
-        Board::NucleoG474re => "MOTOR_GATEWAY_G474_ELF",
-    };
+    let variable = board.image_variable;
     std::env::var_os(variable).unwrap_or_else(|| panic!("{variable} names the image")).into()
 }
 
@@ -60,8 +54,7 @@ pub struct Rig {
 }
 
 fn wired(board: Board) -> (Builder, Outside, CanNode<Probe>) {
-    let motor =
-        MotorWiring { bus: BUS, protocol: Protocol::Rmd, node: 1, bitrate: BITRATE, can_id: None };
+    let motor = usual::rmd(BUS, 1, BITRATE);
     let mut builder = builder(board);
     let outside = Outside::connect(&mut builder, &[motor], 1).expect("a sound wiring");
     let probe = builder.can_node(CanPort::Bus0, Probe::new(), None);
@@ -77,23 +70,8 @@ fn connected(board: Board) -> Snapshot {
     usb_session::connect(&mut machine.borrow_mut());
     let rig = Rig { board, machine, outside, probe };
     let mut client = rig.client();
-    client
-        .configure_bus(
-            BUS,
-            BITRATE,
-            ProtocolSet::of(&[Protocol::Rmd]),
-            false,
-            Duration::from_millis(5),
-        )
-        .expect("a bus");
-    for (parameter, value) in [
-        (AxisParameter::Bus, BUS.into()),
-        (AxisParameter::Protocol, Protocol::Rmd.into()),
-        (AxisParameter::Node, 1),
-        (AxisParameter::StopAction, StopAction::Hold.into()),
-    ] {
-        client.configure_axis(AXIS, parameter, Value::Unsigned(value)).expect("a parameter");
-    }
+    usual::start_rmd_bus(&mut client, BUS, BITRATE).expect("a bus");
+    Axis::rmd(BUS).configure(&mut client, AXIS).expect("parameters");
     client.provision_motor_timeout(AXIS, 1000).expect("the motor's own timeout");
     client.release_authority().expect("released");
     drop(client);

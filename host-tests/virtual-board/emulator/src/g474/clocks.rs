@@ -128,9 +128,15 @@ impl Default for Clocks {
 }
 
 impl Clocks {
-    /// Puts a crystal on the HSE pins.
-    pub fn attach_crystal(&mut self, hz: u64) {
+    /// Puts a crystal on the HSE pins: ready at once if the HSE is on.
+    pub fn attach_crystal(
+        &mut self,
+        hz: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         self.hse_hz = hz;
+        self.follow(registers, context);
     }
 
     /// The crystal stops. Whether the clock security system has noticed (RM0440, RCC chapter).

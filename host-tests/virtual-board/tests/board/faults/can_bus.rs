@@ -9,8 +9,7 @@ use virtual_board::machine::{CanPort, Machine};
 use virtual_stm32::fdcan::Wiring;
 
 use crate::lab::{
-    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, NAMES, RMD, RMD_RS485, STOPS, THRUSTER, bus_of,
-    trips,
+    AXES, BUS_D5, BUS_RMD_AND_THRUSTER, D5, Lab, RMD, RMD_RS485, STOPS, THRUSTER, bus_of, trips,
 };
 use crate::reaction::{FRAME_1M, FRAME_210K, Reaction, stop_within};
 use crate::wire::OnWire;
@@ -96,7 +95,7 @@ pub fn a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_whe
     [RMD, THRUSTER]
         .into_iter()
         .flat_map(|axis| {
-            let (name, text) = (NAMES[usize::from(axis)], STOPS[usize::from(axis)]);
+            let text = STOPS[usize::from(axis)];
             let tried = first_attempt(&lab, BUS_RMD_AND_THRUSTER, at, text)
                 .expect("a stop on the dead bus");
             let stop = lab.first_stop(axis, mended);
@@ -104,14 +103,14 @@ pub fn a_cut_bus_trips_for_want_of_acknowledgement_and_the_stop_leaves_first_whe
             [
                 Reaction::new(
                     "CAN bus cut",
-                    name,
+                    axis,
                     at,
                     &tried,
                     UNACKNOWLEDGED + FRAME_1M * 4 + stop_within(axis),
                 ),
                 Reaction::new(
                     "CAN bus cut, from mending it",
-                    name,
+                    axis,
                     mended,
                     &stop,
                     Duration::from_millis(50),
@@ -151,11 +150,10 @@ pub fn a_bus_without_another_node_is_passive_and_never_off() -> Vec<Reaction> {
     assert_eq!(lab.trip(D5), Some((TripReason::NotAcknowledged, true)));
     assert_nothing_stale(&lab, D5, plugged);
     let stop = lab.first_stop(D5, plugged);
-    let name = NAMES[usize::from(D5)];
     vec![
         Reaction::new(
             "only other node unplugged",
-            name,
+            D5,
             at,
             &tried,
             UNACKNOWLEDGED + FRAME_210K * 4 + stop_within(D5),
@@ -164,7 +162,7 @@ pub fn a_bus_without_another_node_is_passive_and_never_off() -> Vec<Reaction> {
         // over.
         Reaction::new(
             "only other node unplugged, from plugging it in",
-            name,
+            D5,
             plugged,
             &stop,
             Duration::from_millis(500),
@@ -200,7 +198,7 @@ pub fn a_short_trips_as_bus_off_and_the_stop_follows_when_the_bus_is_back() -> V
         let stop = lab.first_stop(axis, mended);
         Reaction::new(
             "CAN bus short, from mending it",
-            NAMES[usize::from(axis)],
+            axis,
             mended,
             &stop,
             limit + stop_within(axis),
@@ -238,13 +236,7 @@ pub fn a_long_short_is_followed_by_the_stop_as_soon_as_the_bus_is_back() -> Vec<
             lab.assert_stopped_by_gateway(axis, at);
             assert_eq!(lab.trip(axis), Some((TripReason::BusOff, true)), "axis {axis}");
             let limit = STATE_POLL + stop_within(axis);
-            Reaction::new(
-                "CAN bus short for 480 ms, from its return",
-                NAMES[usize::from(axis)],
-                back,
-                &stop,
-                limit,
-            )
+            Reaction::new("CAN bus short for 480 ms, from its return", axis, back, &stop, limit)
         })
         .to_vec()
 }

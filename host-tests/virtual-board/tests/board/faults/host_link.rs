@@ -6,8 +6,8 @@ use host_protocol::{AxisState, TripReason};
 use virtual_board::machine::UartPort;
 
 use super::line_noise::garbage;
-use crate::lab::{AXES, Lab, NAMES, TTL};
-use crate::reaction::{Reaction, stop_within};
+use crate::lab::{AXES, Lab, TTL};
+use crate::reaction::Reaction;
 
 /// Silence of the host that ends its authority.
 const LINK_SILENCE: Duration = Duration::from_millis(250);
@@ -24,14 +24,11 @@ fn cut(cause: &'static str, reason: TripReason, ttl: Duration, within: Duration)
     lab.machine.borrow_mut().silence_line(UartPort::Host0, false);
     // A new session: authority has ended already.
     lab.client.reconnect().expect("hello");
-    AXES.into_iter()
-        .map(|axis| {
-            lab.assert_stopped_by_gateway(axis, at);
-            assert_eq!(lab.trip(axis), Some((reason, true)), "axis {axis}");
-            let stop = lab.first_stop(axis, at);
-            Reaction::new(cause, NAMES[usize::from(axis)], at, &stop, within + stop_within(axis))
-        })
-        .collect()
+    for axis in AXES {
+        lab.assert_stopped_by_gateway(axis, at);
+        assert_eq!(lab.trip(axis), Some((reason, true)), "axis {axis}");
+    }
+    lab.reactions(cause, at, within)
 }
 
 pub fn a_cut_host_link_expires_the_setpoints() -> Vec<Reaction> {
@@ -56,16 +53,12 @@ pub fn nothing_but_noise_from_the_host_expires_the_setpoints() -> Vec<Reaction> 
     assert!(lab.machine.borrow_mut().line(host).unsent() > 0, "the noise lasts");
     lab.run_for(AFTERWARDS);
     lab.client.reconnect().expect("hello");
-    AXES.into_iter()
-        .map(|axis| {
-            lab.assert_stopped_by_gateway(axis, at);
-            assert_eq!(lab.report(axis).state, AxisState::Tripped { confirmed: true });
-            assert_eq!(lab.trip(axis), Some((TripReason::SetpointExpired, true)));
-            let stop = lab.first_stop(axis, at);
-            let cause = "framing errors without end on the host link";
-            Reaction::new(cause, NAMES[usize::from(axis)], at, &stop, TTL + stop_within(axis))
-        })
-        .collect()
+    for axis in AXES {
+        lab.assert_stopped_by_gateway(axis, at);
+        assert_eq!(lab.report(axis).state, AxisState::Tripped { confirmed: true });
+        assert_eq!(lab.trip(axis), Some((TripReason::SetpointExpired, true)));
+    }
+    lab.reactions("framing errors without end on the host link", at, TTL)
 }
 
 /// The other host sends without a pause, bytes that are no frames. The host in command goes on
@@ -82,11 +75,5 @@ pub fn a_host_that_never_pauses_keeps_nothing_waiting() -> Vec<Reaction> {
     lab.machine.borrow_mut().silence_line(UartPort::Host0, true);
     lab.run_for(Duration::from_millis(150));
     assert!(lab.machine.borrow_mut().line(flooding).unsent() > 0, "the flood lasts");
-    AXES.into_iter()
-        .map(|axis| {
-            let stop = lab.first_stop(axis, at);
-            let cause = "host link cut while the other host floods its own";
-            Reaction::new(cause, NAMES[usize::from(axis)], at, &stop, TTL + stop_within(axis))
-        })
-        .collect()
+    lab.reactions("host link cut while the other host floods its own", at, TTL)
 }

@@ -6,7 +6,7 @@ use host_protocol::{AxisState, Bytes, Event, RawFrame, TripReason};
 use mgw_client::Hold;
 
 use super::mute_motor::NOTICED;
-use crate::lab::{AXES, Lab, NAMES, RMD, RMD_RS485, THRUSTER, bus_rs485, trips};
+use crate::lab::{AXES, Lab, RMD, RMD_RS485, THRUSTER, bus_rs485, trips};
 use crate::log;
 use crate::reaction::{Reaction, stop_within};
 
@@ -102,13 +102,7 @@ pub fn a_disturbed_rs485_line_loses_its_motor_and_the_stop_gets_through() -> Vec
     // Noticed as a mute motor is; then the noise of a reply at most.
     let limit = NOTICED + NOISE + stop_within(RMD_RS485);
     let stop = lab.first_stop(RMD_RS485, at);
-    vec![Reaction::new(
-        "noise in every reply on RS485",
-        NAMES[usize::from(RMD_RS485)],
-        at,
-        &stop,
-        limit,
-    )]
+    vec![Reaction::new("noise in every reply on RS485", RMD_RS485, at, &stop, limit)]
 }
 
 /// 16 bytes at 115200 baud, longer than a reply.

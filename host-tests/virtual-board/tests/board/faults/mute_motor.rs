@@ -5,7 +5,7 @@ use std::time::Duration;
 use host_protocol::{Event, TripReason};
 use mgw_sim::Injection;
 
-use crate::lab::{AXES, Lab, NAMES, trips};
+use crate::lab::{AXES, Lab, trips};
 use crate::reaction::{Reaction, stop_within};
 
 /// Three missed replies that span 50 ms (GUARANTEES G3). The axis is asked at least every 20 ms,
@@ -39,7 +39,7 @@ pub fn a_mute_motor_is_stopped_although_it_answers_nothing() -> Vec<Reaction> {
         lab.keep(&holds, Duration::from_secs(2));
         assert_eq!(lab.trip(axis), Some((TripReason::MotorSilent, true)));
         let limit = NOTICED + stop_within(axis);
-        reactions.push(Reaction::new("motor mute", NAMES[usize::from(axis)], at, &stop, limit));
+        reactions.push(Reaction::new("motor mute", axis, at, &stop, limit));
     }
     reactions
 }

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use host_protocol::{ClearTarget, Error, Event, TripReason};
-use mgw_client::ClientError;
 use mgw_sim::Injection;
 use rigless::device::Level;
 use virtual_board::machine::{Fault, Place};
@@ -11,21 +10,13 @@ use virtual_board::nodes::since_start;
 use virtual_board::pins::Change;
 
 use super::reset::{HANG, RESET_AT, reset_by_software};
-use crate::lab::{AXES, Lab, NAMES, RMD, SEED, STOPS, bus_of, trips, wire_of, wired};
-use crate::reaction::{Reaction, stop_within};
-use crate::wire;
+use crate::lab::{AXES, Lab, RMD, STOPS, bus_of, refused, trips, wire_of};
+use crate::reaction::Reaction;
 
 /// How long the input must be open to count as pressed.
 const PRESSED: Duration = Duration::from_millis(1);
 
 /// What the gateway refuses.
-fn refused<T: std::fmt::Debug>(result: Result<T, ClientError>) -> Error {
-    match result {
-        Err(ClientError::Gateway(error)) => error,
-        other => panic!("{other:?}"),
-    }
-}
-
 fn enable_changes(lab: &Lab, since: Duration) -> Vec<Change> {
     let changes = lab.machine.borrow_mut().enable_output().changes();
     changes.into_iter().filter(|change| change.at >= since).collect()
@@ -35,38 +26,17 @@ fn enabled(lab: &Lab) -> bool {
     lab.machine.borrow_mut().enable_output().driven() == Some(Level::High)
 }
 
-/// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of
-/// them counts.
 pub fn an_opened_e_stop_input_stops_every_axis() -> Vec<Reaction> {
-    const MOMENTS: u32 = 12;
-    const APART: Duration = Duration::from_micros(1_770);
     let mut lab = Lab::configured();
     lab.moving(&AXES);
     lab.events();
-    let in_motion = lab.machine.borrow_mut().snapshot();
-    let mut worst: Vec<Reaction> = Vec::new();
-    for moment in 0..MOMENTS {
-        let (board, outside, _) = wired(SEED);
-        let mut machine = board.resume(&in_motion);
-        machine.run_for(APART * moment);
+    Reaction::worst_of_12(&lab, |machine, outside| {
         let at = machine.now();
         machine.open_e_stop(true);
         machine.run_for(Duration::from_millis(20));
-        for axis in AXES {
-            let on_wire = wire_of(&mut machine, &outside, bus_of(axis), at);
-            let stop = wire::find(&on_wire, STOPS[usize::from(axis)])
-                .unwrap_or_else(|error| panic!("{error}"));
-            let limit = PRESSED + stop_within(axis);
-            let cause = "e-stop input opened, the latest of 12";
-            let reaction = Reaction::new(cause, NAMES[usize::from(axis)], at, stop, limit);
-            match worst.get_mut(usize::from(axis)) {
-                None => worst.push(reaction),
-                Some(worst) if worst.took < reaction.took => *worst = reaction,
-                Some(_) => {}
-            }
-        }
-    }
-    worst
+        let cause = "e-stop input opened, the latest of 12";
+        Reaction::of_all(cause, at, PRESSED, |bus| wire_of(machine, outside, bus, at))
+    })
 }
 
 /// Latched until it is closed and cleared, over a reset too; a pulse that is shorter than any

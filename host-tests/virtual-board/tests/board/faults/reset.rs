@@ -10,7 +10,7 @@ use virtual_board::board::Board;
 use virtual_board::machine::{Fault, Place};
 use virtual_board::nodes::since_start;
 
-use crate::lab::{AXES, Lab, NAMES, RMD, bus_of, bus_rs485, turning};
+use crate::lab::{AXES, Lab, RMD, bus_of, bus_rs485, turning};
 use crate::reaction::Reaction;
 
 /// From a hang to the first stop (GUARANTEES G6), and so from anything that is over sooner.
@@ -35,7 +35,7 @@ const fn task(path: &str, index: usize) -> Place<'_> {
 }
 
 /// All four motors turn; a host asks all the while. Then that, and everything that must follow.
-fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<Reaction> {
+fn restarts(name: &str, cause: Cause<'_>, boot: BootReason) -> Vec<Reaction> {
     let mut lab = Lab::configured();
     lab.moving(&AXES);
     let before = lab.now();
@@ -73,7 +73,7 @@ fn restarts(name: &'static str, cause: Cause<'_>, boot: BootReason) -> Vec<React
                 stop.first_bit < first_answer,
                 "axis {axis}: stopped at {stop:?}, host at {first_answer:?}"
             );
-            Reaction::new(name, NAMES[usize::from(axis)], at, &stop, HANG)
+            Reaction::new(name, axis, at, &stop, HANG)
         })
         .collect();
     lab.run_for(AFTERWARDS);
@@ -157,55 +157,23 @@ pub fn a_reset_by_software_in_mid_motion_is_followed_by_stops() -> Vec<Reaction>
 
 /// Each kind of task.
 pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
-    let rs485 = format!("watchdog: no check-in from bus {}", bus_rs485());
+    let rs485 = format!("no check-in from bus {}", bus_rs485());
     let hangs = [
-        (
-            "hang of a CAN task",
-            "motor_gateway::tasks::can::can",
-            0,
-            "watchdog: no check-in from CAN buses",
-        ),
-        ("hang of the RS485 task", "motor_gateway::tasks::rs485::rs485", 0, &rs485),
-        (
-            "hang of a host's receiver",
-            "motor_gateway::tasks::host::receive",
-            0,
-            "watchdog: no check-in from host link 0",
-        ),
-        (
-            "hang of a host's sender",
-            "motor_gateway::tasks::host::send",
-            1,
-            "watchdog: no check-in from host link 1",
-        ),
-        (
-            "hang of the history task",
-            "motor_gateway::tasks::history::history",
-            0,
-            "watchdog: no check-in from history",
-        ),
-        (
-            "hang of the e-stop task",
-            "motor_gateway::tasks::safety::e_stop",
-            0,
-            "watchdog: no check-in from e-stop input",
-        ),
-        (
-            "hang of the USB task",
-            "motor_gateway::tasks::usb::usb",
-            0,
-            "watchdog: no check-in from USB",
-        ),
-        (
-            "hang of the light's task",
-            "motor_gateway::tasks::light::light",
-            0,
-            "watchdog: no check-in from light",
-        ),
-        ("hang of the supervisor", "motor_gateway::tasks::supervisor::supervisor", 0, "watchdog: "),
+        ("a CAN task", "can::can", 0, "no check-in from CAN buses"),
+        ("the RS485 task", "rs485::rs485", 0, &rs485),
+        ("a host's receiver", "host::receive", 0, "no check-in from host link 0"),
+        ("a host's sender", "host::send", 1, "no check-in from host link 1"),
+        ("the history task", "history::history", 0, "no check-in from history"),
+        ("the e-stop task", "safety::e_stop", 0, "no check-in from e-stop input"),
+        ("the USB task", "usb::usb", 0, "no check-in from USB"),
+        ("the light's task", "light::light", 0, "no check-in from light"),
+        ("the supervisor", "supervisor::supervisor", 0, ""),
     ];
     let hang = |(name, path, index, words)| {
-        restarts(name, Cause::Planted(task(path, index), &Fault::Hang, words), BootReason::Watchdog)
+        let (name, path) = (format!("hang of {name}"), format!("motor_gateway::tasks::{path}"));
+        let words = format!("watchdog: {words}");
+        let cause = Cause::Planted(task(&path, index), &Fault::Hang, &words);
+        restarts(&name, cause, BootReason::Watchdog)
     };
     hangs.into_iter().flat_map(hang).collect()
 }
@@ -235,7 +203,7 @@ pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
 }
 
 pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {
-    let words = format!("hard fault at {:#010x}", Board::chosen().free_flash());
+    let words = format!("hard fault at {:#010x}", Board::chosen().free_flash);
     let faults = [
         ("hard fault in a task", task("motor_gateway::tasks::rs485::rs485", 0)),
         ("hard fault in the core", Place::Function("gateway::gateway::Gateway::handle")),

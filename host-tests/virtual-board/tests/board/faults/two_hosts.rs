@@ -6,17 +6,13 @@ use host_protocol::requests::{EStop, Stop};
 use host_protocol::{
     AxisState, Call, Error, Event, Kind, MAX_FRAME, Setpoint, StopTarget, TripReason, encode,
 };
-use mgw_client::ClientError;
 use mgw_sim::Motor;
 
 use virtual_board::host_uart::HostUart;
 use virtual_board::machine::{Line, Machine};
 
-use crate::lab::{
-    AXES, Lab, NAMES, RMD, SEED, STOPS, THRUSTER, TTL, bus_of, trips, turning, wire_of, wired,
-};
-use crate::reaction::{Reaction, stop_within};
-use crate::wire::{self, OnWire};
+use crate::lab::{AXES, Lab, RMD, THRUSTER, TTL, refused, trips, turning, wire_of};
+use crate::reaction::Reaction;
 
 /// Of a byte: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
@@ -34,13 +30,6 @@ fn send<C: Call>(machine: &mut Machine, host: Line<HostUart>, request: &C) -> Du
     host.send(&frame[..length]);
     let bits = BITS_PER_BYTE * u64::try_from(length).expect("short");
     machine.now() + Duration::from_nanos(bits * bit_ps / 1_000)
-}
-
-fn refused<T: std::fmt::Debug>(result: Result<T, ClientError>) -> Error {
-    match result {
-        Err(ClientError::Gateway(error)) => error,
-        other => panic!("{other:?}"),
-    }
 }
 
 pub fn the_second_host_may_read_and_stop_and_not_command() -> Vec<Reaction> {
@@ -70,7 +59,7 @@ pub fn the_second_host_may_read_and_stop_and_not_command() -> Vec<Reaction> {
     };
     lab.stay(Duration::from_secs(1));
     let cause = "stop from the second host, from its final delimiter";
-    let reactions = reactions(cause, at, |bus| lab.wire(bus, at));
+    let reactions = lab.reactions(cause, at, Duration::ZERO);
     for axis in AXES {
         let rest = if axis == THRUSTER { AxisState::Idle } else { AxisState::Holding };
         assert_eq!(lab.report(axis).state, rest, "a stop on request trips nothing");
@@ -91,30 +80,16 @@ pub fn the_second_host_may_read_and_stop_and_not_command() -> Vec<Reaction> {
 /// At any moment of the buses' traffic: from one snapshot in motion, 1.77 ms apart. The worst of
 /// them counts.
 pub fn an_emergency_stop_from_the_second_host_reaches_every_bus_at_once() -> Vec<Reaction> {
-    const MOMENTS: u32 = 12;
-    const APART: Duration = Duration::from_micros(1_770);
     let mut lab = Lab::configured();
     lab.moving(&AXES);
     let _second = lab.second_client();
     lab.events();
-    let in_motion = lab.machine.borrow_mut().snapshot();
-    let mut worst: Vec<Reaction> = Vec::new();
-    for moment in 0..MOMENTS {
-        let (board, outside, _) = wired(SEED);
-        let mut machine = board.resume(&in_motion);
-        machine.run_for(APART * moment);
-        let at = send(&mut machine, outside.hosts[1], &EStop {});
+    let worst = Reaction::worst_of_12(&lab, |machine, outside| {
+        let at = send(machine, outside.hosts[1], &EStop {});
         machine.run_for(Duration::from_millis(20));
-        let wire = |bus| wire_of(&mut machine, &outside, bus, at);
-        let reactions = reactions("e-stop from the second host, the latest of 12", at, wire);
-        for (at, reaction) in reactions.into_iter().enumerate() {
-            match worst.get_mut(at) {
-                None => worst.push(reaction),
-                Some(worst) if worst.took < reaction.took => *worst = reaction,
-                Some(_) => {}
-            }
-        }
-    }
+        let cause = "e-stop from the second host, the latest of 12";
+        Reaction::of_all(cause, at, Duration::ZERO, |bus| wire_of(machine, outside, bus, at))
+    });
     let at = {
         let mut machine = lab.machine.borrow_mut();
         send(&mut machine, lab.outside.hosts[1], &EStop {})
@@ -130,20 +105,4 @@ pub fn an_emergency_stop_from_the_second_host_reaches_every_bus_at_once() -> Vec
         assert_eq!(lab.trip(axis), Some((TripReason::EStop, true)));
     }
     worst
-}
-
-/// The first stop of each axis.
-fn reactions(
-    cause: &'static str,
-    at: Duration,
-    mut wire: impl FnMut(u8) -> Vec<OnWire>,
-) -> Vec<Reaction> {
-    AXES.into_iter()
-        .map(|axis| {
-            let (name, text) = (NAMES[usize::from(axis)], STOPS[usize::from(axis)]);
-            let on_wire = wire(bus_of(axis));
-            let stop = wire::find(&on_wire, text).unwrap_or_else(|error| panic!("{error}"));
-            Reaction::new(cause, name, at, stop, stop_within(axis))
-        })
-        .collect()
 }

@@ -13,7 +13,7 @@ const CSR: u64 = 0x4002_1094;
 
 fn part() -> Stm32g474 {
     let mut part = Stm32g474::new().expect("a part");
-    part.clocks.attach_crystal(24_000_000);
+    part.attach_hse(VirtualNanos(0), 24_000_000);
     part
 }
 
@@ -59,6 +59,16 @@ fn without_a_crystal_it_is_never_ready_and_nothing_switches_to_it() {
     assert_eq!(read(&mut part, CR), 0x0001_0500);
     write(&mut part, CFGR, 0x2);
     assert_eq!(read(&mut part, CFGR), 0x6, "SWS stays at HSI");
+}
+
+/// The firmware only reads CR while it waits.
+#[test]
+fn a_crystal_that_comes_late_is_ready_without_another_write() {
+    let mut part = Stm32g474::new().expect("a part");
+    write(&mut part, CR, 0x0001_0500);
+    part.attach_hse(VirtualNanos(0), 24_000_000);
+    assert_eq!(read(&mut part, CR), 0x0003_0500);
+    assert_eq!(hz(&part, Source::Can), 24_000_000);
 }
 
 #[test]

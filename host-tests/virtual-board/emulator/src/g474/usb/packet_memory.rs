@@ -171,26 +171,7 @@ impl ErasedDevice for PacketMemoryWindow {
         self.layout
     }
 
-    fn read(&mut self, _: usize, _: &mut RegisterFile, _: &mut DeviceContext<'_>) -> Option<u64> {
-        None
-    }
-
-    fn write(&mut self, _: usize, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    fn on_event(&mut self, _: EventId, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    fn on_request(&mut self, _: RequestChange, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    fn on_clock(&mut self, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    fn poll(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    /// A system reset leaves RAM as it is.
-    fn reset(&mut self) {}
-
-    fn on_access(&mut self, _: u64, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
-
-    fn on_refused(&mut self, _: u64, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {}
+    crate::message_ram::without_registers!();
 
     fn read_window(&mut self, offset: u64, width: Width, context: &mut DeviceContext<'_>) -> u64 {
         if width != Width::W16 {
