@@ -328,7 +328,7 @@ fn events_that_lose_their_places_are_counted_in_the_next() {
     (0..RING).for_each(|_| link.ring.push(90, LogEntry::NoRandomNumber));
     link.event(91, &RESET);
     let message = EventMessage { dropped: 0, time_us: 91, event: RESET };
-    assert_eq!(sent_event(&mut link), Some((RING as u16 / 2, message)));
+    assert_eq!(sent_event(&mut link), Some((u16::try_from(RING / 2).unwrap(), message)));
 }
 
 #[test]
