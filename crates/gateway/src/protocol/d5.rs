@@ -180,14 +180,13 @@ fn from_serial(frame: &[u8]) -> Option<Received> {
     Some(Received::D5 { node: node.get(), reply })
 }
 
-/// Whether bytes are one whole frame that reads, its empty bytes empty as printed. Every motor
-/// answers what all of them are asked: only a query is meant so (table row 1).
+/// Whether bytes are one whole frame that reads; the codec refuses one whose empty bytes are not.
+/// Every motor answers what all of them are asked: only a query is meant so (table row 1).
 fn reads_frame(bytes: &[u8]) -> bool {
     let Ok(frame) = <&[u8; FRAME_LEN]>::try_from(bytes) else { return false };
-    let [.., low, high, _] = frame;
     d5::decode_request_frame(frame).is_ok_and(|(address, request)| {
         let to_all = address == Address::Broadcast && request != Request::QueryId;
-        !to_all && effect(request, 1.0) == Some(Effect::Asks) && (*low, *high) == (0, 0)
+        !to_all && effect(request, 1.0) == Some(Effect::Asks)
     })
 }
 
