@@ -124,8 +124,14 @@ impl Gateway {
         self.supervise(now);
         match event {
             Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
-            Event::CanReceived { bus, frame } => {
-                self.on_bus(now, bus, |bus, axes, out| bus.can_received(now, frame, axes, out));
+            // Floods of foreign frames cost little: they leave most buses as they were.
+            Event::CanReceived { bus: index, frame } => {
+                let Self { buses, axes, links, .. } = self;
+                if let Some(bus) = buses.get_mut(usize::from(index)) {
+                    bus.can_received(now, frame, axes, &mut Outbox::new(now, links));
+                    let waits_for_quiet = bus.waits_for_quiet();
+                    self.touch_bus(index, waits_for_quiet);
+                }
             }
             Event::SerialReceived { bus, bytes } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.serial_received(now, bytes, axes, out));

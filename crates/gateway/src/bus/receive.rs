@@ -45,6 +45,12 @@ impl Bus {
         }
     }
 
+    /// Whether a frame that is not for its axes changes what may be sent and when: where a reply
+    /// has the id of the next frame, the bus must have been quiet.
+    pub fn waits_for_quiet(&self) -> bool {
+        self.bounds.shares_ids
+    }
+
     /// Bytes have arrived on a serial bus.
     pub fn serial_received(
         &mut self,
