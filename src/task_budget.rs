@@ -19,9 +19,10 @@ pub enum Urgency {
     None,
     /// Deadlines: where one falls due together with a demand, the frames of the demand go first.
     Deadline,
-    /// Buses.
+    /// RS485 buses.
     Bus,
-    /// What can demand a stop: hosts and the e-stop input.
+    /// What can demand a stop, hosts and the e-stop input, and what the next stop waits for: CAN
+    /// buses.
     Demand,
 }
 

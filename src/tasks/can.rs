@@ -5,16 +5,17 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
-/// Events that are followed before demands go first again.
-const AT_ONCE: usize = 4;
+/// Events that are followed before a demand comes between.
+const AT_ONCE: usize = 8;
 
 /// For ever: some events at a time. A full queue must not keep the other tasks waiting.
 #[embassy_executor::task]
 pub async fn can(gateway: &'static SharedGateway) -> ! {
     let watch = Watch::new(TaskId::CAN);
-    let budget = TaskBudget::new(Urgency::Bus).await;
+    // As urgent as a demand: the next stop of several waits for the report of the one before, which
+    // may be behind the events of a flood.
+    let budget = TaskBudget::new(Urgency::Demand).await;
     loop {
-        // An event may be that of a flood, and what a stop waits for is behind it.
         if (0..AT_ONCE).take_while(|_| gateway.follow_can()).count() > 0 {
             watch.check_in();
             budget.spend().await;

@@ -187,7 +187,7 @@ fn a_wiring_that_cannot_be_is_refused() {
     let motor = usual::rmd(3, 1, 1_000_000);
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
     assert_eq!(refused, Some(WiringError::Bus { bus: 3, buses: 3 }));
-    let motor = MotorWiring { protocol: Protocol::D5, ..usual::rmd(2, 11, 115_200) };
+    let motor = MotorWiring { protocol: Protocol::Thruster, ..usual::rmd(2, 11, 115_200) };
     let refused = Outside::connect(&mut builder, &[motor], 1).err();
-    assert_eq!(refused, Some(WiringError::NotOnSerial { protocol: Protocol::D5 }));
+    assert_eq!(refused, Some(WiringError::NotOnSerial { protocol: Protocol::Thruster }));
 }
