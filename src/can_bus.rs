@@ -1,5 +1,5 @@
 //! A CAN bus between the core and its controller: starts the controller as the core wants it,
-//! hands frames over and tells of events. It waits for nothing: whoever has given the core an event
+//! hands frames over and tells of events. It waits for nothing: the task that has given the core an event
 //! hands over what follows from it.
 
 use gateway::{BusSetup, Event, Gateway, Instant, Outgoing, Transmit};

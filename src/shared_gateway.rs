@@ -1,7 +1,7 @@
 //! The core and the CAN buses, shared by the tasks, and the signals that tell each other port to
 //! look at the core again.
 //!
-//! Whoever gives the core an event hands over the CAN frames that follow from it before anything
+//! The task that gives the core an event hands over the CAN frames that follow from it before anything
 //! else happens: no task stands between a demand and its stop.
 
 use core::cell::{Cell, RefCell};

@@ -2,7 +2,7 @@
 
 use embassy_usb::Config;
 
-/// pid.codes' number for tests. It may not be handed out: whoever makes a product of this takes a
+/// pid.codes' number for tests. It may not be handed out: a product made of this takes a
 /// number of their own, here and in host/udev.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;

@@ -1,7 +1,7 @@
 //! The axes, and what is kept of them so that nothing is searched: who is on which bus, who stops,
 //! who has something to send, who is due when.
 //!
-//! Each kept word is a function of one axis. Whoever may have changed an axis has touched it, and
+//! Each kept word is a function of one axis. An axis that may have changed is touched, and
 //! [`Axes::settle`] works its words out anew: what an event costs depends on the axes that it
 //! touches.
 

@@ -371,7 +371,7 @@ impl Gateway {
         }
     }
 
-    /// Has the axes polled that somebody has subscribed to.
+    /// Has the axes polled that a host has subscribed to.
     pub(crate) fn watch(&mut self) {
         let Self { axes, links, .. } = self;
         let mut changed = AxisSet::NONE;

@@ -1,4 +1,4 @@
-//! What happened, for the log of whoever runs the core: kept until it has time to write it.
+//! What happened, for the caller's log: kept until there is time to write it.
 
 use host_protocol::Event;
 

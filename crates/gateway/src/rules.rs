@@ -7,7 +7,7 @@ use crate::config::{Address, AxisConfig};
 use crate::protocol::{self, Command, Demand, Effect, Info, Native};
 use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
 
-/// The rules of one axis, for whoever wants to know what its gateway would refuse before he asks.
+/// The rules of one axis, for a program that asks what its gateway would refuse before it sends.
 #[derive(Debug, Clone)]
 pub struct AxisRules {
     axis: u8,

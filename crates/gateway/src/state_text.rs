@@ -10,7 +10,7 @@ impl Gateway {
     /// Left out is what only requests that are sent again, readers of the log and the numbers of
     /// events depend on: the results of requests that have theirs, the log, and how many
     /// requests and events there were. Left out as well are the axes from `axes` on, bytes of a
-    /// host message that is not complete, and what waits for a host: whoever compares states uses
+    /// host message that is not complete, and what waits for a host: a caller that compares states uses
     /// no more axes, sends whole messages, and reads what there is to read.
     ///
     /// # Errors

@@ -347,7 +347,7 @@ impl Axis {
         }
     }
 
-    /// Ends a clearing, for a stop that somebody has asked for since.
+    /// Ends a clearing, for a stop that a host has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self
             .job

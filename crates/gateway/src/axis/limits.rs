@@ -70,7 +70,7 @@ impl Axis {
         }
     }
 
-    /// An axis at rest that is read for somebody who watches, and turns: something else has set it
+    /// An axis at rest that is read for a host that watches, and turns: something else has set it
     /// in motion. Reading on would keep its own timeout from stopping it.
     fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
@@ -82,7 +82,7 @@ impl Axis {
     }
 
     /// Whether what has just been read still is what the axis tripped for. A position stays where
-    /// it is until somebody moves it, so it bars nothing: the next arming watches it again.
+    /// it is until a setpoint or a hand moves it, so it bars nothing: the next arming watches it again.
     pub(super) fn check_limit_cause(
         &self,
         tripped: TripReason,

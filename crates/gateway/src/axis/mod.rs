@@ -62,7 +62,7 @@ pub(crate) struct Axis {
     state_poll_at: Instant,
     /// Counts polls: which comes next follows from it.
     poll_index: usize,
-    /// Somebody has subscribed to the axis.
+    /// A host has subscribed to the axis.
     watched: bool,
     pub measured: Measured,
     motor_timeout: MotorTimeout,
@@ -110,12 +110,12 @@ impl Axis {
         }
     }
 
-    /// Whether somebody has subscribed to the axis.
+    /// Whether a host has subscribed to the axis.
     pub fn is_watched(&self) -> bool {
         self.watched
     }
 
-    /// Whether somebody has subscribed to the axis.
+    /// Whether a host has subscribed to the axis.
     pub fn watch(&mut self, watched: bool) {
         self.watched = watched;
     }

@@ -126,7 +126,7 @@ impl Axis {
             State::Stopping(stop) | State::Tripped(_, stop) => {
                 let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
                 match (next, job) {
-                    // A confirmed stop is only repeated: whoever clears it comes between.
+                    // A confirmed stop is only repeated: a clearing comes between.
                     (Some((Next::This(Exchange::Stop), at)), Some(_)) if at > now => {
                         self.earliest(&[job]).filter(|(_, job_at)| *job_at < at).or(next)
                     }
@@ -206,7 +206,7 @@ impl Axis {
         usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)
     }
 
-    /// Whether what an exchange reads is limited by the configuration, or somebody watches the
+    /// Whether what an exchange reads is limited by the configuration, or a host watches the
     /// axis.
     fn is_asked_for(&self, exchange: Exchange) -> bool {
         let limited = |parameters: &[AxisParameter]| {
@@ -227,7 +227,7 @@ impl Axis {
     }
 
     /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else
-    /// somebody wants to know.
+    /// a host wants to know.
     fn idle_poll(&self) -> Option<Exchange> {
         let holds = self.is_kept_holding();
         if holds && (!self.watched || self.poll_index.is_multiple_of(2)) {

@@ -206,7 +206,7 @@ impl Axis {
         self.armed().is_some()
     }
 
-    /// Whether motion is allowed to whoever knows this epoch.
+    /// Whether motion is allowed to a host that knows this epoch.
     pub fn is_armed_in(&self, epoch: u32) -> bool {
         self.armed().is_some_and(|armed| armed.epoch == epoch)
     }

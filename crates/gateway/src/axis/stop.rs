@@ -414,7 +414,7 @@ impl Stop {
     /// speed, and send the stop again.
     pub(super) fn refused(&mut self, now: Instant, exchange: Exchange) -> StopEffect {
         if self.is_confirmed() {
-            // Or somebody else's question is refused.
+            // Or a host's question is refused.
             if !exchange.is_stop() {
                 return StopEffect::None;
             }

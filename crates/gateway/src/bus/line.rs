@@ -29,9 +29,9 @@ pub(super) fn serial_frame_bits(serial: Option<&Serial>) -> u64 {
 pub(super) enum Heard {
     /// Our own.
     Echo,
-    /// Somebody else's.
+    /// Another node's.
     Byte,
-    /// Somebody else's, and the last of a frame.
+    /// Another node's, and the last of a frame.
     Frame(SerialFrame),
 }
 

@@ -1,7 +1,7 @@
 //! What outlives a reset: the axis table, who was in motion, tripped or unreachable, and the
 //! history (GUARANTEES G6, G8).
 //!
-//! The core says which words to keep and reads them back; whoever runs it stores them in memory
+//! The core says which words to keep and reads them back; the caller stores them in memory
 //! that a start does not clear. A board that is reset in mid-motion therefore knows its motors, and
 //! stops them before any host speaks.
 //!
@@ -9,7 +9,7 @@
 //! stores the states and configurations that it has changed, so that they are stored when a frame
 //! that follows from it can be taken; [`Gateway::poll_host`] stores the history too before it tells
 //! a host anything, unless [`Gateway::save_some`] has done so. A reset between any two of these
-//! steps finds whoever a frame can have set in motion, and whatever a host has been told.
+//! steps finds each axis that a frame can have set in motion, and all that a host has been told.
 
 mod layout;
 mod slot;
@@ -178,7 +178,7 @@ impl Gateway {
 
     /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has
     /// tripped. Returns whether that was all. [`poll_host`](Self::poll_host) stores the rest
-    /// before it says anything; whoever calls this before, when there is time, spares the next
+    /// before it says anything; a caller that calls this before, when there is time, spares the next
     /// event a long wait after many trips.
     pub fn save_some(&mut self, store: Store<'_>) -> bool {
         if self.retention.is_complete {

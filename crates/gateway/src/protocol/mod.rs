@@ -166,7 +166,7 @@ pub(crate) struct Info {
     pub is_answered: fn(&Command, &AxisConfig) -> bool,
     /// What a frame is to a command.
     pub judge: fn(&Command, &Received, &AxisConfig) -> Verdict,
-    /// What a frame tells by itself, whoever asked.
+    /// What a frame tells by itself, whatever was asked.
     pub observe: fn(&Received, &AxisConfig) -> Observation,
     /// What a frame is that answers nothing.
     pub unasked: fn(&Received) -> Unasked,
@@ -227,7 +227,7 @@ impl Received {
         (Info::of(self.protocol()).unasked)(self)
     }
 
-    /// What it tells by itself, whoever asked.
+    /// What it tells by itself, whatever was asked.
     pub fn observation(&self, config: &AxisConfig) -> Observation {
         (Info::of(self.protocol()).observe)(self, config)
     }

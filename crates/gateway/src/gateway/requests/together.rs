@@ -121,7 +121,7 @@ impl Gateway {
         if bus.is_off() {
             return Err(Error::BusOff { bus: bus_index });
         }
-        // Whoever is no axis of ours would obey as well.
+        // A motor that is no axis would obey as well.
         if !bus.config().is_some_and(|config| config.exclusive) {
             return barred(first, TogetherBar::SharedBus);
         }
@@ -167,7 +167,7 @@ impl Gateway {
         let Some(together) = self.together else { return };
         let mut concerned = self.axes.iter().filter(|axis| together.concerns(axis));
         if !concerned.clone().all(Axis::takes_part) {
-            // Whoever does not any more has said why.
+            // An axis that does not any more has said why.
             return self.give_up_together(now, None);
         }
         if together.expires.is_some_and(|at| at <= now) {
