@@ -221,7 +221,7 @@ fn answer(transmit: &Transmit) -> CanFrame {
 type Operation = (&'static str, fn(&mut Bench) -> Bytes, fn(&mut Bench, &[u8]), fn() -> Bench);
 type Bytes = Vec<u8>;
 
-const OPERATIONS: [Operation; 5] = [
+const OPERATIONS: [Operation; 6] = [
     ("setpoint", prepare_setpoint, host_bytes, Bench::moving),
     (
         "stop",
@@ -232,6 +232,7 @@ const OPERATIONS: [Operation; 5] = [
         host_bytes,
         Bench::moving,
     ),
+    ("estop", |bench| bench.encode(&Request::EStop(requests::EStop {})), host_bytes, Bench::moving),
     ("reply", prepare_reply, can_reply, Bench::idle),
     ("round", |_| Bytes::new(), round, Bench::moving),
     ("idle", |_| Bytes::new(), idle_second, Bench::idle),
@@ -308,7 +309,7 @@ fn count(operation: &str, times: usize) {
     let mut bench = make();
     for _ in 0..times {
         // Between two of them a motor has answered, and the phase of the polls is another one.
-        if *operation == *"stop" {
+        if matches!(operation, "stop" | "estop") {
             bench = make();
         }
         bench.run(1_730);
