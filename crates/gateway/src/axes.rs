@@ -232,10 +232,10 @@ impl Kept {
             }
             changed &= changed - 1;
         }
-        let known = core::mem::replace(traffic, axis.traffic());
-        if known == *traffic {
+        if axis.has_traffic(traffic) {
             return false;
         }
+        *traffic = axis.traffic();
         for (here, set) in self.on.iter_mut().enumerate() {
             set.put(one, traffic.bus.map(usize::from) == Some(here));
         }

@@ -5,7 +5,7 @@ use core::num::NonZeroU64;
 use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind};
 
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub(crate) struct AxisConfig {
     /// The values as bits; the parameter table says which kind each is.
     values: [u32; PARAMETERS],
@@ -15,6 +15,14 @@ pub(crate) struct AxisConfig {
     bus: Option<u8>,
     protocol: Option<Protocol>,
     node: Option<u8>,
+    /// Counts what was set: what follows from the values alone is worked out anew with each.
+    version: u16,
+}
+
+impl PartialEq for AxisConfig {
+    fn eq(&self, other: &Self) -> bool {
+        (self.values, self.set) == (other.values, other.set)
+    }
 }
 
 /// The part of the time between two fault polls that is kept for waiting.
@@ -36,12 +44,13 @@ pub(crate) struct Address {
 
 impl AxisConfig {
     pub const fn new() -> Self {
-        Self { values: [0; PARAMETERS], set: 0, bus: None, protocol: None, node: None }
+        Self { values: [0; PARAMETERS], set: 0, bus: None, protocol: None, node: None, version: 0 }
     }
 
     /// Sets a parameter after checking type and range.
     pub fn set(&mut self, parameter: AxisParameter, value: Value) -> Result<(), Error> {
         parameter.check(value)?;
+        self.version = self.version.wrapping_add(1);
         let index = parameter.place();
         if let Some(slot) = self.values.get_mut(index) {
             *slot = to_bits(value);
@@ -56,6 +65,11 @@ impl AxisConfig {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Another number after each parameter that was set.
+    pub fn version(&self) -> u16 {
+        self.version
     }
 
     /// Words of [`to_words`](Self::to_words).

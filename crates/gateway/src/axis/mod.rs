@@ -246,9 +246,16 @@ impl Axis {
         ]
     }
 
+    /// Whether this is what decides how long others wait on its bus.
+    pub fn has_traffic(&self, known: &Traffic) -> bool {
+        known.config_version == self.config.version()
+            && known.objects == self.transactions.objects()
+    }
+
     /// What of the axis decides how long others wait on its bus.
     pub fn traffic(&self) -> Traffic {
         Traffic {
+            config_version: self.config.version(),
             bus: self.config.bus(),
             protocol: self.config.protocol(),
             is_extended: protocol::has_extended_ids(&self.config),
@@ -262,6 +269,8 @@ impl Axis {
 /// What of an axis decides how long others wait on its bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traffic {
+    /// The configuration that the rest follows from.
+    config_version: u16,
     pub bus: Option<u8>,
     pub protocol: Option<Protocol>,
     /// Its frames, or those of its motor, have ids of 29 bits.
@@ -277,6 +286,7 @@ pub(crate) struct Traffic {
 impl Traffic {
     /// Of an axis without configuration.
     pub const NONE: Self = Self {
+        config_version: 0,
         bus: None,
         protocol: None,
         is_extended: false,
