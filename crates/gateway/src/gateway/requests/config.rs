@@ -183,12 +183,8 @@ impl Gateway {
     /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way
     /// round (GUARANTEES G7).
     fn check_ids(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
-        // What has no motor yet is sent nothing, and is checked when it gets one.
-        let there = |other: &&Axis| {
-            other.index != axis
-                && other.config.bus() == config.bus()
-                && other.config.address().is_some()
-        };
+        // What has no node yet has no ids, and is checked when it gets one.
+        let there = |other: &&Axis| other.index != axis && other.config.bus() == config.bus();
         for other in self.axes.iter().filter(there) {
             if let Some(id) = protocol::sent_on_an_id_of(config, &other.config) {
                 return Err(Error::IdInUse { axis, id, other: other.index });
