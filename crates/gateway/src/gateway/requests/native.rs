@@ -5,7 +5,7 @@ use crate::axis::{JobKind, NativeMotion, Permit};
 use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
-use crate::protocol::{self, Effect, Exchange, Native, Sets};
+use crate::protocol::{self, Demand, Effect, Exchange, Native, Sets};
 use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests,
@@ -25,13 +25,9 @@ impl Gateway {
         let idle = self.axis(index)?.state() == AxisState::Idle;
         match native.effect {
             Effect::Asks => self.ask_natively(now, index, native, ticket),
-            Effect::Rests(demand) if permitted => self.move_natively(
-                now,
-                request,
-                native,
-                NativeMotion { demand, once: false },
-                ticket,
-            ),
+            Effect::Rests(demand) if permitted => {
+                self.move_natively(now, request, native, demand, ticket)
+            }
             Effect::Stops | Effect::Rests(_) if !idle => {
                 self.stop(now, StopTarget::Axis(index))?;
                 Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
@@ -39,20 +35,9 @@ impl Gateway {
             Effect::Stops | Effect::Rests(_) | Effect::Changes { .. } => {
                 self.change_natively(now, index, native, ticket)
             }
-            Effect::Moves(demand) => self.move_natively(
-                now,
-                request,
-                native,
-                NativeMotion { demand, once: false },
-                ticket,
-            ),
-            Effect::MovesOnce(demand) => self.move_natively(
-                now,
-                request,
-                native,
-                NativeMotion { demand, once: true },
-                ticket,
-            ),
+            Effect::Moves(demand) | Effect::MovesOnce(demand) => {
+                self.move_natively(now, request, native, demand, ticket)
+            }
         }
     }
 
@@ -200,12 +185,13 @@ impl Gateway {
         now: Instant,
         request: &requests::Native,
         native: Native,
-        motion: NativeMotion,
+        demand: Demand,
         ticket: Ticket,
     ) -> Result<Outcome> {
         self.authority.take(now, ticket.link)?;
         self.refuse_e_stopped(request.axis)?;
         let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
+        let motion = NativeMotion { demand, once: matches!(native.effect, Effect::MovesOnce(_)) };
         self.with_axis(now, request.axis, |axis, out| {
             axis.move_natively(now, permit, native.command, motion, ticket, out)
         })??;
