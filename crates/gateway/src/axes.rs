@@ -232,10 +232,9 @@ impl Kept {
             }
             changed &= changed - 1;
         }
-        if axis.has_traffic(traffic) {
+        if core::mem::replace(traffic, axis.traffic()) == *traffic {
             return false;
         }
-        *traffic = axis.traffic();
         for (here, set) in self.on.iter_mut().enumerate() {
             set.put(one, traffic.bus.map(usize::from) == Some(here));
         }

@@ -32,9 +32,7 @@ use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use core::num::NonZeroU64;
 use host_protocol::replies::AxisReport;
-use host_protocol::{
-    AxisSummary, Event, FaultReading, MotorTimeout, Protocol, StateField, StateFields,
-};
+use host_protocol::{AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields};
 use outcome::Silence;
 use restart::RunTime;
 use setpoint::Motion;
@@ -246,52 +244,27 @@ impl Axis {
         ]
     }
 
-    /// Whether this is what decides how long others wait on its bus.
-    pub fn has_traffic(&self, known: &Traffic) -> bool {
-        known.config_version == self.config.version()
-            && known.objects == self.transactions.objects()
-    }
-
     /// What of the axis decides how long others wait on its bus.
     pub fn traffic(&self) -> Traffic {
         Traffic {
-            config_version: self.config.version(),
             bus: self.config.bus(),
-            protocol: self.config.protocol(),
-            is_extended: protocol::has_extended_ids(&self.config),
+            config_version: self.config.version(),
             objects: self.transactions.objects(),
-            replies: protocol::replies_to_motion(&self.config),
-            stream: protocol::stream_word(&self.config),
         }
     }
 }
 
-/// What of an axis decides how long others wait on its bus.
+/// What of an axis decides how long others wait on its bus: another one where its bus must work
+/// that out anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traffic {
-    /// The configuration that the rest follows from.
-    config_version: u16,
     pub bus: Option<u8>,
-    pub protocol: Option<Protocol>,
-    /// Its frames, or those of its motor, have ids of 29 bits.
-    pub is_extended: bool,
+    config_version: u16,
     /// Its motor answers requests to others.
-    pub objects: bool,
-    /// Frames that answer one motion.
-    pub replies: u8,
-    /// The frames that its motor sends by itself, as `stream` says it.
-    pub stream: u32,
+    objects: bool,
 }
 
 impl Traffic {
     /// Of an axis without configuration.
-    pub const NONE: Self = Self {
-        config_version: 0,
-        bus: None,
-        protocol: None,
-        is_extended: false,
-        objects: false,
-        replies: 1,
-        stream: 0,
-    };
+    pub const NONE: Self = Self { bus: None, config_version: 0, objects: false };
 }
