@@ -10,8 +10,7 @@ use crate::axes::{Axes, AxisSet, Is};
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
-use crate::link::Link;
-use crate::link::Links;
+use crate::link::{Link, Links};
 use crate::log::LogEntry;
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
@@ -126,12 +125,11 @@ impl Gateway {
             Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
             // Floods of foreign frames cost little: they leave most buses as they were.
             Event::CanReceived { bus: index, frame } => {
-                let Self { buses, axes, links, .. } = self;
-                if let Some(bus) = buses.get_mut(usize::from(index)) {
-                    bus.can_received(now, frame, axes, &mut Outbox::new(now, links));
-                    let waits_for_quiet = bus.waits_for_quiet();
-                    self.touch_bus(index, waits_for_quiet);
-                }
+                let waits_for_quiet = self.with_bus(now, index, |bus, axes, out| {
+                    bus.can_received(now, frame, axes, out);
+                    bus.waits_for_quiet()
+                });
+                self.touch_bus(index, waits_for_quiet == Some(true));
             }
             Event::SerialReceived { bus, bytes } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.serial_received(now, bytes, axes, out));
@@ -239,9 +237,8 @@ impl Gateway {
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
         self.settle(now);
-        let Self { buses, axes, links, .. } = self;
         let transmit =
-            buses.get_mut(usize::from(bus))?.poll_transmit(now, axes, &mut Outbox::new(now, links));
+            self.with_bus(now, bus, |bus, axes, out| bus.poll_transmit(now, axes, out))?;
         self.has_polled(now, bus, transmit.is_some());
         transmit
     }
@@ -265,8 +262,7 @@ impl Gateway {
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
         self.settle(now);
-        let Self { buses, axes, .. } = self;
-        let slot = buses.get_mut(usize::from(bus))?.poll_cancel(now, axes);
+        let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
         self.has_polled(now, bus, slot.is_some());
         slot
     }
@@ -458,10 +454,18 @@ impl Gateway {
         act: impl FnOnce(&mut Bus, &mut Axes, &mut Outbox<'_>),
     ) {
         self.touch_bus(bus, true);
+        self.with_bus(now, bus, act);
+    }
+
+    /// Calls `act` with a bus, without noting that it may have changed.
+    fn with_bus<T>(
+        &mut self,
+        now: Instant,
+        bus: u8,
+        act: impl FnOnce(&mut Bus, &mut Axes, &mut Outbox<'_>) -> T,
+    ) -> Option<T> {
         let Self { buses, axes, links, .. } = self;
-        if let Some(bus) = buses.get_mut(usize::from(bus)) {
-            act(bus, axes, &mut Outbox::new(now, links));
-        }
+        Some(act(buses.get_mut(usize::from(bus))?, axes, &mut Outbox::new(now, links)))
     }
 }
 

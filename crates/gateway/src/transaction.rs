@@ -99,6 +99,12 @@ impl Transaction {
         }
     }
 
+    /// Whether it is the command of a stop under way: to one that is sent again the reply to the
+    /// one before says the same.
+    pub fn repeats(&self, stops: bool) -> bool {
+        stops && self.exchange == Exchange::Stop
+    }
+
     /// Since when the motion in it has waited, if it is one that has not left.
     pub fn undelivered_since(&self) -> Option<Instant> {
         (self.exchange == Exchange::Motion && self.is_with_port()).then_some(self.waiting_since)
@@ -334,11 +340,11 @@ impl Transactions {
         Match::Ends(current, outcome)
     }
 
-    /// Ends what time has ended. Returns the request under way if its window has closed.
+    /// Ends what time has ended. `stops`: a stop is under way. Returns the request under way if its window has closed.
     pub fn expire(
         &mut self,
         now: Instant,
-        repeats_stop: impl Fn(Exchange) -> bool,
+        stops: bool,
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let is_over = |request: &Transaction| request.deadline().is_some_and(|until| until <= now);
@@ -347,21 +353,21 @@ impl Transactions {
         {
             self.may_be_answered_late(now, &former.command, config);
         }
-        let current = self.current.filter(is_over)?;
-        self.give_up(now, repeats_stop(current.exchange), config)
+        self.current.filter(is_over)?;
+        self.give_up(now, stops, config)
     }
 
     /// Gives up the request under way. A late reply must find nothing identical under way: the next
-    /// request waits another window, and what a stop may be mistaken for is remembered as long. To
-    /// a stop that is sent again the reply to the one before says the same.
+    /// request waits another window, and what a stop may be mistaken for is remembered as long, but
+    /// for a stop that is [sent again](Transaction::repeats).
     pub fn give_up(
         &mut self,
         now: Instant,
-        repeats_stop: bool,
+        stops: bool,
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let current = self.current.take()?;
-        if repeats_stop {
+        if current.repeats(stops) {
             return Some(current);
         }
         self.may_be_answered_late(now, &current.command, config);

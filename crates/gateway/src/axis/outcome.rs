@@ -144,8 +144,7 @@ impl Axis {
     /// Closes windows that have passed, and notices what cannot be sent.
     pub fn expire_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let stops = self.stop().is_some();
-        let repeats_stop = |exchange| stops && exchange == Exchange::Stop;
-        if let Some(request) = self.transactions.expire(now, repeats_stop, &self.config) {
+        if let Some(request) = self.transactions.expire(now, stops, &self.config) {
             self.unanswered(now, &request, out);
         }
         self.expire_job(now, out);
@@ -154,9 +153,7 @@ impl Axis {
 
     fn give_up(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let stops = self.stop().is_some();
-        let repeats_stop =
-            self.transactions.current().is_some_and(|c| stops && c.exchange == Exchange::Stop);
-        if let Some(request) = self.transactions.give_up(now, repeats_stop, &self.config) {
+        if let Some(request) = self.transactions.give_up(now, stops, &self.config) {
             self.unanswered(now, &request, out);
         }
     }
@@ -241,8 +238,7 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        let repeats_stop = self.stop().is_some() && request.exchange == Exchange::Stop;
-        if !request.unambiguous && !repeats_stop {
+        if !request.unambiguous && !request.repeats(self.stop().is_some()) {
             // It may have been the reply to the one before: then its own is still to come.
             self.transactions.may_be_answered_late(now, &request.command, &self.config);
         }

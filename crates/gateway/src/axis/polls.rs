@@ -181,7 +181,7 @@ impl Axis {
         // Where the motor tells for how long it has run, it is asked now and then: it may have
         // restarted by itself.
         if self.poll_index.wrapping_add(1).is_multiple_of(self.run_time_every())
-            && protocol::command(Exchange::RunTime, &self.config).is_some()
+            && self.can(Exchange::RunTime)
         {
             return Some(Exchange::RunTime);
         }
@@ -223,7 +223,7 @@ impl Axis {
                 }
                 _ => false,
             };
-        asked && protocol::command(exchange, &self.config).is_some()
+        asked && self.can(exchange)
     }
 
     /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else
@@ -242,7 +242,7 @@ impl Axis {
     fn cyclic(&self, exchanges: &[Exchange], index: usize) -> Option<Exchange> {
         (0..exchanges.len())
             .filter_map(|offset| exchanges.get((index + offset) % exchanges.len()).copied())
-            .find(|exchange| protocol::command(*exchange, &self.config).is_some())
+            .find(|exchange| self.can(*exchange))
     }
 }
 

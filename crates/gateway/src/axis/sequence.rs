@@ -1,7 +1,6 @@
 //! A place in a table of exchanges: arming, reading, clearing and stopping all go through one.
 
-use crate::config::AxisConfig;
-use crate::protocol::{self, Exchange};
+use crate::protocol::Exchange;
 
 /// What comes next of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,16 +54,10 @@ impl Sequence {
         self.at = self.at.saturating_sub(1);
     }
 
-    /// Passes over the steps that the motor of an axis has no command for, up to `exchange` if one
-    /// is given.
+    /// Passes over needless steps.
     pub fn pass_over(&mut self, is_needless: impl Fn(Exchange) -> bool) {
         while self.step().is_some_and(&is_needless) {
             self.advance();
         }
     }
-}
-
-/// Whether the motor of an axis has a command for an exchange.
-pub(crate) fn is_served(exchange: Exchange, config: &AxisConfig) -> bool {
-    protocol::command(exchange, config).is_some()
 }

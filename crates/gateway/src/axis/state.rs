@@ -249,9 +249,13 @@ impl Axis {
     /// Goes to a state and tells the hosts.
     pub(super) fn enter(&mut self, state: State, out: &mut Outbox<'_>) {
         let before = self.state();
+        self.go_to(state);
+        self.tell_state(before, out);
+    }
+
+    fn go_to(&mut self, state: State) {
         check_transition(self.state.name(), state.name());
         self.state = state;
-        self.tell_state(before, out);
     }
 
     /// Tells the hosts of a state that is another one than before.
@@ -287,17 +291,14 @@ impl Axis {
     /// Latches a trip with its reason and starts the stop. Only states in which motion is possible
     /// can trip.
     pub fn trip(&mut self, now: Instant, reason: TripReason, out: &mut Outbox<'_>) {
-        let from = self.state.name();
         let stop = match self.state {
             State::Arming | State::Armed(_) | State::Active(..) => self.new_stop(now, false),
             State::Stopping(_) => {
                 if reason != TripReason::StopUnconfirmed {
                     self.stop_again(now);
                 }
-                let State::Stopping(stop) = core::mem::replace(&mut self.state, State::Idle) else {
-                    return;
-                };
-                stop
+                let Some(stop) = self.stop() else { return };
+                stop.clone()
             }
             State::Unconfigured | State::Idle | State::Holding | State::Tripped(..) => return,
         };
@@ -310,8 +311,7 @@ impl Axis {
             unreachable: false,
         };
         let spreads = self.trip_group().is_some();
-        check_transition(from, "Tripped");
-        self.state = State::Tripped(Tripped { trip, spreads, is_unrecorded: true }, stop);
+        self.go_to(State::Tripped(Tripped { trip, spreads, is_unrecorded: true }, stop));
         self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
     }
@@ -350,9 +350,8 @@ impl Axis {
         };
         let before = self.state();
         let from_rest = self.is_idle_or_holding();
-        let stop = State::Stopping(self.new_stop(now, from_rest));
-        check_transition(self.state.name(), stop.name());
-        self.state = stop;
+        let stop = self.new_stop(now, from_rest);
+        self.go_to(State::Stopping(stop));
         self.interrupt(now, aborted, out);
         self.tell_state(before, out);
     }
@@ -419,7 +418,7 @@ impl Axis {
 
     /// Whether the motor has a command for an exchange.
     pub fn can(&self, exchange: Exchange) -> bool {
-        protocol::command(exchange, &self.config).is_some()
+        protocol::is_served(exchange, &self.config)
     }
 
     /// The trip that has still to go into the history.

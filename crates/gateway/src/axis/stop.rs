@@ -1,7 +1,7 @@
 //! The stop: sent first, sent again until the motor has confirmed it, and repeated while the axis
 //! is tripped (GUARANTEES G4). Its steps are those of the stop action's table.
 
-use super::sequence::{Sequence, is_served};
+use super::sequence::Sequence;
 use crate::config::AxisConfig;
 use crate::measured::Observation;
 use crate::protocol::{self, Exchange};
@@ -441,7 +441,7 @@ impl Stop {
         config: &AxisConfig,
     ) -> StopEffect {
         self.went_on_at = now;
-        let may_wait = is_served(Exchange::OverwritePending, config);
+        let may_wait = protocol::is_served(Exchange::OverwritePending, config);
         match (self.detour, self.sequence.step()) {
             // A motor that hears and does not answer may keep a speed that waits, for anybody's 05:
             // that is overwritten unasked.
@@ -547,7 +547,7 @@ impl Stop {
 
     fn advance(&mut self, now: Instant, config: &AxisConfig) {
         self.sequence.advance();
-        self.sequence.pass_over(|step| !is_served(step, config));
+        self.sequence.pass_over(|step| !protocol::is_served(step, config));
         self.begin_step(now);
     }
 

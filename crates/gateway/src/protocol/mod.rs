@@ -268,6 +268,11 @@ pub(crate) fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command
     (Info::of_axis(config)?.command)(exchange, config)
 }
 
+/// Whether there is one.
+pub(crate) fn is_served(exchange: Exchange, config: &AxisConfig) -> bool {
+    command(exchange, config).is_some()
+}
+
 /// The steps of the axis's stop action.
 pub(crate) fn stop_steps(config: &AxisConfig) -> &'static [Exchange] {
     let info = Info::of_axis(config);
