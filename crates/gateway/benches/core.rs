@@ -157,7 +157,10 @@ impl Bench {
                 let (state, transmit_errors, receive_errors) = (BusState::Active, 0, 0);
                 self.handle(Event::BusState { bus, state, transmit_errors, receive_errors });
             }
-            assert_eq!(self.gateway.poll_cancel(now, bus), None);
+            while let Some(slot) = self.gateway.poll_cancel(now, bus) {
+                self.on_wire.retain(|(other, waiting)| (*other, waiting.slot) != (bus, slot));
+                self.handle(Event::Cancelled { bus, slot });
+            }
             while let Some(transmit) = self.gateway.poll_transmit(now, bus) {
                 self.on_wire.push((bus, transmit));
             }
