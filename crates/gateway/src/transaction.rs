@@ -340,7 +340,8 @@ impl Transactions {
         Match::Ends(current, outcome)
     }
 
-    /// Ends what time has ended. `stops`: a stop is under way. Returns the request under way if its window has closed.
+    /// Ends what time has ended. `stops`: a stop is under way. Returns the request under way if its
+    /// window has closed.
     pub fn expire(
         &mut self,
         now: Instant,
