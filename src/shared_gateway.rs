@@ -96,7 +96,7 @@ impl Parts {
     /// was one.
     fn serve_can(&mut self, now: Instant, changes: Changes) -> bool {
         let Self { core, can, .. } = self;
-        let changed = can.iter_mut().flatten().filter(|bus| changes.has_bus(bus.number()));
+        let changed = can.iter_mut().flatten().filter(|bus| changes.buses.has(bus.number()));
         changed.filter_map(|bus| bus.serve(core, now).then_some(())).count() > 0
     }
 }
@@ -199,16 +199,13 @@ impl SharedGateway {
     /// Serves the CAN buses that have changed, and tells the others. A frame that is handed over
     /// changes more; a controller has room for a few.
     fn hand_out(&self, parts: &mut Parts, now: Instant, mut changes: Changes) {
-        let mut has_other_deadline = changes.deadline;
         while parts.serve_can(now, changes) {
             self.tell(changes);
             changes = parts.core.take_changes();
-            has_other_deadline |= changes.deadline;
         }
         self.tell(changes);
         // A tick that comes too early finds nothing to do and costs less than to put it off.
-        if has_other_deadline
-            && let Some(due) = parts.core.next_deadline()
+        if let Some(due) = parts.core.next_deadline()
             && self.tick.lock(Cell::get).is_none_or(|tick| due < tick)
         {
             self.earlier.signal(());
@@ -224,10 +221,11 @@ impl SharedGateway {
         if changes.history {
             self.history.signal(());
         }
-        for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.has_link(*index)) {
+        for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.links.has(*index)) {
             link.signal(());
         }
-        for (_, bus) in (FIRST_RS485..).zip(&self.buses).filter(|(bus, _)| changes.has_bus(*bus)) {
+        for (_, bus) in (FIRST_RS485..).zip(&self.buses).filter(|(bus, _)| changes.buses.has(*bus))
+        {
             bus.signal(());
         }
     }

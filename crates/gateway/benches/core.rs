@@ -150,7 +150,7 @@ impl Bench {
         let Self { gateway, memory, now_us, .. } = self;
         let now = Instant::from_micros(*now_us);
         let changes = gateway.handle(now, event, &mut |index, word| memory[index] = word);
-        for bus in (0..BUSES).filter(|bus| changes.has_bus(*bus)) {
+        for bus in (0..BUSES).filter(|bus| changes.buses.has(*bus)) {
             let setup = self.gateway.bus_setup(bus).map(|setup| setup.generation);
             if self.started[usize::from(bus)] != setup {
                 self.started[usize::from(bus)] = setup;
@@ -167,7 +167,7 @@ impl Bench {
         }
         let mut out = [0; MAX_FRAME];
         let Self { gateway, memory, told, .. } = self;
-        while changes.has_link(0)
+        while changes.links.has(0u8)
             && let Some(length) = gateway.poll_host(0, &mut out, &mut |at, word| memory[at] = word)
         {
             told.extend_from_slice(&out[..length]);
@@ -235,7 +235,12 @@ const OPERATIONS: [Operation; 6] = [
         host_bytes,
         Bench::moving,
     ),
-    ("estop", |bench| bench.encode(&Request::EStop(requests::EStop {})), host_bytes, Bench::moving),
+    (
+        "estop",
+        |bench| bench.encode(&Request::EStop(requests::EStop {})),
+        first_frame,
+        Bench::moving,
+    ),
     ("reply", prepare_reply, can_reply, Bench::idle),
     ("round", |_| Bytes::new(), round, Bench::moving),
     ("idle", |_| Bytes::new(), idle_second, Bench::idle),
@@ -251,6 +256,16 @@ fn prepare_setpoint(bench: &mut Bench) -> Bytes {
 fn host_bytes(bench: &mut Bench, bytes: &[u8]) {
     bench.handle(Event::HostBytes { link: 0, bytes });
     assert!(!bench.on_wire.is_empty());
+}
+
+/// From the last byte of a request to the first of its frames.
+fn first_frame(bench: &mut Bench, bytes: &[u8]) {
+    let now = Instant::from_micros(bench.now_us);
+    let Bench { gateway, memory, .. } = bench;
+    let event = Event::HostBytes { link: 0, bytes };
+    gateway.handle(now, event, &mut |index, word| memory[index] = word);
+    assert_eq!(gateway.poll_cancel(now, 0), None);
+    assert!(gateway.poll_transmit(now, 0).is_some());
 }
 
 /// The host asks for the state; all but the last reply of the motor have come.

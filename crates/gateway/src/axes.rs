@@ -6,86 +6,11 @@
 //! touches.
 
 use crate::axis::{Axis, Traffic};
+use crate::set::Set;
 use crate::time::{Earliest, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use heapless::Vec;
 use host_protocol::AxisState;
-
-/// A set of axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct AxisSet(u32);
-
-const _: () = assert!(MAX_AXES <= u32::BITS as usize, "one bit for each axis");
-
-impl AxisSet {
-    pub const NONE: Self = Self(0);
-
-    /// The one axis; none beyond the set.
-    pub fn of(index: usize) -> Self {
-        Self(u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0))
-    }
-
-    /// Bit 0 is axis 0.
-    pub const fn bits(self) -> u32 {
-        self.0
-    }
-
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    pub const fn and(self, other: Self) -> Self {
-        Self(self.0 & other.0)
-    }
-
-    pub const fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    pub const fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
-    }
-
-    /// How many.
-    pub const fn len(self) -> u32 {
-        self.0.count_ones()
-    }
-
-    /// Puts an axis in or out.
-    fn put(&mut self, axis: Self, is_in: bool) {
-        *self = if is_in { self.with(axis) } else { self.without(axis) };
-    }
-
-    /// Those behind `last` in their order, then the others.
-    pub fn behind(self, last: u8) -> impl Iterator<Item = usize> {
-        // Two shifts, as one by the whole width is none.
-        let behind = Self(self.0 & (u32::MAX << (u32::from(last) & (u32::BITS - 1)) << 1));
-        behind.into_iter().chain(self.without(behind))
-    }
-}
-
-impl IntoIterator for AxisSet {
-    type Item = usize;
-    type IntoIter = Members;
-
-    fn into_iter(self) -> Members {
-        Members(self.0)
-    }
-}
-
-/// The axes of a set, the lowest first.
-#[derive(Debug, Clone)]
-pub(crate) struct Members(u32);
-
-impl Iterator for Members {
-    type Item = usize;
-
-    fn next(&mut self) -> Option<usize> {
-        let index = self.0.trailing_zeros();
-        self.0 &= self.0.wrapping_sub(1);
-        (index < u32::BITS).then_some(index as usize)
-    }
-}
 
 /// What is asked of axes as a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -201,17 +126,17 @@ impl Look {
 #[derive(Debug, Clone, PartialEq)]
 struct Kept {
     /// By bus.
-    on: [AxisSet; MAX_BUSES],
+    on: [Set; MAX_BUSES],
     /// By [`Is`].
-    which: [AxisSet; Is::ALL.len()],
+    which: [Set; Is::ALL.len()],
     looks: [Look; MAX_AXES],
     traffic: [Traffic; MAX_AXES],
 }
 
 impl Kept {
     const NONE: Self = Self {
-        on: [AxisSet::NONE; MAX_BUSES],
-        which: [AxisSet::NONE; Is::ALL.len()],
+        on: [Set::NONE; MAX_BUSES],
+        which: [Set::NONE; Is::ALL.len()],
         looks: [const { Look::NONE }; MAX_AXES],
         traffic: [const { Traffic::NONE }; MAX_AXES],
     };
@@ -219,7 +144,7 @@ impl Kept {
     /// Works out what is kept of one axis. Returns whether its traffic is another one.
     fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> bool {
         let index = usize::from(axis.index);
-        let one = AxisSet::of(index);
+        let one = Set::of(index);
         let (Some(look), Some(traffic)) = (self.looks.get_mut(index), self.traffic.get_mut(index))
         else {
             return false;
@@ -228,7 +153,7 @@ impl Kept {
         let mut changed = before.flags ^ look.flags;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
-                set.0 ^= one.0;
+                set.put(one, !set.has(index));
             }
             changed &= changed - 1;
         }
@@ -251,22 +176,22 @@ impl Kept {
 pub(crate) struct Axes {
     axes: Vec<Axis, MAX_AXES>,
     /// Those that may have changed since they were settled.
-    touched: AxisSet,
+    touched: Set,
     kept: Kept,
     /// The earliest time of `Kept::due`.
     first_due: Instant,
-    /// Buses whose traffic is another one than they know, a bit for each.
-    new_traffic: u8,
+    /// Buses whose traffic is another one than they know.
+    new_traffic: Set,
 }
 
 impl Axes {
     pub const fn new() -> Self {
         Self {
             axes: Vec::new(),
-            touched: AxisSet::NONE,
+            touched: Set::NONE,
             kept: Kept::NONE,
             first_due: Instant::NEVER,
-            new_traffic: 0,
+            new_traffic: Set::NONE,
         }
     }
 
@@ -283,7 +208,7 @@ impl Axes {
     }
 
     pub fn get_mut(&mut self, index: usize) -> Option<&mut Axis> {
-        self.touched = self.touched.with(AxisSet::of(index));
+        self.touched.add(Set::of(index));
         self.axes.get_mut(index)
     }
 
@@ -293,12 +218,12 @@ impl Axes {
     }
 
     /// The axes of a set.
-    pub fn of(&self, set: AxisSet) -> impl Iterator<Item = &Axis> + Clone {
+    pub fn of(&self, set: Set) -> impl Iterator<Item = &Axis> + Clone {
         set.into_iter().filter_map(|index| self.axes.get(index))
     }
 
     /// Calls `act` with each axis of a set.
-    pub fn each(&mut self, set: AxisSet, mut act: impl FnMut(&mut Axis)) {
+    pub fn each(&mut self, set: Set, mut act: impl FnMut(&mut Axis)) {
         for index in set {
             if let Some(axis) = self.get_mut(index) {
                 act(axis);
@@ -307,21 +232,21 @@ impl Axes {
     }
 
     /// The axes for a bus.
-    pub fn on(&self, bus: u8) -> AxisSet {
+    pub fn on(&self, bus: u8) -> Set {
         self.kept.on.get(usize::from(bus)).copied().unwrap_or_default()
     }
 
-    pub fn which(&self, is: Is) -> AxisSet {
+    pub fn which(&self, is: Is) -> Set {
         self.kept.which.get(is as usize).copied().unwrap_or_default()
     }
 
     /// The axes for a bus of which something is so.
-    pub fn which_on(&self, is: Is, bus: u8) -> AxisSet {
+    pub fn which_on(&self, is: Is, bus: u8) -> Set {
         self.which(is).and(self.on(bus))
     }
 
     /// When the first of these setpoints is late, but for the time that their bus may take.
-    pub fn first_delivery_due(&self, set: AxisSet) -> Option<Instant> {
+    pub fn first_delivery_due(&self, set: Set) -> Option<Instant> {
         let due = set
             .into_iter()
             .filter_map(|index| self.kept.looks.get(index))
@@ -335,30 +260,29 @@ impl Axes {
     }
 
     /// The axes to which time alone has brought something.
-    pub fn due(&self, now: Instant) -> AxisSet {
+    pub fn due(&self, now: Instant) -> Set {
         let overdue = self.which(Is::Overdue);
         if self.first_due <= now { overdue.with(self.due_by(now)) } else { overdue }
     }
 
-    fn due_by(&self, now: Instant) -> AxisSet {
-        let mut set = AxisSet::NONE;
+    fn due_by(&self, now: Instant) -> Set {
+        let mut set = Set::NONE;
         for index in self.which(Is::Configured) {
             if self.kept.due(index) <= now {
-                set = set.with(AxisSet::of(index));
+                set.add(Set::of(index));
             }
         }
         set
     }
 
     /// Works out anew what is kept of the axes that may have changed. Returns the buses that they
-    /// are or were on, a bit for each. `after`: what was due until then has been done.
-    pub fn settle(&mut self, now: Instant, after: Instant) -> u8 {
+    /// are or were on. `after`: what was due until then has been done.
+    pub fn settle(&mut self, now: Instant, after: Instant) -> Set {
         // What becomes ready meanwhile is asked for before its tick comes.
-        let ripe =
-            if self.first_due <= now && now > after { self.due_by(now) } else { AxisSet::NONE };
-        let touched = core::mem::take(&mut self.touched).with(ripe);
+        let ripe = if self.first_due <= now && now > after { self.due_by(now) } else { Set::NONE };
+        let touched = self.touched.take().with(ripe);
         if touched.is_empty() {
-            return 0;
+            return Set::NONE;
         }
         let before = self.buses_of(touched);
         let (mut is_new_traffic, mut is_first_later) = (false, false);
@@ -376,19 +300,14 @@ impl Axes {
             let first = configured.map(|index| self.kept.due(index)).min();
             self.first_due = first.unwrap_or(Instant::NEVER);
         }
-        let buses = before | self.buses_of(touched);
-        self.new_traffic |= if is_new_traffic { buses } else { 0 };
+        let buses = before.with(self.buses_of(touched));
+        self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
         buses
     }
 
-    /// Whether the axes for a bus have another traffic than it knows.
-    pub fn has_new_traffic(&self, bus: u8) -> bool {
-        self.new_traffic.checked_shr(bus.into()).is_some_and(|bit| bit & 1 != 0)
-    }
-
-    /// Every bus knows its traffic.
-    pub fn traffic_is_known(&mut self) {
-        self.new_traffic = 0;
+    /// The buses whose axes have another traffic than was told the last time.
+    pub fn take_new_traffic(&mut self) -> Set {
+        self.new_traffic.take()
     }
 
     /// Panics where what is kept is not what a look at every axis gives. For tests.
@@ -397,7 +316,7 @@ impl Axes {
         for axis in self.axes.iter() {
             fresh.keep(axis, now, after);
         }
-        assert_eq!(self.touched, AxisSet::NONE, "axes that are not settled");
+        assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         for (is, (fresh, kept)) in
             Is::ALL.into_iter().zip(fresh.which.into_iter().zip(self.kept.which))
         {
@@ -407,10 +326,10 @@ impl Axes {
         assert_eq!(fresh.looks.iter().map(|look| look.due).min(), Some(self.first_due));
     }
 
-    fn buses_of(&self, set: AxisSet) -> u8 {
-        let mut buses = 0;
+    fn buses_of(&self, set: Set) -> Set {
+        let mut buses = Set::NONE;
         for (bus, on) in self.kept.on.iter().enumerate() {
-            buses |= u8::from(!on.and(set).is_empty()) << bus;
+            buses.put(Set::of(bus), !on.and(set).is_empty());
         }
         buses
     }

@@ -6,7 +6,7 @@ mod retained;
 
 pub use retained::RETAINED_WORDS;
 
-use crate::axes::{Axes, AxisSet, Is};
+use crate::axes::{Axes, Is};
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::history::History;
@@ -14,6 +14,7 @@ use crate::link::{Link, Links};
 use crate::log::LogEntry;
 use crate::outbox::Outbox;
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
+use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
@@ -46,14 +47,12 @@ pub struct Gateway {
     pub(crate) history: History,
     pub(crate) retention: Retention,
     pub(crate) now: Instant,
-    /// Buses that may have changed since they were settled, a bit for each.
-    pub(crate) touched_buses: u8,
+    /// Buses that may have changed since it was worked out when they are due.
+    pub(crate) touched_buses: Set,
     /// Buses that may have changed since time alone was last looked at.
-    pub(crate) unwatched_buses: u8,
-    /// Buses that may have changed since that was last told, a bit for each.
-    pub(crate) changed_buses: u8,
-    /// The next deadline as it was last told.
-    pub(crate) told_deadline: Option<Instant>,
+    pub(crate) unwatched_buses: Set,
+    /// Buses that may have changed since that was last told.
+    pub(crate) changed_buses: Set,
 }
 
 impl Gateway {
@@ -87,10 +86,9 @@ impl Gateway {
             history: History::new(),
             retention: Retention::new(),
             now: Instant::from_micros(0),
-            touched_buses: 0,
-            unwatched_buses: 0,
-            changed_buses: 0,
-            told_deadline: None,
+            touched_buses: Set::NONE,
+            unwatched_buses: Set::NONE,
+            changed_buses: Set::NONE,
         }
     }
 
@@ -115,7 +113,8 @@ impl Gateway {
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
     /// reset before a frame can follow from it. A time earlier than one given before counts as
-    /// that one. Returns who has to ask the core again.
+    /// that one. Returns who has to ask the core again; after that, it is asked for the
+    /// [next deadline](Self::next_deadline).
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
         let now = now.max(self.now);
         self.now = now;
@@ -129,7 +128,9 @@ impl Gateway {
                     bus.can_received(now, frame, axes, out);
                     bus.waits_for_quiet()
                 });
-                self.touch_bus(index, waits_for_quiet == Some(true));
+                if waits_for_quiet == Some(true) {
+                    self.touch_buses(Set::of(index));
+                }
             }
             Event::SerialReceived { bus, bytes } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.serial_received(now, bytes, axes, out));
@@ -160,51 +161,44 @@ impl Gateway {
         self.watch_enable_output(now);
         self.links.log_holder(self.authority.holder());
         self.save_states(store);
-        self.settle_all(now);
+        self.settle(now);
         self.check_kept(now);
         self.take_changes()
     }
 
-    /// Works out anew what is kept of the axes that may have changed.
+    /// Works out anew what is kept of the axes that may have changed, and what of it their buses
+    /// need for the next frame.
     pub(crate) fn settle(&mut self, now: Instant) {
-        self.touched_buses |= self.axes.settle(now, self.now);
+        let changed = self.axes.settle(now, self.now);
+        self.touch_buses(changed);
+        for bus in self.axes.take_new_traffic() {
+            if let Some(bus) = self.buses.get_mut(bus) {
+                bus.measure(&self.axes);
+            }
+        }
     }
 
-    /// The same for everything, at the end of what an event has brought about.
-    fn settle_all(&mut self, now: Instant) {
-        self.settle(now);
-        let buses = core::mem::take(&mut self.touched_buses);
-        if buses == 0 {
-            return;
-        }
-        for bus in self.buses.iter_mut().filter(|bus| bus.is_in(buses)) {
-            bus.settle(self.now, &self.axes);
-        }
-        self.axes.traffic_is_known();
-        self.unwatched_buses |= buses;
-        self.changed_buses |= buses;
-    }
-
-    /// In tests: every word that is kept is what a look at everything gives.
+    /// In tests: what is kept is what a look at everything gives.
     fn check_kept(&self, now: Instant) {
         if cfg!(debug_assertions) {
             self.axes.assert_kept(now, self.now);
-            self.buses.iter().for_each(|bus| bus.assert_kept(self.now, &self.axes));
+            self.buses.iter().for_each(|bus| bus.assert_measured(&self.axes));
         }
+    }
+
+    /// These may have changed.
+    fn touch_buses(&mut self, buses: Set) {
+        self.touched_buses.add(buses);
+        self.unwatched_buses.add(buses);
+        self.changed_buses.add(buses);
     }
 
     /// Who has to ask the core again since the last time: [`handle`](Self::handle) says so too, and
     /// what polls a bus asks afterwards.
     pub fn take_changes(&mut self) -> Changes {
-        let deadline = self.next_deadline();
         let (links, log) = self.links.take_changed();
-        Changes {
-            buses: core::mem::take(&mut self.changed_buses),
-            links,
-            log,
-            deadline: core::mem::replace(&mut self.told_deadline, deadline) != deadline,
-            history: !self.retention.is_complete(),
-        }
+        let history = !self.retention.is_complete();
+        Changes { buses: self.changed_buses.take(), links, log, history }
     }
 
     /// Records new trips in the history, one call later: the stop frames go first.
@@ -245,16 +239,12 @@ impl Gateway {
 
     /// A bus has been polled: who polls it does so until nothing is left.
     fn has_polled(&mut self, now: Instant, bus: u8, has_changed: bool) {
-        self.touch_bus(bus, has_changed);
-        self.settle_all(now);
         if has_changed {
+            self.touch_buses(Set::of(bus));
+            self.settle(now);
             self.check_kept(now);
         }
-        self.changed_buses &= !1u8.checked_shl(bus.into()).unwrap_or(0);
-    }
-
-    fn touch_bus(&mut self, bus: u8, has_changed: bool) {
-        self.touched_buses |= u8::from(has_changed).checked_shl(bus.into()).unwrap_or(0);
+        self.changed_buses.put(Set::of(bus), false);
     }
 
     /// The slot of a frame that the controller of a CAN bus should cancel, if there is one:
@@ -309,8 +299,17 @@ impl Gateway {
         self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
-    /// When `handle` must be called with [`Event::Tick`] if nothing else happens before.
-    pub fn next_deadline(&self) -> Option<Instant> {
+    /// When `handle` must be called with [`Event::Tick`] if nothing else happens before: asked when
+    /// what follows from an event has been sent, as it takes longer to find than that.
+    pub fn next_deadline(&mut self) -> Option<Instant> {
+        for bus in self.touched_buses.take() {
+            if let Some(bus) = self.buses.get_mut(bus) {
+                bus.settle(self.now, &self.axes);
+            }
+        }
+        if cfg!(debug_assertions) {
+            self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
+        }
         let buses = self.buses.iter().filter_map(Bus::due);
         let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
         let together = self.together.as_ref().and_then(Together::deadline);
@@ -340,15 +339,20 @@ impl Gateway {
             });
             self.settle(now);
         }
-        let Self { buses, axes, links, unwatched_buses, touched_buses, .. } = self;
+        // What of these is due may not have been worked out yet.
+        let mut due = self.unwatched_buses.take();
+        for (index, bus) in self.buses.iter().enumerate() {
+            due.put(Set::of(index), due.has(index) || bus.due().is_some_and(|at| at <= now));
+        }
+        let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        let unwatched = core::mem::take(unwatched_buses);
-        for (index, bus) in (0u8..).zip(buses) {
-            if bus.is_in(unwatched) || bus.due().is_some_and(|at| at <= now) {
+        for index in due {
+            if let Some(bus) = buses.get_mut(index) {
                 bus.expire(now, axes, &mut out);
-                *touched_buses |= 1u8.checked_shl(index.into()).unwrap_or(0);
             }
         }
+        self.touched_buses.add(due);
+        self.changed_buses.add(due);
         self.settle(now);
     }
 
@@ -370,11 +374,11 @@ impl Gateway {
     /// Has the axes polled that a host has subscribed to.
     pub(crate) fn watch(&mut self) {
         let Self { axes, links, .. } = self;
-        let mut changed = AxisSet::NONE;
+        let mut changed = Set::NONE;
         for axis in axes.iter() {
             let watched = links.iter().any(|link| link.watches(axis.index));
             if axis.is_watched() != watched {
-                changed = changed.with(AxisSet::of(axis.index.into()));
+                changed.add(Set::of(axis.index));
             }
         }
         axes.each(changed, |axis| axis.watch(!axis.is_watched()));
@@ -415,7 +419,7 @@ impl Gateway {
 
     pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
         let unknown = self.unknown_bus(bus);
-        self.touch_bus(bus, true);
+        self.touch_buses(Set::of(bus));
         self.buses.get_mut(usize::from(bus)).ok_or(unknown)
     }
 
@@ -453,7 +457,7 @@ impl Gateway {
         bus: u8,
         act: impl FnOnce(&mut Bus, &mut Axes, &mut Outbox<'_>),
     ) {
-        self.touch_bus(bus, true);
+        self.touch_buses(Set::of(bus));
         self.with_bus(now, bus, act);
     }
 

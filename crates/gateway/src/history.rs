@@ -1,5 +1,6 @@
 //! The last trips and starts (GUARANTEES G8).
 
+use crate::set::Set;
 use host_protocol::replies::{IncidentPage, MAX_INCIDENTS};
 use host_protocol::{Incident, MaxSize, TripReason, Vec};
 
@@ -16,15 +17,13 @@ pub(crate) struct History {
     incidents: [Option<Incident>; INCIDENTS],
     /// The ordinal number of the next.
     next: u32,
-    /// Places that have not been saved. Bit 0 is place 0.
-    unsaved: u16,
+    /// Places that have not been saved.
+    unsaved: Set,
 }
-
-const _: () = assert!(INCIDENTS <= u16::BITS as usize, "one bit for each place");
 
 impl History {
     pub const fn new() -> Self {
-        Self { incidents: [None; INCIDENTS], next: 0, unsaved: 0 }
+        Self { incidents: [None; INCIDENTS], next: 0, unsaved: Set::NONE }
     }
 
     /// What was saved, from the words of each place. One that a newer one should have replaced, and
@@ -39,14 +38,14 @@ impl History {
             |(ordinal, _): &(u32, Incident)| next.abs_diff(*ordinal) as usize <= INCIDENTS;
         let incidents =
             known.map(|known| known.filter(is_of_the_last).map(|(_, incident)| incident));
-        Self { incidents, next, unsaved: 0 }
+        Self { incidents, next, unsaved: Set::NONE }
     }
 
     pub fn push(&mut self, incident: Incident) {
         let index = place(self.next);
         if let Some(slot) = self.incidents.get_mut(index) {
             *slot = Some(incident);
-            self.unsaved |= 1 << index;
+            self.unsaved.add(Set::of(index));
             self.next = self.next.saturating_add(1);
         }
     }
@@ -60,24 +59,22 @@ impl History {
     pub fn take_unsaved(&mut self) -> Option<(usize, [u32; INCIDENT_WORDS])> {
         let oldest = place(self.next);
         let mut by_age = (0..INCIDENTS).map(|age| (oldest + age) % INCIDENTS);
-        let index = by_age.find(|index| self.unsaved & (1 << index) != 0)?;
-        self.unsaved &= !(1 << index);
+        let index = by_age.find(|index| self.unsaved.has(*index))?;
+        self.unsaved.put(Set::of(index), false);
         let incident = self.incidents.get(index)?.as_ref()?;
         Some((index, to_words(self.ordinal_of(index), incident)))
     }
 
-    /// Has those of these places saved that hold something, and returns which these are. Bit 0 is
-    /// place 0.
-    pub fn save_again(&mut self, places: u32) -> u32 {
+    /// Has those of these places saved that hold something, and returns the others.
+    pub fn save_again(&mut self, places: Set) -> Set {
         let held = |index: &usize| self.incidents.get(*index).is_some_and(Option::is_some);
-        let again = (0..INCIDENTS).filter(held).fold(0, |again, index| again | 1 << index) & places;
-        self.unsaved |= u16::try_from(again).unwrap_or(0);
-        again
+        places.into_iter().filter(held).for_each(|index| self.unsaved.add(Set::of(index)));
+        places.without(self.unsaved)
     }
 
     /// Whether there is more to save.
     pub fn has_unsaved(&self) -> bool {
-        self.unsaved != 0
+        !self.unsaved.is_empty()
     }
 
     /// Why an axis tripped last.

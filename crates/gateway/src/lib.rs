@@ -20,6 +20,7 @@ mod outbox;
 pub mod port;
 mod protocol;
 mod rules;
+pub mod set;
 #[cfg(feature = "state-text")]
 mod state_text;
 pub mod time;
@@ -32,6 +33,7 @@ pub use port::{
     Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, Outgoing, Store, Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
+pub use set::Set;
 pub use time::{Duration, Instant};
 
 /// Axes of one gateway.

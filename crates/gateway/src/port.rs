@@ -29,6 +29,7 @@
 //! - After every call of `handle` it sets its enable output to
 //!   [`Gateway::enable_output`](crate::Gateway::enable_output).
 
+use crate::set::Set;
 use heapless::Vec;
 use host_protocol::{BusState, CanFrame};
 
@@ -113,30 +114,14 @@ pub enum Event<'a> {
 /// Who has to ask the core again after an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Changes {
-    /// The buses to poll, a bit for each.
-    pub buses: u8,
-    /// The host links to poll, a bit for each.
-    pub links: u8,
+    /// The buses to poll.
+    pub buses: Set,
+    /// The host links to poll.
+    pub links: Set,
     /// The log has an entry.
     pub log: bool,
-    /// The next deadline is another one.
-    pub deadline: bool,
     /// A part of the history has still to be stored.
     pub history: bool,
-}
-
-impl Changes {
-    /// Whether a bus is to be polled.
-    #[must_use]
-    pub fn has_bus(self, bus: u8) -> bool {
-        self.buses.checked_shr(bus.into()).is_some_and(|bit| bit & 1 != 0)
-    }
-
-    /// Whether a host link is to be polled.
-    #[must_use]
-    pub fn has_link(self, link: u8) -> bool {
-        self.links.checked_shr(link.into()).is_some_and(|bit| bit & 1 != 0)
-    }
 }
 
 /// What the light of a board shows.

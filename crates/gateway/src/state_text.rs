@@ -37,7 +37,6 @@ impl Gateway {
             touched_buses: _,
             unwatched_buses: _,
             changed_buses: _,
-            told_deadline: _,
         } = self;
         for axis in all.iter().take(axes) {
             write!(to, "{axis:?}")?;

@@ -13,7 +13,7 @@ use crate::bus::{Bus, OnWire, arbitration, crc16};
 use crate::host::Host;
 use crate::motor::Motor;
 use crate::plant::{BOARD, BUSES, KINDS, LINE, LINKS, LISTENER, MOTORS, all_motors, extended_id};
-use gateway::{Gateway, Instant, MAX_AXES, Outgoing};
+use gateway::{Gateway, Instant, MAX_AXES, Outgoing, Set};
 use host_protocol::Protocol;
 use life::{FIRST_RANDOM_NUMBER, Life};
 use ports::Input;
@@ -48,8 +48,8 @@ pub struct World {
     told: [Told; MOTORS.len()],
     counts: Counts,
     life: Life,
-    /// Buses that the core has named and that have not been polled since, a bit for each.
-    named: u8,
+    /// Buses that the core has named and that have not been polled since.
+    named: Set,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
     /// Frames that do not reach their bus although the core believes so: a fault that must be
@@ -79,7 +79,7 @@ impl World {
             told: [Told::Unconfigured; MOTORS.len()],
             counts: Counts::default(),
             life: Life::new(),
-            named: u8::MAX,
+            named: Set::ALL,
             trace: None,
             #[cfg(test)]
             swallows: None,
@@ -163,9 +163,10 @@ impl World {
     }
 
     /// When something happens next by itself.
-    fn next_us(&self) -> Option<u64> {
+    fn next_us(&mut self) -> Option<u64> {
+        let tick = self.tick_us();
         let buses = self.buses.iter().filter_map(|bus| bus.next_us(self.now_us));
-        let next = buses.chain(self.tick_us()).chain(self.life.links_open_by()).min();
+        let next = buses.chain(tick).chain(self.life.links_open_by()).min();
         next.map(|at| at.max(self.now_us))
     }
 
@@ -177,7 +178,7 @@ impl World {
     }
 
     /// When the firmware looks at the next deadline.
-    fn tick_us(&self) -> Option<u64> {
+    fn tick_us(&mut self) -> Option<u64> {
         let at = self.gateway.next_deadline()?.as_micros();
         Some(at + at.wrapping_mul(0x9E37_79B9_7F4A_7C15) % LATE_US)
     }

@@ -205,7 +205,7 @@ impl Line {
             if now >= until {
                 return;
             }
-            let world = self.world.borrow().next_event();
+            let world = self.world.borrow_mut().next_event();
             let planned = self.to_come.iter().filter_map(|(at, _, _)| *at);
             let next = world
                 .map(|at| Duration::from_micros(at.as_micros()))

@@ -95,7 +95,7 @@ impl Bus {
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.
-    pub(super) fn measure(&mut self, axes: &Axes) {
+    pub fn measure(&mut self, axes: &Axes) {
         self.longest_frame_bits = longest_frame_bits(self.axes_here(axes));
         let frame = self.frame_time(1);
         let mut bounds = Bounds::NONE;

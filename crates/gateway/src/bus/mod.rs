@@ -12,9 +12,10 @@ mod transmit;
 pub(crate) use load::check as check_load;
 pub(crate) use raw::Raw;
 
-use crate::axes::{Axes, AxisSet, Is};
+use crate::axes::{Axes, Is};
 use crate::outbox::Outbox;
 use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
+use crate::set::Set;
 use crate::time::{Duration, Instant};
 use bounds::Bounds;
 use embedded_can::Id;
@@ -70,8 +71,6 @@ pub(crate) struct Bus {
     /// configuration.
     longest_frame_bits: u64,
     bounds: Bounds,
-    /// The configuration is another one than they know.
-    has_new_config: bool,
     /// The axis that was served last; the next one after it goes first.
     last_served: u8,
     /// When the bus must be looked at again.
@@ -130,15 +129,9 @@ impl Bus {
             paused_for: None,
             longest_frame_bits: STANDARD_FRAME_BITS,
             bounds: Bounds::NONE,
-            has_new_config: false,
             last_served: 0,
             due: None,
         }
-    }
-
-    /// Whether it is one of these, a bit for each.
-    pub fn is_in(&self, buses: u8) -> bool {
-        buses.checked_shr(self.index.into()).is_some_and(|bit| bit & 1 != 0)
     }
 
     /// When the bus must be looked at again.
@@ -146,22 +139,23 @@ impl Bus {
         self.due
     }
 
-    /// Works out anew what is kept of the bus. `after`: what was due until then has been done.
+    /// Works out anew when the bus is due. `after`: what was due until then has been done.
     pub fn settle(&mut self, after: Instant, axes: &Axes) {
-        if core::mem::take(&mut self.has_new_config) || axes.has_new_traffic(self.index) {
-            self.measure(axes);
-        }
         self.due = self.next_deadline(after, axes);
     }
 
-    /// Panics where what is kept is not what a look at everything gives. For tests.
-    pub fn assert_kept(&self, after: Instant, axes: &Axes) {
+    /// Panics where the bounds are not what a look at all axes gives. For tests.
+    pub fn assert_measured(&self, axes: &Axes) {
         if self.config.is_some() {
             let mut fresh = self.clone();
             fresh.measure(axes);
             assert_eq!(fresh.bounds, self.bounds);
             assert_eq!(fresh.longest_frame_bits, self.longest_frame_bits);
         }
+    }
+
+    /// Panics where the bus is due at another time. For tests.
+    pub fn assert_due(&self, after: Instant, axes: &Axes) {
         assert_eq!(self.next_deadline(after, axes), self.due);
     }
 
@@ -213,7 +207,7 @@ impl Bus {
     ) {
         self.config = Some(config);
         self.line.configure(config.protocols);
-        self.has_new_config = true;
+        self.measure(axes);
         self.pause = Duration::ZERO;
         self.restart(now, axes, out);
     }
@@ -226,9 +220,9 @@ impl Bus {
 
     /// Takes the configuration that an unserved bus had before a reset: its axes stay known. It
     /// counts as off, and is never started.
-    pub fn restore_unserved(&mut self, config: BusConfig) {
+    pub fn restore_unserved(&mut self, config: BusConfig, axes: &Axes) {
         self.config = Some(config);
-        self.has_new_config = true;
+        self.measure(axes);
         self.state = BusState::BusOff;
     }
 
@@ -371,12 +365,12 @@ impl Bus {
     }
 
     /// The axes for this bus.
-    fn here(&self, axes: &Axes) -> AxisSet {
+    fn here(&self, axes: &Axes) -> Set {
         axes.on(self.index)
     }
 
     /// Those of them of which something is so.
-    fn which(&self, is: Is, axes: &Axes) -> AxisSet {
+    fn which(&self, is: Is, axes: &Axes) -> Set {
         axes.which_on(is, self.index)
     }
 

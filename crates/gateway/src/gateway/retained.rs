@@ -17,8 +17,6 @@ mod states;
 
 pub use layout::RETAINED_WORDS;
 
-use core::mem::take;
-
 use crate::axes::Is;
 use crate::axis::Axis;
 use crate::bus::Bus;
@@ -29,6 +27,7 @@ use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
 use crate::outbox::Outbox;
 use crate::port::Store;
+use crate::set::Set;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{BusConfig, Incident, ProtocolSet, TripReason, requests};
@@ -51,10 +50,10 @@ const INCIDENTS_AT_ONCE: usize = 2;
 pub(crate) struct Retention {
     /// The generation last written of each slot.
     generations: [u32; SLOTS],
-    /// Axes configured anew, or whose motor was. Bit 0 is axis 0.
-    axes: u32,
-    /// Buses configured anew. Bit 0 is bus 0.
-    buses: u32,
+    /// Axes configured anew, or whose motor was.
+    axes: Set,
+    /// Buses configured anew.
+    buses: Set,
     states: States,
     /// Nothing is left to save: the history has every trip, and the states say so.
     is_complete: bool,
@@ -62,8 +61,8 @@ pub(crate) struct Retention {
     memory: Memory,
     /// A word of what a reset should have left alone has changed.
     is_damaged: bool,
-    /// Places of the history that hold nothing readable. Bit 0 is place 0.
-    lost_incidents: u32,
+    /// Places of the history that hold nothing readable.
+    lost_incidents: Set,
 }
 
 /// What is in the memory.
@@ -81,13 +80,13 @@ impl Retention {
     pub const fn new() -> Self {
         Self {
             generations: [0; SLOTS],
-            axes: 0,
-            buses: 0,
+            axes: Set::NONE,
+            buses: Set::NONE,
             states: States::NONE,
             is_complete: false,
             memory: Memory::Foreign,
             is_damaged: false,
-            lost_incidents: 0,
+            lost_incidents: Set::NONE,
         }
     }
 
@@ -98,12 +97,12 @@ impl Retention {
 
     /// An axis has been configured or removed.
     pub fn axis_changed(&mut self, axis: u8) {
-        self.axes |= bit(usize::from(axis));
+        self.axes.add(Set::of(axis));
     }
 
     /// A bus has been configured.
     pub fn bus_changed(&mut self, bus: u8) {
-        self.buses |= bit(usize::from(bus));
+        self.buses.add(Set::of(bus));
     }
 
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
@@ -122,7 +121,7 @@ impl Retention {
             Memory::Foreign => layout::make_ours(store),
             Memory::Restored { .. } => {
                 layout::mark(store);
-                for index in (0..INCIDENTS).filter(|index| self.lost_incidents & bit(*index) != 0) {
+                for index in (0..INCIDENTS).filter(|index| self.lost_incidents.has(*index)) {
                     let place = Place::Incident(index);
                     store(WRITING_AT, place.writing());
                     place.slot().erase(store);
@@ -151,9 +150,9 @@ impl Retention {
             match place {
                 // Each start counts itself there.
                 Place::States => {}
-                Place::Axis(axis) => self.axes |= bit(axis),
-                Place::Bus(bus) => self.buses |= bit(bus),
-                Place::Incident(index) => self.lost_incidents |= bit(index),
+                Place::Axis(axis) => self.axes.add(Set::of(axis)),
+                Place::Bus(bus) => self.buses.add(Set::of(bus)),
+                Place::Incident(index) => self.lost_incidents.add(Set::of(index)),
             }
         }
         let (generation, payload) = newest?;
@@ -171,8 +170,8 @@ impl Gateway {
         self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
-        let unrecorded = self.axes.which(Is::Tripped).bits() & !states.tripped;
-        self.retention.is_complete = !self.history.has_unsaved() && unrecorded == 0;
+        let unrecorded = self.axes.which(Is::Tripped).without(states.tripped);
+        self.retention.is_complete = !self.history.has_unsaved() && unrecorded.is_empty();
         self.retention.write_states(states, store);
     }
 
@@ -193,7 +192,7 @@ impl Gateway {
         if self.history.has_unsaved() {
             return false;
         }
-        let states = self.states(u32::MAX);
+        let states = self.states(Set::ALL);
         self.retention.write_states(states, store);
         self.retention.is_complete = true;
         true
@@ -204,35 +203,28 @@ impl Gateway {
         let Self { retention, axes, buses, .. } = self;
         axes.each(axes.which(Is::Unsaved), |axis| {
             if axis.take_unsaved() {
-                retention.axes |= bit(usize::from(axis.index));
+                retention.axes.add(Set::of(axis.index));
             }
         });
-        let (new_axes, new_buses) = (take(&mut retention.axes), take(&mut retention.buses));
-        if new_axes | new_buses == 0 {
-            return;
+        let (new_axes, new_buses) = (retention.axes.take(), retention.buses.take());
+        for axis in axes.of(new_axes) {
+            retention.write(Place::Axis(axis.index.into()), &axis_words(axis), store);
         }
-        for (index, axis) in
-            axes.iter().enumerate().filter(|(index, _)| new_axes & bit(*index) != 0)
-        {
-            retention.write(Place::Axis(index), &axis_words(axis), store);
-        }
-        for (index, bus) in
-            buses.iter().enumerate().filter(|(index, _)| new_buses & bit(*index) != 0)
-        {
+        for (index, bus) in new_buses.into_iter().filter_map(|bus| Some((bus, buses.get(bus)?))) {
             retention.write(Place::Bus(index), &bus_words(bus.config()), store);
         }
     }
 
     /// The states as they are. What has tripped counts as in motion, except for these axes.
-    fn states(&self, in_history: u32) -> States {
-        let which = |is| self.axes.which(is).bits();
-        let tripped = which(Is::Tripped) & in_history;
+    fn states(&self, in_history: Set) -> States {
+        let which = |is| self.axes.which(is);
+        let tripped = which(Is::Tripped).and(in_history);
         States {
             starts: self.starts,
             // What holds goes on holding: after a reset each axis is sent its stop action.
-            moving: which(Is::Moving) & !tripped,
+            moving: which(Is::Moving).without(tripped),
             tripped,
-            unreachable: which(Is::Unreachable) & tripped,
+            unreachable: which(Is::Unreachable).and(tripped),
             flags: if self.e_stopped { E_STOPPED } else { 0 },
             silence_us: self.authority.silence().as_micros_u32(),
         }
@@ -263,13 +255,13 @@ impl Gateway {
         let mut states = states.unwrap_or(States::NONE);
         self.history =
             History::restored(|index| self.retention.read(Place::Incident(index), words));
-        self.retention.lost_incidents &= !self.history.save_again(self.retention.lost_incidents);
+        self.retention.lost_incidents = self.history.save_again(self.retention.lost_incidents);
         self.restore_buses(now, words);
         self.restore_axes(words);
         if self.retention.is_damaged {
             self.links.log(LogEntry::MemoryDamaged);
             states.flags |= E_STOPPED;
-            states.moving |= !states.tripped;
+            states.moving.add(Set::ALL.without(states.tripped));
         }
         if states.silence_us != 0 {
             self.authority.set_silence(Duration::from_micros(u64::from(states.silence_us)));
@@ -301,7 +293,7 @@ impl Gateway {
             if let Some(unserved) = self.buses.get_mut(index).filter(|bus| bus.is_unserved()) {
                 let bitrates = [config.bitrate];
                 if bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config).is_ok() {
-                    unserved.restore_unserved(config);
+                    unserved.restore_unserved(config, &self.axes);
                 }
                 continue;
             }
@@ -335,11 +327,10 @@ impl Gateway {
             bus.is_some_and(Bus::is_unserved)
         };
         axes.each(axes.which(Is::Configured), |axis| {
-            let index = usize::from(axis.index);
-            let was_tripped = states.tripped & bit(index) != 0;
-            if was_tripped || states.moving & bit(index) != 0 {
+            let was_tripped = states.tripped.has(axis.index);
+            if was_tripped || states.moving.has(axis.index) {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
-                let unreachable = was_tripped && states.unreachable & bit(index) != 0;
+                let unreachable = was_tripped && states.unreachable.has(axis.index);
                 axis.trip_after_reset(
                     now,
                     known.unwrap_or(TripReason::Reset),
@@ -365,11 +356,6 @@ impl Gateway {
     pub fn stops_under_way(&self) -> bool {
         !self.axes.which(Is::FirstStop).is_empty()
     }
-}
-
-/// The bit of an axis or a bus; none beyond the word.
-fn bit(index: usize) -> u32 {
-    u32::try_from(index).ok().and_then(|index| 1u32.checked_shl(index)).unwrap_or(0)
 }
 
 /// The words of an axis: its configuration, and the timeout last written to its motor.

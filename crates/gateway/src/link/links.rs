@@ -3,6 +3,7 @@
 use super::{Cursor, Incoming, Link, Ring, Slot};
 use crate::MAX_LINKS;
 use crate::log::LogEntry;
+use crate::set::Set;
 use core::mem::take;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
@@ -18,8 +19,8 @@ pub(crate) struct Links {
     told: Cursor,
     /// The link that is in command, as the log knows it.
     holder: Option<u8>,
-    /// The links that have had something to send since that was last asked, a bit for each.
-    changed: u8,
+    /// The links that have had something to send since that was last asked.
+    changed: Set,
     /// The same of the log.
     log_changed: bool,
 }
@@ -44,7 +45,7 @@ impl Links {
             ring: Ring::new(),
             told: Cursor { entry: 0, event: 0 },
             holder: None,
-            changed: 0,
+            changed: Set::NONE,
             log_changed: false,
         }
     }
@@ -53,8 +54,8 @@ impl Links {
     pub fn event(&mut self, now_us: u64, event: &Event) {
         self.ring.push(now_us, LogEntry::Event(*event));
         self.log_changed = true;
-        for (link, port) in (0u8..).zip(&self.links) {
-            self.changed |= u8::from(port.is_told()).checked_shl(link.into()).unwrap_or(0);
+        for (link, _) in self.links.iter().enumerate().filter(|(_, port)| port.is_told()) {
+            self.changed.add(Set::of(link));
         }
     }
 
@@ -86,14 +87,13 @@ impl Links {
     /// A link may have something to send.
     pub fn touch(&mut self, link: u8) {
         if self.links.get(usize::from(link)).is_some_and(|link| link.has_output(&self.ring)) {
-            self.changed |= 1u8.checked_shl(link.into()).unwrap_or(0);
+            self.changed.add(Set::of(link));
         }
     }
 
-    /// The links that have got something to send since the last time, a bit for each; and whether
-    /// the log has.
-    pub fn take_changed(&mut self) -> (u8, bool) {
-        (take(&mut self.changed), take(&mut self.log_changed))
+    /// The links that have got something to send since the last time, and whether the log has.
+    pub fn take_changed(&mut self) -> (Set, bool) {
+        (self.changed.take(), take(&mut self.log_changed))
     }
 
     /// Adds to the log who is in command, where that has changed.

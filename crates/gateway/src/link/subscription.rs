@@ -1,5 +1,6 @@
 //! What a host has subscribed to: which axes are due to be told of, and which were not in time.
 
+use crate::set::Set;
 use host_protocol::{Error, Quantity, StateFields, requests};
 
 /// Shortest and longest time between two samples of an axis, µs.
@@ -10,15 +11,15 @@ const SILENCE_US: u64 = 5_000_000;
 /// A subscription in force.
 #[derive(Debug, Clone)]
 pub struct Subscription {
-    /// Bit 0 is axis 0.
-    axes: u32,
+    axes: Set,
     fields: StateFields,
     period_us: u64,
     next_us: u64,
     /// Axes whose sample of this period has not gone out.
-    due: u32,
-    /// The axis that comes next, so that a slow link leaves out no axis for ever.
-    next_axis: u8,
+    due: Set,
+    /// The axis told of last: those behind it come first, so that a slow link leaves out none for
+    /// ever.
+    last_axis: u8,
     /// Samples that were not out when the next were due.
     missed: u32,
 }
@@ -33,19 +34,19 @@ impl Subscription {
             return Err(Error::OutOfRange { quantity: Quantity::Period, value, min, max });
         }
         let subscription = Self {
-            axes: request.axes,
+            axes: Set::from_bits(request.axes),
             fields: request.fields,
             period_us: u64::from(request.period_us),
             next_us: now_us,
-            due: 0,
-            next_axis: 0,
+            due: Set::NONE,
+            last_axis: u8::MAX,
             missed: 0,
         };
         Ok((request.axes != 0).then_some(subscription))
     }
 
     pub fn watches(&self, axis: u8) -> bool {
-        axis_bit(axis) & self.axes != 0
+        self.axes.has(axis)
     }
 
     /// Whether the host has been silent for too long to be told any more.
@@ -63,7 +64,7 @@ impl Subscription {
         if now_us < self.next_us {
             return;
         }
-        self.missed = self.missed.saturating_add(self.due.count_ones());
+        self.missed = self.missed.saturating_add(self.due.len());
         self.due = self.axes;
         // On the grid of the periods; those that nobody could serve are passed over.
         let late = (now_us - self.next_us) / self.period_us;
@@ -71,22 +72,16 @@ impl Subscription {
     }
 
     pub fn is_due(&self) -> bool {
-        self.due != 0
+        !self.due.is_empty()
     }
 
     /// The next axis to tell of, what of it, and how many samples were missed since the last one.
     pub fn take(&mut self) -> Option<(u8, StateFields, u32)> {
-        let later = self.due & u32::MAX.checked_shl(u32::from(self.next_axis)).unwrap_or(0);
-        let from = if later == 0 { self.due } else { later };
-        let axis = u8::try_from(from.trailing_zeros()).ok().filter(|_| from != 0)?;
-        self.due &= !axis_bit(axis);
-        self.next_axis = axis + 1;
+        let axis = u8::try_from(self.due.behind(self.last_axis).next()?).ok()?;
+        self.due.put(Set::of(axis), false);
+        self.last_axis = axis;
         Some((axis, self.fields, core::mem::take(&mut self.missed)))
     }
-}
-
-fn axis_bit(axis: u8) -> u32 {
-    1u32.checked_shl(u32::from(axis)).unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit,
+    Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Set, Transmit,
 };
 use host_protocol::{
     BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage,
@@ -112,8 +112,8 @@ pub struct Rig {
     sequence: u16,
     /// Things on their way: due time, what.
     due: Vec<(u64, Due)>,
-    /// Buses that the core has named and that have not been polled since, a bit for each.
-    named: u8,
+    /// Buses that the core has named and that have not been polled since.
+    named: Set,
 }
 
 enum Due {
@@ -154,7 +154,7 @@ impl Rig {
             deframer: Deframer::new(),
             sequence: 0,
             due: Vec::new(),
-            named: u8::MAX,
+            named: Set::ALL,
         };
         rig.gateway.restore(rig.now(), &[]);
         rig.handle(Event::EStopInput { open: false });
@@ -170,7 +170,7 @@ impl Rig {
     /// The same, and the board offers something else than before.
     pub fn reset_as(&mut self, board: &'static Board) {
         self.gateway = Gateway::new(board, Some(0x8000_0000));
-        self.named = u8::MAX;
+        self.named = Set::ALL;
         self.now_us = 500;
         self.due.clear();
         self.held.clear();
@@ -256,7 +256,7 @@ impl Rig {
     pub fn take_in(&mut self, event: Event<'_>) {
         let now = self.now();
         let changes = self.gateway.handle(now, event, &mut |index, word| self.memory[index] = word);
-        self.named |= changes.buses;
+        self.named = self.named.with(changes.buses);
     }
 
     /// Stores a part of the rest; whether that was all.
@@ -419,11 +419,7 @@ impl Rig {
 
     /// Who polls only the buses that the core names misses nothing.
     fn assert_named(&self, bus: u8) {
-        assert!(
-            self.named >> bus & 1 != 0,
-            "{} µs: bus {bus} has a frame and was not named",
-            self.now_us
-        );
+        assert!(self.named.has(bus), "{} µs: bus {bus} has a frame and was not named", self.now_us);
     }
 
     fn drain(&mut self) {

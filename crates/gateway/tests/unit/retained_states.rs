@@ -5,9 +5,9 @@ use crate::gateway::retained::layout::Place;
 
 const STATES: States = States {
     starts: 3,
-    moving: 0b0010,
-    tripped: 0b1101,
-    unreachable: 0b1000,
+    moving: Set::from_bits(0b0010),
+    tripped: Set::from_bits(0b1101),
+    unreachable: Set::from_bits(0b1000),
     flags: E_STOPPED,
     silence_us: 250_000,
 };

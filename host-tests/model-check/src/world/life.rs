@@ -4,7 +4,7 @@ use super::World;
 use super::ports::Input;
 use crate::action::{Action, Ask};
 use crate::plant::{BOARD, BOARD_AGAIN, LISTENER};
-use gateway::{Board, Gateway, Instant, RETAINED_WORDS};
+use gateway::{Board, Gateway, Instant, RETAINED_WORDS, Set};
 use std::fmt::{Result, Write};
 
 /// The firmware opens its host links at the latest so long after a start, µs.
@@ -179,7 +179,7 @@ impl World {
     fn start(&mut self, board: &'static Board, keeps: bool) {
         self.life.random_number = self.life.random_number.wrapping_add(RANDOM_STEP);
         *self.gateway = Gateway::new(board, Some(self.life.random_number));
-        self.named = u8::MAX;
+        self.named = Set::ALL;
         self.inputs.clear();
         for bus in &mut self.buses {
             bus.forget();

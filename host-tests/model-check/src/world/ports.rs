@@ -3,7 +3,7 @@
 use super::{MAX_AT_ONCE, World};
 use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
-use gateway::{Event, Instant, Outgoing, Transmit, port::TRANSMIT_SLOTS};
+use gateway::{Event, Instant, Outgoing, Set, Transmit, port::TRANSMIT_SLOTS};
 use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
 
@@ -128,7 +128,7 @@ impl World {
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.life.suspend_reset(self.oracle.is_configuring());
         let changes = self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
-        self.named |= changes.buses;
+        self.named = self.named.with(changes.buses);
         self.life.stored(self.oracle.latches(now));
     }
 
@@ -204,15 +204,15 @@ impl World {
                 self.buses[usize::from(bus)].take(transmit);
             }
             self.buses[usize::from(bus)].begin(now);
-            self.named &= !(1 << bus);
+            self.named = self.named.without(Set::of(bus));
         }
-        self.named |= self.gateway.take_changes().buses;
+        self.named = self.named.with(self.gateway.take_changes().buses);
         sent
     }
 
     /// Who polls only the buses that the core names misses nothing.
     fn check_named(&mut self, bus: u8) {
-        if self.named >> bus & 1 == 0 {
+        if !self.named.has(bus) {
             self.oracle.not_named(self.now_us, bus);
         }
     }

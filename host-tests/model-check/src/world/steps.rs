@@ -105,7 +105,7 @@ impl World {
             Action::ClockBack { by_us } => {
                 let before = Instant::from_micros(now.saturating_sub(*by_us));
                 let changes = self.gateway.handle(before, Event::Tick, &mut self.life.store());
-                self.named |= changes.buses;
+                self.named = self.named.with(changes.buses);
                 self.feed(Input::Tick);
             }
         }

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS};
+use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS, Set};
 use host_protocol::BootReason;
 
 use super::trace::micros;
@@ -100,7 +100,7 @@ impl World {
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
         self.gateway.restore(now, &self.life.words);
-        self.named = u8::MAX;
+        self.named = Set::ALL;
         self.life.words.resize(RETAINED_WORDS, 0);
         self.tell(Event::EStopInput { open: self.life.e_stop_input_open });
         self.settle();
@@ -112,8 +112,8 @@ impl World {
     }
 
     /// When the gateway wants to be called, in the time of this world.
-    pub(super) fn gateway_deadline(&self) -> Option<Duration> {
-        let at = self.gateway.next_deadline().filter(|_| self.runs())?;
+    pub(super) fn gateway_deadline(&mut self) -> Option<Duration> {
+        let at = self.gateway.next_deadline().filter(|_| !self.life.hangs)?;
         Some(self.life.started + Duration::from_micros(at.as_micros()))
     }
 
@@ -124,7 +124,7 @@ impl World {
         }
         let now = self.gateway_now();
         let changes = self.gateway.handle(now, event, &mut self.life.store());
-        self.named |= changes.buses;
+        self.named = self.named.with(changes.buses);
     }
 
     /// Whether the gateway listens to its hosts.

@@ -13,7 +13,7 @@ mod trace;
 
 use std::time::Duration;
 
-use gateway::{Event, Gateway, Instant, MAX_LINKS};
+use gateway::{Event, Gateway, Instant, MAX_LINKS, Set};
 use host_protocol::{BusState, MAX_FRAME};
 
 pub use self::trace::TraceEntry;
@@ -42,8 +42,8 @@ pub struct World {
     strangers: Strangers,
     trace: Trace,
     life: Life,
-    /// Buses that the gateway has named and that have not been polled since, a bit for each.
-    named: u8,
+    /// Buses that the gateway has named and that have not been polled since.
+    named: Set,
     /// A deadline that the gateway leaves in the past is due again only then, so that time goes
     /// on.
     not_before: Duration,
@@ -79,7 +79,7 @@ impl World {
         let gateway = Box::new(Gateway::new(board, life.take_random_number()));
         let (strangers, trace, not_before) =
             (Strangers::new(seed), Trace::default(), Duration::ZERO);
-        let (now, named) = (Duration::ZERO, u8::MAX);
+        let (now, named) = (Duration::ZERO, Set::ALL);
         let mut world =
             Self { now, gateway, ports, motors, links, strangers, trace, life, named, not_before };
         world.start_gateway();
@@ -92,7 +92,7 @@ impl World {
     }
 
     /// When something will happen next, rounded up to a whole microsecond.
-    pub fn next_event(&self) -> Option<Instant> {
+    pub fn next_event(&mut self) -> Option<Instant> {
         self.next_time().map(|at| Instant::from_micros(micros(at + TICK - Duration::from_nanos(1))))
     }
 
@@ -191,7 +191,7 @@ impl World {
         self.trace.take()
     }
 
-    fn next_time(&self) -> Option<Duration> {
+    fn next_time(&mut self) -> Option<Duration> {
         let deadline = self.gateway_deadline().map(|at| at.max(self.not_before));
         let ports = self.ports.iter().filter_map(Port::next_event);
         let motors = self.motors.iter().filter_map(Motor::next_event);
@@ -278,8 +278,8 @@ impl World {
         }
         self.set_up_ports();
         let now = self.gateway_now();
-        let named = core::mem::take(&mut self.named) | self.gateway.take_changes().buses;
-        for (bus, port) in (0..).zip(&mut self.ports).filter(|(bus, _)| named >> bus & 1 != 0) {
+        let named = core::mem::take(&mut self.named).with(self.gateway.take_changes().buses);
+        for (bus, port) in (0..).zip(&mut self.ports).filter(|(bus, _)| named.has(*bus)) {
             while let Some(slot) = self.gateway.poll_cancel(now, bus) {
                 port.cancel(slot);
             }

@@ -11,6 +11,7 @@ use crate::gateway::Gateway;
 use crate::outbox::Ticket;
 use crate::protocol::{self, Info};
 use crate::rules;
+use crate::set::Set;
 use crate::time::Instant;
 use host_protocol::{
     AxisState, Error, Reply, Setpoint, TogetherBar, replies, requests::StartTogether,
@@ -20,10 +21,10 @@ use host_protocol::{
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Together {
     ticket: Ticket,
-    /// A bit for each axis that is to move.
-    members: u32,
-    /// A bit for each axis of the bus that must not.
-    others: u32,
+    /// Those that are to move.
+    members: Set,
+    /// Those of the bus that must not.
+    others: Set,
     /// The low 32 bits of the time at which the permission to move ends, and that time.
     expires_at_us: u32,
     expires: Option<Instant>,
@@ -33,20 +34,16 @@ pub(crate) struct Together {
 
 impl Together {
     fn is_member(&self, axis: &Axis) -> bool {
-        self.members & bit(axis) != 0
+        self.members.has(axis.index)
     }
 
     fn concerns(&self, axis: &Axis) -> bool {
-        (self.members | self.others) & bit(axis) != 0
+        self.members.with(self.others).has(axis.index)
     }
 
     pub fn deadline(&self) -> Option<Instant> {
         self.expires
     }
-}
-
-fn bit(axis: &Axis) -> u32 {
-    1u32.checked_shl(axis.index.into()).unwrap_or(0)
 }
 
 impl Gateway {
@@ -77,8 +74,8 @@ impl Gateway {
         let extended = protocol::has_extended_request_id(first_config);
         let mut together = Together {
             ticket,
-            members: 0,
-            others: 0,
+            members: Set::NONE,
+            others: Set::NONE,
             expires_at_us: *expires_at_us,
             expires: None,
             executes: false,
@@ -114,7 +111,7 @@ impl Gateway {
                 Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s },
                 &axis.config,
             )?;
-            together.members |= bit(axis);
+            together.members.add(Set::of(axis.index));
             together.expires = together.expires.into_iter().chain(expires).min();
         }
         let bus = self.bus(bus_index)?;
@@ -142,7 +139,7 @@ impl Gateway {
             if axis.is_busy_with_more_than_a_question() {
                 return Err(Error::Busy { axis: index });
             }
-            together.others |= bit(axis);
+            together.others.add(Set::of(axis.index));
         }
         for member in members {
             let velocity = Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s };
@@ -153,7 +150,7 @@ impl Gateway {
             })?;
         }
         self.each_axis(now, |axis, out| {
-            if together.others & bit(axis) != 0 {
+            if together.others.has(axis.index) {
                 let clears = axis.state() != AxisState::Active;
                 axis.start(now, JobKind::StandBy { clears }, ticket, out);
             }
