@@ -5,122 +5,11 @@
 //! [`Axes::settle`] works its words out anew: what an event costs depends on the axes that it
 //! touches.
 
-use crate::axis::{Axis, Traffic};
+use crate::axis::{Axis, Is, Look, Traffic};
 use crate::set::Set;
-use crate::time::{Earliest, Instant};
+use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
 use heapless::Vec;
-use host_protocol::AxisState;
-
-/// What is asked of axes as a set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Is {
-    /// Not `Unconfigured`.
-    Configured,
-    /// It has a stop, under way or confirmed.
-    Stopping,
-    /// No command of its stop has left.
-    FirstStop,
-    /// It has something to send now.
-    Ready,
-    /// A time of it has passed and has not been looked at.
-    Overdue,
-    /// Its motor owes a reply.
-    Awaiting,
-    /// Its motor owes a reply with the id of the next frame to it.
-    OwedOurId,
-    /// Its motor answers requests to others.
-    Objecting,
-    /// It moves by a setpoint.
-    Active,
-    /// Arming, armed, active, stopping or tripped.
-    Moving,
-    Tripped,
-    Unreachable,
-    /// Its trip has still to reach its group.
-    Spreading,
-    /// Its trip is not in the history.
-    Unrecorded,
-    /// What outlives a reset has changed.
-    Unsaved,
-}
-
-impl Is {
-    const ALL: [Self; 15] = [
-        Self::Configured,
-        Self::Stopping,
-        Self::FirstStop,
-        Self::Ready,
-        Self::Overdue,
-        Self::Awaiting,
-        Self::OwedOurId,
-        Self::Objecting,
-        Self::Active,
-        Self::Moving,
-        Self::Tripped,
-        Self::Unreachable,
-        Self::Spreading,
-        Self::Unrecorded,
-        Self::Unsaved,
-    ];
-
-    const fn bit(self) -> u16 {
-        1 << self as u16
-    }
-}
-
-/// What is kept of one axis: what is so of it, a bit for each [`Is`], and when it is due.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Look {
-    flags: u16,
-    /// When the axis must be looked at again; [`Instant::NEVER`] where time alone changes nothing.
-    due: Instant,
-    /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
-    /// none is owed.
-    delivery_due: Instant,
-}
-
-impl Look {
-    /// Of an axis without configuration.
-    const NONE: Self = Self { flags: 0, due: Instant::NEVER, delivery_due: Instant::NEVER };
-
-    /// At an axis at `now`. `after`: what was due until then has been done.
-    fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
-        if !axis.is_configured() {
-            let flags = if axis.is_unsaved() { Is::Unsaved.bit() } else { 0 };
-            return Self { flags, ..Self::NONE };
-        }
-        let mut flags = Is::Configured.bit();
-        let mut note = |is: Is, so: bool| flags |= if so { is.bit() } else { 0 };
-        if let Some(stop) = axis.stop() {
-            note(Is::Stopping, true);
-            note(Is::FirstStop, !stop.has_left());
-            note(Is::Tripped, axis.trip_reason().is_some());
-            note(Is::Unreachable, axis.is_unreachable());
-            note(Is::Spreading, axis.trip_spreads());
-            note(Is::Unrecorded, axis.trip_is_unrecorded());
-        }
-        note(Is::Active, axis.state() == AxisState::Active);
-        note(Is::Moving, axis.may_move());
-        note(Is::Unsaved, axis.is_unsaved());
-        note(Is::Awaiting, axis.transactions.awaits_reply());
-        note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
-        note(Is::Objecting, axis.transactions.objects());
-        let mut due = Earliest::after(after);
-        for at in axis.timers().into_iter().flatten() {
-            note(Is::Overdue, at <= now);
-            due.consider(Some(at));
-        }
-        if axis.transactions.is_idle() {
-            let at = axis.next_request_at(now);
-            note(Is::Ready, at.is_some_and(|at| at <= now));
-            due.consider(if after == now { at } else { axis.next_request_at(after) });
-        }
-        let due = due.at().unwrap_or(Instant::NEVER);
-        let delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
-        Self { flags, due, delivery_due }
-    }
-}
 
 /// What is kept of all axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,7 +42,7 @@ impl Kept {
         let mut changed = before.flags ^ look.flags;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
-                set.put(one, !set.has(index));
+                set.toggle(one);
             }
             changed &= changed - 1;
         }
@@ -178,8 +67,8 @@ pub(crate) struct Axes {
     /// Those that may have changed since they were settled.
     touched: Set,
     kept: Kept,
-    /// The earliest time of `Kept::due`.
-    first_due: Instant,
+    /// When the first of them is due; `None` where that has to be worked out.
+    first_due: Option<Instant>,
     /// Buses whose traffic is another one than they know.
     new_traffic: Set,
 }
@@ -190,7 +79,7 @@ impl Axes {
             axes: Vec::new(),
             touched: Set::NONE,
             kept: Kept::NONE,
-            first_due: Instant::NEVER,
+            first_due: None,
             new_traffic: Set::NONE,
         }
     }
@@ -255,14 +144,18 @@ impl Axes {
     }
 
     /// When the first axis must be looked at again.
-    pub fn first_due(&self) -> Option<Instant> {
-        Some(self.first_due).filter(|at| *at < Instant::NEVER)
+    pub fn first_due(&mut self) -> Option<Instant> {
+        let due = self.which(Is::Configured).into_iter().map(|index| self.kept.due(index));
+        let first = self.first_due.unwrap_or_else(|| due.min().unwrap_or(Instant::NEVER));
+        self.first_due = Some(first);
+        Some(first).filter(|at| *at < Instant::NEVER)
     }
 
     /// The axes to which time alone has brought something.
     pub fn due(&self, now: Instant) -> Set {
         let overdue = self.which(Is::Overdue);
-        if self.first_due <= now { overdue.with(self.due_by(now)) } else { overdue }
+        let is_later = self.first_due.is_some_and(|at| at > now);
+        if is_later { overdue } else { overdue.with(self.due_by(now)) }
     }
 
     fn due_by(&self, now: Instant) -> Set {
@@ -279,26 +172,16 @@ impl Axes {
     /// are or were on. `after`: what was due until then has been done.
     pub fn settle(&mut self, now: Instant, after: Instant) -> Set {
         // What becomes ready meanwhile is asked for before its tick comes.
-        let ripe = if self.first_due <= now && now > after { self.due_by(now) } else { Set::NONE };
+        let ripe = if now > after { self.due_by(now) } else { Set::NONE };
         let touched = self.touched.take().with(ripe);
         if touched.is_empty() {
             return Set::NONE;
         }
+        self.first_due = None;
         let before = self.buses_of(touched);
-        let (mut is_new_traffic, mut is_first_later) = (false, false);
-        for index in touched {
-            let before = self.kept.due(index);
-            if let Some(axis) = self.axes.get(index) {
-                is_new_traffic |= self.kept.keep(axis, now, after);
-            }
-            let due = self.kept.due(index);
-            is_first_later |= before <= self.first_due && due > before;
-            self.first_due = self.first_due.min(due);
-        }
-        if is_first_later {
-            let configured = self.which(Is::Configured).into_iter();
-            let first = configured.map(|index| self.kept.due(index)).min();
-            self.first_due = first.unwrap_or(Instant::NEVER);
+        let mut is_new_traffic = false;
+        for axis in touched.into_iter().filter_map(|index| self.axes.get(index)) {
+            is_new_traffic |= self.kept.keep(axis, now, after);
         }
         let buses = before.with(self.buses_of(touched));
         self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
@@ -323,7 +206,6 @@ impl Axes {
             assert_eq!(fresh, kept, "{is:?}");
         }
         assert_eq!(fresh, self.kept);
-        assert_eq!(fresh.looks.iter().map(|look| look.due).min(), Some(self.first_due));
     }
 
     fn buses_of(&self, set: Set) -> Set {

@@ -6,8 +6,8 @@ mod retained;
 
 pub use retained::RETAINED_WORDS;
 
-use crate::axes::{Axes, Is};
-use crate::axis::Axis;
+use crate::axes::Axes;
+use crate::axis::{Axis, Is};
 use crate::bus::Bus;
 use crate::history::History;
 use crate::link::{Link, Links};

@@ -83,6 +83,11 @@ impl Set {
         *self = if is_in { self.with(others) } else { self.without(others) };
     }
 
+    /// Puts in those that are out, and those out that are in.
+    pub(crate) fn toggle(&mut self, others: Self) {
+        self.0 ^= others.0;
+    }
+
     /// Those behind `last` in their order, then the others.
     pub(crate) fn behind(self, last: u8) -> impl Iterator<Item = usize> {
         // Two shifts, as one by the whole width is none.

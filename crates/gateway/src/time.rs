@@ -1,11 +1,14 @@
 //! Gateway time: microseconds since start, given to the core with every call.
 
+use core::num::NonZeroU64;
 use core::ops::{Add, AddAssign, Sub};
 
 /// A point in gateway time, in microseconds since the gateway started.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+///
+/// It holds one more than these, so that an `Option<Instant>` is no larger: there are many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Instant(u64);
+pub struct Instant(NonZeroU64);
 
 /// A span of gateway time, in microseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -14,27 +17,33 @@ pub struct Duration(u64);
 
 impl Instant {
     /// Later than all that happens.
-    pub(crate) const NEVER: Self = Self(u64::MAX);
+    pub(crate) const NEVER: Self = Self(NonZeroU64::MAX);
 
     /// The instant `us` microseconds after start.
     pub const fn from_micros(us: u64) -> Self {
-        Self(us)
+        Self(NonZeroU64::MIN.saturating_add(us))
     }
 
     /// Microseconds since start.
     pub const fn as_micros(self) -> u64 {
-        self.0
+        self.0.get() - 1
     }
 
     /// The low 32 bits of the time, as expiries carry it on the wire. Wraps every 71.6 minutes.
     #[allow(clippy::cast_possible_truncation)]
     pub const fn low_bits(self) -> u32 {
-        self.0 as u32
+        self.as_micros() as u32
     }
 
     /// Time since `earlier`; zero if `earlier` is later.
     pub const fn since(self, earlier: Self) -> Duration {
-        Duration(self.0.saturating_sub(earlier.0))
+        Duration(self.0.get().saturating_sub(earlier.0.get()))
+    }
+}
+
+impl Default for Instant {
+    fn default() -> Self {
+        Self::from_micros(0)
     }
 }
 
@@ -64,7 +73,7 @@ impl Duration {
     }
 
     /// The `n`-th part of the span, rounded down.
-    pub const fn part(self, n: core::num::NonZeroU64) -> Self {
+    pub const fn part(self, n: NonZeroU64) -> Self {
         Self(self.0 / n.get())
     }
 
@@ -119,7 +128,7 @@ impl Add<Duration> for Instant {
 impl Sub<Duration> for Instant {
     type Output = Self;
     fn sub(self, span: Duration) -> Self {
-        Self(self.0.saturating_sub(span.0))
+        Self::from_micros(self.as_micros().saturating_sub(span.0))
     }
 }
 

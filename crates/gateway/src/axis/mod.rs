@@ -6,6 +6,7 @@
 mod arming;
 mod job;
 mod limits;
+mod look;
 mod outcome;
 mod polls;
 mod restart;
@@ -19,6 +20,7 @@ mod timeout;
 mod together;
 
 pub(crate) use job::{Job, JobKind};
+pub(crate) use look::{Is, Look};
 pub(crate) use outcome::Reception;
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
@@ -35,7 +37,6 @@ use host_protocol::replies::AxisReport;
 use host_protocol::{AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields};
 use outcome::Silence;
 use restart::RunTime;
-use setpoint::Motion;
 use state::State;
 use telemetry::Telemetry;
 
@@ -230,18 +231,6 @@ impl Axis {
             state: self.state(),
             missing: self.config.missing().map(|parameter| parameter.number()),
         }
-    }
-
-    /// When something of the axis is over.
-    pub fn timers(&self) -> [Option<Instant>; 5] {
-        let [former, current] = self.transactions.deadlines();
-        [
-            former,
-            current,
-            self.motion().and_then(Motion::deadline),
-            self.job_stalls_at(),
-            self.stop().and_then(Stop::gives_up_at),
-        ]
     }
 
     /// What of the axis decides how long others wait on its bus.

@@ -66,9 +66,9 @@ pub(super) struct EchoCheck {
 pub(super) struct Tripped {
     trip: Trip,
     /// It has still to reach the others of its group.
-    spreads: bool,
+    pub spreads: bool,
     /// It has still to go into the history.
-    is_unrecorded: bool,
+    pub is_unrecorded: bool,
 }
 
 /// Every way from one state to another, and what takes it. ARCHITECTURE.md draws them.
@@ -229,11 +229,6 @@ impl Axis {
     /// stopped or cleared.
     pub fn is_in_use(&self) -> bool {
         !matches!(self.state, State::Unconfigured | State::Idle)
-    }
-
-    /// Whether its motor may move, or has moved and is not cleared.
-    pub fn may_move(&self) -> bool {
-        !matches!(self.state, State::Unconfigured | State::Idle | State::Holding)
     }
 
     /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
@@ -430,19 +425,9 @@ impl Axis {
         self.tripped()
     }
 
-    /// Whether its trip has still to go into the history.
-    pub fn trip_is_unrecorded(&self) -> bool {
-        matches!(&self.state, State::Tripped(tripped, _) if tripped.is_unrecorded)
-    }
-
     /// Axes that trip together have the same.
     pub fn trip_group(&self) -> Option<u32> {
         self.config.unsigned(AxisParameter::TripGroup)
-    }
-
-    /// Whether a new trip of this axis has still to reach the others of its group.
-    pub fn trip_spreads(&self) -> bool {
-        matches!(&self.state, State::Tripped(tripped, _) if tripped.spreads)
     }
 
     /// The group that a new trip of this axis has still to reach.

@@ -12,7 +12,8 @@ mod transmit;
 pub(crate) use load::check as check_load;
 pub(crate) use raw::Raw;
 
-use crate::axes::{Axes, Is};
+use crate::axes::Axes;
+use crate::axis::Is;
 use crate::outbox::Outbox;
 use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::set::Set;

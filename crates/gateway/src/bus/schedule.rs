@@ -2,8 +2,8 @@
 //! order.
 
 use super::{Bus, InFlight};
-use crate::axes::{Axes, Is};
-use crate::axis::{Axis, Priority, Request};
+use crate::axes::Axes;
+use crate::axis::{Axis, Is, Priority, Request};
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use embedded_can::Id;

@@ -3,8 +3,8 @@
 use super::line::{GAP_BITS, LineTimes, serial_frame_bits};
 use super::schedule::Room;
 use super::{Bus, InFlight};
-use crate::axes::{Axes, Is};
-use crate::axis::{Axis, Priority, Request};
+use crate::axes::Axes;
+use crate::axis::{Axis, Is, Priority, Request};
 use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
 use crate::protocol::{self, Exchange};

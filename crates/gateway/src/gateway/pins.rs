@@ -1,7 +1,7 @@
 //! What the pins of a board tell the core, and what they show of it: e-stop input, enable output,
 //! light (GUARANTEES G6).
 
-use crate::axes::Is;
+use crate::axis::Is;
 use crate::gateway::Gateway;
 use crate::port::Light;
 use crate::time::Instant;

@@ -17,8 +17,7 @@ mod states;
 
 pub use layout::RETAINED_WORDS;
 
-use crate::axes::Is;
-use crate::axis::Axis;
+use crate::axis::{Axis, Is};
 use crate::bus::Bus;
 use crate::bus_rules;
 use crate::config::AxisConfig;

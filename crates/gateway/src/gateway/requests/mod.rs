@@ -10,8 +10,7 @@ pub(crate) use authority::Authority;
 pub(crate) use together::Together;
 
 use crate::MAX_AXES_WIRE;
-use crate::axes::Is;
-use crate::axis::{Axis, JobKind, Restart};
+use crate::axis::{Axis, Is, JobKind, Restart};
 use crate::bus::Bus;
 use crate::gateway::{Gateway, unknown_bus};
 use crate::link::Incoming;

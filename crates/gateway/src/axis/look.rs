@@ -1,0 +1,149 @@
+//! What is kept of an axis so that nothing is searched: what is so of it, and when it is due.
+
+use super::state::State;
+use super::{Axis, Stop};
+use crate::time::Instant;
+
+/// What is asked of axes as a set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Is {
+    /// Not `Unconfigured`.
+    Configured,
+    /// It has a stop, under way or confirmed.
+    Stopping,
+    /// No command of its stop has left.
+    FirstStop,
+    /// It has something to send now.
+    Ready,
+    /// A time of it has passed and has not been looked at.
+    Overdue,
+    /// Its motor owes a reply.
+    Awaiting,
+    /// Its motor owes a reply with the id of the next frame to it.
+    OwedOurId,
+    /// Its motor answers requests to others.
+    Objecting,
+    /// It moves by a setpoint.
+    Active,
+    /// Arming, armed, active, stopping or tripped.
+    Moving,
+    Tripped,
+    Unreachable,
+    /// Its trip has still to reach its group.
+    Spreading,
+    /// Its trip is not in the history.
+    Unrecorded,
+    /// What outlives a reset has changed.
+    Unsaved,
+}
+
+impl Is {
+    pub const ALL: [Self; 15] = [
+        Self::Configured,
+        Self::Stopping,
+        Self::FirstStop,
+        Self::Ready,
+        Self::Overdue,
+        Self::Awaiting,
+        Self::OwedOurId,
+        Self::Objecting,
+        Self::Active,
+        Self::Moving,
+        Self::Tripped,
+        Self::Unreachable,
+        Self::Spreading,
+        Self::Unrecorded,
+        Self::Unsaved,
+    ];
+
+    const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
+/// A look at one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Look {
+    /// What is so of it, a bit for each [`Is`].
+    pub flags: u16,
+    /// When the axis must be looked at again; [`Instant::NEVER`] where time alone changes nothing.
+    pub due: Instant,
+    /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
+    /// none is owed.
+    pub delivery_due: Instant,
+}
+
+impl Look {
+    /// At an axis of which nothing is so.
+    pub const NONE: Self = Self { flags: 0, due: Instant::NEVER, delivery_due: Instant::NEVER };
+
+    /// At an axis at `now`. `after`: what was due until then has been done.
+    pub fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
+        let mut look = Self::NONE;
+        look.note(Is::Unsaved, axis.is_unsaved());
+        if !axis.is_configured() {
+            return look;
+        }
+        let over = look.note_state(&axis.state);
+        let transactions = &axis.transactions;
+        look.note(Is::Configured, true);
+        look.note(Is::Awaiting, transactions.awaits_reply());
+        look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
+        look.note(Is::Objecting, transactions.objects());
+        let [former, current] = transactions.deadlines();
+        for at in [former, current, over, axis.job_stalls_at()] {
+            let at = at.unwrap_or(Instant::NEVER);
+            look.note(Is::Overdue, at <= now);
+            look.is_due(at, after);
+        }
+        if transactions.is_idle() {
+            let at = axis.next_request_at(now).unwrap_or(Instant::NEVER);
+            look.note(Is::Ready, at <= now);
+            let again = || axis.next_request_at(after).unwrap_or(Instant::NEVER);
+            look.is_due(if after == now { at } else { again() }, after);
+        }
+        look.delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
+        look
+    }
+
+    /// What is so of a state. Returns when something of it is over.
+    fn note_state(&mut self, state: &State) -> Option<Instant> {
+        match state {
+            State::Unconfigured | State::Idle | State::Holding => None,
+            State::Arming | State::Armed(_) => {
+                self.note(Is::Moving, true);
+                None
+            }
+            State::Active(_, motion) => {
+                self.note(Is::Moving, true);
+                self.note(Is::Active, true);
+                motion.deadline()
+            }
+            State::Stopping(stop) => self.note_stop(stop),
+            State::Tripped(tripped, stop) => {
+                self.note(Is::Tripped, true);
+                self.note(Is::Unreachable, stop.is_unreachable());
+                self.note(Is::Spreading, tripped.spreads);
+                self.note(Is::Unrecorded, tripped.is_unrecorded);
+                self.note_stop(stop)
+            }
+        }
+    }
+
+    fn note_stop(&mut self, stop: &Stop) -> Option<Instant> {
+        self.note(Is::Moving, true);
+        self.note(Is::Stopping, true);
+        self.note(Is::FirstStop, !stop.has_left());
+        stop.gives_up_at()
+    }
+
+    fn note(&mut self, is: Is, so: bool) {
+        self.flags |= if so { is.bit() } else { 0 };
+    }
+
+    fn is_due(&mut self, at: Instant, after: Instant) {
+        if at > after {
+            self.due = self.due.min(at);
+        }
+    }
+}
