@@ -175,7 +175,7 @@ impl Transactions {
 
     /// The port has a frame of this exchange.
     pub fn has_with_port(&self, is: impl Fn(Exchange) -> bool) -> bool {
-        self.current.is_some_and(|current| current.is_with_port() && is(current.exchange))
+        self.current.as_ref().is_some_and(|c| c.is_with_port() && is(c.exchange))
     }
 
     /// Whether the reply to the request under way may come.
@@ -185,7 +185,7 @@ impl Transactions {
 
     /// Whether the frame in `slot` is the request under way.
     pub fn has_in(&self, slot: u8) -> bool {
-        self.current.is_some_and(|current| current.slot == slot)
+        self.current.as_ref().is_some_and(|current| current.slot == slot)
     }
 
     /// From when on a request that is due at `at` may go out.
@@ -276,7 +276,7 @@ impl Transactions {
 
     /// The frame in `slot` will not leave any more. Returns the request under way if it is that.
     pub fn cancelled(&mut self, slot: u8) -> Option<Transaction> {
-        if self.former.is_some_and(|former| former.slot == slot && former.is_with_port()) {
+        if self.former.as_ref().is_some_and(|f| f.slot == slot && f.is_with_port()) {
             self.former = None;
             return None;
         }
@@ -310,7 +310,7 @@ impl Transactions {
             self.objections_due = self.objections_due.saturating_sub(1);
         }
         // What has not left cannot be answered: an answer of that kind is one that came twice.
-        if let Some(former) = self.former.filter(|former| !former.is_with_port()) {
+        if let Some(former) = self.former.as_ref().filter(|former| !former.is_with_port()) {
             let seen = match protocol::judge(&former.command, received, config) {
                 Verdict::Unrelated => None,
                 Verdict::Answer(seen) => Some(Some(seen)),
@@ -354,7 +354,7 @@ impl Transactions {
         {
             self.may_be_answered_late(now, &former.command, config);
         }
-        self.current.filter(is_over)?;
+        self.current.as_ref().filter(|current| is_over(current))?;
         self.give_up(now, stops, config)
     }
 

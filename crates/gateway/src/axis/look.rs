@@ -92,9 +92,7 @@ impl Look {
         look.note(Is::Objecting, transactions.objects());
         let [former, current] = transactions.deadlines();
         for at in [former, current, over, axis.job_stalls_at()] {
-            let at = at.unwrap_or(Instant::NEVER);
-            look.note(Is::Overdue, at <= now);
-            look.is_due(at, after);
+            look.ends(at, now, after);
         }
         if transactions.is_idle() {
             let at = axis.next_request_at(now).unwrap_or(Instant::NEVER);
@@ -139,6 +137,14 @@ impl Look {
 
     fn note(&mut self, is: Is, so: bool) {
         self.flags |= if so { is.bit() } else { 0 };
+    }
+
+    /// Something of the axis is over at this time.
+    fn ends(&mut self, at: Option<Instant>, now: Instant, after: Instant) {
+        if let Some(at) = at {
+            self.note(Is::Overdue, at <= now);
+            self.is_due(at, after);
+        }
     }
 
     fn is_due(&mut self, at: Instant, after: Instant) {

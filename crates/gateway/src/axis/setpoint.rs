@@ -1,6 +1,6 @@
 //! The setpoint in force: a mailbox for the latest one.
 
-use super::state::State;
+use super::state::{Armed, State};
 use super::{Axis, JobKind};
 use crate::outbox::{Outbox, Ticket};
 use crate::protocol::{self, Command, Demand, Exchange};
@@ -184,13 +184,21 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let is_in_force = self.is_in_force(&command);
-        let Some(mut armed) = self.armed().copied() else { return };
+        let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful &= is_in_force;
         armed.motions = armed.motions.wrapping_add(1);
-        let moves = self.motion().is_some();
-        armed.undelivered_since = if moves { armed.undelivered_since.min(now) } else { now };
         let motion = Motion { command, number: armed.motions, expires, due: Some(now), once };
-        self.enter(State::Active(armed, motion), out);
+        match &mut self.state {
+            State::Active(armed, before) => {
+                armed.undelivered_since = armed.undelivered_since.min(now);
+                *before = motion;
+            }
+            State::Armed(armed) => {
+                let armed = Armed { undelivered_since: now, ..*armed };
+                self.enter(State::Active(armed, motion), out);
+            }
+            _ => {}
+        }
     }
 
     /// The expiry as a point in gateway time: later than now, and not later than the axis's TTL
