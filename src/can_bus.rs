@@ -50,10 +50,10 @@ impl CanBus {
         }
         let is_off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
         while !is_off && controller.has_room() {
-            match core.poll_transmit(now, self.bus) {
+            match &core.poll_transmit(now, self.bus) {
                 Some(Transmit { slot, frame: Outgoing::Can(frame) }) => {
                     defmt::trace!("bus {=u8}: sends {}", self.bus, frame);
-                    controller.send(slot, frame);
+                    controller.send(*slot, frame);
                 }
                 Some(Transmit { frame: Outgoing::Serial(_), .. }) => {
                     defmt::error!("bus {=u8}: bytes for a CAN bus", self.bus);
@@ -87,10 +87,13 @@ impl CanBus {
         match controller.next() {
             Some(CanEvent::Transmitted(slot)) => Some(Event::Transmitted { bus, slot }),
             Some(CanEvent::Cancelled(slot)) => Some(Event::Cancelled { bus, slot }),
-            Some(CanEvent::Received(frame)) => {
-                defmt::trace!("bus {=u8}: heard {}", bus, frame);
-                Some(Event::CanReceived { bus, frame })
-            }
+            Some(CanEvent::Received(words)) => match fdcan::received(words) {
+                Some(frame) => {
+                    defmt::trace!("bus {=u8}: heard {}", bus, frame);
+                    Some(Event::CanReceived { bus, frame })
+                }
+                None => Some(Event::ReceiveOverflow { bus, lost: 1 }),
+            },
             None if controller.events.take_error_state() => self.changed_error_state(),
             None => None,
         }

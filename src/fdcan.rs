@@ -16,6 +16,7 @@ pub use can_events::{
     CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO, look, waiting,
 };
 pub use controller::{Controller, ErrorState};
+pub use element::received;
 pub use message_ram::MessageRam;
 pub use port::{CanPort, FdcanPort};
 pub use timing::{Timing, bitrates};

@@ -16,9 +16,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use gateway::port::TRANSMIT_SLOTS;
-use host_protocol::CanFrame;
 
-use super::element;
+use super::element::{self, FRAME_WORDS};
 use super::message_ram::{MessageRam, TRANSMIT_PLACES};
 
 /// Events waiting for the task: 1.5 ms of the shortest frames at 1 Mbit/s (47 bits each).
@@ -34,23 +33,24 @@ pub const OTHER_FIFO: usize = 1;
 /// More entries than either FIFO holds; a bound for loops.
 const MORE_THAN_A_FIFO: usize = 8;
 
-/// Something that a controller did with a frame.
+/// Something that a controller did with a frame. Whole words: copied with no byte by itself.
 #[derive(Clone, Copy)]
+#[repr(u32)]
 pub enum CanEvent {
     /// The frame sent with this marker was acknowledged by another node.
     Transmitted(u8),
     /// The frame of this slot was cancelled: it has not been sent and will not be.
     Cancelled(u8),
-    /// A frame arrived.
-    Received(CanFrame),
+    /// A frame arrived, as it [lay](element::received) in the message RAM.
+    Received([u32; FRAME_WORDS]),
 }
 
 /// "One of the controllers has an event."
 static WAITING: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Waits until one of the controllers may have an event. For one task.
-pub async fn waiting() {
-    WAITING.wait().await;
+pub fn waiting() -> impl Future<Output = ()> + Unpin {
+    WAITING.wait()
 }
 
 /// Has the task of [`waiting`] look.
@@ -115,12 +115,11 @@ impl CanEvents {
         self.lost.fetch_add(1, Ordering::Relaxed);
     }
 
-    fn received(&self, frame: Option<CanFrame>) {
-        match frame {
-            Some(frame) if self.queue.free_capacity() > RESERVED => {
-                self.report(CanEvent::Received(frame))
-            }
-            _ => self.count_lost(),
+    fn received(&self, frame: [u32; FRAME_WORDS]) {
+        if self.queue.free_capacity() > RESERVED {
+            self.report(CanEvent::Received(frame));
+        } else {
+            self.count_lost();
         }
     }
 
@@ -268,6 +267,6 @@ fn take_received<T: Instance>() {
         }
         let words = T::message_ram().received(usize::from(status.fgi()));
         controller.rxfa(FIFO).write(|w| w.set_fai(status.fgi()));
-        T::events().received(element::received(words));
+        T::events().received(words);
     }
 }

@@ -136,29 +136,38 @@ impl Controller {
     }
 
     /// Sends a frame as soon as the bus allows.
-    pub fn send(&mut self, slot: u8, frame: CanFrame) {
-        self.waiting = Some((slot, frame));
-        self.send_waiting();
+    pub fn send(&mut self, slot: u8, frame: &CanFrame) {
+        if !self.launch(slot, frame) {
+            self.waiting = Some((slot, *frame));
+        }
     }
 
-    /// Moves the waiting frame into the controller unless its slot is taken or a frame of the same
-    /// id is there: the controller might send the later one first, and so a setpoint after the
-    /// stop that replaces it.
+    /// Moves the waiting frame into the controller, where it may join those that are there.
     fn send_waiting(&mut self) {
-        let Some((slot, frame)) = self.waiting else { return };
+        if let Some((slot, frame)) = self.waiting
+            && self.launch(slot, &frame)
+        {
+            self.waiting = None;
+        }
+    }
+
+    /// Moves a frame into the controller unless its slot is taken or a frame of the same id is
+    /// there: the controller might send the later one first, and so a setpoint after the stop that
+    /// replaces it. Returns whether it has.
+    fn launch(&mut self, slot: u8, frame: &CanFrame) -> bool {
         let status = self.registers.txfqs().read();
         let overtakes = self.held.iter().flatten().any(|held| held.id == frame.id());
         let place = usize::from(status.tfqpi());
         let taken = self.held.get(usize::from(slot)).is_none_or(Option::is_some);
         if overtakes || taken || status.tfqf() || !self.note_fate(place) {
-            return;
+            return false;
         }
         if let Some(held) = self.held.get_mut(usize::from(slot)) {
             *held = Some(Held { id: frame.id(), place, cancel_requested: false, fate: None });
         }
-        self.waiting = None;
-        self.message_ram.put(place, element::to_send(&frame, slot));
+        self.message_ram.put(place, element::to_send(frame, slot));
         self.registers.txbar().write(|w| w.set_ar(place, true));
+        true
     }
 
     /// Notes what has become of the frame that was in a place: the request of the next one there

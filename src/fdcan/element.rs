@@ -61,11 +61,8 @@ pub fn received([id_word, length_word, low, high]: [u32; FRAME_WORDS]) -> Option
     if id_word & REMOTE != 0 {
         return CanFrame::remote_frame(id, length);
     }
-    let mut data = [0; 8];
-    data.iter_mut()
-        .zip(low.to_le_bytes().into_iter().chain(high.to_le_bytes()))
-        .for_each(|(to, from)| *to = from);
-    CanFrame::data_frame(id, data.get(..usize::from(length))?)
+    let data = [low.to_le_bytes(), high.to_le_bytes()];
+    CanFrame::data_frame(id, data.as_flattened().get(..usize::from(length))?)
 }
 
 /// The marker of an entry of the transmit event FIFO, from its second word.
