@@ -274,20 +274,29 @@ impl Receiver {
     }
 
     /// Waits for bytes, until those that have come want to be read, and takes as much as fits;
-    /// nothing where there was only an error. Bears being dropped.
-    pub async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
-        let looks_first = self.ends == Ends::Idle || self.has_more;
-        let mut result = if looks_first { self.take(bytes) } else { Ok(0) };
-        self.has_more = false;
-        if result == Ok(0) {
-            self.wait().await;
-            result = self.take(bytes);
-        }
-        if let Ok(length @ 1..) = result {
-            self.has_more = length == bytes.len();
-            self.wake_when_idle(bytes.get(length - 1) != Some(&DELIMITER));
-        }
-        result
+    /// nothing where there was only an error. Bears being dropped. What wakes is an event of the
+    /// line, or that DMA has filled half of the ring. When its task is woken by another one's event,
+    /// it looks too: what has come decides what may go.
+    pub fn read(
+        &mut self,
+        bytes: &mut [u8],
+    ) -> impl Future<Output = Result<usize, Overflow>> + Unpin {
+        let mut looks = mem::take(&mut self.has_more) || self.ends == Ends::Idle;
+        poll_fn(move |context| {
+            self.ring.set_waker(context.waker());
+            let arrived = self.events.arrived.wait();
+            // Taken back first: what comes behind what is read is told anew.
+            let has_arrived = pin!(arrived).poll(context).is_ready();
+            if !has_arrived && (!mem::replace(&mut looks, true) || self.ring.len() == Ok(0)) {
+                return Poll::Pending;
+            }
+            let result = self.take(bytes);
+            if let Ok(length @ 1..) = result {
+                self.has_more = length == bytes.len();
+                self.wake_when_idle(bytes.get(length - 1) != Some(&DELIMITER));
+            }
+            Poll::Ready(result)
+        })
     }
 
     /// Where frames end with a delimiter, that wakes; behind the begin of one so does an idle line,
@@ -297,21 +306,6 @@ impl Receiver {
         {
             self.registers.cr1().modify(|w| w.set_idleie(is_inside));
         }
-    }
-
-    /// Waits for an event of the line, or until DMA has filled half of the ring. When its task is
-    /// woken by another one's event, it looks too: what has come decides what may go.
-    async fn wait(&mut self) {
-        let mut arrived = pin!(self.events.arrived.wait());
-        let mut is_woken = false;
-        poll_fn(|context| {
-            self.ring.set_waker(context.waker());
-            if mem::replace(&mut is_woken, true) && self.ring.len() != Ok(0) {
-                return Poll::Ready(());
-            }
-            arrived.as_mut().poll(context)
-        })
-        .await;
     }
 
     /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring

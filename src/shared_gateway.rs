@@ -172,11 +172,11 @@ impl SharedGateway {
     /// history follows when nobody is in a hurry, after many trips in parts.
     #[inline(never)]
     pub fn handle(&self, event: Event<'_>) {
-        self.with(|parts, now| self.follow(parts, now, event));
+        self.with(|parts, now| self.follow(parts, now, &event));
     }
 
-    fn follow(&self, parts: &mut Parts, now: Instant, event: Event<'_>) {
-        let changes = parts.storing(|core, store| core.handle(now, event, store));
+    fn follow(&self, parts: &mut Parts, now: Instant, event: &Event<'_>) {
+        let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
     }
@@ -187,7 +187,7 @@ impl SharedGateway {
     pub fn follow_can(&self) -> bool {
         self.with(|parts, now| {
             let event = parts.next_can_event();
-            event.map(|event| self.follow(parts, now, event)).is_some()
+            event.as_ref().map(|event| self.follow(parts, now, event)).is_some()
         })
     }
 
@@ -302,23 +302,23 @@ impl SharedGateway {
     }
 
     /// Waits until the core may have something new for an RS485 bus. For one task per bus.
-    pub async fn bus_changed(&self, bus: u8) {
-        self.buses[usize::from(bus - FIRST_RS485)].wait().await;
+    pub fn bus_changed(&self, bus: u8) -> impl Future<Output = ()> + Unpin {
+        self.buses[usize::from(bus - FIRST_RS485)].wait()
     }
 
     /// Waits until the core may have something new for a host link. For one task per link.
-    pub async fn link_changed(&self, link: u8) {
-        self.links[usize::from(link)].wait().await;
+    pub fn link_changed(&self, link: u8) -> impl Future<Output = ()> + Unpin {
+        self.links[usize::from(link)].wait()
     }
 
     /// Waits until the log may have a new entry. For one task.
-    pub async fn log_changed(&self) {
-        self.log.wait().await;
+    pub fn log_changed(&self) -> impl Future<Output = ()> + Unpin {
+        self.log.wait()
     }
 
     /// Waits until a part of the history may be left to store. For one task.
-    pub async fn history_changed(&self) {
-        self.history.wait().await;
+    pub fn history_changed(&self) -> impl Future<Output = ()> + Unpin {
+        self.history.wait()
     }
 
     /// When the next tick is due, and that the task of the deadlines comes then. Not before
@@ -330,8 +330,8 @@ impl SharedGateway {
     }
 
     /// Waits until it must come earlier. For one task.
-    pub async fn earlier_tick(&self) {
-        self.earlier.wait().await;
+    pub fn earlier_tick(&self) -> impl Future<Output = ()> + Unpin {
+        self.earlier.wait()
     }
 
     /// Tells the core that time has passed, where something is due.
@@ -339,7 +339,7 @@ impl SharedGateway {
     pub fn tick(&self) {
         self.with(|parts, now| {
             if parts.core.next_deadline().is_some_and(|due| due <= now) {
-                self.follow(parts, now, Event::Tick);
+                self.follow(parts, now, &Event::Tick);
             }
         });
     }

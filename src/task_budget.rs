@@ -6,7 +6,10 @@
 //! starves no other, a task that never has to wait goes behind all others when its budget is spent.
 
 use core::cell::Cell;
-use core::pin::pin;
+use core::future::poll_fn;
+use core::mem;
+use core::pin::Pin;
+use core::task::Poll;
 
 use embassy_executor::Metadata;
 use embassy_futures::yield_now;
@@ -44,41 +47,49 @@ impl TaskBudget {
         Self { task, urgency, spent: Cell::new(0) }
     }
 
-    /// Waits for the event that a round begins with; a budget is full again where it has to wait.
-    pub async fn wait<F: Future>(&self, event: F) -> F::Output {
-        // A `spend` that was dropped leaves another urgency.
+    /// Waits for the event that a round begins with. Where that is there already, tasks of the same
+    /// urgency go first, and all tasks when the budget is spent; it is full again after a wait.
+    pub fn wait<F: Future + Unpin>(&self, mut event: F) -> impl Future<Output = F::Output> {
+        // What was dropped before its end leaves another urgency.
         self.task.set_priority(self.urgency as u8);
-        let mut event = pin!(event);
-        core::future::poll_fn(|context| {
-            let poll = event.as_mut().poll(context);
-            if poll.is_pending() {
-                self.spent.set(0);
+        let (mut is_first, mut held) = (true, None);
+        poll_fn(move |context| {
+            if let Some(result) = held.take() {
+                self.task.set_priority(self.urgency as u8);
+                return Poll::Ready(result);
             }
-            poll
+            let is_first = mem::take(&mut is_first);
+            match Pin::new(&mut event).poll(context) {
+                Poll::Ready(result) if is_first => {
+                    self.spend();
+                    held = Some(result);
+                    context.waker().wake_by_ref();
+                    Poll::Pending
+                }
+                Poll::Ready(result) => Poll::Ready(result),
+                Poll::Pending => {
+                    self.spent.set(0);
+                    Poll::Pending
+                }
+            }
         })
-        .await
     }
 
     /// Ends a round behind which the next is ready, as a packet holds several requests: buses and
     /// deadlines go first too, and all tasks when the budget is spent.
     pub async fn spend_one_of_many(&self) {
         self.task.set_priority(Urgency::Deadline as u8);
-        self.yield_once().await;
+        self.spend();
+        yield_now().await;
+        self.task.set_priority(self.urgency as u8);
     }
 
-    /// Ends a round: tasks of the same urgency go first, and all tasks when the budget is spent.
-    pub async fn spend(&self) {
-        self.yield_once().await;
-    }
-
-    async fn yield_once(&self) {
+    fn spend(&self) {
         let spent = self.spent.get() + 1;
         let is_spent = spent >= BUDGET;
         self.spent.set(if is_spent { 0 } else { spent });
         if is_spent {
             self.task.set_priority(Urgency::None as u8);
         }
-        yield_now().await;
-        self.task.set_priority(self.urgency as u8);
     }
 }

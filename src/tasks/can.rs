@@ -16,11 +16,9 @@ pub async fn can(gateway: &'static SharedGateway) -> ! {
     // may be behind the events of a flood.
     let budget = TaskBudget::new(Urgency::Demand).await;
     loop {
-        if (0..AT_ONCE).take_while(|_| gateway.follow_can()).count() > 0 {
-            watch.check_in();
-            budget.spend().await;
-        } else {
-            budget.wait(watch.wait(fdcan::waiting())).await;
+        budget.wait(watch.wait(fdcan::waiting())).await;
+        if (0..AT_ONCE).all(|_| gateway.follow_can()) {
+            fdcan::look();
         }
     }
 }

@@ -1,7 +1,5 @@
 //! Wakes the core when its next deadline is due.
 
-use core::future::pending;
-
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use gateway::Duration;
@@ -22,18 +20,11 @@ pub async fn tick(gateway: &'static SharedGateway) -> ! {
     let mut earliest = SharedGateway::now();
     loop {
         let due = gateway.next_tick(earliest);
-        let due_or_earlier = select(until(due), gateway.earlier_tick());
+        let due = due.map_or(Instant::MAX, |due| Instant::from_micros(due.as_micros()));
+        let due_or_earlier = select(Timer::at(due), gateway.earlier_tick());
         if let Some(Either::First(())) = budget.wait(watch.wait(due_or_earlier)).await {
             gateway.tick();
             earliest = SharedGateway::now() + LEAST_PAUSE;
         }
-    }
-}
-
-/// Until a time of the gateway.
-async fn until(due: Option<gateway::Instant>) {
-    match due {
-        Some(due) => Timer::at(Instant::from_micros(due.as_micros())).await,
-        None => pending().await,
     }
 }

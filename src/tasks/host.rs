@@ -47,9 +47,6 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                     is_between_frames = bytes.last() == Some(&DELIMITER);
                     gateway.handle(Event::HostBytes { link, bytes });
                 }
-                // On a busy line there is always another byte: the others must have the processor
-                // in between.
-                budget.spend().await;
             }
             Some(Err(Overflow)) => {
                 if let Some(so_far) = overflows.add(1) {
@@ -58,7 +55,6 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                 // What follows is the rest of some frame: this ends what had come of one.
                 gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
                 is_between_frames = true;
-                budget.spend().await;
             }
         }
     }

@@ -78,7 +78,6 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
         if lost > 0 {
             gateway.handle(Event::ReceiveOverflow { bus, lost });
         }
-        budget.spend().await;
     }
 }
 

@@ -1,6 +1,8 @@
 //! The e-stop input: a contact to ground that is closed unless the button is pressed or its cable
 //! is cut.
 
+use core::pin::pin;
+
 use embassy_stm32::exti::ExtiInput;
 use embassy_stm32::mode::Async;
 use embassy_time::{Duration, Timer, with_timeout};
@@ -40,7 +42,7 @@ pub async fn e_stop(gateway: &'static SharedGateway, mut contact: ExtiInput<'sta
 /// Until it has been open at both ends of [`PRESSED`].
 async fn until_pressed(contact: &mut ExtiInput<'static, Async>, watch: &Watch) {
     loop {
-        if watch.wait(contact.wait_for_high()).await.is_some() {
+        if watch.wait(pin!(contact.wait_for_high())).await.is_some() {
             Timer::after(PRESSED).await;
             if contact.is_high() {
                 return;
@@ -52,7 +54,7 @@ async fn until_pressed(contact: &mut ExtiInput<'static, Async>, watch: &Watch) {
 /// Until it has stayed closed for [`RELEASED`].
 async fn until_released(contact: &mut ExtiInput<'static, Async>, watch: &Watch) {
     loop {
-        if watch.wait(contact.wait_for_low()).await.is_some() {
+        if watch.wait(pin!(contact.wait_for_low())).await.is_some() {
             if with_timeout(RELEASED, contact.wait_for_high()).await.is_err() {
                 return;
             }

@@ -4,6 +4,7 @@
 //! take its time.
 
 use core::future::pending;
+use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_futures::join::{join, join4};
@@ -58,7 +59,7 @@ async fn receive(gateway: &SharedGateway, link: u8, mut receiver: Receiver) {
     let budget = TaskBudget::new(Urgency::Demand).await;
     let mut packet = [0; PACKET as usize];
     loop {
-        let mut bytes = budget.wait(receiver.receive(&mut packet)).await;
+        let mut bytes = budget.wait(pin!(receiver.receive(&mut packet))).await;
         while !bytes.is_empty() {
             let (frame, rest) = bytes.split_at(first_frame(bytes));
             gateway.handle(Event::HostBytes { link, bytes: frame });

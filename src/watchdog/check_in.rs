@@ -6,7 +6,7 @@
 
 use core::fmt;
 use core::future::poll_fn;
-use core::pin::pin;
+use core::pin::Pin;
 use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
@@ -144,23 +144,24 @@ impl Watch {
 
     /// Waits for the event that a round begins with; it may be dropped at any time. Returns `None`
     /// where the loop has been [asked](ask) to prove that it can be woken.
-    pub async fn wait<F: Future>(&self, event: F) -> Option<F::Output> {
-        let mut event = pin!(event);
-        let mut asked = pin!(ASKED[self.0.index()].wait());
-        let result = poll_fn(|context| {
-            if let Poll::Ready(result) = event.as_mut().poll(context) {
-                return Poll::Ready(Some(result));
-            }
-            let asked = asked.as_mut().poll(context).map(|()| None);
-            if asked.is_pending() {
-                change(&BUSY, |busy| busy & !self.0.bit());
-            }
-            asked
+    pub fn wait<F: Future + Unpin>(
+        &self,
+        mut event: F,
+    ) -> impl Future<Output = Option<F::Output>> + Unpin {
+        let mut asked = ASKED[self.0.index()].wait();
+        poll_fn(move |context| {
+            let result = match Pin::new(&mut event).poll(context) {
+                Poll::Ready(result) => Some(result),
+                Poll::Pending if Pin::new(&mut asked).poll(context).is_ready() => None,
+                Poll::Pending => {
+                    change(&BUSY, |busy| busy & !self.0.bit());
+                    return Poll::Pending;
+                }
+            };
+            change(&BUSY, |busy| busy | self.0.bit());
+            self.check_in();
+            Poll::Ready(result)
         })
-        .await;
-        change(&BUSY, |busy| busy | self.0.bit());
-        self.check_in();
-        result
     }
 
     /// Says that the loop comes round.
