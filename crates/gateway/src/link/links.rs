@@ -10,9 +10,12 @@ use heapless::Vec;
 use host_protocol::{Error, Event, MAX_FRAME, Reply};
 
 /// The host links, and the log, which hears what they all hear.
+///
+/// `links` comes last: with zeros right behind it the compiler makes it on the stack, which has no
+/// room for it, and then moves it.
 #[derive(Clone)]
+#[repr(C)]
 pub(crate) struct Links {
-    links: Vec<Link, MAX_LINKS>,
     /// What happened.
     ring: Ring,
     /// How far the log has been told.
@@ -23,6 +26,7 @@ pub(crate) struct Links {
     changed: Set,
     /// The same of the log.
     log_changed: bool,
+    links: Vec<Link, MAX_LINKS>,
 }
 
 impl Links {
