@@ -10,15 +10,15 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::bus::Bus;
 use crate::history::History;
-use crate::link::{Link, Links};
+use crate::link::{Identity, Link, Links};
 use crate::log::LogEntry;
-use crate::outbox::Outbox;
+use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{Error, Incident, MAX_FRAME, TripReason};
+use host_protocol::{Error, Incident, MAX_FRAME, Request, TripReason};
 use requests::{Authority, Together};
 use retained::Retention;
 
@@ -384,16 +384,16 @@ impl Gateway {
         axes.each(changed, |axis| axis.watch(!axis.is_watched()));
     }
 
-    fn host_bytes(&mut self, now: Instant, link: u8, bytes: &[u8]) {
-        for byte in bytes {
-            let incoming = self.links.receive(link, now.as_micros(), *byte);
-            let Some(port) = self.links.get(usize::from(link)) else { return };
-            if port.last_valid() == Some(now.as_micros()) {
-                self.authority.heard(now, link);
-                self.link_lost = false;
-            }
-            if let Some(incoming) = incoming {
-                self.execute(now, link, incoming);
+    fn host_bytes(&mut self, now: Instant, link: u8, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            let Some(frame) = port.receive(now.as_micros(), &mut bytes) else { continue };
+            let identity = Identity::of(&frame);
+            let request = Request::decode(frame.number, frame.body);
+            self.authority.heard(now, link);
+            self.link_lost = false;
+            if let Some(slot) = self.links.admit(link, now.as_micros(), identity, &request) {
+                self.execute(now, Ticket { link, slot }, &request);
             }
         }
         self.links.touch(link);

@@ -26,7 +26,7 @@ impl<'a> Outbox<'a> {
     }
 
     /// Answers a request.
-    pub fn answer(&mut self, ticket: Ticket, result: &Result<Reply, Error>) {
+    pub fn answer(&mut self, ticket: Ticket, result: Result<&Reply, Error>) {
         if let Some(slot) = ticket.slot {
             self.links.reply(ticket.link, slot, result);
         }

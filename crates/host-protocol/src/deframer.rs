@@ -9,16 +9,26 @@ use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
 #[derive(Clone)]
 pub struct Deframer {
     message: [u8; MAX_MESSAGE],
+    progress: Progress,
+}
+
+/// How far a frame has come.
+#[derive(Clone, Copy, PartialEq)]
+struct Progress {
+    /// Bytes of the message; [`TOO_LONG`] if it has not fitted.
     length: usize,
     /// Data bytes that the current COBS block still lacks.
     missing: u8,
     /// Whether a zero comes before the next block's data: not before the first one, nor after a
     /// full one.
     zero_next: bool,
-    /// Whether a byte has come since the last delimiter.
-    started: bool,
-    /// Whether the message has not fitted.
-    overflow: bool,
+}
+
+const TOO_LONG: usize = MAX_MESSAGE + 1;
+
+impl Progress {
+    /// Nothing has come since the last delimiter.
+    const NONE: Self = Self { length: 0, missing: 0, zero_next: false };
 }
 
 impl Default for Deframer {
@@ -31,60 +41,52 @@ impl Deframer {
     /// One that has seen nothing.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            message: [0; MAX_MESSAGE],
-            length: 0,
-            missing: 0,
-            zero_next: false,
-            started: false,
-            overflow: false,
-        }
+        Self { message: [0; MAX_MESSAGE], progress: Progress::NONE }
     }
 
     /// Takes the next byte. A delimiter completes a frame, if anything came before it.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, FrameError>> {
-        if byte == DELIMITER {
-            return self.finish();
-        }
-        self.started = true;
-        if self.missing > 0 {
-            self.missing -= 1;
-            self.store(byte);
-        } else {
-            if self.zero_next {
-                self.store(0);
-            }
-            self.zero_next = byte != COBS_FULL;
-            self.missing = byte - 1;
-        }
-        None
+        self.take(&mut &[byte][..])
     }
 
-    fn store(&mut self, byte: u8) {
-        match self.message.get_mut(self.length) {
-            Some(place) => {
-                *place = byte;
-                self.length += 1;
+    /// Takes `bytes` off their front, as far as the delimiter that completes the next frame, or
+    /// all.
+    pub fn take(&mut self, bytes: &mut &[u8]) -> Option<Result<Frame<'_>, FrameError>> {
+        let Progress { mut length, mut missing, mut zero_next } = self.progress;
+        let mut line = bytes.iter();
+        let completes = line.any(|&byte| {
+            if byte == DELIMITER {
+                return (Progress { length, missing, zero_next }) != Progress::NONE;
             }
-            None => self.overflow = true,
-        }
-    }
-
-    fn finish(&mut self) -> Option<Result<Frame<'_>, FrameError>> {
-        let (length, missing, started, overflow) =
-            (self.length, self.missing, self.started, self.overflow);
-        (self.length, self.missing, self.zero_next, self.started, self.overflow) =
-            (0, 0, false, false, false);
-        if !started {
+            let data = if missing > 0 { byte } else { 0 };
+            if missing > 0 || zero_next {
+                match self.message.get_mut(length) {
+                    Some(place) => {
+                        *place = data;
+                        length += 1;
+                    }
+                    None => length = TOO_LONG,
+                }
+            }
+            if missing > 0 {
+                missing -= 1;
+            } else {
+                zero_next = byte != COBS_FULL;
+                missing = byte - 1;
+            }
+            false
+        });
+        *bytes = line.as_slice();
+        if !completes {
+            self.progress = Progress { length, missing, zero_next };
             return None;
         }
-        if overflow {
-            return Some(Err(FrameError::TooLong));
-        }
-        if missing > 0 {
-            return Some(Err(FrameError::Cobs));
-        }
-        Some(Frame::from_message(self.message.get(..length).unwrap_or_default()))
+        self.progress = Progress::NONE;
+        Some(match self.message.get(..length) {
+            None => Err(FrameError::TooLong),
+            Some(_) if missing > 0 => Err(FrameError::Cobs),
+            Some(message) => Frame::from_message(message),
+        })
     }
 }
 
@@ -194,6 +196,27 @@ mod tests {
             let mut tuple = serializer.serialize_tuple(self.0.len())?;
             self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
             tuple.end()
+        }
+    }
+
+    #[test]
+    fn the_frames_are_the_same_however_the_line_is_cut() {
+        let mut random = fastrand::Rng::with_seed(2);
+        for _ in 0..2_000 {
+            let mut line = [0; 96];
+            line.fill_with(|| random.u8(..) & random.u8(..) & random.u8(..));
+            line[random.usize(..80)..][..PING.len()].copy_from_slice(&PING);
+            let (mut whole, mut bytewise) = (Deframer::new(), Deframer::new());
+            let mut rest = &line[..];
+            while !rest.is_empty() {
+                let before = rest.len();
+                let mut piece = &rest[..random.usize(1..=before)];
+                let cut = piece.len();
+                let taken = whole.take(&mut piece);
+                rest = &rest[cut - piece.len()..];
+                let (count, same) = last(&mut bytewise, &line[96 - before..96 - rest.len()]);
+                assert_eq!((taken, usize::from(taken.is_some())), (same, count));
+            }
         }
     }
 

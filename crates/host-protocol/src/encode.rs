@@ -1,18 +1,17 @@
-//! How a frame is written: one pass, from the value to the delimited bytes.
+//! How a frame is written: the body where it will lie, the rest around it, COBS in place.
 
 use core::fmt;
+use core::mem::swap;
 
-use crc::{Digest, Table};
-use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
-use crate::frame::{CHECKSUM, COBS_FULL, DELIMITER, HEADER_SIZE, Kind, MAX_MESSAGE};
+use crate::frame::{CHECKSUM, CHECKSUM_SIZE, COBS_BLOCK, DELIMITER, HEADER_SIZE, Kind, MAX_BODY};
 
 /// Why a frame could not be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
-    /// More than [`MAX_MESSAGE`] bytes, which no message of the table has, or more than `out`
+    /// More than [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes, which no message of the table has, or more than `out`
     /// holds.
     TooLong,
     /// The body cannot be serialised by postcard, which no message of the table meets.
@@ -30,6 +29,10 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
+/// Where the message begins in its frame: behind the delimiter and the first block's code byte.
+const MESSAGE_AT: usize = 2;
+const BODY_AT: usize = MESSAGE_AT + HEADER_SIZE;
+
 /// Writes a whole delimited frame and returns its length. [`MAX_FRAME`](crate::MAX_FRAME) bytes of
 /// `out` are always enough.
 ///
@@ -42,128 +45,63 @@ pub fn encode(
     body: &(impl Serialize + ?Sized),
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
-    let mut writer = Writer::start(kind, sequence, number, out)?;
-    let written = postcard::serialize_with_flavor(body, Body(&mut writer));
-    writer.finish(written)
+    let room = out.get_mut(BODY_AT..).ok_or(EncodeError::TooLong)?;
+    match postcard::to_slice(body, room).map(|body| body.len()) {
+        Ok(length) => complete(kind, sequence, number, length, out).ok_or(EncodeError::TooLong),
+        Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::TooLong),
+        Err(_) => Err(EncodeError::Body),
+    }
 }
 
-/// Puts bytes on their way to the wire: each into the checksum and through COBS into `out`, with no
-/// second copy.
-struct Writer<'a> {
-    out: &'a mut [u8],
+/// Puts the rest of its frame around a body and returns the frame's length. [`encode`] exists once
+/// for every message of the table, this once for all.
+#[inline(never)]
+fn complete(
+    kind: Kind,
+    sequence: u16,
+    number: u16,
     length: usize,
-    /// Where the code byte of the current COBS block will be.
-    code_at: usize,
-    /// That code byte as it is now: one more than the block's data bytes.
-    code: u8,
-    /// Bytes before COBS.
-    message_length: usize,
-    digest: Digest<'static, u32, Table<1>>,
+    out: &mut [u8],
+) -> Option<usize> {
+    if length > MAX_BODY {
+        return None;
+    }
+    let [sequence_low, sequence_high] = sequence.to_le_bytes();
+    let [number_low, number_high] = number.to_le_bytes();
+    let (checked, behind) =
+        out.get_mut(MESSAGE_AT..)?.split_at_mut_checked(HEADER_SIZE + length)?;
+    *checked.first_chunk_mut()? =
+        [kind as u8, sequence_low, sequence_high, number_low, number_high];
+    *behind.first_chunk_mut()? = CHECKSUM.checksum(checked).to_le_bytes();
+    *out.first_mut()? = DELIMITER;
+    stuff(out, BODY_AT + length + CHECKSUM_SIZE)
 }
 
-/// [`encode`] exists once for every message of the table, so all that does not depend on the
-/// message is kept out of it: inlined, it would take 3 KiB of a firmware.
-impl<'a> Writer<'a> {
-    /// The opening delimiter and the header.
-    #[inline(never)]
-    fn start(
-        kind: Kind,
-        sequence: u16,
-        number: u16,
-        out: &'a mut [u8],
-    ) -> Result<Self, EncodeError> {
-        let [delimiter, _code, ..] = out else { return Err(EncodeError::TooLong) };
-        *delimiter = DELIMITER;
-        let mut writer = Self {
-            out,
-            length: 2,
-            code_at: 1,
-            code: 1,
-            message_length: 0,
-            digest: CHECKSUM.digest(),
-        };
-        let [sequence_low, sequence_high] = sequence.to_le_bytes();
-        let [number_low, number_high] = number.to_le_bytes();
-        let header: [u8; HEADER_SIZE] =
-            [kind as u8, sequence_low, sequence_high, number_low, number_high];
-        match header.into_iter().try_for_each(|byte| writer.push(byte)) {
-            Ok(()) => Ok(writer),
-            Err(_) => Err(EncodeError::TooLong),
+/// COBS, in place: the code byte of a block takes the place of the zero that ended the block
+/// before. Only behind a full block the rest makes room for it. Ends with the delimiter and returns
+/// where that ends.
+fn stuff(out: &mut [u8], mut end: usize) -> Option<usize> {
+    let mut code_at = MESSAGE_AT - 1;
+    loop {
+        let (code, data) = out.get_mut(code_at..end)?.split_first_mut()?;
+        let block = data.get(..COBS_BLOCK).unwrap_or(data);
+        let zero = block.iter().position(|byte| *byte == 0);
+        let length = zero.unwrap_or(block.len());
+        // Lossless: a full block's is COBS_FULL.
+        #[allow(clippy::cast_possible_truncation)]
+        let code_of_length = length as u8 + 1;
+        *code = code_of_length;
+        code_at += 1 + length;
+        if zero.is_some() {
+            continue;
         }
-    }
-
-    /// One byte of header or body.
-    #[inline(never)]
-    fn push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.digest.update(&[byte]);
-        self.stuff(byte)
-    }
-
-    /// The checksum and the closing delimiter, behind a body that was `written` or not.
-    #[inline(never)]
-    fn finish(mut self, written: postcard::Result<()>) -> Result<usize, EncodeError> {
-        let finished = written.and_then(|()| {
-            let checksum = self.digest.clone().finalize();
-            checksum.to_le_bytes().into_iter().try_for_each(|byte| self.stuff(byte))?;
-            self.close_block();
-            self.write(DELIMITER)
-        });
-        match finished {
-            Ok(()) => Ok(self.length),
-            Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::TooLong),
-            Err(_) => Err(EncodeError::Body),
+        if length < COBS_BLOCK {
+            *out.get_mut(end)? = DELIMITER;
+            return Some(end + 1);
         }
-    }
-
-    fn write(&mut self, byte: u8) -> postcard::Result<()> {
-        let place = self.out.get_mut(self.length).ok_or(postcard::Error::SerializeBufferFull)?;
-        *place = byte;
-        self.length += 1;
-        Ok(())
-    }
-
-    fn close_block(&mut self) {
-        if let Some(place) = self.out.get_mut(self.code_at) {
-            *place = self.code;
-        }
-    }
-
-    fn open_block(&mut self) -> postcard::Result<()> {
-        self.code_at = self.length;
-        self.code = 1;
-        self.write(0)
-    }
-
-    /// COBS: a zero ends the block instead of being written, and a full block ends by itself.
-    fn stuff(&mut self, byte: u8) -> postcard::Result<()> {
-        if self.message_length >= MAX_MESSAGE {
-            return Err(postcard::Error::SerializeBufferFull);
-        }
-        self.message_length += 1;
-        if byte != DELIMITER {
-            self.write(byte)?;
-            self.code += 1;
-        }
-        if byte == DELIMITER || self.code == COBS_FULL {
-            self.close_block();
-            self.open_block()?;
-        }
-        Ok(())
-    }
-}
-
-/// The body's way into a [`Writer`].
-struct Body<'w, 'a>(&'w mut Writer<'a>);
-
-impl Flavor for Body<'_, '_> {
-    type Output = ();
-
-    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.0.push(byte)
-    }
-
-    fn finalize(self) -> postcard::Result<()> {
-        Ok(())
+        end += 1;
+        let mut moved = 0;
+        out.get_mut(code_at..end)?.iter_mut().for_each(|byte| swap(byte, &mut moved));
     }
 }
 

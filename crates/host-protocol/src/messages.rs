@@ -174,11 +174,13 @@ macro_rules! messages {
             /// # Errors
             /// [`Error::UnknownRequest`] or [`Error::BadBody`], which are the answer.
             pub fn decode(number: u16, body: &[u8]) -> Result<Self, Error> {
-                let request = match number {
-                    $($number => decode_body(number, body).map(Self::$name),)+
-                    _ => return Err(Error::UnknownRequest { number }),
-                };
-                request.map_err(|_| Error::BadBody { number })
+                match number {
+                    $($number => match decode_body(number, body) {
+                        Ok(body) => Ok(Self::$name(body)),
+                        Err(_) => Err(Error::BadBody { number }),
+                    },)+
+                    _ => Err(Error::UnknownRequest { number }),
+                }
             }
         }
 

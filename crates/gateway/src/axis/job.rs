@@ -149,7 +149,7 @@ impl Axis {
             self.make_way(now, out);
         }
         if self.job.is_some() {
-            out.answer(ticket, &Err(Error::Busy { axis: self.index }));
+            out.answer(ticket, Err(Error::Busy { axis: self.index }));
             return;
         }
         self.transactions.job_begins();
@@ -370,7 +370,7 @@ impl Axis {
             }
         }
         self.note_output(now, &job, out);
-        out.answer(job.ticket, &Err(error));
+        out.answer(job.ticket, Err(error));
     }
 
     /// A native command may have switched the output of an idle axis's motor on, also where its
@@ -433,14 +433,14 @@ impl Axis {
                 }
             }
         };
-        match result {
+        match &result {
             Ok(reply) => {
                 if let Some(job) = self.job.take() {
                     self.note_output(now, &job, out);
-                    out.answer(job.ticket, &Ok(reply));
+                    out.answer(job.ticket, Ok(reply));
                 }
             }
-            Err(error) => self.fail(now, error, out),
+            Err(error) => self.fail(now, *error, out),
         }
     }
 

@@ -1,13 +1,13 @@
 //! The host links together, with the one ring of what happened that they and the log read.
 
-use super::{Cursor, Incoming, Link, Ring, Slot};
+use super::{Cursor, Identity, Link, Ring, Slot};
 use crate::MAX_LINKS;
 use crate::log::LogEntry;
 use crate::set::Set;
 use core::mem::take;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
-use host_protocol::{Error, Event, MAX_FRAME, Reply};
+use host_protocol::{Error, Event, MAX_FRAME, Reply, Request};
 
 /// The host links, and the log, which hears what they all hear.
 ///
@@ -69,10 +69,16 @@ impl Links {
         self.log_changed = true;
     }
 
-    /// The next byte of a host, see [`Link::receive`].
-    pub fn receive(&mut self, link: u8, now_us: u64, byte: u8) -> Option<Incoming> {
+    /// Whether a request is to be executed, see [`Link::admit`].
+    pub fn admit(
+        &mut self,
+        link: u8,
+        now_us: u64,
+        identity: Identity,
+        request: &Result<Request, Error>,
+    ) -> Option<Option<Slot>> {
         let end = self.ring.end();
-        self.links.get_mut(usize::from(link))?.receive(now_us, byte, end)
+        self.links.get_mut(usize::from(link))?.admit(now_us, identity, request, end)
     }
 
     /// The next frame for a host, see [`Link::poll_transmit`].
@@ -81,7 +87,7 @@ impl Links {
     }
 
     /// Answers a request of a link.
-    pub fn reply(&mut self, link: u8, slot: Slot, result: &Result<Reply, Error>) {
+    pub fn reply(&mut self, link: u8, slot: Slot, result: Result<&Reply, Error>) {
         if let Some(port) = self.links.get_mut(usize::from(link)) {
             port.reply(slot, result);
             self.touch(link);

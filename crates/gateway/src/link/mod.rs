@@ -14,12 +14,12 @@ mod subscription;
 mod tests;
 
 pub(crate) use links::Links;
-pub use replies::Slot;
+pub use replies::{Identity, Slot};
 use ring::{Cursor, Ring};
 
 use events::Events;
 use host_protocol::{
-    Deframer, Error, Event, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields,
+    Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields,
     requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
@@ -29,17 +29,6 @@ use subscription::Subscription;
 const MEMORY_BUDGET: usize = 7 * 1024;
 
 const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
-
-/// A request that is to be executed now, once.
-#[derive(Debug, PartialEq)]
-pub struct Incoming {
-    /// What to do, or why it could not be read, which is then its result.
-    pub request: Result<Request, Error>,
-    /// Where the result goes. `None` for a stop, e-stop or disarm that is repeated, and for them
-    /// and native commands where no place is left for their result: of the native commands
-    /// those that stop are executed even so.
-    pub slot: Option<Slot>,
-}
 
 /// The session of one host link.
 #[derive(Clone)]
@@ -70,43 +59,57 @@ impl Link {
         }
     }
 
-    /// Takes the next byte of the host. What comes out is to be executed; repeated requests are
-    /// answered inside, and so is what cannot be executed for want of a slot.
-    ///
-    /// `end`: where what is still to happen comes in the ring.
-    pub(crate) fn receive(&mut self, now_us: u64, byte: u8, end: Cursor) -> Option<Incoming> {
-        let frame = match self.deframer.push(byte)? {
-            Ok(frame) => frame,
+    /// Takes `bytes` of the host off their front, as far as the end of a frame or all. The frame is
+    /// given if it is a request, which is then to be [admitted](Self::admit).
+    pub(crate) fn receive(&mut self, now_us: u64, bytes: &mut &[u8]) -> Option<Frame<'_>> {
+        match self.deframer.take(bytes)? {
+            Ok(frame) if frame.kind == Kind::Request => {
+                self.last_valid_us = Some(now_us);
+                Some(frame)
+            }
+            // A frame of ours that comes back is no request and no fault: reporting it would go
+            // round for ever.
+            Ok(_) => None,
             Err(error) => {
                 self.events.frame_rejected(now_us, &error);
-                return None;
+                None
             }
-        };
-        // A frame of ours that comes back is no request and no fault: reporting it would go round
-        // for ever.
-        if frame.kind != Kind::Request {
-            return None;
         }
-        self.last_valid_us = Some(now_us);
-        let request = Request::decode(frame.number, frame.body);
-        if let Ok(Request::Hello(hello)) = &request
-            && !self.replies.contains(&frame)
+    }
+
+    /// Whether a request, or why it could not be read, which is then its result, is to be executed
+    /// now, once; and where its result goes. That is `None` for a stop, e-stop or disarm that is
+    /// repeated, and for them and native commands where no place is left for their result: of the
+    /// native commands those that stop are executed even so. Repeated requests are answered inside,
+    /// and what cannot be executed for want of a slot is counted.
+    ///
+    /// `end`: where what is still to happen comes in the ring.
+    pub(crate) fn admit(
+        &mut self,
+        now_us: u64,
+        identity: Identity,
+        request: &Result<Request, Error>,
+        end: Cursor,
+    ) -> Option<Option<Slot>> {
+        if let Ok(Request::Hello(hello)) = request
+            && !self.replies.contains(identity)
         {
             self.replies.clear();
             self.events.start_session(speaks_our_version(hello), end);
             self.subscription = None;
         }
-        let unanswered = |request| Incoming { request: Ok(request), slot: None };
-        match self.replies.reserve(&frame) {
-            Reserved::Repeated => request.ok().filter(stops_each_time).map(unanswered),
+        let unanswered =
+            |executes: fn(&Request) -> bool| request.as_ref().is_ok_and(executes).then_some(None);
+        match self.replies.reserve(identity) {
+            Reserved::Slot(slot) => Some(Some(slot)),
+            Reserved::Repeated => unanswered(stops_each_time),
             Reserved::Forgotten => {
                 self.events.request_dropped(now_us);
-                request.ok().filter(stops_each_time).map(unanswered)
+                unanswered(stops_each_time)
             }
-            Reserved::Slot(slot) => Some(Incoming { request, slot: Some(slot) }),
             Reserved::Full => {
                 self.events.request_dropped(now_us);
-                request.ok().filter(stops).map(unanswered)
+                unanswered(stops)
             }
         }
     }
@@ -118,7 +121,7 @@ impl Link {
     }
 
     /// Takes the result of a request. It is dropped if a new session has begun since.
-    pub fn reply(&mut self, slot: Slot, result: &Result<Reply, Error>) {
+    pub fn reply(&mut self, slot: Slot, result: Result<&Reply, Error>) {
         self.replies.store(slot, result);
     }
 

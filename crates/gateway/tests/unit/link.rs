@@ -39,11 +39,24 @@ impl Port {
     }
 }
 
-fn feed(Port { link, ring }: &mut Port, now_us: u64, bytes: &[u8]) -> Option<Incoming> {
-    let mut incoming: Vec<_> =
-        bytes.iter().filter_map(|byte| link.receive(now_us, *byte, ring.end())).collect();
-    assert!(incoming.len() <= 1);
-    incoming.pop()
+/// A request that is to be executed.
+#[derive(Debug, PartialEq)]
+struct Incoming {
+    request: Result<Request, Error>,
+    slot: Option<Slot>,
+}
+
+fn feed(Port { link, ring }: &mut Port, now_us: u64, mut bytes: &[u8]) -> Option<Incoming> {
+    let mut incoming = None;
+    while !bytes.is_empty() {
+        let Some(frame) = link.receive(now_us, &mut bytes) else { continue };
+        let identity = Identity::of(&frame);
+        let request = Request::decode(frame.number, frame.body);
+        if let Some(slot) = link.admit(now_us, identity, &request, ring.end()) {
+            assert_eq!(incoming.replace(Incoming { request, slot }), None);
+        }
+    }
+    incoming
 }
 
 /// Feeds a request that is new and returns its slot.
@@ -62,7 +75,7 @@ fn hello(session: u32) -> Hello {
 fn greeted() -> Port {
     let mut link = Port::new();
     let slot = request(&mut link, hello(1), 0);
-    link.link.reply(slot, &Ok(Reply::Stop(Done {})));
+    link.link.reply(slot, Ok(&Reply::Stop(Done {})));
     sent(&mut link).unwrap();
     link
 }
@@ -88,8 +101,8 @@ fn sent_event(link: &mut Port) -> Option<(u16, EventMessage)> {
     None
 }
 
-fn pong(time_us: u64) -> Result<Reply, Error> {
-    Ok(Reply::Ping(Pong { time_us }))
+fn pong(time_us: u64) -> Reply {
+    Reply::Ping(Pong { time_us })
 }
 
 const RESET: Event = Event::EStopCleared {};
@@ -103,7 +116,7 @@ fn a_request_comes_out_and_its_reply_goes_back() {
     assert_eq!(link.link.last_valid(), Some(77));
     assert_eq!(sent(&mut link), None);
 
-    link.link.reply(incoming.slot.unwrap(), &pong(5));
+    link.link.reply(incoming.slot.unwrap(), Ok(&pong(5)));
     // Kind 2, sequence 1, number 2, time 5, CRC-32C CE29F5F4 from an independent computation.
     let reply = [0x00, 0x03, 0x02, 0x01, 0x02, 0x02, 0x06, 0x05, 0xF4, 0xF5, 0x29, 0xCE, 0x00];
     assert_eq!(sent(&mut link).unwrap(), reply);
@@ -116,7 +129,7 @@ fn a_repeated_request_gets_the_same_bytes_and_is_not_executed() {
     let slot = request(&mut link, Ping {}, 1);
     assert_eq!(feed(&mut link, 1, &PING), None, "while it is executed");
     assert_eq!(sent(&mut link), None);
-    link.link.reply(slot, &pong(9));
+    link.link.reply(slot, Ok(&pong(9)));
     assert_eq!(feed(&mut link, 2, &PING), None, "while its reply waits");
     let first = sent(&mut link).unwrap();
     assert_eq!(sent(&mut link), None, "one reply for all of them");
@@ -137,7 +150,7 @@ fn what_stops_is_executed_each_time_and_its_result_repeated() {
         let slot = request(&mut link, stop.clone(), 1);
         let again = Some(Incoming { request: Ok(stop.clone()), slot: None });
         assert_eq!(feed(&mut link, 1, &bytes(stop.clone(), 1)), again, "while it is executed");
-        link.link.reply(slot, &pong(9));
+        link.link.reply(slot, Ok(&pong(9)));
         let first = sent(&mut link).unwrap();
         assert_eq!(feed(&mut link, 2, &bytes(stop, 1)), again);
         assert_eq!(sent(&mut link).unwrap(), first);
@@ -157,7 +170,7 @@ fn the_same_sequence_with_another_request_is_executed() {
 fn errors_are_results_and_are_repeated_too() {
     let mut link = Port::new();
     let slot = request(&mut link, Arm { axis: 9 }, 3);
-    link.link.reply(slot, &Err(Error::UnknownAxis { axis: 9, max_axes: 4 }));
+    link.link.reply(slot, Err(Error::UnknownAxis { axis: 9, max_axes: 4 }));
     let first = sent(&mut link).unwrap();
     assert_eq!(first[2], 3, "the kind of an error");
     assert_eq!(feed(&mut link, 0, &bytes(Arm { axis: 9 }, 3)), None);
@@ -179,7 +192,7 @@ fn the_last_eight_requests_are_remembered() {
     let mut link = Port::new();
     for sequence in 1..=9 {
         let slot = request(&mut link, Ping {}, sequence);
-        link.link.reply(slot, &pong(u64::from(sequence)));
+        link.link.reply(slot, Ok(&pong(u64::from(sequence))));
         sent(&mut link).unwrap();
     }
     // A repeated request does not make the others older.
@@ -197,7 +210,7 @@ fn replies_leave_in_the_order_of_their_results() {
     let mut link = Port::new();
     let slots: Vec<_> = (1..=3).map(|sequence| request(&mut link, Ping {}, sequence)).collect();
     for index in [2, 0, 1] {
-        link.link.reply(slots[index], &pong(0));
+        link.link.reply(slots[index], Ok(&pong(0)));
     }
     for sequence in [3, 1, 2] {
         assert_eq!(sent(&mut link).unwrap()[3], sequence);
@@ -212,7 +225,7 @@ fn a_repeated_request_is_not_executed_even_if_its_reply_had_to_make_room() {
     }
     for sequence in 5..=9 {
         let slot = request(&mut link, Ping {}, sequence);
-        link.link.reply(slot, &pong(0));
+        link.link.reply(slot, Ok(&pong(0)));
         sent(&mut link).unwrap();
     }
     // Of the last 8 requests the fifth still has its place: four are owed.
@@ -244,7 +257,7 @@ fn without_a_slot_only_a_stop_is_executed() {
     );
 
     // A reply that waits still holds its slot; one that was handed out does not.
-    link.link.reply(slots[4], &pong(0));
+    link.link.reply(slots[4], Ok(&pong(0)));
     assert_eq!(feed(&mut link, 70, &bytes(Ping {}, 9)), None);
     sent(&mut link).unwrap();
     assert!(feed(&mut link, 80, &bytes(Ping {}, 9)).is_some());
@@ -255,17 +268,17 @@ fn a_new_hello_forgets_the_requests_before_it() {
     let mut link = greeted();
     let orphan = request(&mut link, Arm { axis: 1 }, 1);
     let waiting = request(&mut link, Ping {}, 2);
-    link.link.reply(waiting, &pong(0));
+    link.link.reply(waiting, Ok(&pong(0)));
 
     let slot = request(&mut link, hello(2), 0);
     assert_eq!(sent(&mut link), None, "the reply of the session before");
-    link.link.reply(orphan, &pong(0));
+    link.link.reply(orphan, Ok(&pong(0)));
     assert_eq!(sent(&mut link), None, "a result of the session before");
     let again = request(&mut link, Arm { axis: 1 }, 1);
-    link.link.reply(orphan, &pong(0));
+    link.link.reply(orphan, Ok(&pong(0)));
     assert_eq!(sent(&mut link), None, "nor does it take the place of another one");
-    link.link.reply(again, &pong(0));
-    link.link.reply(slot, &pong(0));
+    link.link.reply(again, Ok(&pong(0)));
+    link.link.reply(slot, Ok(&pong(0)));
     assert!(sent(&mut link).is_some() && sent(&mut link).is_some());
 }
 
@@ -275,7 +288,7 @@ fn a_repeated_hello_begins_nothing_new() {
     let slot = request(&mut link, hello(1), 0);
     request(&mut link, Ping {}, 1);
     assert_eq!(feed(&mut link, 0, &bytes(hello(1), 0)), None);
-    link.link.reply(slot, &pong(0));
+    link.link.reply(slot, Ok(&pong(0)));
     assert!(sent(&mut link).is_some());
     assert_eq!(feed(&mut link, 0, &PING), None, "still remembered");
 }
@@ -304,7 +317,7 @@ fn replies_go_before_events() {
     let mut link = greeted();
     link.event(1, &RESET);
     let slot = request(&mut link, Ping {}, 1);
-    link.link.reply(slot, &pong(0));
+    link.link.reply(slot, Ok(&pong(0)));
     assert_eq!(sent(&mut link).unwrap()[2], 2, "a reply");
     assert!(sent_event(&mut link).is_some());
 }
@@ -390,6 +403,6 @@ fn the_longest_messages_pass() {
             .collect(),
         time_us: u64::MAX,
     };
-    link.link.reply(slot, &Ok(Reply::Hello(reply)));
+    link.link.reply(slot, Ok(&Reply::Hello(reply)));
     assert!(sent(&mut link).unwrap().len() > 470);
 }

@@ -13,7 +13,6 @@ use crate::MAX_AXES_WIRE;
 use crate::axis::{Axis, Is, JobKind, Restart};
 use crate::bus::Bus;
 use crate::gateway::{Gateway, unknown_bus};
-use crate::link::Incoming;
 use crate::log::LogEntry;
 use crate::outbox::{Outbox, Ticket};
 use crate::protocol::Exchange;
@@ -25,34 +24,21 @@ use host_protocol::{
     replies, requests,
 };
 
-/// What a request comes to.
-#[expect(clippy::large_enum_variant, reason = "there is no heap to put the large one on")]
-pub(crate) enum Outcome {
-    /// Its result, now.
-    Now(Reply),
-    /// A job answers it later.
-    Later,
-}
-
 pub(crate) type Result<T, E = Error> = core::result::Result<T, E>;
 
 impl Gateway {
-    /// Executes one request and answers it.
-    pub(crate) fn execute(&mut self, now: Instant, link: u8, incoming: Incoming) {
-        let ticket = Ticket { link, slot: incoming.slot };
-        let result = match incoming.request {
-            Ok(request) if ticket.slot.is_none() && !self.is_stop(&request) => return,
-            Ok(request) => self.dispatch(now, ticket, &request),
-            Err(error) => Err(error),
+    /// Executes one request, or answers why it could not be read.
+    pub(crate) fn execute(&mut self, now: Instant, ticket: Ticket, request: &Result<Request>) {
+        let result = match request {
+            Ok(request) if ticket.slot.is_none() && !self.is_stop(request) => return,
+            Ok(request) => self.dispatch(now, ticket, request),
+            Err(error) => Err(*error),
         };
         // Not only when all requests are done: one may latch the e-stop, the next clear it.
         self.close_barred_raw(now);
-        let result = match result {
-            Ok(Outcome::Later) => return,
-            Ok(Outcome::Now(reply)) => Ok(reply),
-            Err(error) => Err(error),
-        };
-        self.outbox(now).answer(ticket, &result);
+        if let Err(error) = result {
+            self.outbox(now).answer(ticket, Err(error));
+        }
     }
 
     /// Whether a request is executed even if no reply slot is left: it stops, and takes no exchange
@@ -65,7 +51,8 @@ impl Gateway {
         }
     }
 
-    fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<Outcome> {
+    /// Executes a request and answers it, or has a job do so; not if it fails.
+    fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         if needs_authority(request) {
             self.authority.take(now, ticket.link)?;
         }
@@ -178,7 +165,8 @@ impl Gateway {
                 Reply::ReadCrashReport(replies::CrashReport { text: text(self.board.crash_report) })
             }
         };
-        Ok(Outcome::Now(reply))
+        self.outbox(now).answer(ticket, Ok(&reply));
+        Ok(())
     }
 
     fn hello(
@@ -234,13 +222,13 @@ impl Gateway {
         now: Instant,
         request: &requests::ProvisionMotorTimeout,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         let axis = self.idle_axis(request.axis)?;
         crate::protocol::check_timeout(request.timeout_ms, &axis.config)?;
         self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
     }
 
-    fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+    fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         if self.e_stopped || self.e_stop_input_open {
             return Err(Error::EStopped {});
         }
@@ -272,7 +260,7 @@ impl Gateway {
         self.start(now, index, JobKind::Arm { epoch }, ticket)
     }
 
-    fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+    fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         self.check_clear(index)?;
         self.start(now, index, JobKind::Clear, ticket)
     }
@@ -296,7 +284,7 @@ impl Gateway {
 
     /// Only what has tripped and stands confirmed is restarted: at rest a native 0x76 does, under
     /// the rules of native commands.
-    fn clear_by_restart(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+    fn clear_by_restart(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         let axis = self.axis(index)?;
         if !matches!(axis.state(), AxisState::Tripped { .. }) {
             return Err(Error::NothingToClear { axis: index });
@@ -309,7 +297,7 @@ impl Gateway {
         self.start(now, index, JobKind::Restart(Restart::default()), ticket)
     }
 
-    fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+    fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         self.refuse_e_stopped(index)?;
         let axis = self.idle_axis(index)?;
         if axis.state() != AxisState::Holding {
@@ -321,7 +309,7 @@ impl Gateway {
         self.start(now, index, JobKind::OutputOff, ticket)
     }
 
-    fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<Outcome> {
+    fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         let axis = self.axis(index)?;
         match axis.state() {
             AxisState::Unconfigured => {
@@ -334,7 +322,9 @@ impl Gateway {
             }
             // The bus belongs to the arming or the stop: what is known is told with its age.
             AxisState::Arming | AxisState::Stopping | AxisState::Tripped { .. } => {
-                Ok(Outcome::Now(Reply::ReadState(axis.report(now))))
+                let reply = Reply::ReadState(axis.report(now));
+                self.outbox(now).answer(ticket, Ok(&reply));
+                Ok(())
             }
         }
     }
@@ -436,9 +426,9 @@ impl Gateway {
         axis: u8,
         kind: JobKind,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
-        Ok(Outcome::Later)
+        Ok(())
     }
 
     /// Authority released: what is armed is stopped and disarmed.

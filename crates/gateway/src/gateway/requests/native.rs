@@ -1,6 +1,6 @@
 //! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
 
-use super::{Outcome, Result};
+use super::Result;
 use crate::axis::{JobKind, NativeMotion, Permit};
 use crate::bus_rules;
 use crate::gateway::Gateway;
@@ -18,7 +18,7 @@ impl Gateway {
         now: Instant,
         request: &requests::Native,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         let index = request.axis;
         let native = self.decode(request)?;
         let permitted = self.axis(index)?.is_armed_in(request.epoch);
@@ -30,7 +30,9 @@ impl Gateway {
             }
             Effect::Stops | Effect::Rests(_) if !idle => {
                 self.stop(now, StopTarget::Axis(index))?;
-                Ok(Outcome::Now(Reply::Native(replies::NativeReply { data: Bytes::new() })))
+                let reply = Reply::Native(replies::NativeReply { data: Bytes::new() });
+                self.outbox(now).answer(ticket, Ok(&reply));
+                Ok(())
             }
             Effect::Stops | Effect::Rests(_) | Effect::Changes { .. } => {
                 self.change_natively(now, index, native, ticket)
@@ -71,14 +73,14 @@ impl Gateway {
         now: Instant,
         request: &requests::MoveRelative,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
         let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
         let (distance, speed) = (request.distance_rad, request.speed_limit_rad_s);
         self.with_axis(now, request.axis, |axis, out| {
             axis.move_relative(now, permit, distance, speed, ticket, out)
         })??;
-        Ok(Outcome::Later)
+        Ok(())
     }
 
     /// A command that only asks is as free as reading the state, but not told from what is known
@@ -89,7 +91,7 @@ impl Gateway {
         index: u8,
         native: Native,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         let axis = self.axis(index)?;
         let free = matches!(
             axis.state(),
@@ -112,7 +114,7 @@ impl Gateway {
         index: u8,
         native: Native,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         self.authority.take(now, ticket.link)?;
         if let Effect::Changes { .. } = native.effect {
             self.refuse_e_stopped(index)?;
@@ -187,7 +189,7 @@ impl Gateway {
         native: Native,
         demand: Demand,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         self.authority.take(now, ticket.link)?;
         self.refuse_e_stopped(request.axis)?;
         let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
@@ -195,7 +197,7 @@ impl Gateway {
         self.with_axis(now, request.axis, |axis, out| {
             axis.move_natively(now, permit, native.command, motion, ticket, out)
         })??;
-        Ok(Outcome::Later)
+        Ok(())
     }
 
     /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.

@@ -5,7 +5,7 @@
 //! on each speed is a setpoint like any other (GUARANTEES G2, G10). Where one of them cannot go on,
 //! all that were told a speed are stopped: their stop overwrites what waits.
 
-use super::{Outcome, Result};
+use super::Result;
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
@@ -59,7 +59,7 @@ impl Gateway {
         now: Instant,
         request: &StartTogether,
         ticket: Ticket,
-    ) -> Result<Outcome> {
+    ) -> Result<()> {
         let StartTogether { expires_at_us, members } = request;
         let first = members.first().map_or(0, |member| member.axis);
         let barred = |axis, reason| Err(Error::CannotStartTogether { axis, reason });
@@ -156,7 +156,7 @@ impl Gateway {
             }
         });
         self.together = Some(together);
-        Ok(Outcome::Later)
+        Ok(())
     }
 
     /// Goes on with a start under way, or gives it up: after everything that happens.
@@ -187,7 +187,7 @@ impl Gateway {
                     axis.stand_down();
                 }
             });
-            self.outbox(now).answer(together.ticket, &Ok(Reply::StartTogether(replies::Done {})));
+            self.outbox(now).answer(together.ticket, Ok(&Reply::StartTogether(replies::Done {})));
         }
     }
 
@@ -204,7 +204,7 @@ impl Gateway {
     fn give_up_together(&mut self, now: Instant, error: Option<Error>) {
         let Some(together) = self.together.take() else { return };
         if let Some(error) = error {
-            self.outbox(now).answer(together.ticket, &Err(error));
+            self.outbox(now).answer(together.ticket, Err(error));
         }
         self.each_axis(now, |axis, out| {
             if !together.concerns(axis) {
