@@ -224,7 +224,7 @@ fn answer(transmit: &Transmit) -> CanFrame {
 type Operation = (&'static str, fn(&mut Bench) -> Bytes, fn(&mut Bench, &[u8]), fn() -> Bench);
 type Bytes = Vec<u8>;
 
-const OPERATIONS: [Operation; 6] = [
+const OPERATIONS: [Operation; 7] = [
     ("setpoint", prepare_setpoint, host_bytes, Bench::moving),
     (
         "stop",
@@ -242,6 +242,7 @@ const OPERATIONS: [Operation; 6] = [
         Bench::moving,
     ),
     ("reply", prepare_reply, can_reply, Bench::idle),
+    ("foreign", |_| Bytes::new(), foreign_frame, Bench::moving),
     ("round", |_| Bytes::new(), round, Bench::moving),
     ("idle", |_| Bytes::new(), idle_second, Bench::idle),
 ];
@@ -301,6 +302,13 @@ fn can_reply(bench: &mut Bench, bytes: &[u8]) {
     bench.told.clear();
     bench.handle(Event::CanReceived { bus: *bus, frame });
     assert!(!bench.told.is_empty());
+}
+
+/// A frame that none of the motors has sent.
+fn foreign_frame(bench: &mut Bench, _: &[u8]) {
+    let frame = CanFrame::standard(0x7F0, &[0; 8]).expect("an id");
+    bench.handle(Event::CanReceived { bus: 0, frame });
+    assert!(bench.on_wire.is_empty());
 }
 
 /// A setpoint for each axis, its frame, the motor's reply.

@@ -188,6 +188,11 @@ impl Axes {
         buses
     }
 
+    /// Whether no axis may have changed since.
+    pub fn is_settled(&self) -> bool {
+        self.touched.is_empty()
+    }
+
     /// The buses whose axes have another traffic than was told the last time.
     pub fn take_new_traffic(&mut self) -> Set {
         self.new_traffic.take()

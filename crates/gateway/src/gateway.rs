@@ -122,14 +122,17 @@ impl Gateway {
         self.supervise(now);
         match event {
             Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
-            // Floods of foreign frames cost little: they leave most buses as they were.
             Event::CanReceived { bus: index, frame } => {
                 let waits_for_quiet = self.with_bus(now, index, |bus, axes, out| {
                     bus.can_received(now, frame, axes, out);
-                    bus.waits_for_quiet()
+                    bus.waits_for_quiet(axes)
                 });
                 if waits_for_quiet == Some(true) {
                     self.touch_buses(Set::of(index));
+                }
+                // Floods of foreign frames cost little: nothing follows from them.
+                if self.axes.is_settled() && self.changed_buses.is_empty() {
+                    return self.take_changes();
                 }
             }
             Event::SerialReceived { bus, bytes } => {

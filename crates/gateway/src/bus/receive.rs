@@ -3,7 +3,7 @@
 use super::Bus;
 use super::line::Heard;
 use crate::axes::Axes;
-use crate::axis::{Axis, Reception};
+use crate::axis::{Axis, Is, Reception};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Received, Unasked};
 use crate::time::Instant;
@@ -46,9 +46,9 @@ impl Bus {
     }
 
     /// Whether a frame that is not for its axes changes what may be sent and when: where a reply
-    /// has the id of the next frame, the bus must have been quiet.
-    pub fn waits_for_quiet(&self) -> bool {
-        self.bounds.shares_ids
+    /// with the id of the next frame is due, the bus must have been quiet.
+    pub fn waits_for_quiet(&self, axes: &Axes) -> bool {
+        [Is::OwedOurId, Is::Objecting].into_iter().any(|is| !self.which(is, axes).is_empty())
     }
 
     /// Bytes have arrived on a serial bus.
