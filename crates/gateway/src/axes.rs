@@ -61,9 +61,12 @@ impl Kept {
 }
 
 /// The axes of a gateway.
+///
+/// `axes` comes last: with zeros right behind it the compiler makes it on the stack, which has no
+/// room for it, and then moves it.
 #[derive(Clone)]
+#[repr(C)]
 pub(crate) struct Axes {
-    axes: Vec<Axis, MAX_AXES>,
     /// Those that may have changed since they were settled.
     touched: Set,
     kept: Kept,
@@ -71,6 +74,7 @@ pub(crate) struct Axes {
     first_due: Option<Instant>,
     /// Buses whose traffic is another one than they know.
     new_traffic: Set,
+    axes: Vec<Axis, MAX_AXES>,
 }
 
 impl Axes {
