@@ -391,16 +391,14 @@ impl Sender {
         let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
         let limit = self.duration(bits) + MARGIN;
         let bytes = self.memory.bytes().get(..length).ok_or(TimeoutError)?;
-        with_timeout(limit, async {
-            self.registers.icr().write(|w| w.set_tc(true));
-            self.events.sent.reset();
-            self.registers.cr1().modify(|w| w.set_tcie(true));
-            // The result is always Ok: this driver's write reports nothing.
-            let _ = self.driver.write(bytes).await;
-            // What the transmitter still holds is on its way. Its event tells when that has left;
-            // where no event comes, the time does.
-            let _ = with_timeout(rest, self.events.sent.wait()).await;
-        })
-        .await
+        self.registers.icr().write(|w| w.set_tc(true));
+        self.events.sent.reset();
+        self.registers.cr1().modify(|w| w.set_tcie(true));
+        // What the driver's write returns is always Ok: it reports nothing.
+        let _ = with_timeout(limit, self.driver.write(bytes)).await?;
+        // What the transmitter still holds is on its way. Its event tells when that has left; where
+        // no event comes, the time does.
+        let _ = with_timeout(rest, self.events.sent.wait()).await;
+        Ok(())
     }
 }
