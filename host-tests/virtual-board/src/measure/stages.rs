@@ -33,7 +33,7 @@ pub(super) const STAGES: [(&str, &[&str]); 11] = [
     ("motor protocols", &["rmd", "thruster", "d5"]),
     ("CAN controller", &["motor_gateway::fdcan"]),
     ("UART", &["motor_gateway::line", "embassy_stm32::usart", "embassy_stm32::dma"]),
-    ("tasks", &["embassy_executor::raw::TaskStorage", "motor_gateway"]),
+    ("tasks", &["embassy_executor::raw::TaskStorage$LT$F$GT$", "motor_gateway"]),
     ("executor", &["embassy_executor", "embassy_sync", "embassy_time", "embassy_stm32", "main"]),
 ];
 
@@ -151,6 +151,8 @@ mod tests {
         assert_eq!(stage("_ZN3rmd5reply6decode17h0123456789abcdefE"), Some("motor protocols"));
         assert_eq!(stage("_ZN13motor_gateway5tasks3can3canE"), Some("tasks"));
         assert_eq!(stage("_ZN13motor_gateway5fdcan3canE"), Some("CAN controller"));
+        let polled = "_ZN16embassy_executor3raw20TaskStorage$LT$F$GT$4poll17h0123456789abcdefE";
+        assert_eq!(stage(polled), Some("tasks"));
         assert_eq!(stage("_ZN4core3fmt5write17h0123456789abcdefE"), None);
     }
 
