@@ -107,7 +107,7 @@ impl Gateway {
             }
         }
         while !self.links.is_full() {
-            let _ = self.links.push(Link::new());
+            let _ = self.links.push(const { Link::new() });
         }
     }
 
