@@ -64,8 +64,6 @@ impl fmt::Display for DecodeError {
 impl core::error::Error for DecodeError {}
 
 /// Reads the whole of `body`; bytes left over are an error.
-// One copy for each type of body, not one for each message: 2 KiB of the firmware's flash.
-#[inline(never)]
 pub(crate) fn decode_body<T: DeserializeOwned>(number: u16, body: &[u8]) -> Result<T, DecodeError> {
     match postcard::take_from_bytes(body) {
         Ok((value, [])) => Ok(value),
