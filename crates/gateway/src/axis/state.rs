@@ -365,10 +365,10 @@ impl Axis {
     }
 
     /// A stop is asked for although one is under way or confirmed: it is sent again at once, and
-    /// what is under way makes room.
+    /// what is under way makes room, but for a stop that has still to leave.
     fn stop_again(&mut self, now: Instant) {
-        let is_stop = self.transactions.current().is_some_and(|c| c.exchange.is_stop());
-        if self.stop_mut().is_some_and(|stop| stop.ask_again(now)) && !is_stop {
+        let leaves = self.transactions.has_with_port(Exchange::is_stop);
+        if self.stop_mut().is_some_and(|stop| stop.ask_again(now)) && !leaves {
             self.transactions.preempt();
         }
     }

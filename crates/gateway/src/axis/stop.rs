@@ -93,6 +93,9 @@ pub(crate) struct Stop {
     next_at: Instant,
     /// When the stop command is due again although the step is another one.
     repeat_at: Instant,
+    /// When one is due that a host has asked for, or that was taken back: nothing but its leaving
+    /// ends that.
+    owed_at: Option<Instant>,
     /// When reading the speed began.
     standstill_since: Instant,
     /// When something of the stop last went on: a frame had left, was answered, or was given up
@@ -136,6 +139,7 @@ impl Stop {
             give_up_at: now + STANDSTILL_WITHIN,
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
+            owed_at: None,
             standstill_since: now,
             went_on_at: now,
             not_sent: false,
@@ -227,6 +231,12 @@ impl Stop {
 
     /// What the stop wants next, and from when on.
     pub fn next(&self) -> Option<(Exchange, Instant)> {
+        let next = self.next_step();
+        let owed = self.owed_at.filter(|at| next.is_none_or(|(_, next)| *at <= next));
+        owed.map(|at| (self.command(), at)).or(next)
+    }
+
+    fn next_step(&self) -> Option<(Exchange, Instant)> {
         let step = match self.step() {
             Some(Exchange::Stop) => return Some((self.command(), self.next_at)),
             None if self.read_after_repeat || self.hold_poll.is_some() => Some(Exchange::Velocity),
@@ -252,12 +262,16 @@ impl Stop {
             return false;
         }
         let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
-        let at = just_left.unwrap_or(now);
-        self.repeat_at = self.repeat_at.min(at);
-        // Before the next reading, too.
-        let is_command = self.step() == Some(Exchange::Stop);
-        self.next_at = if is_command { self.next_at.min(at) } else { self.next_at.max(at) };
+        self.owe(just_left.unwrap_or(now));
         just_left.is_none()
+    }
+
+    /// The stop command goes out once more at `at`, before the next reading.
+    fn owe(&mut self, at: Instant) {
+        self.owed_at = Some(self.owed_at.map_or(at, |owed| owed.min(at)));
+        if self.step() != Some(Exchange::Stop) {
+            self.next_at = self.next_at.max(at);
+        }
     }
 
     /// When a motor that answers and does not come to rest is given up.
@@ -287,6 +301,9 @@ impl Stop {
 
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
+        if exchange == self.command() {
+            self.owed_at = None;
+        }
         let is_confirmed = self.is_confirmed();
         let repeat = if is_confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
         match exchange {
@@ -312,9 +329,8 @@ impl Stop {
 
     /// The bus has cancelled an exchange of the stop: it has not left.
     pub fn cancelled(&mut self, now: Instant, exchange: Exchange) {
-        let is_command = self.step() == Some(Exchange::Stop);
-        if exchange == self.command() && !is_command && self.repeats() {
-            self.repeat_at = now;
+        if exchange == self.command() && self.repeats() {
+            self.owe(now);
         } else {
             self.next_at = self.next_at.min(now);
         }

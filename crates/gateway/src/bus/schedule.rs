@@ -155,7 +155,7 @@ impl Bus {
     /// Whether first stops bar what is part of other stops, as `first_stops_bar_until` says: found
     /// as soon as one of them does.
     fn first_stops_bar(&self, now: Instant, axes: &Axes) -> bool {
-        let bars_for = self.first_stops_bar_for();
+        let bars_for = self.first_stops_bar_for(axes);
         let bars = |since: Instant| now < since + bars_for;
         self.kind() == BusKind::Rs485
             || bars(self.first_stops_since)
@@ -171,13 +171,17 @@ impl Bus {
         }
         Some(
             self.first_stops_may_leave(axes).max()?.max(self.first_stops_since)
-                + self.first_stops_bar_for(),
+                + self.first_stops_bar_for(axes),
         )
     }
 
-    fn first_stops_bar_for(&self) -> Duration {
-        let replies = self.bounds.outranking_replies + self.bounds.streamed_at_once;
-        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies)
+    fn first_stops_bar_for(&self, axes: &Axes) -> Duration {
+        // Those to the stops before it, too.
+        let replies = match self.bounds.outranking_replies {
+            0 => 0,
+            replies => replies + u64::from(self.which(Is::Stopping, axes).len()),
+        };
+        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + self.bounds.streamed_at_once)
     }
 
     /// From when on each first stop that has not left may leave.

@@ -7,8 +7,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, StopAction,
-    StopTarget, TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, Request,
+    StopAction, StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -178,4 +178,62 @@ fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_th
         let refreshed = rig.gateway.poll_transmit(due, 0);
         assert_eq!(refreshed.is_some(), goes_out, "{refreshed:?}");
     }
+}
+
+/// Axes whose next frame waits for the reply to the one before, with their bus and their stop.
+type Waits = (fn() -> (Rig, crate::motors::Shared), u8, &'static str);
+const THAT_WAIT: [Waits; 2] = [
+    (bench::d5, 1, "00B#D50B050320000033"),
+    (|| bench::rmd_serial(StopAction::Hold), 2, "3E01088100"),
+];
+
+/// An e-stop, and another one some time after it. The motor is mute from the first on, or answers.
+fn assert_two_e_stops_send_two_stops((make, bus, text): Waits, after_us: u64, mute: bool) {
+    let (mut rig, play) = make();
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().mute = mute;
+    e_stop(&mut rig);
+    rig.run(after_us);
+    let since = rig.now_us + 1;
+    e_stop(&mut rig);
+    let at_once =
+        rig.wire.last().is_some_and(|(at, _, last)| at + 1 == since && last.starts_with(text));
+    rig.run(11_000);
+    let sent = rig.sent_since(bus, since);
+    let is_sent = at_once || sent.iter().any(|sent| sent.starts_with(text));
+    assert!(is_sent, "bus {bus}, after {after_us} µs: {sent:?}");
+}
+
+#[test]
+fn a_stop_asked_for_while_another_is_confirmed_is_sent() {
+    for case in THAT_WAIT {
+        for after_us in (0..60_000).step_by(250) {
+            assert_two_e_stops_send_two_stops(case, after_us, false);
+        }
+    }
+}
+
+#[test]
+fn a_stop_asked_for_in_the_reply_window_of_another_is_sent() {
+    for case in THAT_WAIT {
+        for after_us in (1_000_000..2_200_000).step_by(1_900) {
+            assert_two_e_stops_send_two_stops(case, after_us, true);
+        }
+    }
+}
+
+#[test]
+fn the_stop_of_a_tripped_axis_is_repeated_in_time_while_its_clearing_waits_for_the_bus() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    bench::configure_axis(&mut rig, 1, 0, Protocol::Rmd, 3, StopAction::Coast);
+    move_axis(&mut rig, VELOCITY);
+    run_with_host(&mut rig, 300_000);
+    assert_tripped(&mut rig, TripReason::SetpointExpired, true);
+    // Between the ids of the two: the first stop of the second axis cannot leave.
+    rig.babble(Some(0x142));
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(1) }));
+    rig.run(100_000);
+    send_clear(&mut rig);
+    rig.run(2_000_000);
+    assert!(rig.longest_gap_us(0, 0, "141#80") <= 502_000);
 }
