@@ -100,10 +100,6 @@ impl Look {
             let again = || axis.next_request_at(after).unwrap_or(Instant::NEVER);
             look.is_due(if after == now { at } else { again() }, after);
         }
-        // What comes before it may have to wait for the bus.
-        if let Some((_, at)) = axis.stop().and_then(Stop::next) {
-            look.is_due(at, after);
-        }
         look.delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
         look
     }
