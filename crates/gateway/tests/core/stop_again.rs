@@ -7,8 +7,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Request, StopAction,
-    StopTarget, TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, Request,
+    StopAction, StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -220,4 +220,20 @@ fn a_stop_asked_for_in_the_reply_window_of_another_is_sent() {
             assert_two_e_stops_send_two_stops(case, after_us, true);
         }
     }
+}
+
+#[test]
+fn the_stop_of_a_tripped_axis_is_repeated_in_time_while_its_clearing_waits_for_the_bus() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    bench::configure_axis(&mut rig, 1, 0, Protocol::Rmd, 3, StopAction::Coast);
+    move_axis(&mut rig, VELOCITY);
+    run_with_host(&mut rig, 300_000);
+    assert_tripped(&mut rig, TripReason::SetpointExpired, true);
+    // Between the ids of the two: the first stop of the second axis cannot leave.
+    rig.babble(Some(0x142));
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(1) }));
+    rig.run(100_000);
+    send_clear(&mut rig);
+    rig.run(2_000_000);
+    assert!(rig.longest_gap_us(0, 0, "141#80") <= 502_000);
 }
