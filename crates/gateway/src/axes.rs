@@ -138,13 +138,20 @@ impl Axes {
         self.which(is).and(self.on(bus))
     }
 
+    /// What is kept as a time of each axis of a set that has one.
+    pub fn times(
+        &self,
+        set: Set,
+        time: impl Fn(&Look) -> Instant,
+    ) -> impl Iterator<Item = (usize, Instant)> {
+        set.into_iter()
+            .filter_map(move |index| Some((index, time(self.kept.looks.get(index)?))))
+            .filter(|(_, at)| *at < Instant::NEVER)
+    }
+
     /// When the first of these setpoints is late, but for the time that their bus may take.
     pub fn first_delivery_due(&self, set: Set) -> Option<Instant> {
-        let due = set
-            .into_iter()
-            .filter_map(|index| self.kept.looks.get(index))
-            .map(|look| look.delivery_due);
-        due.min().filter(|at| *at < Instant::NEVER)
+        self.times(set, |look| look.delivery_due).map(|(_, at)| at).min()
     }
 
     /// When the first axis must be looked at again.

@@ -71,11 +71,21 @@ pub(crate) struct Look {
     /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
     /// none is owed.
     pub delivery_due: Instant,
+    /// When its next command that stops is due; [`Instant::NEVER`] where none is.
+    pub stop_due: Instant,
+    /// Since when a command of its stop has not left; [`Instant::NEVER`] where none is owed.
+    pub stop_unsent_since: Instant,
 }
 
 impl Look {
     /// At an axis of which nothing is so.
-    pub const NONE: Self = Self { flags: 0, due: Instant::NEVER, delivery_due: Instant::NEVER };
+    pub const NONE: Self = Self {
+        flags: 0,
+        due: Instant::NEVER,
+        delivery_due: Instant::NEVER,
+        stop_due: Instant::NEVER,
+        stop_unsent_since: Instant::NEVER,
+    };
 
     /// At an axis at `now`. `after`: what was due until then has been done.
     pub fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
@@ -107,6 +117,8 @@ impl Look {
             }
         }
         look.delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
+        look.stop_due = axis.stop_due_at().unwrap_or(Instant::NEVER);
+        look.stop_unsent_since = axis.unsent_stop_since().unwrap_or(Instant::NEVER);
         look
     }
 

@@ -9,6 +9,7 @@ use crate::axes::Axes;
 use crate::axis::Is;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Info};
+use crate::set::Set;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{BusKind, Event, TripReason};
@@ -182,16 +183,15 @@ impl Bus {
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
     /// configured carries none, and has no bound.
-    fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (u8, Instant)> + 'a {
-        let mut within = None;
-        axes.of(self.which(Is::Stopping, axes)).filter_map(move |axis| {
-            let since = axis.unsent_stop_since()?;
-            let bound = *within.get_or_insert_with(|| {
-                let stops = self.which(Is::Stopping, axes).len().into();
-                if self.config.is_some() { self.bound(stops, axes) } else { Duration::ZERO }
-            });
-            Some((axis.index, since + bound + NOT_SENT_AFTER))
-        })
+    fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (usize, Instant)> + 'a {
+        let stopping = self.which(Is::Stopping, axes);
+        let bound = if self.config.is_some() {
+            self.bound(stopping.len().into(), axes)
+        } else {
+            Duration::ZERO
+        };
+        axes.times(stopping, |look| look.stop_unsent_since)
+            .map(move |(index, since)| (index, since + bound + NOT_SENT_AFTER))
     }
 
     /// When the next stop counts as one that could not be sent.
@@ -201,13 +201,9 @@ impl Bus {
 
     /// Tells the axes whose stop could not be sent; it stays owed.
     pub fn report_unsent_stops(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
-        loop {
-            let unsent = self.unsent_stops(axes).find(|(_, at)| *at <= now);
-            let Some(axis) = unsent.and_then(|(index, _)| axes.get_mut(usize::from(index))) else {
-                return;
-            };
-            axis.stop_not_sent(now, out);
-        }
+        let late = self.unsent_stops(axes).filter(|(_, at)| *at <= now);
+        let late = late.fold(Set::NONE, |late, (index, _)| late.with(Set::of(index)));
+        axes.each(late, |axis| axis.stop_not_sent(now, out));
     }
 
     /// When the next stop that has not left is to be reported.

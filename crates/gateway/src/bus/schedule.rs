@@ -54,9 +54,10 @@ impl Bus {
             && self.may_be_answered(axes)
             && !self.lets_replies_pass(now, axes)
             && self.objections_are_over_at(axes).is_none_or(|at| at <= now);
-        if stops == Stops::None && !may_ordinary {
+        if !may_ordinary && !self.may_send_any_stop(now, stops, axes) {
             return None;
         }
+        let least = self.least_precedence(stops);
         let mut best: Option<(usize, Request, Precedence)> = None;
         for index in self.which(Is::Ready, axes).behind(self.last_served) {
             let Some(axis) = axes.get(index) else { continue };
@@ -102,6 +103,9 @@ impl Bus {
             };
             if allowed {
                 best = Some((index, want, precedence));
+                if Some(precedence) == least {
+                    break;
+                }
             }
         }
         best.map(|(index, want, _)| (index, want))
@@ -126,6 +130,29 @@ impl Bus {
             (Priority::FirstStop | Priority::FirstStopAtRest, _) => (first, id),
             (Priority::Stop | Priority::StopStep, _) => (Priority::Stop as u8, id),
             (priority @ (Priority::Ordinary | Priority::Watch), _) => (priority as u8, None),
+        }
+    }
+
+    /// What nothing goes before, where that needs no look at the axes.
+    fn least_precedence(&self, stops: Stops) -> Option<Precedence> {
+        match (stops, self.kind()) {
+            (Stops::None, _) => Some((Priority::Ordinary as u8, None)),
+            (Stops::Sent, BusKind::Rs485) => Some((Priority::Stop as u8, None)),
+            (Stops::First, BusKind::Rs485) => Some((Priority::FirstStop as u8, None)),
+            _ => None,
+        }
+    }
+
+    /// Whether a command of a stop may go now, as far as the line says so for all of them.
+    fn may_send_any_stop(&self, now: Instant, stops: Stops, axes: &Axes) -> bool {
+        match (stops, self.kind()) {
+            (Stops::None, _) => false,
+            (Stops::Sent, BusKind::Rs485) => {
+                let ready = self.which(Is::Ready, axes);
+                let due = axes.times(ready, |look| look.stop_due).map(|(_, at)| at).min();
+                due.is_some_and(|due| self.line.stop_ready_at(due, self.line_times()) <= now)
+            }
+            _ => true,
         }
     }
 

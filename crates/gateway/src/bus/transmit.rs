@@ -191,7 +191,7 @@ impl Bus {
         if self.kind() == BusKind::Rs485 {
             let times = self.line_times();
             next.consider(Some(self.line.ready_at(times)));
-            for due in axes.of(self.which(Is::Stopping, axes)).filter_map(Axis::stop_due_at) {
+            for (_, due) in axes.times(self.which(Is::Stopping, axes), |look| look.stop_due) {
                 next.consider(Some(self.line.stop_ready_at(due, times)));
             }
         }
