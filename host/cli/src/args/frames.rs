@@ -1,0 +1,82 @@
+//! The arguments of `decode` and `encode`.
+
+use clap::{Args, ValueEnum};
+
+#[derive(Debug, Args)]
+pub struct DecodeArgs {
+    /// Whose frames they are; `auto` goes by CAN ids and by the first bytes of a frame
+    #[arg(long, value_enum, default_value_t = ProtocolChoice::Auto)]
+    pub protocol: ProtocolChoice,
+    /// Take lines of this kind only; without it each line is taken for what it looks like
+    #[arg(long, value_enum)]
+    pub bus: Option<BusKind>,
+    /// Which way frames go that do not say so (RMD on RS485 and CAN id 300); without it guessed
+    /// from their order and form
+    #[arg(long, value_enum)]
+    pub direction: Option<DirectionChoice>,
+    /// Thrusters return frames without a header, although the capture does not show them being set
+    /// so
+    #[arg(long)]
+    pub headerless: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct EncodeArgs {
+    /// Whose command it is
+    #[arg(long, value_enum)]
+    pub protocol: Option<CodecChoice>,
+    /// The motor, a number or `all`
+    #[arg(long, value_name = "NODE|all")]
+    pub node: Option<String>,
+    /// The kind of bus
+    #[arg(long, value_enum)]
+    pub bus: Option<BusKind>,
+    /// CAN id of a D5 frame, in hexadecimal; the number of the motor without it
+    #[arg(long, value_name = "ID")]
+    pub can_id: Option<String>,
+    /// List every command with its fields, units and ranges
+    #[arg(long)]
+    pub list: bool,
+    /// The command and its fields
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        value_name = "COMMAND [--FIELD VALUE]"
+    )]
+    pub words: Vec<String>,
+}
+
+impl EncodeArgs {
+    /// Whether `--json` stands among the words of the command.
+    pub fn asks_for_json(&self) -> bool {
+        self.words.iter().any(|word| word == "--json")
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProtocolChoice {
+    Auto,
+    Rmd,
+    Thruster,
+    D5,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CodecChoice {
+    Rmd,
+    Thruster,
+    D5,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BusKind {
+    Can,
+    #[value(alias = "serial")]
+    Rs485,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DirectionChoice {
+    Request,
+    Reply,
+}

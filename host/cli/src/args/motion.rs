@@ -1,0 +1,137 @@
+//! The arguments of what moves motors: `native`, `move`, `together`, `set`.
+
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+
+use super::values::some_seconds;
+
+#[derive(Debug, Args)]
+pub struct NativeArgs {
+    /// The axis
+    pub axis: u8,
+    /// The data field that the manual prints, in hexadecimal
+    #[arg(value_name = "DATA", required_unless_present = "command")]
+    pub data: Vec<String>,
+    /// A command by its name instead
+    #[arg(long, value_name = "NAME", conflicts_with = "data")]
+    pub command: Option<String>,
+    /// A field of that command
+    #[arg(
+        long = "field",
+        value_name = "NAME=VALUE",
+        requires = "command",
+        allow_hyphen_values = true
+    )]
+    pub fields: Vec<String>,
+    /// Move: seconds to keep the command up
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
+}
+
+#[derive(Debug, Args)]
+pub struct MoveArgs {
+    /// The axis
+    pub axis: u8,
+    /// How far, rad; positive is counter-clockwise
+    #[arg(allow_negative_numbers = true)]
+    pub distance: f32,
+    /// Speed on the way, rad/s
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub speed_limit: f32,
+    /// How near to the target it has arrived, rad
+    #[arg(long, default_value_t = 0.02, value_name = "RAD")]
+    pub tolerance: f32,
+    /// Seconds to try at most, exit code 1 if it has not arrived then; without it until it has
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
+}
+
+#[derive(Debug, Args)]
+pub struct TogetherArgs {
+    /// An axis and its velocity, rad/s; two axes or more
+    #[arg(required = true, value_name = "AXIS velocity RAD_S", allow_negative_numbers = true)]
+    pub words: Vec<String>,
+    /// Seconds to keep them turning; without it until Ctrl-C
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
+}
+
+/// One of several axes that start together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// The axis.
+    pub axis: u8,
+    /// rad/s
+    pub velocity: f32,
+}
+
+impl Target {
+    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong.
+    pub fn all(words: &[String]) -> Result<Vec<Self>, String> {
+        let wanted = "write AXIS velocity RAD_S for each, for example `3 velocity 2 4 velocity -2`";
+        let targets = words.chunks(3).map(|words| match words {
+            [axis, mode, velocity] if mode == "velocity" => {
+                let axis = axis
+                    .parse()
+                    .map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
+                let velocity = velocity
+                    .parse()
+                    .map_err(|_| format!("`{velocity}` is not a velocity: {wanted}"))?;
+                Ok(Self { axis, velocity })
+            }
+            [_, mode, ..] if mode != "velocity" => {
+                Err(format!("`{mode}`: motors start together by their velocity: {wanted}"))
+            }
+            _ => Err(format!("`{}` is not complete: {wanted}", words.join(" "))),
+        });
+        let targets: Vec<Self> = targets.collect::<Result<_, _>>()?;
+        if targets.len() < 2 {
+            return Err(format!("one motor does not start together with others: {wanted}"));
+        }
+        Ok(targets)
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct SetArgs {
+    /// The axis
+    pub axis: u8,
+    /// What is set
+    pub mode: Mode,
+    /// fraction -1 to 1, A, rad/s or rad
+    #[arg(allow_negative_numbers = true)]
+    pub value: f32,
+    /// Speed limit of a position, rad/s
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub speed_limit: Option<f32>,
+    /// Stiffness of an impedance, N·m/rad
+    #[arg(long, value_name = "NM_PER_RAD", allow_negative_numbers = true)]
+    pub stiffness: Option<f32>,
+    /// Damping of an impedance, N·m·s/rad
+    #[arg(long, value_name = "NM_S_PER_RAD", allow_negative_numbers = true)]
+    pub damping: Option<f32>,
+    /// Velocity at which the damper of an impedance is at rest, rad/s; 0 without it
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub velocity: Option<f32>,
+    /// Torque of an impedance in addition, N·m; 0 without it
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub torque: Option<f32>,
+    /// Seconds to hold it; without it until Ctrl-C
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Fraction of full signal, -1 to 1
+    Signal,
+    /// Torque current, A
+    Current,
+    /// Shaft velocity, rad/s
+    Velocity,
+    /// Shaft angle, rad; needs --speed-limit
+    Position,
+    /// A spring and a damper about a shaft angle, rad; needs --stiffness and --damping
+    Impedance,
+}
