@@ -3,11 +3,13 @@
 use std::fmt;
 use std::io;
 
-use host_protocol::{AxisState, Error};
+use host_protocol::{AxisState, Error, Trip, TripReason};
 use mgw_client::{ClientError, ConnectError};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use crate::output::{number, to_json};
+use crate::faults::Protocols;
+use crate::json;
+use crate::output::number;
 use crate::words;
 
 /// Exit code of a command that was refused or failed.
@@ -37,7 +39,7 @@ pub enum Failure {
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// An axis tripped while it was to be held.
-    Tripped { axis: u8, reason: String },
+    Tripped { axis: u8, reason: TripReason, text: String },
     /// An axis that was to be held is no longer armed, and nobody here has stopped it.
     StoppedElsewhere { axis: u8, state: AxisState },
     /// A move ended on the way.
@@ -84,6 +86,12 @@ impl Failure {
         }
     }
 
+    /// An axis that was to be held has tripped.
+    pub fn tripped(axis: u8, trip: &Trip, motors: Protocols) -> Self {
+        let text = words::trip_reason(&trip.reason, motors.of(axis));
+        Self::Tripped { axis, reason: trip.reason, text }
+    }
+
     /// What the gateway would refuse, found before it is asked.
     pub fn would_be_refused(error: Error) -> Self {
         Self::Explained { error, text: error.to_string() }
@@ -91,25 +99,22 @@ impl Failure {
 
     /// The object that `--json` prints on standard error.
     pub fn to_json(&self) -> Value {
-        let mut error = json!({ "name": self.name(), "message": self.to_string() });
-        if let (
-            Self::Client(ClientError::Gateway(cause)) | Self::Explained { error: cause, .. },
-            Some(fields),
-        ) = (self, error.as_object_mut())
-        {
-            fields.insert("number".to_owned(), json!(cause.number()));
-            fields.extend(data(cause));
-        }
-        if let (Self::Refused { field, value, range, .. }, Some(fields)) =
-            (self, error.as_object_mut())
-        {
-            fields.insert("field".to_owned(), json!(field));
-            fields.insert("value".to_owned(), json!(value));
-            if let Some((min, max)) = range {
-                fields.insert("min".to_owned(), json!(min));
-                fields.insert("max".to_owned(), json!(max));
+        let mut error = json!({ "name": json::snake(self.name()), "message": self.to_string() });
+        let more = match self {
+            Self::Client(ClientError::Gateway(cause)) | Self::Explained { error: cause, .. } => {
+                error["number"] = json!(cause.number());
+                data(cause)
             }
-        }
+            Self::Tripped { axis, reason, .. } => tripped(*axis, reason),
+            Self::StoppedElsewhere { axis, state } => json::axis::in_state(*axis, *state),
+            Self::StopNotConfirmed { axis } => json!({ "axis": axis }),
+            Self::Refused { field, value, range, .. } => json!({
+                "field": field, "value": value,
+                "min": range.map(|(min, _)| min), "max": range.map(|(_, max)| max),
+            }),
+            _ => Value::Null,
+        };
+        json::extend(&mut error, more);
         json!({ "error": error })
     }
 
@@ -150,23 +155,26 @@ fn is_no_port(error: &ConnectError) -> bool {
 }
 
 /// The data of those errors whose data a program may act on.
-fn data(error: &Error) -> Map<String, Value> {
-    let data = match error {
+fn data(error: &Error) -> Value {
+    match error {
         Error::OutOfRange { quantity, value, min, max } => json!({
-            "quantity": quantity.to_string(),
+            "quantity": quantity.to_string().replace(' ', "_"), "unit": quantity.unit(),
             "value": number(*value), "min": number(*min), "max": number(*max)
         }),
         Error::Tripped { axis, reason } | Error::CauseRemains { axis, reason } => {
-            json!({ "axis": axis, "reason": to_json(reason) })
+            tripped(*axis, reason)
         }
-        Error::NotArmed { axis, state } => json!({ "axis": axis, "state": to_json(state) }),
+        Error::NotArmed { axis, state } => json::axis::in_state(*axis, *state),
         Error::NotInCommand { holder } => json!({ "holder": holder }),
         _ => Value::Null,
-    };
-    match data {
-        Value::Object(fields) => fields,
-        _ => Map::new(),
     }
+}
+
+/// The axis and the reason of its trip; the faults have no names here.
+fn tripped(axis: u8, reason: &TripReason) -> Value {
+    let mut value = json::axis::reason(reason, None);
+    value["axis"] = json!(axis);
+    value
 }
 
 impl fmt::Display for Failure {
@@ -180,9 +188,9 @@ impl fmt::Display for Failure {
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }
-            Self::Tripped { axis, reason } => write!(
+            Self::Tripped { axis, text, .. } => write!(
                 f,
-                "axis {axis} tripped: {reason}. Remove the cause, then `mgw clear {axis}`; `mgw \
+                "axis {axis} tripped: {text}. Remove the cause, then `mgw clear {axis}`; `mgw \
                     state {axis}` shows the last values"
             ),
             Self::StoppedElsewhere { axis, state } => write!(

@@ -1,8 +1,57 @@
 //! The bits of a motor's fault word in words: what its manual calls them, what the motor's light
 //! shows, how they end.
 
-use host_protocol::Protocol;
+use gateway::MAX_AXES;
+use host_protocol::{AxisSummary, Protocol};
 use rmd::FaultLevel;
+
+/// What the motor of each axis speaks, as far as that is known.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Protocols([Option<Protocol>; MAX_AXES]);
+
+impl Protocols {
+    /// As the gateway lists its axes.
+    pub fn new(axes: &[AxisSummary]) -> Self {
+        let mut protocols = Self::default();
+        for axis in axes {
+            if let Some(protocol) = protocols.0.get_mut(usize::from(axis.axis)) {
+                *protocol = axis.protocol;
+            }
+        }
+        protocols
+    }
+
+    /// Of one axis.
+    pub fn of(&self, axis: u8) -> Option<Protocol> {
+        self.0.get(usize::from(axis)).copied().flatten()
+    }
+}
+
+/// The names of those bits that the motor's manual lists, lowest bit first.
+pub fn names(protocol: Option<Protocol>, word: u16) -> Vec<&'static str> {
+    match protocol {
+        Some(Protocol::Rmd) => {
+            rmd::Faults::from_bits_retain(word).infos().map(|info| info.name).collect()
+        }
+        Some(Protocol::Thruster) => {
+            thruster::Faults::from_bits_retain(word).infos().map(|info| info.name).collect()
+        }
+        Some(Protocol::D5) => d5::Faults::from_bits_retain(word.to_le_bytes()[0])
+            .infos()
+            .map(|info| info.name)
+            .collect(),
+        None => Vec::new(),
+    }
+}
+
+/// A fault word for people: `stall, under voltage (0x0006)`, or only the word.
+pub fn in_words(protocol: Option<Protocol>, word: u16) -> String {
+    let names = names(protocol, word);
+    if names.is_empty() {
+        return format!("{word:#06x}");
+    }
+    format!("{} ({word:#06x})", names.join(", ").replace('_', " "))
+}
 
 /// A line for each bit of the word that the manual lists, and one for those that it does not.
 pub fn explain(axis: u8, protocol: Protocol, word: u16) -> Vec<String> {

@@ -3,6 +3,8 @@
 use host_protocol::{Protocol, ProtocolSet};
 use mgw_sim::Wire;
 
+use crate::decode::fields;
+
 /// What a frame means.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Meaning {
@@ -26,6 +28,18 @@ pub fn read(wire: &Wire, from_gateway: bool, protocols: ProtocolSet) -> Option<M
     })
 }
 
+fn meaning(motor: String, is_stop: bool, command: &str, fields: &str) -> Option<Meaning> {
+    let text = format!("{command} {fields}").trim_end().to_owned();
+    Some(Meaning { motor, text, is_stop })
+}
+
+/// The meaning of a request or a reply of any codec.
+macro_rules! meaning {
+    ($motor:expr, $is_stop:expr, $message:expr) => {
+        meaning($motor, $is_stop, $message.name(), &fields(|visit| $message.visit_fields(visit)))
+    };
+}
+
 fn rmd_request(wire: &Wire) -> Option<Meaning> {
     let (node, request) = match wire {
         Wire::Can(frame) => rmd::can::decode_request(frame).ok()?,
@@ -34,7 +48,7 @@ fn rmd_request(wire: &Wire) -> Option<Meaning> {
         }
     };
     let is_stop = matches!(request, rmd::Request::Stop | rmd::Request::Shutdown);
-    Some(Meaning { motor: format!("rmd {}", node.get()), text: format!("{request:?}"), is_stop })
+    meaning!(format!("rmd {}", node.get()), is_stop, request)
 }
 
 fn rmd_reply(wire: &Wire) -> Option<Meaning> {
@@ -42,32 +56,20 @@ fn rmd_reply(wire: &Wire) -> Option<Meaning> {
         Wire::Can(frame) => rmd::can::decode_reply(frame).ok()?,
         Wire::Serial(bytes) => rmd::rs485::decode_reply(bytes.as_slice().try_into().ok()?).ok()?,
     };
-    Some(Meaning {
-        motor: format!("rmd {}", node.get()),
-        text: format!("{reply:?}"),
-        is_stop: false,
-    })
+    meaning!(format!("rmd {}", node.get()), false, reply)
 }
 
 fn thruster_request(wire: &Wire) -> Option<Meaning> {
     let Wire::Can(frame) = wire else { return None };
     let (node, request) = thruster::can::decode_request(frame).ok()?;
     let is_stop = matches!(request, thruster::Request::Signal { signal: thruster::Percent(0) });
-    Some(Meaning {
-        motor: format!("thruster 0x{:02X}", node.get()),
-        text: format!("{request:?}"),
-        is_stop,
-    })
+    meaning!(format!("thruster 0x{:02X}", node.get()), is_stop, request)
 }
 
 fn thruster_reply(wire: &Wire) -> Option<Meaning> {
     let Wire::Can(frame) = wire else { return None };
     let (node, reply) = thruster::can::decode_reply(frame).ok()?;
-    Some(Meaning {
-        motor: format!("thruster 0x{:02X}", node.get()),
-        text: format!("{reply:?}"),
-        is_stop: false,
-    })
+    meaning!(format!("thruster 0x{:02X}", node.get()), false, reply)
 }
 
 fn d5_request(wire: &Wire) -> Option<Meaning> {
@@ -79,20 +81,10 @@ fn d5_request(wire: &Wire) -> Option<Meaning> {
         d5::Address::Node(node) => d5_name(node),
         d5::Address::Broadcast => "every d5".to_owned(),
     };
-    let text = match request {
-        d5::Request::Read { register, .. } => format!("Read {}", d5_register(register)),
-        d5::Request::Write { register, value } => {
-            format!("Write {} = {}", d5_register(register), d5_value(register, value))
-        }
-        d5::Request::AsyncWrite { register, value } => {
-            format!("AsyncWrite {} = {}", d5_register(register), d5_value(register, value))
-        }
-        other => format!("{other:?}"),
-    };
     let is_stop = matches!(request,
         d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(raw) }
         if d5::decode_speed(raw).0 == 0);
-    Some(Meaning { motor, text, is_stop })
+    meaning!(motor, is_stop, request)
 }
 
 fn d5_reply(wire: &Wire) -> Option<Meaning> {
@@ -100,35 +92,11 @@ fn d5_reply(wire: &Wire) -> Option<Meaning> {
         Wire::Can(frame) => d5::can::decode_reply(frame).ok()?,
         Wire::Serial(bytes) => d5::decode_reply_frame(bytes.as_slice().try_into().ok()?).ok()?,
     };
-    let text = match reply {
-        d5::Reply::Read { register, value } => {
-            format!("Read {} = {}", d5_register(register), d5_value(register, value))
-        }
-        d5::Reply::Written { register, value } => {
-            format!("Written {} = {}", d5_register(register), d5_value(register, value))
-        }
-        other => format!("{other:?}"),
-    };
-    Some(Meaning { motor: d5_name(node), text, is_stop: false })
+    meaning!(d5_name(node), false, reply)
 }
 
 fn d5_name(node: d5::Node) -> String {
     format!("d5 0x{:02X}", node.get())
-}
-
-/// A register by the name that the codec's table gives it.
-fn d5_register(register: d5::Register) -> String {
-    register.info().map_or_else(|| format!("{register:?}"), |info| info.name.to_owned())
-}
-
-fn d5_value(register: d5::Register, value: d5::Value) -> String {
-    match (register, value) {
-        (d5::Register::SPEED | d5::Register::CURRENT_SPEED, d5::Value::Word(raw)) => {
-            format!("{:?}", d5::decode_speed(raw))
-        }
-        (_, d5::Value::Byte(byte)) => format!("{byte:#04x}"),
-        (_, d5::Value::Word(word)) => format!("{word:#06x}"),
-    }
 }
 
 #[cfg(test)]
@@ -148,14 +116,14 @@ mod tests {
             read(&can(0x141, &[0xA1, 0, 0, 0, 0x64, 0, 0, 0]), true, RMD_AND_THRUSTER).unwrap();
         assert_eq!(
             (rmd.motor.as_str(), rmd.text.as_str()),
-            ("rmd 1", "TorqueCurrent { current: Centiamps(100) }")
+            ("rmd 1", "torque_current current_a=1")
         );
         let thruster =
             read(&can(0x30B, &[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]), true, RMD_AND_THRUSTER)
                 .unwrap();
         assert_eq!(
             (thruster.motor.as_str(), thruster.text.as_str()),
-            ("thruster 0x0B", "Signal { signal: Percent(-5) }")
+            ("thruster 0x0B", "signal signal_percent=-5")
         );
     }
 
@@ -182,7 +150,7 @@ mod tests {
             read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x03, 0x20, 0x58, 0x02, 0x8D]), true, d5).unwrap();
         assert_eq!(
             (turning.is_stop, turning.text.as_str()),
-            (false, "Write speed = DegreesPerSecond(600)")
+            (false, "write register=32 register_name=speed speed_dps=600")
         );
     }
 
@@ -192,10 +160,10 @@ mod tests {
         // Sum of 0B 05 02 26 00 00, and of 0B 05 02 26 9E 01.
         let request =
             read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
-        assert_eq!(request.text, "Read current_speed");
+        assert_eq!(request.text, "read register=38 register_name=current_speed bytes=2");
         let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5)
             .unwrap();
-        assert_eq!(reply.text, "Read current_speed = DegreesPerSecond(414)");
+        assert_eq!(reply.text, "read register=38 register_name=current_speed speed_dps=414");
     }
 
     #[test]

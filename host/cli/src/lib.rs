@@ -29,7 +29,10 @@ mod words;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::error::ErrorKind;
+use host_protocol::{PROTOCOL_MAJOR, PROTOCOL_MINOR};
 use mgw_client::{Interrupt, Transport, open};
+use serde_json::Value;
 
 use args::{Cli, Command};
 use failure::Failure;
@@ -48,15 +51,24 @@ pub fn main() -> ExitCode {
     // Words after an encoded command are its own, and `--json` may be one of them.
     cli.json |=
         matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
-    match run(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            if !failure.is_silent() {
-                tell(&failure, cli.json);
-            }
-            ExitCode::from(failure.exit_code())
-        }
+    ended(run(&cli), cli.json)
+}
+
+/// The exit code of a command; a failure is told.
+fn ended(result: Result<(), Failure>, json: bool) -> ExitCode {
+    let Err(failure) = result else { return ExitCode::SUCCESS };
+    if !failure.is_silent() {
+        tell(&failure, json);
     }
+    ExitCode::from(failure.exit_code())
+}
+
+/// What `--version --json` prints.
+fn version() -> Value {
+    serde_json::json!({
+        "program": "mgw", "version": env!("CARGO_PKG_VERSION"),
+        "protocol_major": PROTOCOL_MAJOR, "protocol_minor": PROTOCOL_MINOR,
+    })
 }
 
 /// How a command ended.
@@ -90,15 +102,16 @@ pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[
 /// Help and version as they are; what was typed wrong as JSON where JSON was asked for.
 fn wrong_usage(error: &clap::Error) -> ExitCode {
     let wants_json = std::env::args().any(|argument| argument == "--json");
+    if wants_json && error.kind() == ErrorKind::DisplayVersion {
+        return ended(Output::new(true).object(&version()), true);
+    }
     if !error.use_stderr() || !wants_json {
         error.exit();
     }
     let text = error.to_string();
     let (cause, _usage) = text.split_once("Usage:").unwrap_or((&text, ""));
     let words: Vec<&str> = cause.trim_start_matches("error:").split_whitespace().collect();
-    let failure = Failure::Usage(words.join(" "));
-    tell(&failure, true);
-    ExitCode::from(failure.exit_code())
+    ended(Err(Failure::Usage(words.join(" "))), true)
 }
 
 fn run(cli: &Cli) -> Result<(), Failure> {

@@ -6,6 +6,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::faults::Protocols;
+use crate::json;
 use crate::printable::printable;
 use crate::table::Table;
 
@@ -13,6 +15,8 @@ use crate::table::Table;
 #[derive(Debug, Clone, Copy)]
 pub struct Output {
     form: Form,
+    /// By which faults are named.
+    pub motors: Protocols,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,12 +30,12 @@ enum Form {
 impl Output {
     /// Prints JSON if `json`, else text.
     pub fn new(json: bool) -> Self {
-        Self { form: if json { Form::Json } else { Form::Text } }
+        Self { form: if json { Form::Json } else { Form::Text }, motors: Protocols::default() }
     }
 
     /// Prints nothing.
     pub fn none() -> Self {
-        Self { form: Form::Nothing }
+        Self { form: Form::Nothing, motors: Protocols::default() }
     }
 
     /// Prints a line for people; nothing in JSON.
@@ -47,6 +51,16 @@ impl Output {
     /// Prints a line of JSON for programs; nothing in text.
     pub fn object(self, value: &Value) -> Result<(), Failure> {
         if self.form == Form::Json { print_line(&value.to_string()) } else { Ok(()) }
+    }
+
+    /// Prints what `line` says, or a line of a stream of JSON: the event of this name.
+    pub fn event(self, name: &str, line: impl AsRef<str>, fields: Value) -> Result<(), Failure> {
+        self.either(line, &json::line(name, fields))
+    }
+
+    /// Whether anything is printed.
+    pub fn is_heard(self) -> bool {
+        self.form != Form::Nothing
     }
 
     /// Whether it is JSON.

@@ -33,8 +33,11 @@ pub fn run(
     }
     let world = Rc::into_inner(world).expect("the session that shared it has ended").into_inner();
 
-    out.object(&json!({ "listening": format!("tcp:{address}") }))?;
-    out.text(format!("listening on tcp:{address}"))?;
+    out.event(
+        "listening",
+        format!("listening on tcp:{address}"),
+        json!({ "port": format!("tcp:{address}") }),
+    )?;
     out.text(format!("try: mgw --port tcp:{address} info"))?;
     if unconfigured {
         out.text(format!(
@@ -43,12 +46,13 @@ pub fn run(
     }
     out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;
     if !address.ip().is_loopback() {
-        out.either(
+        out.event(
+            "warning",
             format!(
                 "WARNING: {address} can be reached from other computers, and each of them may \
                     command"
             ),
-            &json!({ "warning": "reachable from other computers" }),
+            json!({ "message": "other computers can reach it, and each of them may command" }),
         )?;
     }
     out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
@@ -56,7 +60,7 @@ pub fn run(
     let mut print_failure = None;
     mgw_sim::serve(listener, world, |line: &str| {
         // A log that nobody reads is no reason to stop serving.
-        print_failure = out.either(line, &json!({ "log": line })).err();
+        print_failure = out.event("log", line, json!({ "message": line })).err();
     })
     .map_err(failed)?;
     print_failure.map_or(Ok(()), Err)

@@ -8,9 +8,9 @@ use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
-use crate::faults;
+use crate::faults::{self, Protocols};
 use crate::json;
-use crate::output::{Output, to_json};
+use crate::output::Output;
 use crate::states;
 use crate::words;
 
@@ -35,7 +35,19 @@ impl Session {
         interrupt: Interrupt,
         out: Output,
     ) -> Result<Self, Failure> {
-        Ok(Self { client: Client::connect_heeding(transport, interrupt)?, out })
+        let mut session = Self { client: Client::connect_heeding(transport, interrupt)?, out };
+        if out.is_heard() {
+            session.learn_motors();
+        }
+        Ok(session)
+    }
+
+    /// Asks what the motors speak. Without an answer faults have numbers only, and what is asked
+    /// next tells why.
+    pub fn learn_motors(&mut self) {
+        if let Ok(axes) = self.client.list_axes() {
+            self.out.motors = Protocols::new(&axes);
+        }
     }
 
     /// The axes that were named, or all configured ones.
@@ -77,31 +89,25 @@ impl Session {
                 Err(error) => return Err(error.into()),
             }
         }
-        self.out.table(&states::table(&reports))?;
+        self.out.table(&states::table(&reports, &self.out.motors))?;
         self.explain_faults(&reports)?;
         for (axis, error) in &unread {
             self.out.text(format!("axis {axis} is not read: {error}"))?;
         }
-        let unread =
-            unread.iter().map(|(axis, error)| json!({ "axis": axis, "error": error.name() }));
-        self.out.object(
-            &json!({ "axes": reports.iter().map(to_json).chain(unread).collect::<Vec<_>>() }),
-        )
+        let unread = unread
+            .iter()
+            .map(|(axis, error)| json!({ "axis": axis, "error": json::snake(error.name()) }));
+        let motors = self.out.motors;
+        let read = reports.iter().map(|report| json::axis::report(report, motors.of(report.axis)));
+        self.out.object(&json!({ "axes": read.chain(unread).collect::<Vec<_>>() }))
     }
 
     /// Says in words what the fault words mean.
-    pub fn explain_faults(&mut self, reports: &[AxisReport]) -> Result<(), Failure> {
-        let word = |report: &AxisReport| report.faults.map_or(0, |faults| faults.word);
-        if reports.iter().all(|report| word(report) == 0) {
-            return Ok(());
-        }
-        let axes = self.client.list_axes()?;
+    fn explain_faults(&self, reports: &[AxisReport]) -> Result<(), Failure> {
         for report in reports {
-            let protocol =
-                axes.iter().find(|axis| axis.axis == report.axis).and_then(|axis| axis.protocol);
-            for line in
-                protocol.into_iter().flat_map(|p| faults::explain(report.axis, p, word(report)))
-            {
+            let word = report.faults.map_or(0, |faults| faults.word);
+            let protocol = self.out.motors.of(report.axis);
+            for line in protocol.into_iter().flat_map(|p| faults::explain(report.axis, p, word)) {
                 self.out.text(line)?;
             }
         }
@@ -133,7 +139,7 @@ impl Session {
 
 /// Prints an event.
 pub fn print_event(event: &EventMessage, out: Output) -> Result<(), Failure> {
-    out.either(words::event(event), &json::event(event))
+    out.either(words::event(event, &out.motors), &json::event(event, &out.motors))
 }
 
 /// Prints the events that wait, and returns the trip of one of `axes`, if there is one among them.
@@ -147,16 +153,16 @@ pub fn print_events<T: Transport>(
     for _ in 0..EVENTS_AT_ONCE {
         let Some(event) = client.poll_event(Duration::ZERO)? else { break };
         print_event(&event, out)?;
-        tripped = tripped.or(trip_of(&event.event, axes));
+        tripped = tripped.or(trip_of(&event.event, axes, out.motors));
     }
     Ok(tripped)
 }
 
 /// The trip of one of `axes`, if this is one.
-pub fn trip_of(event: &Event, axes: &[u8]) -> Option<Failure> {
+pub fn trip_of(event: &Event, axes: &[u8], motors: Protocols) -> Option<Failure> {
     match event {
         Event::Tripped { axis, trip } if axes.contains(axis) => {
-            Some(Failure::Tripped { axis: *axis, reason: words::trip_reason(&trip.reason) })
+            Some(Failure::tripped(*axis, trip, motors))
         }
         _ => None,
     }

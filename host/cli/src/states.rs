@@ -3,6 +3,8 @@
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Event, FaultReading, Reading, StateField, StateFields};
 
+use crate::faults::Protocols;
+use crate::json;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
@@ -28,15 +30,15 @@ fn heading(field: StateField) -> &'static str {
 }
 
 /// What a field is called in JSON, as in PROTOCOL.md.
-pub fn json_name(field: StateField) -> &'static str {
+pub fn json_names(field: &StateField) -> &'static [&'static str] {
     match field {
-        StateField::Position => "position_rad",
-        StateField::Velocity => "velocity_rad_s",
-        StateField::Current => "current_a",
-        StateField::Voltage => "voltage_v",
-        StateField::MotorTemperature => "motor_temperature_c",
-        StateField::DriverTemperature => "driver_temperature_c",
-        StateField::Faults => "faults",
+        StateField::Position => &["position_rad"],
+        StateField::Velocity => &["velocity_rad_s"],
+        StateField::Current => &["current_a"],
+        StateField::Voltage => &["voltage_v"],
+        StateField::MotorTemperature => &["motor_temperature_c"],
+        StateField::DriverTemperature => &["driver_temperature_c"],
+        StateField::Faults => &json::axis::FAULTS,
     }
 }
 
@@ -51,7 +53,7 @@ fn digits(field: StateField) -> usize {
 }
 
 /// A row for each axis, with why it tripped.
-pub fn table(reports: &[AxisReport]) -> Table {
+pub fn table(reports: &[AxisReport], motors: &Protocols) -> Table {
     let fields = StateField::ALL.iter().map(|field| heading(*field));
     let headings: Vec<&str> =
         [">axis", "state"].into_iter().chain(fields).chain(["trip"]).collect();
@@ -67,7 +69,9 @@ pub fn table(reports: &[AxisReport]) -> Table {
             StateField::DriverTemperature => reading(*field, report.driver_temperature_c),
             StateField::Faults => faults(report.faults),
         }));
-        row.push(report.trip.map_or(String::new(), |trip| words::trip_reason(&trip.reason)));
+        row.push(report.trip.map_or(String::new(), |trip| {
+            words::trip_reason(&trip.reason, motors.of(report.axis))
+        }));
         table.row(row);
     }
     table

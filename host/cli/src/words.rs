@@ -1,6 +1,12 @@
-//! States, reasons and events in words. The names of reasons and events are those of PROTOCOL.md.
+//! States, reasons and events in words.
 
-use host_protocol::{AxisState, Event, EventMessage, MotorTimeout, ProtocolSet, TripReason};
+use host_protocol::{
+    AxisState, Event, EventMessage, MotorTimeout, Protocol, ProtocolSet, TripReason,
+};
+use serde::Serialize;
+
+use crate::faults::{self, Protocols};
+use crate::json;
 
 /// What stands in a table where nothing is known.
 pub const NOTHING: &str = "-";
@@ -23,23 +29,31 @@ pub fn axis_state(state: AxisState) -> &'static str {
     }
 }
 
-/// Why an axis tripped: the name, and its data.
-pub fn trip_reason(reason: &TripReason) -> String {
+/// A variant of the wire: `PowerOn` as `power on`.
+pub fn name(value: &impl Serialize) -> String {
+    json::name(value).replace('_', " ")
+}
+
+/// Why an axis tripped, faults by their names where the protocol of its motor is known.
+pub fn trip_reason(reason: &TripReason, protocol: Option<Protocol>) -> String {
     match reason {
-        TripReason::MotorFault { faults } => format!("MotorFault {faults:#06x}"),
-        TripReason::CommandRefused { faults: Some(faults) } => {
-            format!("CommandRefused, faults {faults:#06x}")
+        TripReason::MotorFault { faults } => {
+            format!("the motor reported a fault: {}", faults::in_words(protocol, *faults))
         }
-        TripReason::CommandRefused { faults: None } => "CommandRefused".to_owned(),
-        TripReason::LimitExceeded { quantity, value, limit } => {
-            format!(
-                "LimitExceeded: {quantity} {value} {unit}, limit {limit} {unit}",
-                unit = quantity.unit()
-            )
+        TripReason::CommandRefused { faults: Some(faults @ 1..) } => {
+            format!("the motor refused a command: {}", faults::in_words(protocol, *faults))
         }
-        TripReason::Internal { code } => format!("Internal {code}"),
-        plain => format!("{plain:?}"),
+        TripReason::CommandRefused { .. } => "the motor refused a command".to_owned(),
+        plain => plain.to_string(),
     }
+}
+
+/// Why a frame of this host could not be read, as PROTOCOL.md numbers it.
+pub fn frame_error(reason: u8) -> Option<&'static str> {
+    host_protocol::FrameError::ALL
+        .iter()
+        .find(|(number, _)| *number == reason)
+        .map(|(_, name)| *name)
 }
 
 /// What is known of a motor's own timeout.
@@ -55,7 +69,7 @@ pub fn motor_timeout(timeout: MotorTimeout) -> String {
 /// The protocols of a bus.
 pub fn protocols(set: ProtocolSet) -> String {
     let names: Vec<&str> = set.iter().map(|protocol| protocol.name()).collect();
-    if names.is_empty() { NOTHING.to_owned() } else { names.join(",") }
+    if names.is_empty() { NOTHING.to_owned() } else { names.join(", ") }
 }
 
 /// Gateway time in seconds.
@@ -71,8 +85,8 @@ pub fn milliseconds(span_us: u32) -> String {
 }
 
 /// An event as one line.
-pub fn event(message: &EventMessage) -> String {
-    let what = event_in_words(&message.event);
+pub fn event(message: &EventMessage, motors: &Protocols) -> String {
+    let what = event_in_words(&message.event, motors);
     let lost = if message.dropped == 0 {
         String::new()
     } else {
@@ -86,10 +100,10 @@ pub fn open_or_closed(open: bool) -> &'static str {
     if open { "open" } else { "closed" }
 }
 
-fn event_in_words(event: &Event) -> String {
+fn event_in_words(event: &Event, motors: &Protocols) -> String {
     match event {
         Event::Tripped { axis, trip } => {
-            format!("axis {axis} tripped: {}", trip_reason(&trip.reason))
+            format!("axis {axis} tripped: {}", trip_reason(&trip.reason, motors.of(*axis)))
         }
         Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => format!(
             "axis {axis} stop confirmed: first stop on the bus after {}, confirmed after {}{}",
@@ -102,7 +116,7 @@ fn event_in_words(event: &Event) -> String {
             }
         ),
         Event::StateChanged { axis, state } => format!("axis {axis} is {}", axis_state(*state)),
-        Event::AuthorityLost { reason } => format!("authority lost: {reason:?}"),
+        Event::AuthorityLost { reason } => format!("authority lost: {}", name(reason)),
         Event::EStopLatched {} => "e-stop latched".to_owned(),
         Event::EStopCleared {} => "e-stop cleared".to_owned(),
         Event::EStopInputChanged { open } => {
@@ -122,16 +136,13 @@ fn event_in_words(event: &Event) -> String {
             format!("axis {axis}: the brake was {told}, and the motor does not show it")
         }
         Event::FrameRejected { reason, count } => {
-            let name = host_protocol::FrameError::ALL
-                .iter()
-                .find(|(number, _)| number == reason)
-                .map(|(_, name)| *name);
+            let why = frame_error(*reason).map(|name| json::snake(name).replace('_', " "));
             format!(
                 "{count} frames from this host were rejected: {}",
-                name.unwrap_or("unknown reason")
+                why.as_deref().unwrap_or("unknown reason")
             )
         }
-        Event::BusStateChanged { bus, state } => format!("bus {bus} is {state:?}"),
+        Event::BusStateChanged { bus, state } => format!("bus {bus} is {state}"),
         Event::MotorNotice { axis, data, length, unreported } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
             let before = match unreported {

@@ -7,11 +7,10 @@ use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Error};
 use mgw_client::{Client, ClientError, Transport};
 
-use super::drive::{ArmedAxis, no_longer_armed, tell_armed};
+use super::drive::{ArmedAxis, no_longer_armed, tell_armed, tell_stopped};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::{Session, print_events};
-use crate::words;
 
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
@@ -21,6 +20,7 @@ pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Re
         }
         hold_link(session, armed, duration.unwrap_or(Duration::MAX))
     })?;
+    stopped.iter().try_for_each(|report| tell_stopped(session, report))?;
     if !stopped.is_empty() {
         session.out.text("disarmed")?;
     }
@@ -90,7 +90,7 @@ fn look<T: Transport>(
             Err(ClientError::Gateway(Error::Busy { .. })) => continue,
             report => report?,
         };
-        if let Some(failure) = no_longer_armed(&report, armed.epoch) {
+        if let Some(failure) = no_longer_armed(&report, armed.epoch, out.motors) {
             return Ok(Some(failure));
         }
     }
@@ -103,8 +103,7 @@ fn await_stops(session: &mut Session, held: &[ArmedAxis]) -> Result<Vec<AxisRepo
     for ArmedAxis { axis, .. } in held.iter().copied() {
         match session.await_stop(axis).map(|report| (report, report.state, report.trip)) {
             Ok((_, AxisState::Tripped { .. }, Some(trip))) => {
-                let reason = words::trip_reason(&trip.reason);
-                failure = failure.or(Some(Failure::Tripped { axis, reason }));
+                failure = failure.or(Some(Failure::tripped(axis, &trip, session.out.motors)));
             }
             Ok((report, ..)) => reports.push(report),
             Err(error) => failure = failure.or(Some(error)),

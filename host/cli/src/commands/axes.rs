@@ -1,10 +1,10 @@
 //! `mgw axes`
 
 use host_protocol::{AxisSummary, parameters};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::failure::Failure;
-use crate::output::to_json;
+use crate::json;
 use crate::session::Session;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
@@ -12,7 +12,7 @@ use crate::words::{self, NOTHING};
 /// Lists the axes that have at least one parameter.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let axes = session.client.list_axes()?;
-    session.out.object(&json!({ "axes": axes.iter().map(summary).collect::<Vec<_>>() }))?;
+    session.out.object(&json!({ "axes": axes.iter().map(|axis| json::axis::summary(axis, missing(axis))).collect::<Vec<_>>() }))?;
     if axes.is_empty() {
         return session.out.text(
             "no axis is configured. Start with `mgw configure axis 0 bus=0 protocol=rmd node=1 \
@@ -39,11 +39,4 @@ fn missing(axis: &AxisSummary) -> Option<&'static str> {
     axis.missing.map(|number| {
         parameters::name(number).unwrap_or("a parameter that this program does not know")
     })
-}
-
-fn summary(axis: &AxisSummary) -> Value {
-    let mut value = to_json(axis);
-    value["protocol"] = json!(axis.protocol.map(host_protocol::Protocol::name));
-    value["missing"] = json!(missing(axis));
-    value
 }

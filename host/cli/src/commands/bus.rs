@@ -1,11 +1,10 @@
 //! `mgw bus`
 
 use host_protocol::replies::BusReport;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::failure::Failure;
 use crate::json;
-use crate::output::to_json;
 use crate::session::Session;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
@@ -20,7 +19,7 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
     for bus in buses {
         reports.push((bus, session.client.bus_status(bus)?));
     }
-    session.out.object(&json!({ "buses": reports.iter().map(object).collect::<Vec<_>>() }))?;
+    session.out.object(&json!({ "buses": reports.iter().map(|(bus, report)| json::gateway::bus(*bus, report)).collect::<Vec<_>>() }))?;
     let mut setup = Table::new(&[
         ">bus",
         "state",
@@ -71,7 +70,7 @@ fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
     let yes_or_no = |flag: bool| if flag { "yes" } else { "no" }.to_owned();
     [
         bus.to_string(),
-        format!("{:?}", report.state).to_lowercase(),
+        report.state.to_string(),
         or_nothing(config.map(|config| config.bitrate.to_string())),
         or_nothing(config.map(|config| words::protocols(config.protocols))),
         or_nothing(config.map(|config| yes_or_no(config.exclusive))),
@@ -80,13 +79,4 @@ fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
         report.receive_errors.to_string(),
         if report.raw_open { "open" } else { "closed" }.to_owned(),
     ]
-}
-
-fn object((bus, report): &(u8, BusReport)) -> Value {
-    let mut value = to_json(report);
-    value["bus"] = json!(bus);
-    if let Some(config) = report.config {
-        value["config"]["protocols"] = json::protocols(config.protocols);
-    }
-    value
 }

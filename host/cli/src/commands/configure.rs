@@ -5,7 +5,7 @@ use serde_json::json;
 
 use crate::args::{ConfigureArgs, ConfigureTarget};
 use crate::failure::Failure;
-use crate::output::to_json;
+use crate::json;
 use crate::parameters;
 use crate::plan::BusPlan;
 use crate::session::Session;
@@ -39,7 +39,11 @@ pub fn run(session: &mut Session, arguments: &ConfigureArgs) -> Result<(), Failu
                 "axis {axis}: the motor's own timeout is {}",
                 words::motor_timeout(timeout)
             );
-            session.out.either(line, &json!({ "axis": axis, "motor_timeout": to_json(&timeout) }))
+            session.out.either(line, &{
+                let mut fields = json!({ "axis": axis });
+                json::extend(&mut fields, json::axis::motor_timeout(timeout));
+                fields
+            })
         }
         Some(ConfigureTarget::Show { axis }) => show(session, *axis),
         Some(ConfigureTarget::Remove { axis }) => {

@@ -7,10 +7,12 @@ use std::time::Duration;
 use host_protocol::replies::{Armed, AxisReport};
 use host_protocol::{AxisState, Error, Event};
 use mgw_client::{Client, ClientError, Round, Transport};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::output::{Output, to_json};
+use crate::faults::Protocols;
+use crate::json;
+use crate::output::Output;
 use crate::session::{Session, print_event, print_events, trip_of};
 use crate::states;
 use crate::words;
@@ -59,13 +61,10 @@ where
     let report = session.await_stop(axis)?;
     let tripped = print_confirmation(session, axis)?;
     let told = acted.and_then(|tell| tell(session, &report));
-    session.out.either(
-        format!("axis {axis} is {}", words::axis_state(report.state)),
-        &json!({ "axis": axis, "state": to_json(&report.state) }),
-    )?;
+    tell_stopped(session, &report)?;
     match (report.state, report.trip) {
         (AxisState::Tripped { .. }, Some(trip)) => {
-            Err(Failure::Tripped { axis, reason: words::trip_reason(&trip.reason) })
+            Err(Failure::tripped(axis, &trip, session.out.motors))
         }
         _ => tripped.map_or(told, Err),
     }
@@ -79,12 +78,20 @@ pub fn nothing_to_tell(_: &mut Session, _: &AxisReport) -> Result<(), Failure> {
 /// Says that an axis is armed.
 pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Failure> {
     let timeout = words::motor_timeout(armed.motor_timeout);
-    session.out.either(
+    let mut fields = json!({ "axis": axis, "epoch": armed.epoch });
+    json::extend(&mut fields, json::axis::motor_timeout(armed.motor_timeout));
+    session.out.event(
+        "armed",
         format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
-        &json!({
-            "axis": axis, "epoch": armed.epoch, "motor_timeout": to_json(&armed.motor_timeout)
-        }),
+        fields,
     )
+}
+
+/// Says how an axis is after its stop.
+pub fn tell_stopped(session: &Session, report: &AxisReport) -> Result<(), Failure> {
+    let AxisReport { axis, state, .. } = *report;
+    let text = format!("axis {axis} is {}", words::axis_state(state));
+    session.out.event("stopped", text, json::axis::in_state(axis, state))
 }
 
 /// The rounds of a hold: events and a table of states that grows with time, until something ends
@@ -180,28 +187,33 @@ impl Rounds {
                 Err(ClientError::Gateway(Error::Busy { .. })) => continue,
                 report => report?,
             };
-            for line in
-                states::table(&[report]).lines().iter().skip(usize::from(self.headings_printed))
+            for line in states::table(&[report], &self.out.motors)
+                .lines()
+                .iter()
+                .skip(usize::from(self.headings_printed))
             {
                 self.out.text(line)?;
             }
             self.headings_printed = true;
             self.latest = Some(report);
-            self.out.object(&to_json(&report))?;
-            no_longer = no_longer.or(no_longer_armed(&report, armed.epoch));
+            self.out.object(&state_line(&report, self.out.motors))?;
+            no_longer = no_longer.or(no_longer_armed(&report, armed.epoch, self.out.motors));
         }
         Ok(no_longer)
     }
 }
 
+/// The state of an axis as a line of a stream.
+pub fn state_line(report: &AxisReport, motors: Protocols) -> Value {
+    json::line("state", json::axis::report(report, motors.of(report.axis)))
+}
+
 /// Why an axis that was armed here, and that nobody here has stopped, is no longer armed.
-pub fn no_longer_armed(report: &AxisReport, epoch: u32) -> Option<Failure> {
+pub fn no_longer_armed(report: &AxisReport, epoch: u32, motors: Protocols) -> Option<Failure> {
     let AxisReport { axis, state, .. } = *report;
     match (state, report.trip) {
         (AxisState::Armed | AxisState::Active, _) if report.epoch == Some(epoch) => None,
-        (AxisState::Tripped { .. }, Some(trip)) => {
-            Some(Failure::Tripped { axis, reason: words::trip_reason(&trip.reason) })
-        }
+        (AxisState::Tripped { .. }, Some(trip)) => Some(Failure::tripped(axis, &trip, motors)),
         _ => Some(Failure::StoppedElsewhere { axis, state }),
     }
 }
@@ -216,7 +228,7 @@ fn print_confirmation(session: &mut Session, axis: u8) -> Result<Option<Failure>
             session.client.poll_event(end.saturating_sub(session.client.now()))?
     {
         print_event(&message, session.out)?;
-        tripped = tripped.or(trip_of(&message.event, &[axis]));
+        tripped = tripped.or(trip_of(&message.event, &[axis], session.out.motors));
         if matches!(message.event, Event::StopConfirmed { axis: of, .. } if of == axis) {
             break;
         }

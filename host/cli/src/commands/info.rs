@@ -1,12 +1,10 @@
 //! `mgw info`
 
+use host_protocol::BusLimit;
 use host_protocol::replies::GatewayReport;
-use host_protocol::{BusKind, BusLimit};
-use serde_json::Value;
 
 use crate::failure::Failure;
 use crate::json;
-use crate::output::to_json;
 use crate::session::Session;
 use crate::table::Table;
 use crate::words;
@@ -16,20 +14,13 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let out = session.out;
     let status = session.client.gateway_status()?;
-    let mut object = to_json(&hello);
-    object["status"] = to_json(&status);
-    if let Some(buses) = object.get_mut("buses").and_then(Value::as_array_mut) {
-        for (value, bus) in buses.iter_mut().zip(&hello.buses) {
-            value["protocols"] = json::protocols(bus.protocols);
-        }
-    }
-    out.object(&object)?;
+    out.object(&json::gateway::info(&hello, &status))?;
 
     let lines = [
         ("board", hello.board.to_string()),
         ("firmware", format!("{}  ({})", hello.firmware, hello.build_id)),
         ("protocol", format!("{}.{}", hello.protocol_major, hello.protocol_minor)),
-        ("started", format!("{:?}, {} ago", hello.boot, words::seconds(hello.time_us))),
+        ("started", format!("{}, {} ago", words::name(&hello.boot), words::seconds(hello.time_us))),
         ("axes", format!("up to {}", hello.max_axes)),
         ("message", format!("up to {} bytes", hello.max_message)),
         (
@@ -66,16 +57,12 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     }
     let mut table = Table::new(&[">bus", "kind", "protocols", "bitrates"]);
     for (number, bus) in hello.buses.iter().enumerate() {
-        let kind = match bus.kind {
-            BusKind::Can => "CAN",
-            BusKind::Rs485 => "RS485",
-        };
         let bitrates: Vec<String> = bus.bitrates.iter().map(ToString::to_string).collect();
         table.row([
             number.to_string(),
-            kind.to_owned(),
+            bus.kind.to_string(),
             words::protocols(bus.protocols),
-            bitrates.join(" "),
+            bitrates.join(", "),
         ]);
     }
     out.table(&table)

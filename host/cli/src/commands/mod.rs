@@ -17,6 +17,8 @@ mod together;
 mod trips;
 mod watch;
 
+pub use drive::state_line;
+
 use mgw_client::{Interrupt, Transport};
 
 use crate::args::Command;

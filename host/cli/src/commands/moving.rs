@@ -30,9 +30,10 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         let target =
             session.client.move_relative(axis, armed.epoch, distance, speed_limit, armed.ttl)?;
         let MoveTarget { start_rad, target_rad } = target;
-        session.out.either(
+        session.out.event(
+            "move_started",
             format!("axis {axis} moves from {start_rad:.3} rad to {target_rad:.3} rad"),
-            &json!({
+            json!({
                 "axis": axis, "start_rad": number(start_rad), "target_rad": number(target_rad)
             }),
         )?;
@@ -74,9 +75,10 @@ fn tell(
         .map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
     let text = if arrived { "has arrived" } else { "has not arrived" };
     let position = position.map_or(Value::Null, |position| number(position.value));
-    session.out.either(
+    session.out.event(
+        "move_ended",
         format!("axis {axis} {text}: it is at {place}"),
-        &json!({ "axis": axis, "arrived": arrived, "position_rad": position }),
+        json!({ "axis": axis, "arrived": arrived, "position_rad": position }),
     )?;
     if arrived { Ok(()) } else { Err(Failure::NotArrived { axis, place, target_rad }) }
 }

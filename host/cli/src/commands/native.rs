@@ -64,14 +64,12 @@ pub fn run(session: &mut Session, arguments: &NativeArgs) -> Result<(), Failure>
             let reply = session.client.native_when_free(axis, 0, data, Duration::ZERO)?;
             if is_stop && reply.is_empty() {
                 let text = format!("axis {axis}: carried out as a stop of the axis");
-                return session
-                    .out
-                    .either(text, &json!({ "axis": axis, "frame": "", "stop": true }));
+                return session.out.event("stop_taken", text, json!({ "axis": axis }));
             }
             print(session.out, &command, &reply)?;
             if let Some(until) = native_request::acts_after(command.motor, &command.data) {
                 let text = format!("axis {axis}: acts after {until}");
-                session.out.either(text, &json!({ "axis": axis, "acts_after": until }))?;
+                session.out.event("acts_after", text, json!({ "axis": axis, "message": until }))?;
             }
             Ok(())
         }
@@ -213,7 +211,7 @@ fn print(out: Output, command: &Command, reply: &[u8]) -> Result<(), Failure> {
     let Motor { axis, protocol, node, .. } = command.motor;
     if reply.is_empty() {
         let text = format!("axis {axis}: the motor does not answer this command");
-        return out.either(text, &json!({ "axis": axis, "frame": "" }));
+        return out.event("no_reply", text, json!({ "axis": axis }));
     }
     let json = out.is_json();
     out.line(&decode::reply(axis, protocol, node, &command.data, reply, json))

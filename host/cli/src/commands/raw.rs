@@ -58,7 +58,7 @@ fn listen(session: &mut Session, bus: u8, duration: Duration) -> Result<(), Fail
         if received.dropped > 0 {
             session.out.either(
                 format!("{} frames were lost: more arrived than were fetched", received.dropped),
-                &json!({ "dropped": received.dropped }),
+                &json::line("lost", json!({ "count": received.dropped })),
             )?;
         }
         if session.client.now() >= end {
@@ -75,12 +75,13 @@ fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Fai
         RawFrame::Can(frame) => frame.to_string(),
         RawFrame::Serial(bytes) => words::hex(bytes),
     };
-    let mut object = json::frame(&received.frame);
-    object["bus"] = json!(bus);
-    object["time_us"] = json!(received.time_us);
-    session
-        .out
-        .either(format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)), &object)
+    session.out.event(
+        "frame",
+        format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)),
+        json!({
+            "bus": bus, "time_us": received.time_us, "frame": json::frame(&received.frame)
+        }),
+    )
 }
 
 fn can_frame(text: &str) -> Result<CanFrame, Failure> {

@@ -1,12 +1,12 @@
 //! What a stop came to, axis by axis.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{Error, parameters};
+use host_protocol::{Error, Protocol, parameters};
 use mgw_client::ClientError;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::output::to_json;
+use crate::json;
 use crate::session::Session;
 use crate::states;
 
@@ -42,7 +42,7 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     let reports: Vec<AxisReport> =
         outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
     if !reports.is_empty() {
-        session.out.table(&states::table(&reports))?;
+        session.out.table(&states::table(&reports, &session.out.motors))?;
     }
     for (axis, outcome) in &outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {
@@ -51,8 +51,10 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
                 .text(format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
         }
     }
-    let objects: Vec<Value> =
-        outcomes.iter().map(|(axis, outcome)| outcome.to_json(*axis)).collect();
+    let objects: Vec<Value> = outcomes
+        .iter()
+        .map(|(axis, outcome)| outcome.to_json(*axis, session.out.motors.of(*axis)))
+        .collect();
     session.out.object(&json!({ "axes": objects }))?;
     result
 }
@@ -94,9 +96,11 @@ impl Outcome {
     }
 
     /// The name of the outcome, beside what is known of the axis.
-    fn to_json(&self, axis: u8) -> Value {
-        let mut value =
-            self.report().map_or_else(|| json!({ "axis": axis }), |report| to_json(&report));
+    fn to_json(&self, axis: u8, protocol: Option<Protocol>) -> Value {
+        let mut value = match self.report() {
+            Some(report) => json::axis::report(&report, protocol),
+            None => json!({ "axis": axis }),
+        };
         value["stop"] = json!(match self {
             Self::Confirmed(_) => "confirmed",
             Self::NotConfirmed(_) => "not_confirmed",

@@ -5,16 +5,13 @@ use std::time::Duration;
 use host_protocol::requests::{MAX_MEMBERS, Member};
 use host_protocol::{Setpoint, Vec as Members};
 use mgw_client::Hold;
-use serde_json::json;
 
 use super::arm::while_armed;
-use super::drive::{ArmedAxis, Rounds};
+use super::drive::{ArmedAxis, Rounds, tell_stopped};
 use super::limits;
 use crate::args::{Target, TogetherArgs};
 use crate::failure::Failure;
-use crate::output::to_json;
 use crate::session::Session;
-use crate::words;
 
 /// Arms D5 motors, sets them in motion by one frame, holds their velocities, stops and disarms
 /// them.
@@ -28,14 +25,7 @@ pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failur
     let stopped = while_armed(session, &axes, |session, armed| {
         start_and_hold(session, &targets, armed, duration)
     })?;
-    for report in stopped {
-        let axis = report.axis;
-        session.out.either(
-            format!("axis {axis} is {}", words::axis_state(report.state)),
-            &json!({ "axis": axis, "state": to_json(&report.state) }),
-        )?;
-    }
-    Ok(())
+    stopped.iter().try_for_each(|report| tell_stopped(session, report))
 }
 
 /// What stands on the command line: at least two axes, each once.

@@ -129,9 +129,10 @@ impl Watch {
             match session.client.read_state(*axis) {
                 Err(ClientError::Gateway(error @ Error::NoReply { .. })) => {
                     unheard.told = true;
-                    session.out.either(
+                    session.out.event(
+                        "motor_silent",
                         error.to_string(),
-                        &object!({ "axis": axis, "silent": error.to_string() }),
+                        object!({ "axis": axis, "message": error.to_string() }),
                     )?;
                 }
                 Ok(_) | Err(ClientError::Gateway(_) | ClientError::NoAnswer { .. }) => {}
@@ -165,19 +166,21 @@ impl Watch {
     fn tell_lost(&mut self, session: &Session) -> Result<(), Failure> {
         match std::mem::take(&mut self.lost) {
             0 => Ok(()),
-            lost => session
-                .out
-                .either(format!("{lost} samples or events were lost"), &object!({ "lost": lost })),
+            lost => session.out.event(
+                "lost",
+                format!("{lost} samples or events were lost"),
+                object!({ "count": lost }),
+            ),
         }
     }
 
     fn print(&mut self, session: &Session, message: &EventMessage) -> Result<(), Failure> {
         if session.out.is_json() {
-            let mut sample = json::event(message);
+            let mut sample = json::event(message, &session.out.motors);
             if let Some(sample) = sample.as_object_mut() {
                 let left_out =
                     StateField::ALL.iter().filter(|field| !self.fields.contains(**field));
-                left_out.for_each(|field| drop(sample.remove(states::json_name(*field))));
+                left_out.flat_map(states::json_names).for_each(|name| drop(sample.remove(*name)));
             }
             return session.out.object(&sample);
         }

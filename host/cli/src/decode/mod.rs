@@ -13,7 +13,7 @@ mod thruster;
 
 use std::io::{self, BufReader, BufWriter, Read, Write};
 
-use codec::FieldValue;
+use codec::{FieldValue, Visit};
 use embedded_can::{Frame, Id};
 use host_protocol::CanFrame;
 
@@ -39,6 +39,13 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     }
     let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
     Decoder::new(args, Record::new(output, json)).run(io::stdin().lock())
+}
+
+/// The fields of a message for people: `current_a=1 speed_dps=500`.
+pub fn fields(visit: impl FnOnce(&mut Visit<'_>)) -> String {
+    let mut record = Record::new(Vec::new(), false);
+    visit(&mut put(&mut record));
+    record.into_line()
 }
 
 /// Takes the fields of a message into a record.
@@ -114,7 +121,7 @@ impl<'a, W: Write> Decoder<'a, W> {
             Content::Nothing | Content::Serial(_) => Ok(()),
             Content::Can(frame) => self.can(origin, frame),
             Content::Unreadable(why) => {
-                self.record.begin(origin, Raw::Text(line.text));
+                self.record.begin("frame", origin, Raw::Text(line.text));
                 self.record.error(why.name, &why.message);
                 self.record.end()
             }
@@ -124,7 +131,7 @@ impl<'a, W: Write> Decoder<'a, W> {
     fn can(&mut self, origin: &Origin<'_>, frame: &CanFrame) -> io::Result<()> {
         let (record, direction) = (&mut self.record, self.args.direction);
         let bus = self.buses.of(origin.interface);
-        record.begin(origin, Raw::Can(frame));
+        record.begin("frame", origin, Raw::Can(frame));
         match protocol_of(self.args.protocol, frame) {
             Some(Protocol::Rmd) => rmd::write(bus.rmd_can.can(frame, direction), record),
             Some(Protocol::Thruster) => thruster::write(bus.thruster.can(frame), record),
@@ -154,7 +161,7 @@ impl<'a, W: Write> Decoder<'a, W> {
         let (record, direction) = (&mut self.record, self.args.direction);
         let bus = self.buses.of(origin.interface);
         while let Some(piece) = self.scanner.next() {
-            record.begin(origin, Raw::Bytes(piece.bytes()));
+            record.begin("frame", origin, Raw::Bytes(piece.bytes()));
             match piece {
                 Piece::Rmd(frame) => rmd::write(bus.rmd_rs485.rs485(frame, direction), record),
                 Piece::D5(frame) => d5::write(::d5::decode_frame(frame), record),

@@ -18,7 +18,7 @@ pub fn reply(
     json: bool,
 ) -> String {
     let mut record = Record::new(Vec::new(), json);
-    record.begin(&Origin::default(), Raw::Bytes(reply));
+    record.begin("reply", &Origin::default(), Raw::Bytes(reply));
     match protocol {
         Protocol::Rmd => {
             if let Ok(node) = ::rmd::Node::new(node)
@@ -71,7 +71,7 @@ mod tests {
         assert_eq!(
             reply(0, Protocol::Rmd, 1, &CURRENT, &motion, true),
             concat!(
-                r#"{"frame":"A1326400F4012D00","direction":"reply","protocol":""#,
+                r#"{"event":"reply","frame":"A1326400F4012D00","direction":"reply","protocol":""#,
                 r#"rmd","node":1,"command":"torque_current","#,
                 r#""temperature_c":50,"current_a":1,"speed_dps":500,"angle_deg":45,"axis":0}"#
             )

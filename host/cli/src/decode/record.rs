@@ -68,11 +68,12 @@ impl<W: Write> Record<W> {
         Self { out, json, line: Vec::new() }
     }
 
-    /// Begins the line of a frame.
-    pub fn begin(&mut self, origin: &Origin<'_>, raw: Raw<'_>) {
+    /// Begins the line of a frame; `event` is its kind among the lines of JSON.
+    pub fn begin(&mut self, event: &'static str, origin: &Origin<'_>, raw: Raw<'_>) {
         self.line.clear();
         if self.json {
             self.line.push(b'{');
+            self.plain("event", event);
         }
         if let Some(time) = origin.time {
             self.time(time);
@@ -392,7 +393,7 @@ mod tests {
         let mut out = Vec::new();
         let mut record = Record::new(&mut out, json);
         let origin = Origin { time: Some(b"000.250"), interface: Some(b"can\"0") };
-        record.begin(&origin, Raw::Can(&CanFrame::standard(0x141, &[0x9A, 0]).unwrap()));
+        record.begin("frame", &origin, Raw::Can(&CanFrame::standard(0x141, &[0x9A, 0]).unwrap()));
         record.message(Direction::Reply, "rmd", &Motor::Node(1), "read");
         record.physical("current_a", -0.5);
         record.flags("faults", 0x8003, names);
@@ -410,7 +411,7 @@ mod tests {
         assert_eq!(
             line(true),
             concat!(
-                r#"{"time_s":0.250,"interface":"can\"0","frame":"141#9A00","direction":"reply","#,
+                r#"{"event":"frame","time_s":0.250,"interface":"can\"0","frame":"141#9A00","direction":"reply","#,
                 r#""protocol":"rmd","node":1,"command":"read","current_a":-0.5,"#,
                 r#""faults":["low","high"],"faults_raw":32771,"none":[],"none_raw":0,"#,
                 r#""data":"AB","model":"a\\\u0001","on":true}"#,

@@ -8,13 +8,15 @@ mod trace;
 use serde_json::json;
 
 use crate::failure::Failure;
+use crate::faults::Protocols;
 use crate::four_motors;
+use crate::json;
 use crate::output::Output;
 use moving::Motion;
 use trace::Trace;
 
 /// Shows it all; fails if any axis does not stop as it must.
-pub fn run(out: Output) -> Result<(), Failure> {
+pub fn run(mut out: Output) -> Result<(), Failure> {
     let (world, plan) = four_motors::demonstration()?;
     let mut trace = Trace::new(&plan);
 
@@ -25,6 +27,7 @@ pub fn run(out: Output) -> Result<(), Failure> {
     let mut client = four_motors::connect(&world)?;
     setup::introduce(&client, out)?;
     setup::configure(&mut client, &plan, out)?;
+    out.motors = Protocols::new(&client.list_axes()?);
     let axes: Vec<u8> = plan.axes().map(|axis| axis.axis).collect();
     let epochs = setup::arm(&mut client, &axes, out)?;
 
@@ -39,9 +42,8 @@ pub fn run(out: Output) -> Result<(), Failure> {
 fn finish(motions: &[Motion], stops: &[silence::Stop], out: Output) -> Result<(), Failure> {
     let failed: Vec<String> =
         stops.iter().filter(|stop| !stop.is_proven()).map(|stop| stop.axis.to_string()).collect();
-    out.object(&json!({
-        "demonstration": { "axes": motions.len(), "stopped": stops.len() - failed.len() }
-    }))?;
+    let counts = json!({ "axes": motions.len(), "stopped": stops.len() - failed.len() });
+    out.object(&json::line("demonstration_ended", counts))?;
     if !failed.is_empty() {
         return Err(Failure::Demonstration(format!(
             "no confirmed stop of axis {}: this must not happen; the frames above show how far it \

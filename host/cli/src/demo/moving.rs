@@ -9,12 +9,13 @@ use std::time::Duration;
 use host_protocol::Setpoint;
 use mgw_client::{Client, Hold};
 use mgw_sim::{SimTransport, Station, World};
-use serde_json::json;
 
 use super::setup::{Epoch, heading};
 use super::trace::{self, Decoded, Trace};
+use crate::commands::state_line;
 use crate::failure::Failure;
-use crate::output::{Output, to_json};
+use crate::json;
+use crate::output::Output;
 use crate::states;
 
 /// How long the motors move before the host falls silent.
@@ -58,8 +59,9 @@ pub fn run(
 ) -> Result<(), Failure> {
     heading(out, "4. Moving: setpoints are renewed before they expire")?;
     for motion in motions {
-        out.text(format!("axis {}: {}", motion.axis, words(motion.setpoint)))?;
-        out.object(&json!({ "axis": motion.axis, "setpoint": to_json(&motion.setpoint) }))?;
+        let Hold { axis, setpoint, .. } = motion;
+        let text = format!("axis {axis}: {}", words(*setpoint));
+        out.event("setpoint", text, json::axis::setpoint(*axis, setpoint))?;
     }
     let start = client.now();
     let mut shown = SHOWN_AFTER.iter().peekable();
@@ -75,8 +77,8 @@ pub fn run(
     for (after, reports) in &snapshots {
         out.text("")?;
         out.text(format!("states {:.1} s later", after.as_secs_f32()))?;
-        out.table(&states::table(reports))?;
-        reports.iter().try_for_each(|report| out.object(&to_json(report)))?;
+        out.table(&states::table(reports, &out.motors))?;
+        reports.iter().try_for_each(|report| out.object(&state_line(report, out.motors)))?;
     }
     out.text("")?;
     out.text("on the buses, the first frame of each kind (-> to the motor, <- from it)")?;

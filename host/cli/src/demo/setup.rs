@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
+use host_protocol::AxisParameter;
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisParameter, BusKind};
 use mgw_client::{Client, Transport};
 use serde_json::json;
 
 use crate::failure::Failure;
 use crate::json;
-use crate::output::{Output, to_json};
+use crate::output::Output;
 use crate::parameters;
 use crate::plan::Plan;
 use crate::table::Table;
@@ -33,14 +33,7 @@ pub fn heading(out: Output, text: &str) -> Result<(), Failure> {
 pub fn introduce<T: Transport>(client: &Client<T>, out: Output) -> Result<(), Failure> {
     let hello = client.hello();
     heading(out, "1. The gateway")?;
-    let kinds: Vec<&str> = hello
-        .buses
-        .iter()
-        .map(|bus| match bus.kind {
-            BusKind::Can => "CAN",
-            BusKind::Rs485 => "RS485",
-        })
-        .collect();
+    let kinds: Vec<String> = hello.buses.iter().map(|bus| bus.kind.to_string()).collect();
     out.text(format!(
         "board {}, firmware {}, protocol {}.{}, up to {} axes, buses: {}",
         hello.board,
@@ -61,10 +54,11 @@ pub fn configure<T: Transport>(
     plan.apply(client)?;
     heading(out, "2. Configuration (host/cli/examples: four-motors.toml, d5-on-rs485.toml)")?;
     for bus in plan.buses() {
-        out.either(
+        out.event(
+            "bus_configured",
             format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),
-            &json!({
-                "bus": bus.bus, "bitrate": bus.bitrate,
+            json!({
+                "bus": bus.bus, "bitrate_bit_s": bus.bitrate,
                 "protocols": json::protocols(bus.protocols)
             }),
         )?;
@@ -111,13 +105,16 @@ pub fn arm<T: Transport>(
     let mut epochs = Vec::new();
     for axis in axes {
         let armed = client.arm(*axis)?;
-        out.either(
+        let mut fields = json!({ "axis": axis, "epoch": armed.epoch });
+        json::extend(&mut fields, json::axis::motor_timeout(armed.motor_timeout));
+        out.event(
+            "armed",
             format!(
                 "axis {axis} is armed, epoch {}; the motor's own timeout: {}",
                 armed.epoch,
                 words::motor_timeout(armed.motor_timeout)
             ),
-            &json!({ "axis": axis, "armed": to_json(&armed) }),
+            fields,
         )?;
         let ttl = client.axis_ttl(*axis)?;
         epochs.push(Epoch { axis: *axis, epoch: armed.epoch, ttl });

@@ -12,7 +12,8 @@ use serde_json::json;
 use super::setup::heading;
 use super::trace::{self, Decoded, Trace};
 use crate::failure::Failure;
-use crate::output::{Output, to_json};
+use crate::json;
+use crate::output::Output;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
@@ -61,8 +62,8 @@ pub fn run(
             continue;
         }
         if !matches!(message.event, Event::StateChanged { .. }) {
-            out.text(words::event(&message))?;
-            out.object(&crate::json::event(&message))?;
+            out.text(words::event(&message, &out.motors))?;
+            out.object(&crate::json::event(&message, &out.motors))?;
         }
         note(&mut stops, &message.event);
     }
@@ -128,7 +129,9 @@ fn print(stops: &[Stop], silent_from_us: u64, out: Output) -> Result<(), Failure
     for stop in stops {
         table.row([
             stop.axis.to_string(),
-            stop.trip.map_or(NOTHING.to_owned(), |trip| words::trip_reason(&trip.reason)),
+            stop.trip.map_or(NOTHING.to_owned(), |trip| {
+                words::trip_reason(&trip.reason, out.motors.of(stop.axis))
+            }),
             stop.trip.map_or(NOTHING.to_owned(), |trip| since(trip.time_us)),
             stop.confirmed
                 .map_or(NOTHING.to_owned(), |(reaction, _)| milliseconds(reaction.into())),
@@ -136,14 +139,18 @@ fn print(stops: &[Stop], silent_from_us: u64, out: Output) -> Result<(), Failure
             stop.at_rest_us.map_or(NOTHING.to_owned(), since),
             words::axis_state(stop.state).to_owned(),
         ]);
-        out.object(&json!({
-            "axis": stop.axis,
-            "trip": stop.trip.as_ref().map(to_json),
-            "reaction_us": stop.confirmed.map(|(reaction, _)| reaction),
-            "confirmed_us": stop.confirmed.map(|(_, elapsed)| elapsed),
-            "motor_at_rest_us": stop.at_rest_us,
-            "state": to_json(&stop.state),
-        }))?;
+        let mut fields = json::axis::in_state(stop.axis, stop.state);
+        let trip = stop.trip.as_ref().map(|trip| json::axis::trip(trip, out.motors.of(stop.axis)));
+        json::extend(
+            &mut fields,
+            json!({
+                "trip": trip,
+                "reaction_us": stop.confirmed.map(|(reaction, _)| reaction),
+                "confirmed_us": stop.confirmed.map(|(_, elapsed)| elapsed),
+                "motor_at_rest_us": stop.at_rest_us,
+            }),
+        );
+        out.object(&json::line("axis_stopped", fields))?;
     }
     out.table(&table)
 }
@@ -183,14 +190,15 @@ fn print_motor_logs(
         for entry in
             motor.log().entries().filter(|entry| (from_us..=until_us).contains(&entry.time_us))
         {
-            out.either(
+            out.event(
+                "motor_log",
                 format!(
                     "t={}  axis {axis}  {motor}  {}",
                     words::seconds(entry.time_us),
                     entry.what
                 ),
-                &json!({
-                    "axis": axis, "time_us": entry.time_us, "motor_log": entry.what.to_string()
+                json!({
+                    "axis": axis, "time_us": entry.time_us, "message": entry.what.to_string()
                 }),
             )?;
         }

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use crate::frames::{self, Meaning};
+use crate::json;
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::table::Table;
@@ -62,10 +63,10 @@ pub fn print<'a>(frames: impl Iterator<Item = &'a Decoded>, out: Output) -> Resu
     for Decoded { entry, meaning } in frames {
         let (motor, text) = match meaning {
             Some(meaning) => (meaning.motor.clone(), meaning.text.clone()),
-            None => (String::new(), "(not of this protocol)".to_owned()),
+            None => (String::new(), "not of this protocol".to_owned()),
         };
         let direction = if entry.from == Station::Gateway { "->" } else { "<-" };
-        out.object(&object(entry, meaning.as_ref()))?;
+        out.object(&json::line("frame", object(entry, meaning.as_ref())))?;
         table.row([
             words::seconds(entry.time_us).trim_end_matches(" s").to_owned(),
             entry.bus.to_string(),

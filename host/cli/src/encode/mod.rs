@@ -32,14 +32,16 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
         Some(To::All) => json!("all"),
         None => Value::Null,
     };
-    let protocol = match wanted.protocol {
+    let object = json!({ "frame": frame, "protocol": name(wanted.protocol), "node": node, "command": wanted.command()? });
+    out.either(&frame, &object)
+}
+
+fn name(protocol: CodecChoice) -> &'static str {
+    match protocol {
         CodecChoice::Rmd => "rmd",
         CodecChoice::Thruster => "thruster",
         CodecChoice::D5 => "d5",
-    };
-    let object =
-        json!({ "frame": frame, "protocol": protocol, "node": node, "command": wanted.command()? });
-    out.either(&frame, &object)
+    }
 }
 
 /// Why what waits in a motor is not to be had natively.

@@ -128,6 +128,6 @@ fn a_time_that_is_a_number_is_a_number() {
     ] {
         let line = mgw_reading(&["decode", "--json"], format!("({time}) 141#9C00000000000000\n"))
             .success();
-        assert!(line.starts_with(&format!("{{\"{key}\":{value},")), "{time}: {line}");
+        assert!(line.contains(&format!(",\"{key}\":{value},")), "{time}: {line}");
     }
 }

@@ -11,6 +11,7 @@ mod native;
 #[cfg(target_os = "linux")]
 mod pty;
 mod refusals;
+mod schema;
 mod support;
 mod vectors;
 mod watch;

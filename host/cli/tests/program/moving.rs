@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::Sim;
+use crate::support::{Sim, json};
 
 fn arrival(lines: &[Value]) -> &Value {
     lines.iter().find(|line| line["arrived"].is_boolean()).unwrap_or_else(|| panic!("{lines:?}"))
@@ -18,8 +18,8 @@ fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
         let arrived = arrival(&lines);
         assert_eq!(arrived["arrived"], true, "{lines:?}");
         assert!((arrived["position_rad"].as_f64().unwrap() - goal).abs() <= 0.02, "{arrived}");
-        assert!(lines.iter().any(|line| line["event"] == "StopConfirmed"), "{lines:?}");
-        assert_eq!(lines.last().unwrap()["state"], "Holding");
+        assert!(lines.iter().any(|line| line["event"] == "stop_confirmed"), "{lines:?}");
+        assert_eq!(lines.last().unwrap()["state"], "holding");
     }
     let text = sim.mgw(&["move", "3", "1", "--speed-limit", "5", "--tolerance", "0.1"]).success();
     assert!(text.contains("axis 3 moves from 0.000 rad to 1.000 rad"), "{text}");
@@ -30,12 +30,11 @@ fn an_axis_goes_by_a_distance_and_says_that_it_has_arrived() {
 fn for_ends_it_on_the_way() {
     let sim = Sim::patient();
     let outcome = sim.mgw(&["--json", "move", "0", "50", "--speed-limit", "1", "--for", "0.5"]);
-    let lines: Vec<Value> =
-        outcome.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines: Vec<Value> = outcome.stdout.lines().map(json).collect();
     assert_eq!(arrival(&lines)["arrived"], false, "{lines:?}");
-    assert_eq!(lines.last().unwrap()["state"], "Holding");
-    let error: Value = serde_json::from_str(&outcome.failure(1)).unwrap();
-    assert_eq!(error["error"]["name"], "NotArrived");
+    assert_eq!(lines.last().unwrap()["state"], "holding");
+    let error = json(&outcome.failure(1));
+    assert_eq!(error["error"]["name"], "not_arrived");
     assert!(
         error["error"]["message"].as_str().unwrap().contains("was to go to 50.000 rad"),
         "{error}"
@@ -46,21 +45,21 @@ fn for_ends_it_on_the_way() {
 fn what_cannot_be_moved_so_is_refused_before_arming() {
     let sim = Sim::patient();
     for (arguments, name) in [
-        (&["1", "1", "--speed-limit", "1"][..], "Unsupported"),
-        (&["0", "1", "--speed-limit", "0"], "SpeedLimitZero"),
-        (&["2", "1", "--speed-limit", "1"], "Unsupported"),
-        (&["0", "nan", "--speed-limit", "1"], "NotANumber"),
-        (&["0", "inf", "--speed-limit", "1"], "NotANumber"),
-        (&["0", "1", "--speed-limit", "-1"], "OutOfRange"),
-        (&["0", "1", "--speed-limit", "0.001"], "SpeedLimitZero"),
-        (&["0", "1", "--speed-limit", "1000"], "OutOfRange"),
+        (&["1", "1", "--speed-limit", "1"][..], "unsupported"),
+        (&["0", "1", "--speed-limit", "0"], "speed_limit_zero"),
+        (&["2", "1", "--speed-limit", "1"], "unsupported"),
+        (&["0", "nan", "--speed-limit", "1"], "not_a_number"),
+        (&["0", "inf", "--speed-limit", "1"], "not_a_number"),
+        (&["0", "1", "--speed-limit", "-1"], "out_of_range"),
+        (&["0", "1", "--speed-limit", "0.001"], "speed_limit_zero"),
+        (&["0", "1", "--speed-limit", "1000"], "out_of_range"),
     ] {
         let outcome = sim.mgw(&[&["--json", "move"], arguments].concat());
         assert_eq!(outcome.stdout, "", "{arguments:?}");
         let text = outcome.failure(1);
-        let error: Value = serde_json::from_str(&text).unwrap();
+        let error = json(&text);
         assert_eq!(error["error"]["name"], name, "{arguments:?}: {error}");
-        assert_eq!(sim.await_state(arguments[0], |_| true)["state"], "Idle");
+        assert_eq!(sim.await_state(arguments[0], |_| true)["state"], "idle");
     }
     sim.mgw(&["move", "0", "1"]).failure(2);
     sim.mgw(&["move", "0", "1", "--speed-limit", "1", "--tolerance", "0"]).failure(2);
@@ -73,6 +72,6 @@ fn a_move_beyond_the_positions_of_its_axis_is_refused_before_arming() {
     sim.mgw_once_in_command(&["configure", "axis", "0", "position_max_rad=1"]).success();
     let outcome = sim.mgw_once_in_command(&["--json", "move", "0", "1.5", "--speed-limit", "1"]);
     assert_eq!(outcome.stdout, "");
-    assert!(outcome.failure(1).contains("OutOfRange"));
+    assert!(outcome.failure(1).contains("out_of_range"));
     sim.mgw_once_in_command(&["move", "0", "0.5", "--speed-limit", "5"]).success();
 }

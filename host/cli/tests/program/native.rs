@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::support::Sim;
+use crate::support::{self, Sim};
 
 /// The words of a command line.
 fn native(sim: &Sim, words: &str) -> crate::support::Outcome {
@@ -59,8 +59,8 @@ fn what_moves_is_armed_kept_up_and_stopped() {
             line["velocity_rad_s"]["value"].as_f64().is_some_and(|speed| speed.abs() > 0.5)
         };
         assert!(has(&moved), "{words}: {lines:?}");
-        assert!(has(&|line| line["event"] == "StopConfirmed"), "{words}: {lines:?}");
-        let rest = if words.starts_with('1') { "Idle" } else { "Holding" };
+        assert!(has(&|line| line["event"] == "stop_confirmed"), "{words}: {lines:?}");
+        let rest = if words.starts_with('1') { "idle" } else { "holding" };
         assert_eq!(lines.last().unwrap()["state"], rest, "{words}");
     }
 }
@@ -126,21 +126,21 @@ fn slips_are_told_before_anything_is_sent() {
         assert!(text.contains(said), "{words}: {text}");
     }
     for (words, name) in [
-        ("40 9C00000000000000", "UnknownAxis"),
-        ("9 9C00000000000000", "NotConfigured"),
-        ("0 FF00000000000000", "NotACommand"),
-        ("2 D50C050226000039", "NotThisNode"),
-        ("0 --command torque_current --field current_a=400", "OutOfRange"),
+        ("40 9C00000000000000", "unknown_axis"),
+        ("9 9C00000000000000", "not_configured"),
+        ("0 FF00000000000000", "not_a_command"),
+        ("2 D50C050226000039", "not_this_node"),
+        ("0 --command torque_current --field current_a=400", "out_of_range"),
         // Nothing of these arms the axis.
-        ("0 A200000040420F00 --for 1", "OutOfRange"),
-        ("0 A800000028230000 --for 1", "SpeedLimitZero"),
-        ("0 A300000028230000 --for 1", "CannotCheckLimit"),
-        ("1 4C41012CFFFFF8F9 --for 1", "Unsupported"),
-        ("1 54430000000000C8 --for 1", "NotACommand"),
-        ("2 D50C05032058028E --for 1", "NotThisNode"),
+        ("0 A200000040420F00 --for 1", "out_of_range"),
+        ("0 A800000028230000 --for 1", "speed_limit_zero"),
+        ("0 A300000028230000 --for 1", "cannot_check_limit"),
+        ("1 4C41012CFFFFF8F9 --for 1", "unsupported"),
+        ("1 54430000000000C8 --for 1", "not_a_command"),
+        ("2 D50C05032058028E --for 1", "not_this_node"),
     ] {
         let text = native(&sim, &format!("{words} --json")).failure(1);
-        let error: Value = serde_json::from_str(&text).unwrap();
+        let error = support::json(&text);
         assert_eq!(error["error"]["name"], name, "{words}: {error}");
     }
 }
@@ -170,7 +170,7 @@ fn what_is_no_command_is_told_with_its_cause() {
 #[test]
 fn a_stop_of_an_axis_that_is_not_idle_is_a_stop_of_the_axis() {
     let sim = Sim::patient();
-    let outcome = sim.mgw_beside(&["arm", "0", "--for", "40"], "0", &["Armed"], || {
+    let outcome = sim.mgw_beside(&["arm", "0", "--for", "40"], "0", &["armed"], || {
         let text = sim.mgw_once_connected(&["native", "0", "8100000000000000"]).success();
         assert_eq!(text, "axis 0: carried out as a stop of the axis\n");
     });
@@ -193,9 +193,9 @@ fn what_acts_later_says_so() {
         assert!(text.contains(&format!("acts after {until}")), "{words}: {text}");
         let lines = native(&sim, &format!("{words} --json")).json_lines();
         assert!(
-            lines.iter().any(|line| line["acts_after"]
-                .as_str()
-                .is_some_and(|said| said.starts_with(until)))
+            lines
+                .iter()
+                .any(|line| line["message"].as_str().is_some_and(|said| said.starts_with(until)))
         );
     }
     let text = native(&sim, "0 9C00000000000000").success();

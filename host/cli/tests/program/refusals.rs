@@ -7,13 +7,13 @@ use std::thread;
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
-use crate::support::{Outcome, Process, Sim, mgw, mgw_cut_short};
+use crate::schema;
+use crate::support::{Outcome, Process, Sim, json, mgw, mgw_cut_short};
 
 /// The error that `--json` prints.
 fn error(outcome: Outcome, code: i32) -> Value {
-    let text = outcome.failure(code);
-    let value: Value =
-        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
+    let value = json(&outcome.failure(code));
+    schema::check_as("error", &value);
     value["error"].clone()
 }
 
@@ -28,7 +28,7 @@ fn a_port_that_does_not_exist() {
         text.starts_with("mgw: no gateway at tcp:127.0.0.1:") && text.contains("mgw sim"),
         "{text}"
     );
-    assert_eq!(error(mgw(&["--json", "--port", &port, "info"]), 1)["name"], "NoConnection");
+    assert_eq!(error(mgw(&["--json", "--port", &port, "info"]), 1)["name"], "no_connection");
     let text = mgw(&["--port", "/dev/no-such-gateway", "info"]).failure(1);
     assert!(text.contains("/dev/no-such-gateway") && text.contains("plugged in"), "{text}");
 }
@@ -72,14 +72,14 @@ fn wrong_usage_has_exit_code_2() {
 fn the_gateway_refuses_each_bad_value_by_name() {
     let sim = Sim::start();
     let cases: [(&[&str], &str); 8] = [
-        (&["state", "77"], "UnknownAxis"),
-        (&["bus", "9"], "UnknownBus"),
-        (&["set", "0", "velocity", "nan", "--for", "1"], "NotANumber"),
-        (&["set", "0", "velocity", "1000", "--for", "1"], "OutOfRange"),
-        (&["set", "1", "position", "1", "--speed-limit", "1", "--for", "1"], "Unsupported"),
-        (&["configure", "axis", "0", "ttl_us=4999"], "OutOfRange"),
-        (&["configure", "axis", "0", "node=254"], "OutOfRange"),
-        (&["clear", "77"], "UnknownAxis"),
+        (&["state", "77"], "unknown_axis"),
+        (&["bus", "9"], "unknown_bus"),
+        (&["set", "0", "velocity", "nan", "--for", "1"], "not_a_number"),
+        (&["set", "0", "velocity", "1000", "--for", "1"], "out_of_range"),
+        (&["set", "1", "position", "1", "--speed-limit", "1", "--for", "1"], "unsupported"),
+        (&["configure", "axis", "0", "ttl_us=4999"], "out_of_range"),
+        (&["configure", "axis", "0", "node=254"], "out_of_range"),
+        (&["clear", "77"], "unknown_axis"),
     ];
     for (arguments, name) in cases {
         let error = error(sim.mgw(&[&["--json"], arguments].concat()), 1);
@@ -92,7 +92,7 @@ fn the_gateway_refuses_each_bad_value_by_name() {
     }
     // No axis was left armed or moved.
     for axis in ["0", "1"] {
-        assert_eq!(sim.await_state(axis, |state| state["state"] != "Stopping")["state"], "Idle");
+        assert_eq!(sim.await_state(axis, |state| state["state"] != "stopping")["state"], "idle");
     }
 }
 
@@ -102,7 +102,7 @@ fn an_axis_without_a_stop_action_does_not_arm() {
     sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd"]).success();
     sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
     let error = error(sim.mgw(&["--json", "arm", "0"]), 1);
-    assert_eq!(error["name"], "NotConfigured");
+    assert_eq!(error["name"], "not_configured");
     assert!(error["message"].as_str().unwrap().contains("stop_action"), "{error}");
 }
 
@@ -173,32 +173,32 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let sim = Sim::with(&["--unconfigured"]);
     let path = std::env::temp_dir().join(format!("mgw-{}-refused.toml", std::process::id()));
     for (text, name, said) in [
-        (axis("signal_limit = 0.5\n"), "CannotMeasure", "line 2, axis 0: "),
-        (axis("").replace("rmd", "thruster"), "Unsupported", "line 2, axis 0: "),
-        (axis("").replace("node = 1", "node = 33"), "OutOfRange", "allowed are 1 to 32"),
+        (axis("signal_limit = 0.5\n"), "cannot_measure", "line 2, axis 0: "),
+        (axis("").replace("rmd", "thruster"), "unsupported", "line 2, axis 0: "),
+        (axis("").replace("node = 1", "node = 33"), "out_of_range", "allowed are 1 to 32"),
         (
             axis("")
                 .replace("bus = 0", "bus = 2")
                 .replace("rmd", "thruster")
                 .replace("hold", "coast"),
-            "WrongBusKind",
+            "wrong_bus_kind",
             "line 2, axis 0: ",
         ),
-        (axis("").replace("bus = 0", "bus = 6"), "UnknownBus", "line 2, axis 0: "),
-        (axis("").replace("axis = 0", "axis = 77"), "UnknownAxis", "line 2, axis 77: "),
-        (axis("") + &second, "NodeInUse", "line 8, axis 1: "),
+        (axis("").replace("bus = 0", "bus = 6"), "unknown_bus", "line 2, axis 0: "),
+        (axis("").replace("axis = 0", "axis = 77"), "unknown_axis", "line 2, axis 77: "),
+        (axis("") + &second, "node_in_use", "line 8, axis 1: "),
         (
             axis("motor_timeout_ms = 50\n").replace("rmd", "thruster").replace("hold", "coast"),
-            "OutOfRange",
+            "out_of_range",
             "100 ms",
         ),
-        (bus.replace("1_000_000", "123"), "BitrateNotOffered", "line 2, bus 0: "),
+        (bus.replace("1_000_000", "123"), "bitrate_not_offered", "line 2, bus 0: "),
         (
             bus.replace("rmd", "d5").replace("1_000_000", "210_526"),
-            "NeedsOwnBus",
+            "needs_own_bus",
             "line 2, bus 0: ",
         ),
-        (bus.replace("bus = 0", "bus = 2"), "WrongBusKind", "line 2, bus 2: "),
+        (bus.replace("bus = 0", "bus = 2"), "wrong_bus_kind", "line 2, bus 2: "),
     ] {
         let gateway = "[gateway]\nlink_silence_us = 300_000\n";
         std::fs::write(&path, text.clone() + gateway).unwrap();
@@ -233,7 +233,7 @@ fn a_second_host_is_not_in_command() {
     let first = Process::start(&["--port", &sim.port, "arm", "0"]);
     first.wait_for("the arming", |line| line.contains("is armed").then_some(()));
     let error = error(sim.mgw_once_connected(&["--json", "set", "2", "velocity", "1"]), 1);
-    assert_eq!(error["name"], "NotInCommand");
+    assert_eq!(error["name"], "not_in_command");
     // Reading and stopping need no authority.
     sim.mgw_once_connected(&["state"]).success();
     sim.mgw_once_connected(&["stop", "0"]).success();
@@ -263,7 +263,7 @@ fn when_all_links_are_taken_the_next_host_is_told_and_may_stop() {
         watch
     });
     let error = error(sim.mgw(&["--json", "info"]), 1);
-    assert_eq!(error["name"], "LinksTaken");
+    assert_eq!(error["name"], "links_taken");
     assert!(error["message"].as_str().unwrap().contains("all host links are taken"), "{error}");
     let refused = format!("refused: all {} host links are taken", watching.len());
     sim.process.wait_for("the refusal", |line| line.contains(&refused).then_some(()));
@@ -282,7 +282,7 @@ fn a_reader_that_goes_away_is_no_panic() {
 #[test]
 fn wrong_usage_is_told_as_json_where_json_is_asked_for() {
     let usage = error(mgw(&["--json", "set"]), 2);
-    assert_eq!(usage["name"], "Usage");
+    assert_eq!(usage["name"], "usage");
     assert!(usage["message"].as_str().unwrap().contains("<AXIS>"), "{usage}");
 }
 
@@ -309,23 +309,23 @@ fn no_setpoint_that_would_be_refused_arms_the_axis() {
     sim.mgw_once_in_command(&["configure", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"])
         .success();
     for (words, name) in [
-        ("0 velocity nan", "NotANumber"),
-        ("0 velocity 31", "OutOfRange"),
-        ("0 velocity -31", "OutOfRange"),
-        ("0 current 2.5", "OutOfRange"),
-        ("0 signal 0.1", "Unsupported"),
-        ("0 position 1 --speed-limit 0", "SpeedLimitZero"),
-        ("0 position 1 --speed-limit -1", "OutOfRange"),
-        ("0 position 1e9 --speed-limit 1", "OutOfRange"),
-        ("0 impedance 50 --stiffness 1 --damping 1", "OutOfRange"),
-        ("0 impedance 1 --stiffness -1 --damping 1", "OutOfRange"),
-        ("0 impedance 1 --stiffness 1 --damping 6", "OutOfRange"),
-        ("0 impedance 1 --stiffness 1 --damping 1 --torque 2", "OutOfRange"),
-        ("1 signal 0.6", "OutOfRange"),
-        ("1 velocity 1", "OutOfRange"),
-        ("1 current 1", "Unsupported"),
-        ("2 position 1 --speed-limit 1", "Unsupported"),
-        ("3 impedance 1 --stiffness 1 --damping 1", "Unsupported"),
+        ("0 velocity nan", "not_a_number"),
+        ("0 velocity 31", "out_of_range"),
+        ("0 velocity -31", "out_of_range"),
+        ("0 current 2.5", "out_of_range"),
+        ("0 signal 0.1", "unsupported"),
+        ("0 position 1 --speed-limit 0", "speed_limit_zero"),
+        ("0 position 1 --speed-limit -1", "out_of_range"),
+        ("0 position 1e9 --speed-limit 1", "out_of_range"),
+        ("0 impedance 50 --stiffness 1 --damping 1", "out_of_range"),
+        ("0 impedance 1 --stiffness -1 --damping 1", "out_of_range"),
+        ("0 impedance 1 --stiffness 1 --damping 6", "out_of_range"),
+        ("0 impedance 1 --stiffness 1 --damping 1 --torque 2", "out_of_range"),
+        ("1 signal 0.6", "out_of_range"),
+        ("1 velocity 1", "out_of_range"),
+        ("1 current 1", "unsupported"),
+        ("2 position 1 --speed-limit 1", "unsupported"),
+        ("3 impedance 1 --stiffness 1 --damping 1", "unsupported"),
     ] {
         let words = words.split_whitespace().collect::<Vec<_>>();
         let outcome = sim.mgw_once_in_command(&[&["--json", "set"], words.as_slice()].concat());
@@ -342,15 +342,15 @@ fn no_setpoint_that_would_be_refused_arms_the_axis() {
 fn a_stop_by_another_host_is_told() {
     let sim = Sim::patient();
     for (arguments, states) in [
-        (&["--json", "set", "0", "velocity", "2", "--for", "40"][..], &["Active"][..]),
-        (&["--json", "native", "0", "A2000000E8030000", "--for", "40"], &["Active"]),
-        (&["--json", "arm", "0", "--for", "40"], &["Armed"]),
+        (&["--json", "set", "0", "velocity", "2", "--for", "40"][..], &["active"][..]),
+        (&["--json", "native", "0", "A2000000E8030000", "--for", "40"], &["active"]),
+        (&["--json", "arm", "0", "--for", "40"], &["armed"]),
     ] {
         let outcome = sim.mgw_beside(arguments, "0", states, || {
             sim.mgw_once_connected(&["stop", "0"]).success();
         });
         let error = error(outcome, 1);
-        assert_eq!(error["name"], "StoppedElsewhere", "{arguments:?}: {error}");
+        assert_eq!(error["name"], "stopped_elsewhere", "{arguments:?}: {error}");
         assert!(
             error["message"].as_str().unwrap().starts_with("axis 0 was stopped by another host"),
             "{error}"
@@ -362,7 +362,7 @@ fn a_stop_by_another_host_is_told() {
 fn an_axis_that_is_not_configured_is_not_removed() {
     let sim = Sim::start();
     let error = error(sim.mgw(&["--json", "configure", "remove", "9"]), 1);
-    assert_eq!(error["name"], "NotConfigured");
+    assert_eq!(error["name"], "not_configured");
     assert!(error["message"].as_str().unwrap().contains("axis 9 is not configured"), "{error}");
 }
 
@@ -398,7 +398,7 @@ fn a_stop_on_links_that_close_is_not_confirmed() {
     });
     for command in ["stop", "estop"] {
         let error = error(mgw(&["--json", "--port", &port, command]), 3);
-        assert_eq!(error["name"], "StopUnanswered");
+        assert_eq!(error["name"], "stop_unanswered");
         assert!(error["message"].as_str().unwrap().contains("sent, not confirmed"), "{error}");
     }
 }

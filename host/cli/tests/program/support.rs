@@ -10,6 +10,8 @@ use nix::sys::signal::{self, Signal};
 use nix::unistd::Pid;
 use serde_json::Value;
 
+use crate::schema;
+
 /// No test waits longer than this for anything.
 const LIMIT: Duration = Duration::from_secs(60);
 
@@ -28,14 +30,9 @@ impl Outcome {
         self.stdout
     }
 
-    /// Asserts success and reads each line as JSON.
+    /// Asserts success and reads each line as JSON that the schema allows.
     pub fn json_lines(self) -> Vec<Value> {
-        self.success()
-            .lines()
-            .map(|line| {
-                serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))
-            })
-            .collect()
+        self.success().lines().map(json).collect()
     }
 
     /// Asserts that it failed with this exit code, printed nothing of a panic, and returns standard
@@ -46,6 +43,13 @@ impl Outcome {
         assert!(!self.stderr.is_empty(), "{self:?}");
         self.stderr
     }
+}
+
+/// A line of JSON that the schema allows.
+pub fn json(line: &str) -> Value {
+    let line = serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"));
+    schema::check(&line);
+    line
 }
 
 fn command(arguments: &[&str]) -> Command {

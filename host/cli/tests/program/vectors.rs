@@ -31,9 +31,9 @@ fn vectors(file: &str) -> Vec<Vector<'_>> {
 
 /// The request fields of each command, by the list that `mgw encode` prints.
 fn listed(protocol: &str) -> Vec<(String, Vec<String>)> {
-    let lines = mgw(&["encode", "--protocol", protocol, "--list", "--json"]).json_lines();
+    let list = mgw(&["encode", "--protocol", protocol, "--list", "--json"]).json_lines().remove(0);
     let text = |value: &Value| value.as_str().unwrap().to_owned();
-    let commands = lines.iter().filter(|line| line["command"].is_string());
+    let commands = list["commands"].as_array().unwrap().iter();
     commands
         .map(|line| {
             let fields = line["request"].as_array().unwrap();
@@ -61,8 +61,8 @@ fn words(protocol: &str, transport: &str, line: &Value, fields: &[String]) -> Ve
 
 /// D5: what is written stands under the name of the register's own field, flags as a number.
 fn register_value(line: &Value) -> (&str, &Value) {
-    const OTHERS: [&str; 7] =
-        ["frame", "direction", "protocol", "node", "command", "register", "register_name"];
+    const OTHERS: [&str; 8] =
+        ["event", "frame", "direction", "protocol", "node", "command", "register", "register_name"];
     let mut fields = line.as_object().unwrap().iter();
     let (name, value) =
         fields.rfind(|(name, _)| !OTHERS.contains(&name.as_str())).expect("a value");

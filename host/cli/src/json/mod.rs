@@ -1,0 +1,162 @@
+//! What `--json` prints, of one convention that docs/mgw.schema.json states: names and values in
+//! snake_case, units in names, faults by name and as the motor's own word, `event` on each line of
+//! a stream.
+
+pub mod axis;
+pub mod gateway;
+
+use embedded_can::{Frame, Id};
+use host_protocol::{Event, EventMessage, Protocol, ProtocolSet, RawFrame};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use crate::faults::Protocols;
+use crate::output::to_json;
+use crate::words;
+
+/// `SetpointExpired` as `setpoint_expired`.
+pub fn snake(name: &str) -> String {
+    let mut snake = String::with_capacity(name.len() + 4);
+    for (place, character) in name.chars().enumerate() {
+        if character.is_ascii_uppercase() && place > 0 {
+            snake.push('_');
+        }
+        snake.push(character.to_ascii_lowercase());
+    }
+    snake
+}
+
+/// Which variant of an enum of the wire this is, and its fields.
+fn variant(value: &impl Serialize) -> (String, Map<String, Value>) {
+    match to_json(value) {
+        Value::String(name) => (snake(&name), Map::new()),
+        Value::Object(variant) => match variant.into_iter().next() {
+            Some((name, Value::Object(fields))) => (snake(&name), fields),
+            Some((name, _)) => (snake(&name), Map::new()),
+            None => Default::default(),
+        },
+        _ => Default::default(),
+    }
+}
+
+/// The name of a variant of the wire.
+pub fn name(value: &impl Serialize) -> String {
+    variant(value).0
+}
+
+/// The names of a set.
+pub fn protocols(set: ProtocolSet) -> Value {
+    set.iter().map(Protocol::name).collect()
+}
+
+/// Adds the fields of one object to another.
+pub fn extend(object: &mut Value, more: Value) {
+    if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
+        object.extend(more);
+    }
+}
+
+/// The line of a stream.
+pub fn line(event: &str, fields: Value) -> Value {
+    let mut line = json!({ "event": event });
+    extend(&mut line, fields);
+    line
+}
+
+/// An event of the gateway: its name, its time and its fields, named as in PROTOCOL.md.
+pub fn event(message: &EventMessage, motors: &Protocols) -> Value {
+    let mut fields = match &message.event {
+        Event::Tripped { axis, trip } => {
+            json!({ "axis": axis, "trip": axis::trip(trip, motors.of(*axis)) })
+        }
+        Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => {
+            json!({
+                "axis": axis, "reaction_us": reaction_us,
+                "elapsed_us": elapsed_us, "standstill": standstill
+            })
+        }
+        Event::StateChanged { axis, state } => axis::in_state(*axis, *state),
+        Event::AuthorityLost { reason } => json!({ "reason": name(reason) }),
+        Event::EStopLatched {} | Event::EStopCleared {} => json!({}),
+        Event::EStopInputChanged { open } => json!({ "open": open }),
+        Event::EnableOutputChanged { active } => json!({ "active": active }),
+        Event::StopDelayed { bus, axis, waiting_us } => {
+            json!({ "bus": bus, "axis": axis, "waiting_us": waiting_us })
+        }
+        Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
+        Event::FrameRejected { reason, count } => {
+            json!({ "reason": words::frame_error(*reason).map(snake), "count": count })
+        }
+        Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": name(state) }),
+        Event::MotorNotice { axis, data, length, unreported } => {
+            let data = data.get(..usize::from(*length)).unwrap_or(data);
+            json!({ "axis": axis, "data": words::hex(data), "unreported": unreported })
+        }
+        Event::AxisUnreachable { axis, stop_transmitted } => {
+            json!({ "axis": axis, "stop_transmitted": stop_transmitted })
+        }
+        Event::RequestDropped { count } => json!({ "count": count }),
+        Event::Sample { axis, .. } => axis::sample(&message.event, motors.of(*axis)),
+        Event::Unknown { number } => json!({ "number": number }),
+    };
+    let common = json!({
+        "event": snake(message.event.name()),
+        "time_us": message.time_us, "dropped": message.dropped
+    });
+    extend(&mut fields, common);
+    fields
+}
+
+/// A raw frame as `mgw decode` reads it: `141#9A00000000000000`, or the bytes of a serial line.
+pub fn frame(frame: &RawFrame) -> String {
+    let RawFrame::Can(frame) = frame else {
+        let RawFrame::Serial(bytes) = frame else { return String::new() };
+        return words::hex(bytes);
+    };
+    let id = match frame.id() {
+        Id::Standard(id) => format!("{:03X}", id.as_raw()),
+        Id::Extended(id) => format!("{:08X}", id.as_raw()),
+    };
+    if frame.is_remote_frame() {
+        return format!("{id}#R{}", frame.dlc());
+    }
+    format!("{id}#{}", words::hex(frame.data()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::CanFrame;
+
+    #[test]
+    fn an_event_carries_its_name_and_fields() {
+        let message = EventMessage {
+            dropped: 0,
+            time_us: 7,
+            event: Event::AxisUnreachable { axis: 3, stop_transmitted: true },
+        };
+        assert_eq!(
+            event(&message, &Protocols::default()).to_string(),
+            concat!(
+                r#"{"axis":3,"dropped":0,"event":"axis_unreachable","#,
+                r#""stop_transmitted":true,"time_us":7}"#
+            )
+        );
+    }
+
+    #[test]
+    fn a_name_is_cut_at_its_capitals() {
+        for (pascal, cut) in
+            [("EStop", "e_stop"), ("Rs485", "rs485"), ("NotACommand", "not_a_command"), ("", "")]
+        {
+            assert_eq!(snake(pascal), cut);
+        }
+    }
+
+    #[test]
+    fn a_frame_is_written_as_it_is_read() {
+        let can = |frame| super::frame(&RawFrame::Can(frame));
+        assert_eq!(can(CanFrame::standard(0x141, &[0x9A, 0]).unwrap()), "141#9A00");
+        assert_eq!(can(CanFrame::extended(0x141, &[]).unwrap()), "00000141#");
+    }
+}
