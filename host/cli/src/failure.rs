@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 
-use host_protocol::{AxisState, Error, Trip, TripReason};
+use host_protocol::{AxisState, Error, Quantity, Trip, TripReason};
 use mgw_client::{ClientError, ConnectError};
 use serde_json::{Value, json};
 
@@ -38,6 +38,8 @@ pub enum Failure {
     },
     /// A file could not be read.
     File { path: String, source: io::Error },
+    /// The gateway is out of reach while axes are armed.
+    Lost { axes: Vec<u8>, cause: ClientError },
     /// An axis tripped while it was to be held.
     Tripped { axis: u8, reason: TripReason, text: String },
     /// An axis that was to be held is no longer armed, and nobody here has stopped it.
@@ -60,19 +62,8 @@ impl Failure {
     /// A name that programs can rely on: the gateway's own for its errors.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => {
-                error.name()
-            }
-            Self::Client(ClientError::NoAnswer { .. }) => "NoAnswer",
-            Self::Client(ClientError::StopUnanswered { .. }) => "StopUnanswered",
-            Self::Client(ClientError::Interrupted { .. }) => "Interrupted",
-            Self::Client(ClientError::Incompatible { .. }) => "Incompatible",
-            Self::Client(ClientError::UnreadableReply { .. }) => "UnreadableReply",
-            Self::Client(ClientError::TooLong { .. }) => "TooLong",
-            Self::Client(ClientError::LinksTaken) => "LinksTaken",
-            Self::Client(ClientError::Connect(error)) if is_no_port(error) => "Usage",
-            Self::Client(ClientError::Connect(_)) => "NoConnection",
-            Self::Client(ClientError::Transport(_)) => "ConnectionLost",
+            Self::Explained { error, .. } => error.name(),
+            Self::Client(error) | Self::Lost { cause: error, .. } => client_name(error),
             Self::Usage(_) => "Usage",
             Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
@@ -83,6 +74,14 @@ impl Failure {
             Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
             Self::Output(_) => "Output",
+        }
+    }
+
+    /// Of axes that were armed, and what became of the connection to the gateway.
+    pub fn lost(axes: &[u8], cause: ClientError) -> Self {
+        match cause {
+            ClientError::Gateway(_) => Self::Client(cause),
+            cause => Self::Lost { axes: axes.to_vec(), cause },
         }
     }
 
@@ -125,6 +124,7 @@ impl Failure {
             Self::Client(ClientError::Connect(error)) if is_no_port(error) => WRONG_USAGE,
             Self::StopNotConfirmed { .. }
             | Self::StopTaken { .. }
+            | Self::Lost { cause: ClientError::StopUnanswered { .. }, .. }
             | Self::Client(ClientError::StopUnanswered { .. }) => NOT_CONFIRMED,
             // The reader of a pipe has seen enough: `mgw watch | head` is no failure.
             Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => 0,
@@ -136,6 +136,7 @@ impl Failure {
     pub fn is_from_gateway(&self) -> bool {
         match self {
             Self::Client(error) => matches!(error, ClientError::Gateway(_)),
+            Self::Lost { .. } => false,
             _ => true,
         }
     }
@@ -144,6 +145,39 @@ impl Failure {
     pub fn is_silent(&self) -> bool {
         matches!(self, Self::Output(_))
     }
+}
+
+fn client_name(error: &ClientError) -> &'static str {
+    match error {
+        ClientError::Gateway(error) => error.name(),
+        ClientError::NoAnswer { .. } => "NoAnswer",
+        ClientError::StopUnanswered { .. } => "StopUnanswered",
+        ClientError::Interrupted { .. } => "Interrupted",
+        ClientError::Incompatible { .. } => "Incompatible",
+        ClientError::UnreadableReply { .. } => "UnreadableReply",
+        ClientError::TooLong { .. } => "TooLong",
+        ClientError::LinksTaken => "LinksTaken",
+        ClientError::Connect(error) if is_no_port(error) => "Usage",
+        ClientError::Connect(_) => "NoConnection",
+        ClientError::Transport(_) => "ConnectionLost",
+    }
+}
+
+/// `0, 2 and 3`
+fn list(axes: &[u8]) -> String {
+    let numbers: Vec<String> = axes.iter().map(u8::to_string).collect();
+    match numbers.split_last() {
+        Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        _ => numbers.concat(),
+    }
+}
+
+/// What to do about an axis whose configuration is not complete.
+fn not_configured(f: &mut fmt::Formatter<'_>, what: &str, missing: &str) -> fmt::Result {
+    write!(
+        f,
+        "{what} is not configured: {missing}. Write it into a file, then `mgw config apply FILE`"
+    )
 }
 
 /// Whether the text is no name of a port at all.
@@ -180,7 +214,26 @@ fn tripped(axis: u8, reason: &TripReason) -> Value {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Client(ClientError::Gateway(Error::NotConfigured { axis, parameter })) => {
+                let missing = format!("it has no {}", Quantity::Parameter(*parameter));
+                not_configured(f, &format!("axis {axis}"), &missing)
+            }
+            Self::Client(ClientError::Gateway(Error::BusNotConfigured { bus })) => {
+                not_configured(f, &format!("bus {bus}"), "it has no bitrate")
+            }
             Self::Client(error) => error.fmt(f),
+            Self::Lost { axes, cause } => {
+                let (them, trip) = match axes.as_slice() {
+                    [axis] => (format!("axis {axis}"), "trips"),
+                    axes => (format!("axes {}", list(axes)), "trip"),
+                };
+                write!(
+                    f,
+                    "{cause}. Without this host {them} {trip}: the gateway stops what it holds. \
+                        When the gateway answers again, `mgw state` shows the trip and `mgw clear \
+                        AXIS` clears it"
+                )
+            }
             Self::Usage(text)
             | Self::Demonstration(text)
             | Self::Explained { text, .. }

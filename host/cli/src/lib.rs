@@ -15,6 +15,7 @@ mod four_motors;
 mod frames;
 mod interrupt;
 mod json;
+mod manual;
 mod native_request;
 mod output;
 mod parameters;
@@ -24,6 +25,7 @@ mod serve;
 mod session;
 mod states;
 mod table;
+mod terminal;
 mod words;
 
 use std::process::ExitCode;
@@ -123,6 +125,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         }
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
+        Some(Command::Completion { shell }) => manual::completion(*shell),
+        Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
         Some(command) => {
             let port =
                 cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
@@ -137,10 +141,12 @@ fn run(cli: &Cli) -> Result<(), Failure> {
 
 fn tell(failure: &Failure, json: bool) {
     use std::io::Write;
-    let text = if json { failure.to_json().to_string() } else { format!("mgw: {failure}.") };
+    let text = if json { failure.to_json().to_string() } else { format!("{failure}.") };
+    let mut before = if json { String::new() } else { format!("{} ", terminal::failed()) };
     // Some failures take several lines.
     for line in text.lines() {
         // With nobody to hear it there is nothing more to do.
-        let _ = writeln!(std::io::stderr(), "{}", printable::printable(line));
+        let _ = writeln!(std::io::stderr(), "{before}{}", printable::printable(line));
+        before.clear();
     }
 }

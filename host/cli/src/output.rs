@@ -10,6 +10,7 @@ use crate::faults::Protocols;
 use crate::json;
 use crate::printable::printable;
 use crate::table::Table;
+use crate::terminal::{self, Progress};
 
 /// Where a command prints.
 #[derive(Debug, Clone, Copy)]
@@ -58,6 +59,11 @@ impl Output {
         self.either(line, &json::line(name, fields))
     }
 
+    /// Tells people, until it is dropped, what takes longer than a second.
+    pub fn waiting_for(self, what: &'static str) -> Progress {
+        if self.form == Form::Text { Progress::of(what) } else { Progress::none() }
+    }
+
     /// Whether anything is printed.
     pub fn is_heard(self) -> bool {
         self.form != Form::Nothing
@@ -81,6 +87,7 @@ impl Output {
 }
 
 fn print_line(line: &str) -> Result<(), Failure> {
+    terminal::something_is_printed();
     let mut out = io::stdout().lock();
     // Flushed each time: a reader of a stream wants each line when it is printed.
     writeln!(out, "{}", printable(line)).and_then(|()| out.flush()).map_err(Failure::Output)

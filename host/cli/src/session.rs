@@ -92,7 +92,8 @@ impl Session {
         self.out.table(&states::table(&reports, &self.out.motors))?;
         self.explain_faults(&reports)?;
         for (axis, error) in &unread {
-            self.out.text(format!("axis {axis} is not read: {error}"))?;
+            let why = Failure::from(ClientError::Gateway(*error));
+            self.out.text(format!("axis {axis} is not read: {why}"))?;
         }
         let unread = unread
             .iter()

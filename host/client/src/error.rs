@@ -72,8 +72,9 @@ impl fmt::Display for ClientError {
             ),
             Self::NoAnswer { request, after } => write!(
                 f,
-                "the gateway did not answer {request} within {} ms; it may have been executed. \
+                "the gateway did not answer a request ({}) within {} ms; it may have been executed. \
                     Check the cable, then read the state",
+                in_words(request),
                 after.as_millis()
             ),
             Self::StopUnanswered { after } => write!(
@@ -101,12 +102,14 @@ impl fmt::Display for ClientError {
             }
             Self::UnreadableReply { request, number } => write!(
                 f,
-                "the gateway answered {request} with a message {number:#06x} that does not belong \
-                    to it. Update this program and the firmware to the same version"
+                "the gateway answered a request ({}) with a message {number:#06x} that does not \
+                    belong to it. Update this program and the firmware to the same version",
+                in_words(request)
             ),
             Self::TooLong { request } => write!(
                 f,
-                "{request} is longer than the {} bytes of a message. Send less at once",
+                "a request ({}) is longer than the {} bytes of a message. Send less at once",
+                in_words(request),
                 host_protocol::MAX_MESSAGE
             ),
             Self::LinksTaken => write!(
@@ -124,6 +127,15 @@ impl fmt::Display for ClientError {
             }
         }
     }
+}
+
+/// `ReadState` as `read state`.
+fn in_words(request: &str) -> String {
+    let capitals = request.char_indices().filter(|(_, letter)| letter.is_uppercase());
+    let starts: Vec<usize> = capitals.map(|(place, _)| place).collect();
+    let ends = starts.iter().skip(1).copied().chain([request.len()]);
+    let words = starts.iter().zip(ends).filter_map(|(start, end)| request.get(*start..end));
+    words.collect::<Vec<_>>().join(" ").to_lowercase()
 }
 
 impl std::error::Error for ClientError {

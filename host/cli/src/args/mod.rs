@@ -7,9 +7,11 @@ mod values;
 mod watching;
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
+use clap_complete::Shell;
 use host_protocol::{CanId, ClearTarget, StopTarget};
 
 pub use configure::{ConfigureArgs, ConfigureTarget};
@@ -29,8 +31,7 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     long_about = "Talks to a motor gateway, real or simulated.\n\n\
         Without a command it shows a gateway with four simulated motors, from configuration to the \
         stop after the host has gone quiet. It needs no hardware.",
-    after_help = EXAMPLES,
-    disable_help_subcommand = true
+    after_help = EXAMPLES
 )]
 pub struct Cli {
     /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE) or tcp:HOST:PORT
@@ -269,6 +270,27 @@ pub enum Command {
             mgw encode --protocol thruster --node 11 speed --speed_rpm -1500\n  \
             mgw encode --protocol d5 --node 11 write --register speed --value 600")]
     Encode(EncodeArgs),
+
+    /// Print a script that completes command lines of mgw in a shell
+    #[command(after_help = "Examples:\n  \
+            mgw completion bash > ~/.local/share/bash-completion/completions/mgw\n  \
+            mgw completion zsh > ~/.zfunc/_mgw      (with fpath+=~/.zfunc in .zshrc)\n  \
+            mgw completion fish > ~/.config/fish/completions/mgw.fish")]
+    Completion {
+        /// The shell
+        shell: Shell,
+    },
+
+    /// Print the manual page of mgw or of one of its commands
+    #[command(after_help = "Examples:\n  mgw man | man -l -\n  mgw man set | man -l -\n  \
+            mgw man --dir ~/.local/share/man/man1      writes a page for each command")]
+    Man {
+        /// A command; mgw itself without it
+        command: Option<String>,
+        /// Write all pages into this directory instead
+        #[arg(long, conflicts_with = "command")]
+        dir: Option<PathBuf>,
+    },
 }
 
 #[cfg(test)]

@@ -37,9 +37,12 @@ pub fn while_armed(
     let held = arm_all(session, axes, &mut armed).and_then(|()| act(session, &armed));
     // Whatever happened above: the next frames are the stops of what was armed here, which also
     // disarm.
-    session.client.stop_armed()?;
+    let axes: Vec<u8> = armed.iter().map(|armed| armed.axis).collect();
+    session.client.stop_armed().map_err(|error| Failure::lost(&axes, error))?;
     match held {
-        Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) => Err(error.into()),
+        Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) => {
+            Err(Failure::lost(&axes, error))
+        }
         // Ctrl-C is how it ends.
         Ok(()) | Err(Failure::Client(ClientError::Interrupted { armed: true })) => {
             await_stops(session, &armed)

@@ -54,9 +54,9 @@ where
     };
     // Whatever happened above: the next frame is its stop. An interrupt has been followed by it
     // already.
-    session.client.stop_armed()?;
-    if matches!(acted, Err(Failure::Client(ClientError::StopUnanswered { .. }))) {
-        return acted.map(drop);
+    session.client.stop_armed().map_err(|error| Failure::lost(&[axis], error))?;
+    if let Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) = acted {
+        return Err(Failure::lost(&[axis], error));
     }
     let report = session.await_stop(axis)?;
     let tripped = print_confirmation(session, axis)?;

@@ -25,6 +25,7 @@ use crate::args::Command;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
+use crate::terminal::Progress;
 
 /// Whether it stops, before all else.
 pub fn is_stop(command: &Command) -> bool {
@@ -39,12 +40,19 @@ pub fn run(
     out: Output,
     command: &Command,
 ) -> Result<(), Failure> {
+    let waiting = out.waiting_for("waiting for the gateway");
     let connect = |transport| Session::on(transport, interrupt, out);
     let mut session = match stop::asked_for(command) {
         Some(request) => stop::send_first(transport, request, connect)?,
         None => connect(transport)?,
     };
+    drop(waiting);
     let session = &mut session;
+    let _waiting = match command {
+        // These wait for what the user wants.
+        Command::Arm { .. } | Command::Watch(_) | Command::Raw { .. } => Progress::none(),
+        _ => out.waiting_for("waiting for the motors"),
+    };
     let result = dispatch(session, command);
     let in_command = matches!(
         command,
@@ -72,7 +80,12 @@ pub fn run(
 fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
     match command {
         // These have no gateway to talk to; they never come here.
-        Command::Demo | Command::Sim { .. } | Command::Decode(_) | Command::Encode(_) => Ok(()),
+        Command::Demo
+        | Command::Sim { .. }
+        | Command::Decode(_)
+        | Command::Encode(_)
+        | Command::Completion { .. }
+        | Command::Man { .. } => Ok(()),
         Command::Info => info::run(session),
         Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Process, Sim};
+use crate::support::{Process, Sim, mgw};
 
 /// Moves an axis with a process of its own, kills that, and returns the state in which the axis
 /// ends.
@@ -49,5 +49,21 @@ fn every_kind_of_motor_stops_when_the_link_is_silent() {
         let state = kill_while_moving(&sim, axis, motor, &setpoint);
         assert_eq!(state["trip"]["reason"], "host_silent");
         sim.mgw_once_in_command(&["clear", axis]).success();
+    }
+}
+
+/// The other way round: what becomes of the motor is said by who no longer hears the gateway.
+#[test]
+fn a_host_whose_gateway_goes_says_what_becomes_of_the_axis() {
+    let mut sim = Sim::patient();
+    let port = sim.port.clone();
+    let set = std::thread::spawn(move || {
+        mgw(&["--port", &port, "set", "0", "velocity", "2", "--for", "60"])
+    });
+    sim.process.wait_for("motion", |line| line.contains("moving").then_some(()));
+    sim.process.kill();
+    let text = set.join().unwrap().failure(3);
+    for said in ["the stop was sent, not confirmed", "axis 0 trips", "`mgw clear AXIS` clears it"] {
+        assert!(text.contains(said), "{text}");
     }
 }

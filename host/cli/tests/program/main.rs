@@ -13,5 +13,6 @@ mod pty;
 mod refusals;
 mod schema;
 mod support;
+mod terminal;
 mod vectors;
 mod watch;

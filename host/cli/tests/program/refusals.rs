@@ -103,7 +103,9 @@ fn an_axis_without_a_stop_action_does_not_arm() {
     sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
     let error = error(sim.mgw(&["--json", "arm", "0"]), 1);
     assert_eq!(error["name"], "not_configured");
-    assert!(error["message"].as_str().unwrap().contains("stop_action"), "{error}");
+    let said = "axis 0 is not configured: it has no stop_action. Write it into a file, then `mgw \
+                config apply FILE`";
+    assert_eq!(error["message"], said);
 }
 
 #[test]

@@ -52,7 +52,8 @@ pub fn json(line: &str) -> Value {
     line
 }
 
-fn command(arguments: &[&str]) -> Command {
+/// The program, its pipes open.
+pub fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mgw"));
     command
         .args(arguments)

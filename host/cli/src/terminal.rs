@@ -1,0 +1,95 @@
+//! What only a terminal gets: a colour, and a line that tells what is waited for.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// What takes longer than this is told.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Between two looks at the time.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Back to the beginning of the line, and the rest of it empty.
+const CLEAR: &str = "\r\u{1b}[K";
+
+/// Standard error's last line, while somebody waits.
+struct Line {
+    quiet_since: Instant,
+    is_shown: bool,
+}
+
+static LINE: Mutex<Option<Line>> = Mutex::new(None);
+
+/// Tells on standard error, where that is a terminal, what the program waits for, while it lasts.
+pub struct Progress {
+    ends: Option<Sender<()>>,
+    teller: Option<JoinHandle<()>>,
+}
+
+impl Progress {
+    /// Tells nothing.
+    pub fn none() -> Self {
+        Self { ends: None, teller: None }
+    }
+
+    /// Begins to wait for something.
+    pub fn of(what: &'static str) -> Self {
+        if !io::stderr().is_terminal() {
+            return Self::none();
+        }
+        set(Some(Line { quiet_since: Instant::now(), is_shown: false }));
+        let (ends, end) = channel::<()>();
+        let teller = thread::spawn(move || {
+            while end.recv_timeout(LOOK_EVERY) == Err(RecvTimeoutError::Timeout) {
+                tell(what);
+            }
+        });
+        Self { ends: Some(ends), teller: Some(teller) }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        drop(self.ends.take());
+        if let Some(teller) = self.teller.take() {
+            let _ = teller.join();
+            something_is_printed();
+            set(None);
+        }
+    }
+}
+
+fn set(line: Option<Line>) {
+    *LINE.lock().unwrap_or_else(PoisonError::into_inner) = line;
+}
+
+fn tell(what: &str) {
+    let mut line = LINE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(line) = line.as_mut()
+        && line.quiet_since.elapsed() >= PATIENCE
+    {
+        line.is_shown = true;
+        let seconds = line.quiet_since.elapsed().as_secs();
+        // With nobody to hear it there is nothing more to do.
+        let _ = write!(io::stderr(), "{CLEAR}{what}: {seconds} s");
+    }
+}
+
+/// Takes the line away before something else is printed.
+pub fn something_is_printed() {
+    let mut line = LINE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(line) = line.as_mut() {
+        line.quiet_since = Instant::now();
+        if std::mem::take(&mut line.is_shown) {
+            let _ = write!(io::stderr(), "{CLEAR}");
+        }
+    }
+}
+
+/// The name of the program before a failure: red on a terminal, unless NO_COLOR says otherwise.
+pub fn failed() -> &'static str {
+    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
+        || std::env::var_os("TERM").is_some_and(|terminal| terminal == "dumb");
+    if io::stderr().is_terminal() && !unwanted { "\u{1b}[1;31mmgw:\u{1b}[0m" } else { "mgw:" }
+}
