@@ -40,6 +40,8 @@ pub enum Failure {
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
     Lost { axes: Vec<u8>, cause: ClientError },
+    /// Captured frames that have no meaning.
+    Undecoded { failed: u64, total: u64 },
     /// An axis tripped while it was to be held.
     Tripped { axis: u8, reason: TripReason, text: String },
     /// An axis that was to be held is no longer armed, and nobody here has stopped it.
@@ -67,6 +69,7 @@ impl Failure {
             Self::Usage(_) => "Usage",
             Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
+            Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
             Self::NotArrived { .. } => "NotArrived",
@@ -107,6 +110,7 @@ impl Failure {
             Self::Tripped { axis, reason, .. } => tripped(*axis, reason),
             Self::StoppedElsewhere { axis, state } => json::axis::in_state(*axis, *state),
             Self::StopNotConfirmed { axis } => json!({ "axis": axis }),
+            Self::Undecoded { failed, total } => json!({ "failed": failed, "total": total }),
             Self::Refused { field, value, range, .. } => json!({
                 "field": field, "value": value,
                 "min": range.map(|(min, _)| min), "max": range.map(|(_, max)| max),
@@ -240,6 +244,9 @@ impl fmt::Display for Failure {
             | Self::Refused { message: text, .. } => f.write_str(text),
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")
+            }
+            Self::Undecoded { failed, total } => {
+                write!(f, "{failed} of {total} lines are no frame that could be decoded")
             }
             Self::Tripped { axis, text, .. } => write!(
                 f,

@@ -59,6 +59,15 @@ impl Output {
         self.either(line, &json::line(name, fields))
     }
 
+    /// Tells people something that is not what they asked for: it goes to standard error.
+    pub fn aside(self, line: impl AsRef<str>) {
+        if self.form == Form::Text {
+            terminal::something_is_printed();
+            // With nobody to hear it there is nothing more to do.
+            let _ = writeln!(io::stderr(), "mgw: {}", printable(line.as_ref()));
+        }
+    }
+
     /// Tells people, until it is dropped, what takes longer than a second.
     pub fn waiting_for(self, what: &'static str) -> Progress {
         if self.form == Form::Text { Progress::of(what) } else { Progress::none() }

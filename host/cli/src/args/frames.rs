@@ -1,9 +1,14 @@
 //! The arguments of `decode` and `encode`.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 pub struct DecodeArgs {
+    /// The captures, one after the other; `-` is standard input, as is no file at all
+    #[arg(value_name = "FILE")]
+    pub files: Vec<PathBuf>,
     /// Whose frames they are; `auto` goes by CAN ids and by the first bytes of a frame
     #[arg(long, value_enum, default_value_t = ProtocolChoice::Auto)]
     pub protocol: ProtocolChoice,

@@ -237,7 +237,7 @@ pub enum Command {
     /// What may do more than read a motor is refused. An e-stop, a stop or a change of the
     /// configuration there ends it.
     #[command(after_help = "Examples:\n  mgw raw 0 send 141#9A00000000000000\n  \
-            mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen --for 2\n  \
+            mgw raw 2 send-hex 3E01089A00000000000000721A\n  mgw raw 0 listen | mgw decode\n  \
             mgw raw --unsafe 1 send 141#A200000010270000")]
     Raw {
         /// The bus
@@ -250,13 +250,14 @@ pub enum Command {
         action: RawAction,
     },
 
-    /// Decode captured frames from standard input; needs no gateway
+    /// Decode captured frames from files or standard input; needs no gateway
     ///
     /// Reads lines as candump writes them, `(1700000000.0) can0 141#9A00000000000000` or only
-    /// `141#9A…`, and bytes of a serial line in hexadecimal, several frames and garbage in a
+    /// `141#9A…`, also those of `candump -x`, and bytes of a serial line in hexadecimal, several frames and garbage in a
     /// line or one frame over several lines. Prints one line for each frame; what cannot be
-    /// decoded has an `error` with a stable name.
+    /// decoded has an `error` with a stable name, and makes the exit code 1.
     #[command(after_help = "Examples:\n  \
+            mgw decode candump-2026-01-01_120000.log\n  \
             echo 241#9A320001E5010400 | mgw decode\n  \
             candump -L can0 | mgw decode --json\n  \
             echo 3E01089C1934129CFF78567AD8 | mgw decode --protocol rmd --direction reply")]

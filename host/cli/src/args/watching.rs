@@ -55,7 +55,7 @@ pub enum RawAction {
         )]
         wait: Duration,
     },
-    /// Print what arrives
+    /// Print what arrives, as `candump -L` does: `mgw decode` reads it
     Listen {
         /// Seconds to listen; without it until Ctrl-C
         #[arg(long = "for", value_parser = seconds, allow_negative_numbers = true)]

@@ -10,7 +10,6 @@ use crate::args::RawAction;
 use crate::failure::Failure;
 use crate::json;
 use crate::session::Session;
-use crate::words;
 
 /// What stands between id and data.
 const ID_END: char = '#';
@@ -18,6 +17,7 @@ const ID_END: char = '#';
 const STANDARD_DIGITS: usize = 3;
 /// Between two fetches of what has arrived.
 const FETCH_EVERY: Duration = Duration::from_millis(20);
+const MICROSECONDS_PER_SECOND: u64 = 1_000_000;
 
 /// Opens the bus, sends and listens, and closes it.
 pub fn run(
@@ -56,10 +56,8 @@ fn listen(session: &mut Session, bus: u8, duration: Duration) -> Result<(), Fail
             print(session, bus, frame)?;
         }
         if received.dropped > 0 {
-            session.out.either(
-                format!("{} frames were lost: more arrived than were fetched", received.dropped),
-                &json::line("lost", json!({ "count": received.dropped })),
-            )?;
+            session.out.aside(format!("{} frames were lost", received.dropped));
+            session.out.object(&json::line("lost", json!({ "count": received.dropped })))?;
         }
         if session.client.now() >= end {
             return Ok(());
@@ -71,16 +69,18 @@ fn listen(session: &mut Session, bus: u8, duration: Duration) -> Result<(), Fail
 }
 
 fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Failure> {
-    let text = match &received.frame {
-        RawFrame::Can(frame) => frame.to_string(),
-        RawFrame::Serial(bytes) => words::hex(bytes),
+    let ReceivedFrame { time_us, frame } = received;
+    let kind = match frame {
+        RawFrame::Can(_) => "can",
+        RawFrame::Serial(_) => "serial",
     };
+    let frame = json::frame(frame);
+    let (seconds, rest) = (time_us / MICROSECONDS_PER_SECOND, time_us % MICROSECONDS_PER_SECOND);
     session.out.event(
         "frame",
-        format!("t={}  bus {bus}  {text}", words::seconds(received.time_us)),
-        json!({
-            "bus": bus, "time_us": received.time_us, "frame": json::frame(&received.frame)
-        }),
+        // As `candump -L` writes it, and `mgw decode` reads it.
+        format!("({seconds:010}.{rest:06}) {kind}{bus} {frame}"),
+        json!({ "bus": bus, "time_us": time_us, "frame": frame }),
     )
 }
 

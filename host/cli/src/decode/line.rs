@@ -11,6 +11,8 @@ const STANDARD_DIGITS: usize = 3;
 const EXTENDED_DIGITS: usize = 8;
 /// Bit of the id with which candump marks the error frames of the controller.
 const ERROR_FLAG: u32 = 1 << 29;
+/// What the name of a serial interface begins with.
+const SERIAL: &[u8] = b"serial";
 /// Marks a remote frame in place of its data.
 const REMOTE: u8 = b'R';
 
@@ -79,7 +81,8 @@ impl<'a> Line<'a> {
         } else if rest.contains(&b'[') {
             screen_frame(rest, &mut origin).map_or_else(Content::Unreadable, Content::Can)
         } else {
-            HexBytes::new(rest).map_or(Content::Unreadable(Unreadable::LINE), Content::Serial)
+            serial_bytes(rest, &mut origin)
+                .map_or(Content::Unreadable(Unreadable::LINE), Content::Serial)
         };
         Self { origin, text, content }
     }
@@ -136,6 +139,12 @@ fn screen_frame<'a>(text: &'a [u8], origin: &mut Origin<'a>) -> Result<CanFrame,
         (Some(id), None) => id,
         _ => return Err(Unreadable::LINE),
     };
+    let digits = match (digits, words.next(), words.next(), words.next()) {
+        (id, None, None, None) => id,
+        // Received or transmitted, bit rate and error state, as `candump -x` adds.
+        (b"RX" | b"TX", Some(b"-" | b"B"), Some(b"-" | b"E"), Some(id)) => id,
+        _ => return Err(Unreadable::LINE),
+    };
     if words.next().is_some() {
         return Err(Unreadable::LINE);
     }
@@ -144,6 +153,17 @@ fn screen_frame<'a>(text: &'a [u8], origin: &mut Origin<'a>) -> Result<CanFrame,
         return remote(id, length.get(1..).unwrap_or_default());
     }
     data_frame(id, HexBytes::new(data).ok_or(Unreadable::LINE)?)
+}
+
+/// `serial2 3E0108…`, as `mgw raw` writes it, or only the bytes.
+fn serial_bytes<'a>(text: &'a [u8], origin: &mut Origin<'a>) -> Option<HexBytes<'a>> {
+    HexBytes::new(text).or_else(|| {
+        let end = text.iter().position(u8::is_ascii_whitespace)?;
+        let (name, bytes) = text.split_at_checked(end)?;
+        let bytes = name.starts_with(SERIAL).then(|| HexBytes::new(bytes)).flatten()?;
+        origin.interface = Some(name);
+        Some(bytes)
+    })
 }
 
 fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -271,6 +291,9 @@ mod tests {
         assert_eq!(can("  can0  141   [2]  9A FF"), (named, frame));
         assert_eq!(can(" (1700000000.000000)  can0  141   [2]  9A FF"), (timed, frame));
         assert_eq!(can("141 [2] 9A FF"), (bare, frame));
+        for flags in ["RX - -", "TX B -", "RX - E"] {
+            assert_eq!(can(&format!("  can0  {flags}  141   [2]  9A FF")).1, frame);
+        }
         assert_eq!(can("00000141#9AFF").1, CanFrame::extended(0x141, &[0x9A, 0xFF]).unwrap());
         assert_eq!(can("141#").1, CanFrame::standard(0x141, &[]).unwrap());
         let remote =
@@ -296,6 +319,10 @@ mod tests {
             ("9FFFFFFF#9A", "can_id"),
             ("20000080#0000000000000000", "error_frame"),
             ("can0 [8]", "line"),
+            ("can0 RX 141 [1] 9A", "line"),
+            ("can0 RX - - - 141 [1] 9A", "line"),
+            ("serial2 hello", "line"),
+            ("hello2 3E01", "line"),
             ("can0 141 [8", "line"),
             ("(17", "line"),
         ] {
@@ -312,5 +339,8 @@ mod tests {
         {
             assert_eq!(serial(text), [0x3E, 0x01, 0xF2, 0x30], "{text}");
         }
+        let line = Line::parse(b"(1.5) serial2 3E01");
+        assert_eq!(line.origin, Origin { time: Some(b"1.5"), interface: Some(b"serial2") });
+        assert!(matches!(line.content, Content::Serial(_)));
     }
 }

@@ -1,4 +1,4 @@
-//! `mgw decode`: captured frames in words, line by line from standard input.
+//! `mgw decode`: captured frames in words, line by line.
 
 mod bus;
 mod d5;
@@ -11,6 +11,7 @@ mod rmd;
 mod serial;
 mod thruster;
 
+use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 
 use codec::{FieldValue, Visit};
@@ -29,8 +30,10 @@ use serial::{Piece, Scanner};
 
 /// Of standard input and of standard output: large enough that calls to the system cost nothing.
 const BUFFER: usize = 1 << 16;
+/// With which some editors and shells begin a file in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-/// Decodes standard input to its end.
+/// Decodes files, or standard input to its end.
 pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     if (args.protocol, args.bus) == (ProtocolChoice::Thruster, Some(BusKind::Rs485)) {
         return Err(Failure::Usage(
@@ -38,7 +41,21 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
         ));
     }
     let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
-    Decoder::new(args, Record::new(output, json)).run(io::stdin().lock())
+    let mut decoder = Decoder::new(args, Record::new(output, json));
+    if args.files.is_empty() {
+        decoder.read("standard input", io::stdin().lock())?;
+    }
+    for path in &args.files {
+        if path.as_os_str() == "-" {
+            decoder.read("standard input", io::stdin().lock())?;
+            continue;
+        }
+        let name = path.to_string_lossy();
+        let file =
+            File::open(path).map_err(|source| Failure::File { path: name.to_string(), source })?;
+        decoder.read(&name, file)?;
+    }
+    decoder.end()
 }
 
 /// The fields of a message for people: `current_a=1 speed_dps=500`.
@@ -89,18 +106,30 @@ impl<'a, W: Write> Decoder<'a, W> {
         }
     }
 
-    fn run(mut self, input: impl Read) -> Result<(), Failure> {
+    /// Decodes the lines of one capture.
+    fn read(&mut self, name: &str, input: impl Read) -> Result<(), Failure> {
+        let failed = |source| Failure::File { path: name.to_owned(), source };
         let mut lines = Lines::new(BufReader::with_capacity(BUFFER, input));
+        let mut mark: &[u8] = BYTE_ORDER_MARK;
         loop {
             if lines.would_wait() {
                 // A reader of a live capture sees each frame when it has come.
                 self.record.flush().map_err(Failure::Output)?;
             }
-            let Some(text) = lines.next().map_err(stdin_failed)? else { break };
+            let Some(text) = lines.next().map_err(failed)? else { break };
+            let text = text.strip_prefix(std::mem::take(&mut mark)).unwrap_or(text);
             self.line(&Line::parse(text)).map_err(Failure::Output)?;
         }
-        self.end_of_serial(&Origin::default()).map_err(Failure::Output)?;
-        self.record.flush().map_err(Failure::Output)
+        self.end_of_serial(&Origin::default()).map_err(Failure::Output)
+    }
+
+    /// Whether all could be decoded.
+    fn end(mut self) -> Result<(), Failure> {
+        self.record.flush().map_err(Failure::Output)?;
+        match self.record.failed() {
+            (0, _) => Ok(()),
+            (failed, total) => Err(Failure::Undecoded { failed, total }),
+        }
     }
 
     fn line(&mut self, line: &Line<'_>) -> io::Result<()> {
@@ -172,10 +201,6 @@ impl<'a, W: Write> Decoder<'a, W> {
         self.scanner.forget();
         Ok(())
     }
-}
-
-fn stdin_failed(source: io::Error) -> Failure {
-    Failure::File { path: "standard input".to_owned(), source }
 }
 
 #[derive(Clone, Copy)]

@@ -61,11 +61,14 @@ pub struct Record<W: Write> {
     out: W,
     json: bool,
     line: Vec<u8>,
+    /// Lines with an error, and all.
+    failed: u64,
+    total: u64,
 }
 
 impl<W: Write> Record<W> {
     pub fn new(out: W, json: bool) -> Self {
-        Self { out, json, line: Vec::new() }
+        Self { out, json, line: Vec::new(), failed: 0, total: 0 }
     }
 
     /// Begins the line of a frame; `event` is its kind among the lines of JSON.
@@ -197,6 +200,7 @@ impl<W: Write> Record<W> {
 
     /// Why a frame has no meaning: a stable name, and a text for people.
     pub fn error(&mut self, name: &'static str, message: &dyn Display) {
+        self.failed += 1;
         if self.json {
             self.plain("error", name);
             self.key("message");
@@ -219,6 +223,7 @@ impl<W: Write> Record<W> {
 
     /// Ends the line.
     pub fn end(&mut self) -> io::Result<()> {
+        self.total += 1;
         if self.json {
             self.line.push(b'}');
         } else {
@@ -236,6 +241,11 @@ impl<W: Write> Record<W> {
             self.line.push(b'}');
         }
         String::from_utf8_lossy(&self.line).trim_end().to_owned()
+    }
+
+    /// How many lines have an error, and how many there are.
+    pub fn failed(&self) -> (u64, u64) {
+        (self.failed, self.total)
     }
 
     pub fn flush(&mut self) -> io::Result<()> {

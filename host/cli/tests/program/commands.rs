@@ -1,6 +1,6 @@
 //! Every command against a simulated gateway.
 
-use crate::support::{Process, Sim, mgw};
+use crate::support::{Process, Sim, mgw, mgw_reading};
 
 #[test]
 fn info_tells_board_and_buses() {
@@ -262,7 +262,8 @@ fn an_axis_that_was_never_armed_makes_no_stop_fail() {
     assert!(sim.mgw(&["stop", "6"]).failure(1).contains("axis 6"));
     let text = sim.mgw(&["state"]).success();
     assert!(
-        text.contains("holding") && text.contains("axis 5 is not read: axis 5 lacks stop_action"),
+        text.contains("holding")
+            && text.contains("axis 5 is not configured: it has no stop_action"),
         "{text}"
     );
     host.interrupt();
@@ -310,7 +311,9 @@ fn an_emergency_stop_latches_until_it_is_cleared() {
 fn raw_frames_go_out_and_answers_come_back() {
     let sim = Sim::patient();
     let text = sim.mgw(&["raw", "0", "send", "141#9A00000000000000"]).success();
-    assert!(text.contains("241#9A"), "{text}");
+    assert!(text.starts_with("(0000000000.") && text.contains(") can0 241#9A"), "{text}");
+    let decoded = mgw_reading(&["decode"], text).success();
+    assert!(decoded.contains("read_status_1") && decoded.contains("voltage_v=48"), "{decoded}");
     let lines = sim.mgw(&["--json", "raw", "0", "send", "30B#51560000"]).json_lines();
     assert!(lines.iter().all(|line| line["bus"] == 0), "{lines:?}");
     // RMD V3.6 §2.13 over RS485, whose bytes may come in pieces.
@@ -318,6 +321,12 @@ fn raw_frames_go_out_and_answers_come_back() {
         sim.mgw(&["--json", "raw", "2", "send-hex", "3E01089C00000000000000F230"]).json_lines();
     let received: String = lines.iter().filter_map(|line| line["frame"].as_str()).collect();
     assert!(received.starts_with("3E01089C"), "{lines:?}");
+    let text = sim.mgw(&["raw", "2", "send-hex", "3E01089C00000000000000F230"]).success();
+    let decoded = mgw_reading(&["--json", "decode"], text).decoded();
+    assert_eq!(
+        (&decoded[0]["command"], &decoded[0]["interface"]),
+        (&"read_status_2".into(), &"serial2".into())
+    );
     sim.mgw(&["raw", "1", "listen", "--for", "0.1"]).success();
     // Unsafe access needs a bus without axes, and the other one only passes what reads.
     let text = sim.mgw(&["raw", "--unsafe", "0", "send", "141#A200000010270000"]).failure(1);

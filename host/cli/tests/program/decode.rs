@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::support::{mgw, mgw_cut_short, mgw_reading};
+use crate::support::{json, mgw, mgw_cut_short, mgw_reading};
 
 /// Runs the program with each list of options of decode.txt.
 #[test]
@@ -27,8 +27,10 @@ fn the_lines_of_the_file_are_decoded_as_it_says() {
         }
         let mut arguments = vec!["decode"];
         arguments.extend(is_json.then_some("--json").into_iter().chain(options));
-        let output = mgw_reading(&arguments, input).success();
-        let printed = output.lines();
+        let outcome = mgw_reading(&arguments, input);
+        let failed = ["\"error\":", "error: "].iter().any(|error| outcome.stdout.contains(error));
+        assert_eq!(outcome.code, Some(i32::from(failed)), "{outcome:?}");
+        let printed = outcome.stdout.lines();
         let printed: Vec<String> = if is_json {
             printed.map(without_message).collect()
         } else {
@@ -60,13 +62,13 @@ fn thrusters_are_on_no_serial_bus() {
 fn each_interface_has_its_own_conversation() {
     let stop = "3E0108810000000000000032A5";
     let input = format!("(1.0) {stop}\n(1.1) {stop}\n");
-    let lines = mgw_reading(&["--json", "decode"], input).json_lines();
+    let lines = mgw_reading(&["--json", "decode"], input).decoded();
     assert_eq!(
         (&lines[0]["direction"], &lines[1]["direction"]),
         (&"request".into(), &"reply".into())
     );
     let input = "can0 300#7900000000000002\ncan1 300#7900000000000002\ncan0 300#7900000000000002\n";
-    let lines = mgw_reading(&["--json", "decode"], input).json_lines();
+    let lines = mgw_reading(&["--json", "decode"], input).decoded();
     let directions: Vec<_> = lines.iter().map(|line| line["direction"].as_str().unwrap()).collect();
     assert_eq!(directions, ["request", "request", "reply"]);
 }
@@ -83,7 +85,7 @@ fn a_long_capture_on_one_line_and_bytes_of_any_kind() {
     // Not a byte of text.
     let noise: Vec<u8> =
         (0..100_000_u32).map(|n| n.wrapping_mul(2_654_435_761).to_be_bytes()[0]).collect();
-    for line in mgw_reading(&["decode", "--json"], noise).json_lines() {
+    for line in mgw_reading(&["decode", "--json"], noise).decoded() {
         assert!(line["error"].is_string() && line["frame"].is_string(), "{line}");
     }
 }
@@ -111,7 +113,7 @@ fn help_of_decode_and_encode_shows_examples() {
 
 #[test]
 fn a_thruster_frame_that_is_too_short_names_both_lengths() {
-    let line = mgw_reading(&["decode", "--json"], "30B#5156\n").json_lines().remove(0);
+    let line = mgw_reading(&["decode", "--json"], "30B#5156\n").decoded().remove(0);
     assert_eq!(
         (&line["error"], &line["message"]),
         (&"length".into(), &"2 data bytes instead of 4 or 8".into())
@@ -130,4 +132,32 @@ fn a_time_that_is_a_number_is_a_number() {
             .success();
         assert!(line.contains(&format!(",\"{key}\":{value},")), "{time}: {line}");
     }
+}
+
+#[test]
+fn captures_are_read_from_files_and_a_byte_order_mark_is_no_byte() {
+    let path = std::env::temp_dir().join(format!("mgw-{}.log", std::process::id()));
+    let name = path.to_str().unwrap();
+    std::fs::write(&path, "\u{feff}  can0  RX - -  141   [8]  9A 00 00 00 00 00 00 00\n").unwrap();
+    let reply = "(2.5) serial2 3E01089C1934129CFF78567AD8\n";
+    let lines = mgw_reading(&["--json", "decode", name, "-", name], reply).decoded();
+    std::fs::remove_file(&path).unwrap();
+    let told: Vec<_> = lines.iter().map(|line| (&line["interface"], &line["command"])).collect();
+    let (can, serial) = (&Value::from("can0"), &Value::from("serial2"));
+    let (status_1, status_2) = (&Value::from("read_status_1"), &Value::from("read_status_2"));
+    assert_eq!(told, [(can, status_1), (serial, status_2), (can, status_1)]);
+    let text = mgw(&["decode", "/no/such.log"]).failure(1);
+    assert!(text.contains("cannot read /no/such.log"), "{text}");
+}
+
+#[test]
+fn the_exit_code_says_whether_lines_failed() {
+    let outcome = mgw_reading(&["decode"], "141#9A00000000000000\nhello\n141#00\n");
+    assert_eq!(outcome.stdout.lines().count(), 3, "{outcome:?}");
+    let text = outcome.failure(1);
+    assert_eq!(text, "mgw: 2 of 3 lines are no frame that could be decoded.\n");
+    let text = mgw_reading(&["decode", "--json"], "hello\n").failure(1);
+    let error = &json(&text)["error"];
+    assert_eq!((&error["name"], &error["failed"]), (&"undecoded".into(), &1.into()));
+    assert_eq!(mgw_reading(&["decode"], "").code, Some(0));
 }

@@ -35,6 +35,15 @@ impl Outcome {
         self.success().lines().map(json).collect()
     }
 
+    /// Reads each line of `mgw decode --json`, and asserts that the exit code says whether one has
+    /// an error.
+    pub fn decoded(self) -> Vec<Value> {
+        let lines: Vec<Value> = self.stdout.lines().map(json).collect();
+        let failed = lines.iter().any(|line| line["error"].is_string());
+        assert_eq!(self.code, Some(i32::from(failed)), "{}", self.stderr);
+        lines
+    }
+
     /// Asserts that it failed with this exit code, printed nothing of a panic, and returns standard
     /// error.
     pub fn failure(self, code: i32) -> String {

@@ -77,7 +77,7 @@ fn round_trip(protocol: &str, file: &str) -> usize {
     let input: String = requests.iter().map(|vector| format!("{}\n", vector.frame)).collect();
     let decoded =
         mgw_reading(&["--json", "decode", "--protocol", protocol, "--direction", "request"], input)
-            .json_lines();
+            .decoded();
     assert_eq!(decoded.len(), requests.len());
     let commands = listed(protocol);
     let mut same = 0;
@@ -142,8 +142,8 @@ fn every_vector_has_its_direction() {
         let vectors = vectors(file);
         let input: String = vectors.iter().map(|vector| format!("{}\n", vector.frame)).collect();
         for choice in [protocol, "auto"] {
-            let lines = mgw_reading(&["--json", "decode", "--protocol", choice], input.clone())
-                .json_lines();
+            let lines =
+                mgw_reading(&["--json", "decode", "--protocol", choice], input.clone()).decoded();
             assert_eq!(lines.len(), vectors.len());
             for (vector, line) in vectors.iter().zip(&lines) {
                 let label = vector.label;
