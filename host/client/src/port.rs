@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::IpAddr;
 
 use crate::serial::{DEFAULT_BAUD, SerialTransport};
 use crate::tcp::TcpTransport;
@@ -12,17 +13,15 @@ const TCP_PREFIX: &str = "tcp:";
 /// What stands between a serial device and its bit rate.
 const BAUD_SEPARATOR: char = '@';
 
-/// Opens the port of that name: `tcp:HOST:PORT`, or a serial device such as `/dev/ttyACM0` or
-/// `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another rate.
+/// Opens the port of that name: `tcp:HOST:PORT`, also without `tcp:`, or a serial device such as
+/// `/dev/ttyACM0` or `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another
+/// rate.
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.
 pub fn open(port: &str) -> Result<Box<dyn Transport + Send>, ConnectError> {
-    if let Some(address) = port.strip_prefix(TCP_PREFIX) {
-        let complete = address
-            .rsplit_once(':')
-            .is_some_and(|(host, number)| !host.is_empty() && number.parse::<u16>().is_ok());
-        if !complete {
+    if let Some(address) = tcp_address(port) {
+        if !is_complete(address) {
             return Err(ConnectError::BadAddress { port: port.to_owned() });
         }
         return match TcpTransport::connect(address) {
@@ -44,6 +43,24 @@ pub fn open(port: &str) -> Result<Box<dyn Transport + Send>, ConnectError> {
         Ok(transport) => Ok(Box::new(transport)),
         Err(source) => Err(ConnectError::Serial { device: device.to_owned(), baud, source }),
     }
+}
+
+/// What stands behind `tcp:`, however that is written; without it what can be no device.
+fn tcp_address(port: &str) -> Option<&str> {
+    let (prefix, address) = port.split_at_checked(TCP_PREFIX.len()).unwrap_or(("", port));
+    if prefix.eq_ignore_ascii_case(TCP_PREFIX) {
+        return Some(address.strip_prefix("//").unwrap_or(address));
+    }
+    let is_device = port.contains(['/', '\\']);
+    let is_address = !is_device && is_complete(port) || port.parse::<IpAddr>().is_ok();
+    is_address.then_some(port)
+}
+
+/// Whether it is `HOST:PORT`.
+fn is_complete(address: &str) -> bool {
+    let (host, number) = address.rsplit_once(':').unwrap_or_default();
+    let is_bare_ipv6 = host.contains(':') && !host.starts_with('[');
+    !host.is_empty() && !is_bare_ipv6 && number.parse::<u16>().is_ok()
 }
 
 /// Why a port could not be opened.
@@ -170,12 +187,31 @@ mod tests {
     fn names_that_make_no_sense_are_told_apart() {
         assert!(matches!(refused(""), ConnectError::NoPort));
         assert!(matches!(refused("@9600"), ConnectError::NoPort));
-        for port in ["tcp:", "tcp:localhost", "tcp::7401", "tcp:localhost:70000", "tcp:localhost:x"]
-        {
+        for port in [
+            "tcp:",
+            "tcp:localhost",
+            "tcp::7401",
+            "tcp:localhost:70000",
+            "tcp:localhost:x",
+            "TCP:localhost",
+            "127.0.0.1",
+            "::1",
+        ] {
             assert!(matches!(refused(port), ConnectError::BadAddress { .. }), "{port}");
         }
         for port in ["/dev/ttyACM0@", "/dev/ttyACM0@fast", "/dev/ttyACM0@0"] {
             assert!(matches!(refused(port), ConnectError::BadBaud { .. }), "{port}");
+        }
+    }
+
+    #[test]
+    fn an_address_is_known_however_it_is_written() {
+        for port in ["tcp:[::1]:7401", "TCP:[::1]:7401", "Tcp://[::1]:7401", "[::1]:7401"] {
+            assert_eq!(tcp_address(port), Some("[::1]:7401"), "{port}");
+        }
+        assert_eq!(tcp_address("localhost:7401"), Some("localhost:7401"));
+        for port in ["/dev/ttyACM0", "/dev/serial/by-id/a:0:1", "COM5", "ttyACM0@9600", "tcp", ""] {
+            assert_eq!(tcp_address(port), None, "{port}");
         }
     }
 

@@ -42,6 +42,17 @@ fn a_server_that_is_no_gateway() {
 }
 
 #[test]
+fn an_address_is_understood_however_it_is_written() {
+    let sim = Sim::start();
+    let address = sim.port.strip_prefix("tcp:").unwrap();
+    for port in [address.to_owned(), format!("TCP:{address}"), format!("tcp://{address}")] {
+        assert!(mgw(&["--port", &port, "info"]).success().contains("simulated"), "{port}");
+    }
+    let text = mgw(&["--port", "127.0.0.1", "info"]).failure(2);
+    assert!(text.contains("Write tcp:HOST:PORT, for example tcp:127.0.0.1:7401"), "{text}");
+}
+
+#[test]
 fn no_port_at_all() {
     let text = mgw(&["info"]).failure(2);
     assert!(text.contains("--port") && text.contains("mgw sim"), "{text}");
