@@ -1,7 +1,11 @@
 //! `mgw sim`: a simulated gateway behind a TCP port.
 
+use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
 use std::rc::Rc;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::Duration;
 
 use host_protocol::{AxisParameter, CanId, Value};
 use serde_json::json;
@@ -9,6 +13,9 @@ use serde_json::json;
 use crate::failure::Failure;
 use crate::four_motors;
 use crate::output::Output;
+
+/// Between two attempts to read a terminal that belongs to another program.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// Serves until the process is ended.
 pub fn run(
@@ -57,11 +64,47 @@ pub fn run(
     }
     out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
 
+    out.text("A line typed here puts a fault into it: `help` lists them.")?;
     let mut print_failure = None;
-    mgw_sim::serve(listener, world, |line: &str| {
+    mgw_sim::serve(listener, world, &typed(), |line: &str| {
         // A log that nobody reads is no reason to stop serving.
         print_failure = out.event("log", line, json!({ "message": line })).err();
     })
     .map_err(failed)?;
     print_failure.map_or(Ok(()), Err)
+}
+
+/// The lines of standard input as they are typed.
+fn typed() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    thread::spawn(move || {
+        not_stopped_in_the_background();
+        loop {
+            let mut line = String::new();
+            match std::io::stdin().read_line(&mut line) {
+                Ok(0) => return,
+                Ok(_) if line.trim().is_empty() => {}
+                Ok(_) => {
+                    if sender.send(line.trim().to_owned()).is_err() {
+                        return;
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::InvalidData => {}
+                // In the background of a shell; it may be fetched back.
+                Err(_) => thread::sleep(LOOK_AGAIN),
+            }
+        }
+    });
+    receiver
+}
+
+/// A shell stops what reads its terminal in the background, and a simulation is to go on there.
+fn not_stopped_in_the_background() {
+    #[cfg(unix)]
+    {
+        use nix::sys::signal::{SigSet, Signal};
+        let mut signals = SigSet::empty();
+        signals.add(Signal::SIGTTIN);
+        let _ = signals.thread_block();
+    }
 }

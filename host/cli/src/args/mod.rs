@@ -69,7 +69,10 @@ pub enum Command {
 
     /// Serve a simulated gateway with four motors over TCP, and print what its motors do
     #[command(
-        after_help = "Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, \
+        after_help = "Lines on its standard input put faults into it, and take them out again:\n  \
+            e-stop press      bus 0 cut        motor 0 mute       power off      reset\n  \
+            e-stop release    bus 0 mend       motor 0 mute off   power on       help\n\n\
+            Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, \
             which is printed"
     )]
     Sim {

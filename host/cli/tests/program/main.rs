@@ -4,6 +4,7 @@ mod commands;
 mod decode;
 mod demonstration;
 mod encode;
+mod faults;
 mod hostile_text;
 mod killed_host;
 mod moving;

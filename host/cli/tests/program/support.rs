@@ -1,7 +1,7 @@
 //! The program as a user runs it: its output, its exit code, and a simulated gateway beside it.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -134,19 +134,22 @@ impl Drop for Running {
 /// A process whose lines are read while it runs.
 pub struct Process {
     running: Running,
+    stdin: ChildStdin,
     lines: Receiver<String>,
 }
 
 impl Process {
     pub fn start(arguments: &[&str]) -> Self {
-        let mut child =
-            command(arguments).stderr(Stdio::inherit()).spawn().expect("the program starts");
+        let mut command = command(arguments);
+        let command = command.stdin(Stdio::piped()).stderr(Stdio::inherit());
+        let mut child = command.spawn().expect("the program starts");
+        let stdin = child.stdin.take().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let (sender, lines) = channel();
         thread::spawn(move || {
             stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
         });
-        Self { running: Running(child), lines }
+        Self { running: Running(child), stdin, lines }
     }
 
     /// The next line for which `find` finds something, and that.
@@ -163,6 +166,11 @@ impl Process {
             }
             seen.push(line);
         }
+    }
+
+    /// A line that is typed.
+    pub fn type_line(&mut self, line: &str) {
+        writeln!(self.stdin, "{line}").expect("it is read");
     }
 
     /// SIGINT, as Ctrl-C sends it, and the exit code that follows.

@@ -57,6 +57,9 @@ macro_rules! injections {
         }
 
         impl Injection {
+            /// The names of the faults that are switched on and off.
+            pub const SWITCHES: &[&str] = &[$($name),+];
+
             /// The fault with this name, switched on or off; those that take a value have none.
             #[must_use]
             pub fn switch(name: &str, on: bool) -> Option<Self> {

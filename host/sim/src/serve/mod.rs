@@ -1,11 +1,13 @@
 //! A simulated gateway that is served over TCP, in real time.
 
 mod connection;
+mod faults;
 mod requests;
 mod waiting;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -28,15 +30,22 @@ const BACKLOG: usize = 4_096;
 /// whose first request is a stop gets the link of the client that has not stopped or commanded
 /// anything for longest; the others are refused.
 ///
-/// Each line of the motors' logs, and each coming and going of a client, goes to `log`.
+/// Each line of the motors' logs, and each coming and going of a client, goes to `log`. Each of
+/// `lines` is a fault that somebody types; `help` lists them.
 ///
 /// # Errors
 /// When the listener fails.
-pub fn serve(listener: TcpListener, world: World, mut log: impl FnMut(&str)) -> io::Result<()> {
+pub fn serve(
+    listener: TcpListener,
+    world: World,
+    lines: &Receiver<String>,
+    mut log: impl FnMut(&str),
+) -> io::Result<()> {
     let mut server = Server::new(listener, world)?;
     let start = Instant::now();
     loop {
         server.turn(start.elapsed(), &mut log)?;
+        lines.try_iter().for_each(|line| server.put_fault(&line, &mut log));
         thread::sleep(TURN);
     }
 }
@@ -96,6 +105,15 @@ impl Server {
         // Nobody asks a served world for it.
         self.world.trace();
         Ok(())
+    }
+
+    /// Puts the fault of a line into the world, or says which there are.
+    pub fn put_fault(&mut self, line: &str, log: &mut impl FnMut(&str)) {
+        let seconds = Duration::from_micros(self.world.now().as_micros()).as_secs_f64();
+        match faults::apply(&mut self.world, line) {
+            Ok(fault) => log(&format!("t={seconds:.6} s  {fault}")),
+            Err(wrong) => wrong.lines().for_each(log),
+        }
     }
 
     /// The world being served.

@@ -177,12 +177,11 @@ impl World {
         }
     }
 
-    /// Breaks the cable of a bus, or repairs it.
-    pub fn set_bus_fault(&mut self, bus: u8, fault: BusFault) {
+    /// Breaks the cable of a bus, or repairs it; whether there is such a bus.
+    pub fn set_bus_fault(&mut self, bus: u8, fault: BusFault) -> bool {
         let now = self.now;
-        if let Some(port) = self.ports.get_mut(usize::from(bus)) {
-            port.set_fault(now, fault);
-        }
+        let port = self.ports.get_mut(usize::from(bus));
+        port.map(|port| port.set_fault(now, fault)).is_some()
     }
 
     /// What was on the buses since the last call, in the order of its end; at most the last 200 000

@@ -1,0 +1,94 @@
+//! Faults typed into the simulator, and what a user sees of them.
+
+use crate::support::Sim;
+
+/// Has axis 0 move, puts a fault into the simulator, and returns what the command says to that.
+fn in_motion(sim: &mut Sim, fault: &str) -> String {
+    let port = sim.port.clone();
+    let set = std::thread::spawn(move || {
+        crate::support::mgw(&["--port", &port, "set", "0", "velocity", "2", "--for", "60"])
+    });
+    sim.process.wait_for("motion", |line| line.contains("bus 0  rmd 1  moving").then_some(()));
+    sim.process.type_line(fault);
+    set.join().expect("it runs").stderr
+}
+
+#[test]
+fn the_e_stop_button_trips_what_moves() {
+    let mut sim = Sim::patient();
+    let text = in_motion(&mut sim, "e-stop press");
+    assert!(text.contains("axis 0 tripped: emergency stop"), "{text}");
+    assert!(sim.mgw(&["info"]).success().contains("latched, input open"));
+    sim.mgw(&["clear", "gateway"]).failure(1);
+    sim.process.type_line("e-stop release");
+    sim.process.wait_for("the release", |line| line.contains("e-stop release").then_some(()));
+    sim.mgw_once_in_command(&["clear", "gateway"]).success();
+    sim.mgw(&["clear", "0"]).success();
+    sim.mgw(&["set", "0", "velocity", "1", "--for", "0.1"]).success();
+}
+
+#[test]
+fn a_fault_of_a_motor_is_called_by_its_name() {
+    let mut sim = Sim::patient();
+    let text = in_motion(&mut sim, "motor 0 faults 0x0002");
+    assert!(text.contains("axis 0 tripped: the motor reported a fault: stall (0x0002)"), "{text}");
+    let axis = sim.await_state("0", |state| state["stop_confirmed"] == true);
+    assert_eq!(axis["faults"], serde_json::json!(["stall"]));
+    assert_eq!(axis["faults_raw"], 2);
+    assert_eq!(axis["trip"]["reason"], "motor_fault");
+    assert_eq!(axis["trip"]["faults"], serde_json::json!(["stall"]));
+    let text = sim.mgw(&["state", "0"]).success();
+    assert!(text.contains("axis 0: stall (0x0002): the motor's light flashes fast"), "{text}");
+    assert!(sim.mgw(&["trips"]).success().contains("reported a fault: stall (0x0002)"));
+}
+
+#[test]
+fn on_a_cut_bus_no_stop_is_confirmed_until_it_is_mended() {
+    let mut sim = Sim::patient();
+    let text = in_motion(&mut sim, "bus 0 cut");
+    assert!(text.contains("axis 0 has not confirmed its stop"), "{text}");
+    sim.process.type_line("bus 0 mend");
+    let axis = sim.await_state("0", |state| state["stop_confirmed"] == true);
+    assert_eq!(axis["trip"]["reason"], "not_acknowledged");
+}
+
+#[test]
+fn a_mute_motor_does_not_answer_until_it_speaks_again() {
+    let mut sim = Sim::start();
+    for (typed, code) in [("motor 0 mute", 1), ("motor 0 mute off", 0)] {
+        sim.process.type_line(typed);
+        sim.process.wait_for(typed, |line| line.ends_with(typed).then_some(()));
+        assert_eq!(sim.mgw(&["native", "0", "9A00000000000000"]).code, Some(code), "{typed}");
+    }
+}
+
+#[test]
+fn a_board_that_loses_its_power_forgets_and_one_that_is_reset_does_not() {
+    let mut sim = Sim::patient();
+    sim.process.type_line("reset");
+    sim.process.wait_for("the reset", |line| line.ends_with("reset").then_some(()));
+    let info = &sim.mgw(&["--json", "info"]).json_lines()[0];
+    assert_eq!((&info["boot"], &info["status"]["starts"]), (&"pin".into(), &2.into()));
+    let text = in_motion(&mut sim, "power off");
+    assert!(text.contains("the stop was sent, not confirmed"), "{text}");
+    // The motor has a timeout of its own.
+    sim.process.wait_for("its stop", |line| line.contains("rmd 1  stopped").then_some(()));
+    sim.process.type_line("power on");
+    sim.process.wait_for("the start", |line| line.ends_with("power on").then_some(()));
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+}
+
+#[test]
+fn what_is_no_fault_is_answered_with_those_that_there_are() {
+    let mut sim = Sim::start();
+    for (typed, said) in [
+        ("help", "motor N FAULT [off]"),
+        ("motor 0 tired", "FAULT: mute, unplugged"),
+        ("motor 9 mute", "there is no motor 9"),
+        ("bus 9 cut", "there is no bus 9"),
+        ("bus x cut", "`x` is not the number of a bus"),
+    ] {
+        sim.process.type_line(typed);
+        sim.process.wait_for(said, |line| line.contains(said).then_some(()));
+    }
+}
