@@ -26,6 +26,8 @@ pub enum Failure {
     Client(ClientError),
     /// What the gateway would refuse, or does, in words of its own.
     Explained { error: Error, text: String },
+    /// A port that is there cannot be used.
+    Port { name: &'static str, text: String },
     /// What was typed, or stands in a file, makes no sense.
     Usage(String),
     /// A codec refuses a value.
@@ -66,6 +68,7 @@ impl Failure {
         match self {
             Self::Explained { error, .. } => error.name(),
             Self::Client(error) | Self::Lost { cause: error, .. } => client_name(error),
+            Self::Port { name, .. } => name,
             Self::Usage(_) => "Usage",
             Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
@@ -140,7 +143,7 @@ impl Failure {
     pub fn is_from_gateway(&self) -> bool {
         match self {
             Self::Client(error) => matches!(error, ClientError::Gateway(_)),
-            Self::Lost { .. } => false,
+            Self::Lost { .. } | Self::Port { .. } => false,
             _ => true,
         }
     }
@@ -241,6 +244,7 @@ impl fmt::Display for Failure {
             Self::Usage(text)
             | Self::Demonstration(text)
             | Self::Explained { text, .. }
+            | Self::Port { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")

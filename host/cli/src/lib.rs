@@ -11,6 +11,7 @@ mod demo;
 mod encode;
 mod failure;
 mod faults;
+mod find;
 mod four_motors;
 mod frames;
 mod interrupt;
@@ -33,16 +34,12 @@ use std::process::ExitCode;
 use clap::Parser;
 use clap::error::ErrorKind;
 use host_protocol::{PROTOCOL_MAJOR, PROTOCOL_MINOR};
-use mgw_client::{Interrupt, Transport, open};
+use mgw_client::{Interrupt, Transport};
 use serde_json::Value;
 
 use args::{Cli, Command};
 use failure::Failure;
 use output::Output;
-
-/// Said when no port is named.
-const WHICH_GATEWAY: &str = "which gateway? Add --port DEVICE or --port tcp:HOST:PORT, or set \
-    MGW_PORT. `mgw sim` starts a simulated one";
 
 /// Runs the command of this process's arguments, and prints.
 pub fn main() -> ExitCode {
@@ -128,13 +125,13 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Completion { shell }) => manual::completion(*shell),
         Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
         Some(command) => {
-            let port =
-                cli.port.as_deref().ok_or_else(|| Failure::Usage(WHICH_GATEWAY.to_owned()))?;
             // Before anything connects. What is itself a stop has nothing to stop when a signal
             // ends it.
             let interrupt =
                 if commands::is_stop(command) { Interrupt::default() } else { interrupt::note() };
-            commands::run(Box::new(open(port)?), interrupt, out, command)
+            let (port, transport) = find::open_port(cli.port.as_deref(), out)?;
+            commands::run(transport, interrupt, out, command)
+                .map_err(|failure| find::not_a_gateway(&port, failure))
         }
     }
 }

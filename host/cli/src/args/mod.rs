@@ -34,7 +34,8 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     after_help = EXAMPLES
 )]
 pub struct Cli {
-    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE) or tcp:HOST:PORT
+    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE) or tcp:HOST:PORT;
+    /// without it the only one on USB or an ST-LINK
     #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
     pub port: Option<String>,
 

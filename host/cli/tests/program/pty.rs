@@ -17,7 +17,7 @@ use mgw_client::{Client, Interrupt};
 use mgw_sim::{MotorEvent, SimTransport, Wiring, World};
 use serialport::{SerialPort, TTYPort};
 
-use crate::support::{Process, mgw};
+use crate::support::{Process, json, mgw};
 
 /// The link of the device, and that by which the gateway is configured and asked.
 const LINK: u8 = 0;
@@ -143,4 +143,35 @@ fn ctrl_c_and_stop_on_a_serial_line_with_errors_stop_the_motor() {
     let seen = device.close();
     assert!(seen.moved && seen.speed_rad_s.abs() < 0.05, "{} rad/s", seen.speed_rad_s);
     assert_eq!(seen.trips, 0);
+}
+
+#[test]
+fn a_port_that_another_program_uses_is_refused_with_the_name_of_that_program() {
+    let (mut other_end, port) = TTYPort::pair().expect("a pseudo terminal");
+    let name = port.name().expect("it has a name");
+    drop(port);
+    let mut user = Process::start(&["--port", &name, "stop"]);
+    // Until it has opened the port and writes its stop, reading fails.
+    let end = Instant::now() + Duration::from_secs(60);
+    while other_end.read_exact(&mut [0]).is_err() {
+        assert!(Instant::now() < end, "it writes nothing");
+        std::thread::sleep(LOOK_EVERY);
+    }
+    let error = mgw(&["--json", "--port", &name, "info"]).failure(1);
+    user.kill();
+    let error = &json(&error)["error"];
+    assert_eq!(error["name"], "port_in_use");
+    let text = error["message"].as_str().unwrap();
+    assert!(text.starts_with(&format!("{name} is in use by mgw (process ")), "{text}");
+}
+
+#[test]
+fn a_port_behind_which_nothing_answers_is_named() {
+    let (_other_end, port) = TTYPort::pair().expect("a pseudo terminal");
+    let name = port.name().expect("it has a name");
+    let kept = File::options().read(true).write(true).open(&name).expect("it is there");
+    drop(port);
+    let text = mgw(&["--port", &name, "info"]).failure(1);
+    assert!(text.contains(&format!("no gateway answered at {name} within 2000 ms")), "{text}");
+    drop(kept);
 }

@@ -1,0 +1,196 @@
+//! Finds the gateway when nobody names its port, and says why a port cannot be used.
+
+mod refused;
+
+use std::io::{self, BufRead, IsTerminal, Write};
+
+use mgw_client::{Transport, open};
+use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
+
+use crate::failure::Failure;
+use crate::output::Output;
+
+/// The board's own USB port, as `src/usb/description.rs` of the firmware has it.
+const GATEWAY: (u16, u16) = (0x1209, 0x0001);
+/// ST's probes that have a virtual COM port: ST-LINK/V2-1 and V3 (ST's own udev rules).
+const ST_VENDOR: u16 = 0x0483;
+const ST_LINKS: [u16; 7] = [0x374B, 0x3752, 0x374E, 0x374F, 0x3753, 0x3754, 0x3757];
+
+/// Where Linux lists its terminals. Without it the list is not to be had.
+#[cfg(target_os = "linux")]
+const TERMINALS: &str = "/sys/class/tty";
+
+/// A port behind which a gateway may be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Candidate {
+    port: String,
+    what: String,
+}
+
+/// The port that was named, or the only one that may lead to a gateway, open.
+pub fn open_port(
+    named: Option<&str>,
+    out: Output,
+) -> Result<(String, Box<dyn Transport>), Failure> {
+    let port = match named {
+        Some(port) => port.to_owned(),
+        None => {
+            let may_ask = !out.is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
+            let answer = may_ask.then(|| io::stdin().lock());
+            let Candidate { port, what } = choose(system_ports(), answer, &mut io::stderr())?;
+            out.aside(format!("the gateway is taken to be at {port}, {what}"));
+            port
+        }
+    };
+    match open(&port) {
+        Ok(transport) => Ok((port, transport)),
+        Err(error) => Err(refused::explain(error)),
+    }
+}
+
+/// Says which port leads to no gateway, where nothing answered at all.
+pub use refused::not_a_gateway;
+
+fn system_ports() -> Vec<SerialPortInfo> {
+    #[cfg(target_os = "linux")]
+    if !std::path::Path::new(TERMINALS).is_dir() {
+        return Vec::new();
+    }
+    // A system that cannot list its ports has none to offer.
+    serialport::available_ports().unwrap_or_default()
+}
+
+/// The only candidate, or the one that `answer` chooses among several.
+fn choose(
+    ports: Vec<SerialPortInfo>,
+    answer: Option<impl BufRead>,
+    asked: &mut impl Write,
+) -> Result<Candidate, Failure> {
+    let (mut candidates, mut others) = (Vec::new(), Vec::new());
+    for port in ports {
+        // macOS has two names for each port; this one waits for a modem.
+        if port.port_name.starts_with("/dev/tty.") {
+            continue;
+        }
+        match &port.port_type {
+            SerialPortType::UsbPort(usb) => match kind(usb) {
+                Some(what) => candidates.push(Candidate { port: port.port_name, what }),
+                None => others.push(port.port_name),
+            },
+            _ => others.push(port.port_name),
+        }
+    }
+    candidates.sort_by(|one, other| one.port.cmp(&other.port));
+    if candidates.len() < 2 {
+        return candidates.pop().ok_or_else(|| Failure::Usage(nothing_found(&others)));
+    }
+    let list = |line: fn(usize, &Candidate) -> String| {
+        candidates.iter().enumerate().map(|(place, one)| line(place + 1, one)).collect::<Vec<_>>()
+    };
+    let Some(mut answer) = answer else {
+        let list = list(|_, Candidate { port, what }| format!("{port} ({what})"));
+        return Err(Failure::Usage(format!(
+            "several ports may lead to a gateway: {}. Name one with --port",
+            list.join(", ")
+        )));
+    };
+    let list = list(|place, Candidate { port, what }| format!("  {place}  {port}  {what}\n"));
+    let _ = write!(asked, "Several ports may lead to a gateway:\n{}Which one? ", list.concat());
+    let _ = asked.flush();
+    let mut line = String::new();
+    answer.read_line(&mut line).map_err(Failure::Output)?;
+    let place = line.trim().parse::<usize>().ok().and_then(|place| place.checked_sub(1));
+    let chosen = place.and_then(|place| candidates.get(place)).cloned();
+    chosen.ok_or_else(|| {
+        Failure::Usage(format!("`{}` is none of them. Name one with --port", line.trim()))
+    })
+}
+
+/// What the port of a USB device is, if a gateway may be behind it.
+fn kind(usb: &UsbPortInfo) -> Option<String> {
+    let name = if (usb.vid, usb.pid) == GATEWAY {
+        "a gateway's own USB"
+    } else if usb.vid == ST_VENDOR && ST_LINKS.contains(&usb.pid) {
+        "an ST-LINK"
+    } else {
+        return None;
+    };
+    let serial = usb.serial_number.as_deref().map(|serial| format!(", serial number {serial}"));
+    Some(name.to_owned() + &serial.unwrap_or_default())
+}
+
+fn nothing_found(others: &[String]) -> String {
+    let others = match others {
+        [] => String::new(),
+        others => format!(" (there are other serial ports: {})", others.join(", ")),
+    };
+    format!(
+        "which gateway? None is plugged in by USB or ST-LINK{others}. Add --port DEVICE or --port \
+            tcp:HOST:PORT, or set MGW_PORT. `mgw sim` starts a simulated one"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn usb(name: &str, vid: u16, pid: u16, serial: Option<&str>) -> SerialPortInfo {
+        let serial_number = serial.map(str::to_owned);
+        let usb = UsbPortInfo { vid, pid, serial_number, manufacturer: None, product: None };
+        SerialPortInfo { port_name: name.to_owned(), port_type: SerialPortType::UsbPort(usb) }
+    }
+
+    fn chosen(ports: &[SerialPortInfo], answer: Option<&str>) -> (Result<String, String>, String) {
+        let mut asked = Vec::new();
+        let chosen = choose(ports.to_vec(), answer.map(str::as_bytes), &mut asked);
+        let told = chosen.map(|one| one.port).map_err(|failure| failure.to_string());
+        (told, String::from_utf8(asked).unwrap())
+    }
+
+    #[test]
+    fn the_only_gateway_is_taken_whatever_else_is_plugged_in() {
+        let adapter = usb("/dev/ttyUSB0", 0x0403, 0x6001, None);
+        let loader = usb("/dev/ttyACM9", ST_VENDOR, 0x374D, None);
+        let built_in = SerialPortInfo {
+            port_name: "/dev/ttyS0".to_owned(),
+            port_type: SerialPortType::Unknown,
+        };
+        let others = [adapter, loader, built_in];
+        for (vid, pid) in [GATEWAY, (ST_VENDOR, 0x374B), (ST_VENDOR, 0x374E)] {
+            let mut ports = others.to_vec();
+            ports.insert(1, usb("/dev/ttyACM0", vid, pid, None));
+            let (told, asked) = chosen(&ports, Some("9\n"));
+            assert_eq!((told.as_deref(), asked.as_str()), (Ok("/dev/ttyACM0"), ""));
+        }
+        let text = chosen(&others, None).0.unwrap_err();
+        assert!(text.contains("other serial ports: /dev/ttyUSB0, /dev/ttyACM9, /dev/ttyS0"));
+        // macOS names each port twice.
+        let twice =
+            ["/dev/tty.usbmodem1", "/dev/cu.usbmodem1"].map(|name| usb(name, 0x1209, 1, None));
+        assert_eq!(chosen(&twice, None).0.as_deref(), Ok("/dev/cu.usbmodem1"));
+    }
+
+    #[test]
+    fn of_several_one_is_chosen_or_all_are_named() {
+        let ports = [
+            usb("/dev/ttyACM1", ST_VENDOR, 0x374B, Some("0669")),
+            usb("/dev/ttyACM0", 0x1209, 1, None),
+        ];
+        let (told, asked) = chosen(&ports, Some("2\n"));
+        assert_eq!(told.as_deref(), Ok("/dev/ttyACM1"));
+        assert_eq!(
+            asked,
+            "Several ports may lead to a gateway:\n  1  /dev/ttyACM0  a gateway's own USB\n  2  \
+             /dev/ttyACM1  an ST-LINK, serial number 0669\nWhich one? "
+        );
+        for wrong in ["0\n", "3\n", "\n", "", "one\n"] {
+            assert!(chosen(&ports, Some(wrong)).0.unwrap_err().contains("none of them"), "{wrong}");
+        }
+        let (told, asked) = chosen(&ports, None);
+        assert_eq!(asked, "", "nobody is asked who is not there");
+        assert!(told.unwrap_err().contains(
+            "/dev/ttyACM0 (a gateway's own USB), /dev/ttyACM1 (an ST-LINK, serial number 0669). \
+             Name one with --port"
+        ));
+    }
+}
