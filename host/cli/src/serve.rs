@@ -62,9 +62,9 @@ pub fn run(
             json!({ "message": "other computers can reach it, and each of them may command" }),
         )?;
     }
+    out.text("A line typed here puts a fault into it: `help` lists them.")?;
     out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
 
-    out.text("A line typed here puts a fault into it: `help` lists them.")?;
     let mut print_failure = None;
     mgw_sim::serve(listener, world, &typed(), |line: &str| {
         // A log that nobody reads is no reason to stop serving.

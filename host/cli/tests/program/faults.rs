@@ -83,6 +83,7 @@ fn what_is_no_fault_is_answered_with_those_that_there_are() {
     let mut sim = Sim::start();
     for (typed, said) in [
         ("help", "motor N FAULT [off]"),
+        ("help me", "`help me` is no fault"),
         ("motor 0 tired", "FAULT: mute, unplugged"),
         ("motor 9 mute", "there is no motor 9"),
         ("bus 9 cut", "there is no bus 9"),

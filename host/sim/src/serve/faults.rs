@@ -7,7 +7,7 @@ use crate::motors::Injection;
 use crate::world::World;
 
 /// What can be typed.
-pub const HELP: &str = "\
+const HELP: &str = "\
 e-stop press, e-stop release    the button at the e-stop input
 bus BUS cut|short|mend          the cable of a bus
 motor N FAULT [off]             a fault of the motor of axis N, or its end; see below
@@ -19,7 +19,7 @@ reset                           the board's reset button; what it remembers stay
 /// Does to the world what a line says, and returns that in words.
 ///
 /// # Errors
-/// The line makes no sense; the text says what would.
+/// The line makes no sense, or asks for `help`; the text says what there is.
 pub fn apply(world: &mut World, line: &str) -> Result<String, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words.as_slice() {
@@ -45,6 +45,7 @@ pub fn apply(world: &mut World, line: &str) -> Result<String, String> {
         ["power", "off"] => world.hang(),
         ["power", "on"] => world.reset(BootReason::PowerOn, ""),
         ["reset"] => world.reset(BootReason::Pin, ""),
+        ["help"] => return Err(there_are()),
         _ => return Err(unknown(line)),
     }
     Ok(words.join(" "))
@@ -69,5 +70,9 @@ fn of_motor(world: &mut World, motor: usize, words: &[&str]) -> Option<()> {
 }
 
 fn unknown(line: &str) -> String {
-    format!("`{line}` is no fault. There are:\n{HELP}\nFAULT: {}", Injection::SWITCHES.join(", "))
+    format!("`{line}` is no fault. There are:\n{}", there_are())
+}
+
+fn there_are() -> String {
+    format!("{HELP}\nFAULT: {}", Injection::SWITCHES.join(", "))
 }
