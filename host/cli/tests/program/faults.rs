@@ -1,22 +1,31 @@
 //! Faults typed into the simulator, and what a user sees of them.
 
-use crate::support::Sim;
+use serde_json::Value;
 
-/// Has axis 0 move, puts a fault into the simulator, and returns what the command says to that.
-fn in_motion(sim: &mut Sim, fault: &str) -> String {
+use crate::support::{Sim, json, mgw};
+
+/// Has axis 0 move, puts a fault into the simulator, and returns the events that were printed, all
+/// of which the schema allows, and the error.
+fn in_motion(sim: &mut Sim, fault: &str) -> (Vec<String>, String) {
     let port = sim.port.clone();
     let set = std::thread::spawn(move || {
-        crate::support::mgw(&["--port", &port, "set", "0", "velocity", "2", "--for", "60"])
+        mgw(&["--json", "--port", &port, "set", "0", "velocity", "2", "--for", "60"])
     });
     sim.process.wait_for("motion", |line| line.contains("bus 0  rmd 1  moving").then_some(()));
     sim.process.type_line(fault);
-    set.join().expect("it runs").stderr
+    let outcome = set.join().expect("it runs");
+    let text = |value: &Value| value.as_str().expect("text").to_owned();
+    let events = outcome.stdout.lines().map(|line| text(&json(line)["event"])).collect();
+    (events, text(&json(&outcome.stderr)["error"]["message"]))
 }
 
 #[test]
 fn the_e_stop_button_trips_what_moves() {
     let mut sim = Sim::patient();
-    let text = in_motion(&mut sim, "e-stop press");
+    let (events, text) = in_motion(&mut sim, "e-stop press");
+    for event in ["e_stop_input_changed", "e_stop_latched", "tripped", "stop_confirmed"] {
+        assert!(events.iter().any(|told| told == event), "{event}: {events:?}");
+    }
     assert!(text.contains("axis 0 tripped: emergency stop"), "{text}");
     assert!(sim.mgw(&["info"]).success().contains("latched, input open"));
     sim.mgw(&["clear", "gateway"]).failure(1);
@@ -30,7 +39,7 @@ fn the_e_stop_button_trips_what_moves() {
 #[test]
 fn a_fault_of_a_motor_is_called_by_its_name() {
     let mut sim = Sim::patient();
-    let text = in_motion(&mut sim, "motor 0 faults 0x0002");
+    let (_, text) = in_motion(&mut sim, "motor 0 faults 0x0002");
     assert!(text.contains("axis 0 tripped: the motor reported a fault: stall (0x0002)"), "{text}");
     let axis = sim.await_state("0", |state| state["stop_confirmed"] == true);
     assert_eq!(axis["faults"], serde_json::json!(["stall"]));
@@ -45,7 +54,7 @@ fn a_fault_of_a_motor_is_called_by_its_name() {
 #[test]
 fn on_a_cut_bus_no_stop_is_confirmed_until_it_is_mended() {
     let mut sim = Sim::patient();
-    let text = in_motion(&mut sim, "bus 0 cut");
+    let (_, text) = in_motion(&mut sim, "bus 0 cut");
     assert!(text.contains("axis 0 has not confirmed its stop"), "{text}");
     sim.process.type_line("bus 0 mend");
     let axis = sim.await_state("0", |state| state["stop_confirmed"] == true);
@@ -69,7 +78,7 @@ fn a_board_that_loses_its_power_forgets_and_one_that_is_reset_does_not() {
     sim.process.wait_for("the reset", |line| line.ends_with("reset").then_some(()));
     let info = &sim.mgw(&["--json", "info"]).json_lines()[0];
     assert_eq!((&info["boot"], &info["status"]["starts"]), (&"pin".into(), &2.into()));
-    let text = in_motion(&mut sim, "power off");
+    let (_, text) = in_motion(&mut sim, "power off");
     assert!(text.contains("the stop was sent, not confirmed"), "{text}");
     // The motor has a timeout of its own.
     sim.process.wait_for("its stop", |line| line.contains("rmd 1  stopped").then_some(()));
