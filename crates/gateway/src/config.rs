@@ -50,21 +50,28 @@ impl AxisConfig {
     /// Sets a parameter after checking type and range.
     pub fn set(&mut self, parameter: AxisParameter, value: Value) -> Result<(), Error> {
         parameter.check(value)?;
-        self.version = self.version.wrapping_add(1);
-        let index = parameter.place();
-        if let Some(slot) = self.values.get_mut(index) {
-            *slot = to_bits(value);
-            self.set |= 1 << index;
-        }
-        match parameter {
-            AxisParameter::Bus => self.bus = self.small(parameter),
-            AxisParameter::Node => self.node = self.small(parameter),
-            AxisParameter::Protocol => {
-                self.protocol = self.unsigned(parameter).and_then(|p| Protocol::try_from(p).ok());
-            }
-            _ => {}
-        }
+        self.exchange(parameter.place(), Some(to_bits(value)));
         Ok(())
+    }
+
+    /// Gives the parameter at a place a value, whose bits have been checked, or none. Returns the
+    /// bits of the one before.
+    pub fn exchange(&mut self, place: usize, bits: Option<u32>) -> Option<u32> {
+        let slot = self.values.get_mut(place)?;
+        let before = (self.set & (1 << place) != 0).then_some(*slot);
+        *slot = bits.unwrap_or(0);
+        self.set = self.set & !(1 << place) | u64::from(bits.is_some()) << place;
+        self.version = self.version.wrapping_add(1);
+        self.bus = self.small(AxisParameter::Bus);
+        self.node = self.small(AxisParameter::Node);
+        let protocol = self.unsigned(AxisParameter::Protocol);
+        self.protocol = protocol.and_then(|number| Protocol::try_from(number).ok());
+        before
+    }
+
+    /// Whether a parameter is set.
+    pub fn is_set(&self, parameter: AxisParameter) -> bool {
+        self.set & (1 << parameter.place()) != 0
     }
 
     /// Another number after each parameter that was set.
@@ -249,7 +256,8 @@ impl AxisConfig {
     }
 }
 
-fn to_bits(value: Value) -> u32 {
+/// A value as the bits that are kept.
+pub(crate) fn to_bits(value: Value) -> u32 {
     match value {
         Value::Bool(value) => u32::from(value),
         Value::Unsigned(value) => value,

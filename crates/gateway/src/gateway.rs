@@ -19,7 +19,7 @@ use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{Error, Incident, MAX_FRAME, Request, TripReason};
-use requests::{Authority, Together};
+use requests::{Authority, Draft, Together};
 use retained::Retention;
 
 /// A gateway: everything between the host links and the buses of one board.
@@ -46,6 +46,8 @@ pub struct Gateway {
     pub(crate) together: Option<Together>,
     pub(crate) history: History,
     pub(crate) retention: Retention,
+    /// Changes of the configuration that the host in command has not made yet.
+    pub(crate) draft: Draft,
     pub(crate) now: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
@@ -85,6 +87,7 @@ impl Gateway {
             together: None,
             history: History::new(),
             retention: Retention::new(),
+            draft: Draft::new(),
             now: Instant::from_micros(0),
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,

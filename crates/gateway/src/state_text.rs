@@ -32,6 +32,7 @@ impl Gateway {
             together,
             history,
             retention,
+            draft,
             now,
             // Functions of the others, or of who has asked since.
             touched_buses: _,
@@ -47,7 +48,7 @@ impl Gateway {
         for link in links.iter() {
             link.write_state(to)?;
         }
-        write!(to, "{authority:?}{together:?}{history:?}{retention:?}")?;
+        write!(to, "{authority:?}{together:?}{history:?}{retention:?}{draft:?}")?;
         write!(
             to,
             "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"

@@ -362,6 +362,14 @@ errors! {
     70 NotACanId { parameter: u16, value: u32 }
         "{}: 0x{value:X} is no CAN id; there are {}",
         Quantity::Parameter(parameter), CanId::ALLOWED;
+    /// No list of changes is open: none was begun, or it was forgotten with the right to command.
+    71 NoChangesBegun {}
+        "no list of changes is open: it is forgotten when its host loses the right to command; \
+        begin again, nothing was changed";
+    /// The list of changes is full, and forgotten.
+    72 TooManyChanges { most: u16 }
+        "more than {most} parameters of axes cannot change at once; nothing was changed, make the \
+        change in several steps";
 }
 
 impl core::error::Error for Error {}

@@ -32,6 +32,7 @@ field_docs! { $
     max "The largest allowed.";
     max_axes "Axes are numbered from 0 to one less than this.";
     min "The smallest allowed.";
+    most "As many fit.";
     needed_permille "What is needed, 1/1000 of the bitrate.";
     node "The node of its motor.";
     now_us "Low 32 bits of the gateway time, µs.";

@@ -30,6 +30,7 @@ mod axis;
 mod bus;
 mod can_frame;
 mod can_id;
+mod changes;
 mod deframer;
 mod encode;
 mod error_text;
@@ -59,6 +60,7 @@ pub use bus::{
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
+pub use changes::{Change, Setting};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};

@@ -234,12 +234,17 @@ messages! {
     0x0011 ConfigureBus -> Done
     0x0012 BusStatus -> BusReport
     0x0013 GatewayStatus -> GatewayReport
+    0x0014 BeginChanges -> Done
+    0x0015 AddChanges -> Done
+    0x0016 ApplyChanges -> Done
+    0x0017 ReadGatewayParameter -> ParameterValue
 
     0x0020 ConfigureAxis -> Done
     0x0021 ReadAxisParameter -> ParameterValue
     0x0022 ListAxes -> AxisList
     0x0023 RemoveAxis -> Done
     0x0024 ProvisionMotorTimeout -> MotorTimeoutReport
+    0x0025 ReadAxisSettings -> AxisSettings
 
     0x0030 Arm -> Armed
     0x0031 Disarm -> Done

@@ -4,6 +4,7 @@
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
+use crate::changes::Setting;
 use crate::incident::{BootReason, Incident};
 use crate::size::wire;
 use crate::text::{Bytes, Text, Vec};
@@ -13,6 +14,8 @@ use crate::value::Value;
 pub const MAX_BUS_CAPABILITIES: usize = 8;
 /// Axes of one [`AxisList`].
 pub const MAX_AXIS_SUMMARIES: usize = 16;
+/// Parameters of one [`AxisSettings`].
+pub const MAX_SETTINGS: usize = 16;
 /// Incidents of one [`IncidentPage`].
 pub const MAX_INCIDENTS: usize = 8;
 /// Bytes of [`CrashReport`].
@@ -109,6 +112,16 @@ wire! {
     pub struct ParameterValue {
         /// The value in force: the default where none was set, nothing where there is no default.
         pub value: Option<Value>,
+    }
+
+    /// The parameters of an axis that are set, and what its motor was told.
+    pub struct AxisSettings {
+        /// In the order of their numbers.
+        pub settings: Vec<Setting, MAX_SETTINGS>,
+        /// Number of the parameter where the list goes on, if it does.
+        pub next: Option<u16>,
+        /// What is known of the motor's own timeout.
+        pub motor_timeout: MotorTimeout,
     }
 
     /// Axes that have at least one parameter set.

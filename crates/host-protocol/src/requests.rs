@@ -4,6 +4,7 @@
 use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
 use crate::bus::RawFrame;
 use crate::can_frame::MAX_CAN_DATA;
+use crate::changes::Change;
 use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
 use crate::text::Bytes;
@@ -12,6 +13,8 @@ use heapless::Vec;
 
 /// Axes that one request starts together.
 pub const MAX_MEMBERS: usize = 8;
+/// Changes of one [`AddChanges`]: no more than what keeps it from being the largest request.
+pub const MAX_CHANGES_AT_ONCE: usize = 6;
 
 wire! {
     /// Opens the session of a host link. Fixed for ever: every version of the gateway answers it.
@@ -69,6 +72,36 @@ wire! {
     /// Asks how the gateway itself is: who commands, e-stop, enable output.
     #[derive(Copy, Eq)]
     pub struct GatewayStatus {}
+
+    /// Begins a list of changes that are made together; one that was begun before is forgotten. The
+    /// list belongs to who is in command, and is forgotten with that.
+    #[derive(Copy, Eq)]
+    pub struct BeginChanges {}
+
+    /// Adds changes to the list. Nothing changes yet. The list is forgotten if one cannot be.
+    pub struct AddChanges {
+        /// In the order in which they are made.
+        pub changes: Vec<Change, MAX_CHANGES_AT_ONCE>,
+    }
+
+    /// Makes all changes of the list, or none, and forgets it.
+    #[derive(Copy, Eq)]
+    pub struct ApplyChanges {}
+
+    /// Asks for a parameter of the gateway.
+    #[derive(Copy, Eq)]
+    pub struct ReadGatewayParameter {
+        /// Number of a [`GatewayParameter`](crate::GatewayParameter).
+        pub parameter: u16,
+    }
+
+    /// Asks which parameters of an axis are set.
+    #[derive(Copy, Eq)]
+    pub struct ReadAxisSettings {
+        pub axis: u8,
+        /// The list starts at the parameter with this number.
+        pub first: u16,
+    }
 
     /// Sets a parameter of an axis.
     #[derive(Copy)]

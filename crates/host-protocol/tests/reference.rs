@@ -187,6 +187,7 @@ fn types_are_those_of_the_code() {
     }
     enums!(
         Value,
+        Change,
         AxisState,
         Setpoint,
         StopTarget,
@@ -220,6 +221,7 @@ fn types_are_those_of_the_code() {
         Trip,
         Reading,
         FaultReading,
+        Setting,
         Member
     );
 

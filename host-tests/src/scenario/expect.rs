@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Told};
 use super::words::{fields, parse};
-use host_protocol::{AxisState, Event, MotorTimeout, StateField, Trip};
+use host_protocol::{AxisParameter, AxisState, Event, MotorTimeout, StateField, Trip};
 
 impl Bench {
     /// `expect WHAT …`
@@ -34,6 +34,8 @@ impl Bench {
             "event" => self.expect_event(rest),
             "no-event" => self.expect_no_event(rest),
             "bus" => self.expect_bus(rest),
+            "setting" => self.expect_setting(rest),
+            "bus-runs" => self.expect_bus_runs(rest),
             other => Err(format!("{other} cannot be expected")),
         }
     }
@@ -57,6 +59,25 @@ impl Bench {
         let list = self.client.list_axes().map_err(|e| e.to_string())?;
         let state = list.iter().find(|summary| summary.axis == axis).map(|summary| summary.state);
         if state == Some(wanted) { Ok(()) } else { Err(format!("axis {axis} is {state:?}")) }
+    }
+
+    /// `setting AXIS NAME VALUE|unset`: as the value is printed.
+    fn expect_setting(&mut self, words: &[&str]) -> Result<(), String> {
+        let (axis, name, wanted): (u8, String, String) =
+            (parse(words, 0, "axis")?, parse(words, 1, "name")?, parse(words, 2, "value")?);
+        let parameter = AxisParameter::from_name(&name).ok_or("no such parameter")?.number();
+        let (settings, _) = self.client.axis_settings(axis).map_err(|e| e.to_string())?;
+        let setting = settings.iter().find(|setting| setting.parameter == parameter);
+        let is = setting.map_or("unset".to_string(), |setting| setting.value.to_string());
+        if is == wanted { Ok(()) } else { Err(format!("{name} of axis {axis} is {is}")) }
+    }
+
+    /// `bus-runs BUS BITRATE|no`
+    fn expect_bus_runs(&mut self, words: &[&str]) -> Result<(), String> {
+        let (bus, wanted): (u8, String) = (parse(words, 0, "bus")?, parse(words, 1, "bitrate")?);
+        let report = self.client.bus_status(bus).map_err(|e| e.to_string())?;
+        let is = report.config.map_or("no".to_string(), |config| config.bitrate.to_string());
+        if is == wanted { Ok(()) } else { Err(format!("bus {bus}: {report:?}")) }
     }
 
     /// `motor-timeout AXIS unknown|off|verified|MS`

@@ -5,8 +5,8 @@ use super::faults::can_frame;
 use super::steps::StepError;
 use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
 use host_protocol::{
-    Bytes, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame, StopTarget, Value,
-    replies::Armed, requests,
+    AxisParameter, BusConfig, Bytes, Change, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame,
+    StopTarget, Value, replies::Armed, requests,
 };
 use std::time::Duration;
 
@@ -17,6 +17,12 @@ impl Bench {
         match *verb {
             "four-axes" => self.four_axes()?,
             "bus" | "axis" | "timeout" | "link-silence" | "remove" => self.configure(verb, rest)?,
+            "begin-changes" => self.client.begin_changes()?,
+            "add-changes" => {
+                let changes = changes(rest)?;
+                self.client.add_changes(&changes)?;
+            }
+            "apply-changes" => self.client.apply_changes()?,
             "together" => self.start_together(rest)?,
             "set" | "set-for" | "set-epoch" | "set-expired" | "move" => {
                 self.set_motion(verb, rest)?
@@ -233,6 +239,40 @@ impl Bench {
             self.request(&line.split_whitespace().collect::<Vec<_>>())?;
         }
         Ok(())
+    }
+}
+
+/// `axis N name=value|name=unset …`, `bus N BITRATE PROTOCOLS`, `bus N off` or `link-silence TIME`.
+fn changes(words: &[&str]) -> Result<Vec<Change>, String> {
+    let bus = |config| Ok(vec![Change::Bus { bus: parse(words, 1, "bus")?, config }]);
+    match words {
+        ["axis", axis, texts @ ..] => {
+            let axis = axis.parse().map_err(|_| format!("{axis} is no axis"))?;
+            let change = |text: &&str| {
+                let (parameter, value) = match text.strip_suffix("=unset") {
+                    Some(name) => {
+                        let unknown = || format!("{name} is no parameter");
+                        (AxisParameter::from_name(name).ok_or_else(unknown)?, None)
+                    }
+                    None => parameter(text).map(|(parameter, value)| (parameter, Some(value)))?,
+                };
+                Ok(Change::Axis { axis, parameter: parameter.number(), value })
+            };
+            texts.iter().map(change).collect()
+        }
+        ["bus", _, "off"] => bus(None),
+        ["bus", _, _, names] => bus(Some(BusConfig {
+            bitrate: parse(words, 2, "bitrate")?,
+            protocols: protocols(names)?,
+            exclusive: false,
+            reply_window_us: 5_000,
+        })),
+        ["link-silence", _, _] => {
+            let us = u32::try_from(duration(words, 1)?.as_micros()).unwrap_or(u32::MAX);
+            let parameter = GatewayParameter::LinkSilenceUs.number();
+            Ok(vec![Change::Gateway { parameter, value: Value::Unsigned(us) }])
+        }
+        _ => Err("change what?".to_string()),
     }
 }
 

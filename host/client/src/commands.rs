@@ -5,11 +5,11 @@ use std::time::Duration;
 use host_protocol::replies::{
     Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames,
 };
-use host_protocol::requests as ask;
+use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Bytes, Call, ClearTarget, Error, GatewayParameter,
-    Incident, MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame, Setpoint, StateFields,
-    StopTarget, Value,
+    AxisParameter, AxisState, AxisSummary, Bytes, Call, Change, ClearTarget, Error,
+    GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame,
+    Setpoint, Setting, StateFields, StopTarget, Value,
 };
 
 use crate::client::{Client, DEADLINE, REPEAT_MOVE_AFTER};
@@ -78,6 +78,12 @@ plain_requests! {
     fn configure_axis(axis: u8, parameter: AxisParameter, value: Value) =
         ask::ConfigureAxis { axis, parameter: parameter.number(), value };
 
+    /// Begins a list of changes of the configuration. It is forgotten with the right to command.
+    fn begin_changes() = ask::BeginChanges {};
+
+    /// Makes all changes of the list, or none.
+    fn apply_changes() = ask::ApplyChanges {};
+
     /// Forgets an axis and its parameters.
     fn remove_axis(axis: u8) = ask::RemoveAxis { axis };
 
@@ -144,6 +150,48 @@ impl<T: Transport> Client<T> {
         let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
         self.request(&ask::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us })
             .map(drop)
+    }
+
+    /// Adds changes to the list that was begun: nothing changes yet.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request); the list is then forgotten.
+    pub fn add_changes(&mut self, changes: &[Change]) -> Result<(), ClientError> {
+        for changes in changes.chunks(MAX_CHANGES_AT_ONCE) {
+            let changes = changes.iter().copied().collect();
+            self.request(&ask::AddChanges { changes })?;
+        }
+        Ok(())
+    }
+
+    /// The parameters of an axis that are set, and what is known of its motor's own timeout, which
+    /// nobody asks the motor for.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn axis_settings(&mut self, axis: u8) -> Result<(Vec<Setting>, MotorTimeout), ClientError> {
+        let (mut settings, mut first) = (Vec::new(), 0);
+        loop {
+            let page = self.request(&ask::ReadAxisSettings { axis, first })?;
+            settings.extend(page.settings);
+            match page.next {
+                // A page that leads back would never end.
+                Some(next) if next > first => first = next,
+                _ => return Ok((settings, page.motor_timeout)),
+            }
+        }
+    }
+
+    /// The value in force of a parameter of the gateway.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn read_gateway_parameter(
+        &mut self,
+        parameter: GatewayParameter,
+    ) -> Result<Option<Value>, ClientError> {
+        self.request(&ask::ReadGatewayParameter { parameter: parameter.number() })
+            .map(|reply| reply.value)
     }
 
     /// The last trips and starts of the gateway, the latest first; they outlive a reset.

@@ -29,12 +29,15 @@ pub(crate) use stop::Stop;
 
 use crate::config::AxisConfig;
 use crate::measured::{Measured, Observation};
+use crate::outbox::Outbox;
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use core::num::NonZeroU64;
-use host_protocol::replies::AxisReport;
-use host_protocol::{AxisSummary, Event, FaultReading, MotorTimeout, StateField, StateFields};
+use host_protocol::replies::{AxisReport, AxisSettings, MAX_SETTINGS};
+use host_protocol::{
+    AxisParameter, AxisSummary, Event, FaultReading, MotorTimeout, Setting, StateField, StateFields,
+};
 use outcome::Silence;
 use restart::RunTime;
 use state::State;
@@ -119,15 +122,9 @@ impl Axis {
         self.watched = watched;
     }
 
-    /// A parameter has been set. Where it has `moved` what decides by which frames the motor is
+    /// The configuration is another. Where it has `moved` what decides by which frames the motor is
     /// reached, nothing is known of the motor; the `same` one goes on holding.
-    pub fn configured(
-        &mut self,
-        moved: bool,
-        same: bool,
-        complete: bool,
-        out: &mut crate::outbox::Outbox<'_>,
-    ) {
+    pub fn configured(&mut self, moved: bool, same: bool, out: &mut Outbox<'_>) {
         if moved {
             self.transactions.forget();
             self.silence = Silence::NONE;
@@ -137,7 +134,7 @@ impl Axis {
             self.measured = Measured::new();
         }
         let state = match self.state {
-            _ if !complete => State::Unconfigured,
+            _ if self.config.missing().is_some() => State::Unconfigured,
             State::Holding if same => State::Holding,
             _ => State::Idle,
         };
@@ -219,6 +216,18 @@ impl Axis {
             driver_temperature_c: wanted(StateField::DriverTemperature),
             faults: self.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
+    }
+
+    /// The parameters from the one with the number `first` on that are set, as many as fit.
+    pub fn settings(&self, now: Instant, first: u16) -> AxisSettings {
+        let mut set = AxisParameter::ALL
+            .iter()
+            .filter(|parameter| parameter.number() >= first && self.config.is_set(**parameter))
+            .filter_map(|parameter| Some((parameter.number(), self.config.get(*parameter)?)));
+        let settings = set.by_ref().take(MAX_SETTINGS);
+        let settings = settings.map(|(parameter, value)| Setting { parameter, value }).collect();
+        let next = set.next().map(|(parameter, _)| parameter);
+        AxisSettings { settings, next, motor_timeout: self.motor_timeout(now) }
     }
 
     /// The axis in one line of the list.

@@ -183,6 +183,10 @@ impl Bus {
         &self.port
     }
 
+    pub fn index(&self) -> u8 {
+        self.index
+    }
+
     pub fn kind(&self) -> BusKind {
         match self.port.kind {
             BusPortKind::Can => BusKind::Can,
@@ -198,17 +202,27 @@ impl Bus {
         self.state == BusState::BusOff
     }
 
-    /// Takes a configuration that has been checked. The port restarts the bus.
-    pub fn configure(
-        &mut self,
-        now: Instant,
-        config: BusConfig,
-        axes: &mut Axes,
-        out: &mut Outbox<'_>,
-    ) {
-        self.config = Some(config);
-        self.line.configure(config.protocols);
-        self.measure(axes);
+    /// Exchanges the configuration; [`configured`](Self::configured) is to follow, or another
+    /// exchange that takes it back.
+    pub fn exchange_config(&mut self, config: &mut Option<BusConfig>) {
+        core::mem::swap(&mut self.config, config);
+    }
+
+    /// Runs by the configuration that it was given, which has been checked. The port restarts the
+    /// bus, or stops it where there is none.
+    pub fn configured(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+        match &self.config {
+            Some(config) => {
+                self.line.configure(config.protocols);
+                self.measure(axes);
+            }
+            None if self.state != BusState::Unconfigured => {
+                self.state = BusState::Unconfigured;
+                let state = self.state;
+                out.event(&Event::BusStateChanged { bus: self.index, state });
+            }
+            None => {}
+        }
         self.pause = Duration::ZERO;
         self.restart(now, axes, out);
     }
@@ -312,6 +326,9 @@ impl Bus {
         axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
+        if self.config.is_none() {
+            return;
+        }
         (self.transmit_errors, self.receive_errors) = errors;
         if state == BusState::BusOff {
             // Also for a bus that is still off after it was started again.

@@ -32,7 +32,7 @@ use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{BusConfig, Incident, ProtocolSet, TripReason, requests};
 use layout::{Place, SLOTS, WRITING_AT};
 use slot::{Condition, Found};
-use states::{E_STOPPED, States};
+use states::{E_STOPPED, MIXED, States};
 
 /// Words of an axis: its configuration, then the timeout last written to its motor, ms.
 const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
@@ -54,6 +54,8 @@ pub(crate) struct Retention {
     /// Buses configured anew.
     buses: Set,
     states: States,
+    /// What has changed, has changed together.
+    together: bool,
     /// Nothing is left to save: the history has every trip, and the states say so.
     is_complete: bool,
     /// What the memory is: unknown before it is restored or written.
@@ -82,6 +84,7 @@ impl Retention {
             axes: Set::NONE,
             buses: Set::NONE,
             states: States::NONE,
+            together: false,
             is_complete: false,
             memory: Memory::Foreign,
             is_damaged: false,
@@ -102,6 +105,11 @@ impl Retention {
     /// A bus has been configured.
     pub fn bus_changed(&mut self, bus: u8) {
         self.buses.add(Set::of(bus));
+    }
+
+    /// Several rows have changed together: a reset that leaves some of them as before is noticed.
+    pub fn changed_together(&mut self) {
+        self.together = true;
     }
 
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
@@ -167,6 +175,11 @@ impl Gateway {
     /// [`save_some`](Self::save_some) has stored that too.
     pub(crate) fn save_states(&mut self, store: Store<'_>) {
         self.retention.prepare(store);
+        if core::mem::take(&mut self.retention.together) {
+            let mut states = self.retention.states;
+            states.flags |= MIXED;
+            self.retention.write_states(states, store);
+        }
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
         let unrecorded = self.axes.which(Is::Tripped).without(states.tripped);
@@ -240,6 +253,7 @@ impl Gateway {
     /// | no words, as the power was off | not latched | none |
     /// | words without the mark of this layout: power was off unnoticed, or another firmware wrote them | not latched | none |
     /// | every slot sound, or cut short by the reset | as it was | as they were |
+    /// | rows changed together, stored in part | latched | all that are configured trip |
     /// | a damaged copy of any slot | latched | all that are configured trip |
     /// | a bus that the board cannot run now | as it was | what was in motion or tripped there is unreachable |
     ///
@@ -252,6 +266,7 @@ impl Gateway {
         }
         let states = self.retention.read(Place::States, words).and_then(States::from_words);
         let mut states = states.unwrap_or(States::NONE);
+        self.retention.is_damaged |= states.flags & MIXED != 0;
         self.history =
             History::restored(|index| self.retention.read(Place::Incident(index), words));
         self.retention.lost_incidents = self.history.save_again(self.retention.lost_incidents);

@@ -1,124 +1,256 @@
-//! Configuring buses and axes: every change is tried on a copy, and taken only if the whole still
-//! fits together.
+//! Changing the configuration: all changes are made, and taken back where the whole does not fit
+//! together. A single change is a list of one.
 
+use super::Result;
 use crate::axis::Axis;
-use crate::bus::check_load;
+use crate::bus::{Bus, check_load};
 use crate::bus_rules;
 use crate::config::{Address, AxisConfig};
 use crate::gateway::Gateway;
 use crate::outbox::Outbox;
 use crate::protocol;
 use crate::rules;
-use crate::time::Instant;
-use host_protocol::{AxisParameter, BusConfig, BusKind, Error, GatewayParameter, Value, requests};
+use crate::set::Set;
+use crate::time::{Duration, Instant};
+use host_protocol::{
+    AxisParameter, BusConfig, BusKind, Change, Error, GatewayParameter, Value, requests,
+};
 
 impl Gateway {
     pub(crate) fn configure_gateway(
         &mut self,
+        now: Instant,
         request: &requests::ConfigureGateway,
-    ) -> Result<(), Error> {
-        let unknown = Error::UnknownParameter { parameter: request.parameter };
-        match GatewayParameter::from_number(request.parameter).ok_or(unknown)? {
-            parameter @ GatewayParameter::LinkSilenceUs => {
-                parameter.check(request.value)?;
-                if let Value::Unsigned(us) = request.value {
-                    self.authority.set_silence(crate::Duration::from_micros(u64::from(us)));
-                }
-            }
-        }
-        Ok(())
+    ) -> Result<()> {
+        let requests::ConfigureGateway { parameter, value } = *request;
+        self.change(now, &Change::Gateway { parameter, value })
     }
 
     pub(crate) fn configure_bus(
         &mut self,
         now: Instant,
         request: &requests::ConfigureBus,
-    ) -> Result<(), Error> {
-        let bus = self.bus(request.bus)?;
-        let config = BusConfig {
-            bitrate: request.bitrate,
-            protocols: request.protocols,
-            exclusive: request.exclusive,
-            reply_window_us: request.reply_window_us,
-        };
-        bus_rules::check_bus_config(request.bus, bus.kind(), bus.port().bitrates, &config)?;
-        let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(request.bus));
-        for axis in here() {
-            if !axis.is_at_rest() || axis.is_kept_holding() && bus.config() != Some(&config) {
-                return Err(Error::BusInUse { bus: request.bus, axis: axis.index });
-            }
-            if let Some(protocol) = axis.config.protocol()
-                && axis.is_configured()
-                && !config.protocols.contains(protocol)
-            {
-                return Err(Error::ProtocolNotOnBus { bus: request.bus, protocol });
-            }
-        }
-        check_load(bus, &config, here().filter(|axis| axis.is_configured()))?;
-        self.end_raw(now, request.bus);
-        self.on_bus(now, request.bus, |bus, axes, out| bus.configure(now, config, axes, out));
-        self.retention.bus_changed(request.bus);
-        Ok(())
+    ) -> Result<()> {
+        let requests::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } =
+            *request;
+        let config = BusConfig { bitrate, protocols, exclusive, reply_window_us };
+        self.change(now, &Change::Bus { bus, config: Some(config) })
     }
 
     pub(crate) fn configure_axis(
         &mut self,
         now: Instant,
         request: &requests::ConfigureAxis,
-    ) -> Result<(), Error> {
-        let unknown = Error::UnknownParameter { parameter: request.parameter };
-        let parameter = AxisParameter::from_number(request.parameter).ok_or(unknown)?;
-        let axis = self.axis(request.axis)?;
+    ) -> Result<()> {
+        let requests::ConfigureAxis { axis, parameter, value } = *request;
+        self.change(now, &Change::Axis { axis, parameter, value: Some(value) })
+    }
+
+    pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<()> {
+        self.draft.open();
+        for parameter in AxisParameter::ALL.iter().copied() {
+            if self.axis(axis)?.config.is_set(parameter) {
+                self.draft.set_parameter(axis, parameter, None)?;
+            }
+        }
+        self.apply_changes(now)
+    }
+
+    fn change(&mut self, now: Instant, change: &Change) -> Result<()> {
+        self.draft.open();
+        self.add_changes(core::slice::from_ref(change))?;
+        self.apply_changes(now)
+    }
+
+    /// Adds changes to the list, or forgets it.
+    pub(crate) fn add_changes(&mut self, changes: &[Change]) -> Result<()> {
+        let result = changes.iter().try_for_each(|change| self.add_change(change));
+        if result.is_err() {
+            self.draft.close();
+        }
+        result
+    }
+
+    fn add_change(&mut self, change: &Change) -> Result<()> {
+        if !self.draft.is_open() {
+            return Err(Error::NoChangesBegun {});
+        }
+        match *change {
+            Change::Gateway { parameter, value } => {
+                let unknown = Error::UnknownParameter { parameter };
+                let known = GatewayParameter::from_number(parameter).ok_or(unknown)?;
+                known.check(value)?;
+                match (known, value) {
+                    (GatewayParameter::LinkSilenceUs, Value::Unsigned(us)) => {
+                        self.draft.set_silence(Duration::from_micros(u64::from(us)));
+                    }
+                    _ => return Err(Error::WrongType { parameter }),
+                }
+                Ok(())
+            }
+            Change::Bus { bus, config } => {
+                let port = self.bus(bus)?;
+                if let Some(config) = &config {
+                    let bitrates = port.port().bitrates;
+                    bus_rules::check_bus_config(bus, port.kind(), bitrates, config)?;
+                }
+                self.draft.set_bus(bus, config);
+                Ok(())
+            }
+            Change::Axis { axis, parameter, value } => {
+                let unknown = Error::UnknownParameter { parameter };
+                let parameter = AxisParameter::from_number(parameter).ok_or(unknown)?;
+                self.axis(axis)?;
+                value.map_or(Ok(()), |value| parameter.check(value))?;
+                self.draft.set_parameter(axis, parameter, value)
+            }
+        }
+    }
+
+    /// The value in force of a parameter of the gateway.
+    pub(crate) fn gateway_parameter(&self, parameter: u16) -> Result<Value> {
+        match GatewayParameter::from_number(parameter) {
+            Some(GatewayParameter::LinkSilenceUs) => {
+                Ok(Value::Unsigned(self.authority.silence().as_micros_u32()))
+            }
+            None => Err(Error::UnknownParameter { parameter }),
+        }
+    }
+
+    /// Makes all changes of the list, or none; the list is forgotten.
+    pub(crate) fn apply_changes(&mut self, now: Instant) -> Result<()> {
+        let result = self.make_changes(now);
+        self.draft.close();
+        result
+    }
+
+    fn make_changes(&mut self, now: Instant) -> Result<()> {
+        if !self.draft.is_open() {
+            return Err(Error::NoChangesBegun {});
+        }
+        let reach = self.check_states()?;
+        let Self { draft, axes, buses, .. } = self;
+        draft.exchange(axes, buses);
+        if let Err(error) = self.check_changed() {
+            let Self { draft, axes, buses, .. } = self;
+            draft.exchange_back(axes, buses);
+            return Err(error);
+        }
+        self.take_changes_over(now, &reach);
+        Ok(())
+    }
+
+    /// Refuses the changes while what they change is in use. Returns what they reach.
+    fn check_states(&self) -> Result<Reach> {
+        let mut reach = Reach::default();
+        for axis in self.axes.of(self.draft.axes()) {
+            let config = self.draft.config_of(axis);
+            self.check_state(axis, &config)?;
+            let one = Set::of(axis.index);
+            reach.moved.put(one, is_moved(&axis.config, &config));
+            reach.same.put(one, config.address() == axis.config.address());
+            reach.buses.add(buses_of(&axis.config, &config));
+        }
+        for index in self.draft.buses() {
+            let Some(bus) = self.buses.get(index) else { continue };
+            let config = self.draft.bus(bus.index()).flatten();
+            let here = |axis: &&Axis| axis.config.bus().map(usize::from) == Some(index);
+            for axis in self.axes.iter().filter(here) {
+                if !axis.is_at_rest() || axis.is_kept_holding() && bus.config() != config.as_ref() {
+                    return Err(Error::BusInUse { bus: bus.index(), axis: axis.index });
+                }
+            }
+        }
+        Ok(reach)
+    }
+
+    /// Refuses another configuration of an axis while it is in use.
+    fn check_state(&self, axis: &Axis, config: &AxisConfig) -> Result<()> {
+        let index = axis.index;
         if axis.is_busy() {
-            return Err(Error::Busy { axis: request.axis });
+            return Err(Error::Busy { axis: index });
         }
         if !axis.is_at_rest() {
-            return Err(Error::NotIdle { axis: request.axis, state: axis.state() });
+            return Err(Error::NotIdle { axis: index, state: axis.state() });
         }
-        let mut config = axis.config.clone();
-        config.set(parameter, request.value)?;
-        let complete = config.missing().is_none();
-        self.check_axis(request.axis, &config)?;
         // Nobody would poll the motor that holds any more.
         if axis.is_kept_holding() && config.address() != axis.config.address() {
-            return Err(Error::NotIdle { axis: request.axis, state: axis.state() });
+            return Err(Error::NotIdle { axis: index, state: axis.state() });
         }
         // Nobody would know any more what its motor owes.
-        if axis.owes_restart() && is_of_address(parameter) && config != axis.config {
-            return Err(Error::RestartOwed { axis: request.axis });
+        if axis.owes_restart() && is_moved(&axis.config, config) {
+            return Err(Error::RestartOwed { axis: index });
         }
-        let touched = [axis.config.bus(), config.bus()];
+        // An axis with a motor has a stop action, or there is no such axis any more.
+        if let Some(missing) = config.missing()
+            && axis.is_configured()
+            && !config.is_empty()
+        {
+            return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
+        }
         // What waits in its motor would not be asked for any more before the frame that starts all
         // of the bus.
-        if touched.into_iter().flatten().any(|bus| self.starts_together_on(bus)) {
-            return Err(Error::Busy { axis: request.axis });
+        let starts = |bus: usize| u8::try_from(bus).is_ok_and(|bus| self.starts_together_on(bus));
+        if buses_of(&axis.config, config).into_iter().any(starts) {
+            return Err(Error::Busy { axis: index });
         }
         if let Some(bus) = config.bus()
             && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
         {
             return Err(Error::RawOpen { bus });
         }
-        let previous = core::mem::replace(&mut self.axis_mut(request.axis)?.config, config);
-        if let Err(error) = self.check_axis_load(request.axis) {
-            self.axis_mut(request.axis)?.config = previous;
-            return Err(error);
-        }
-        let Self { axes, buses, links, .. } = self;
-        if let Some(axis) = axes.get_mut(usize::from(request.axis)) {
-            let moved =
-                is_of_address(parameter) && axis.config.get(parameter) != previous.get(parameter);
-            if moved {
-                buses.iter_mut().for_each(|bus| bus.disown(request.axis));
+        Ok(())
+    }
+
+    /// Refuses changes that have been made and do not fit together.
+    fn check_changed(&self) -> Result<()> {
+        let (changed, mut loaded) = (self.draft.axes(), self.draft.buses());
+        for axis in self.axes.iter() {
+            let on_changed = axis.config.bus().is_some_and(|bus| self.draft.bus(bus).is_some());
+            if changed.has(axis.index) || on_changed {
+                self.check_axis(axis.index, &axis.config)?;
+                loaded.add(axis.config.bus().map_or(Set::NONE, Set::of));
             }
-            let same = axis.config.address() == previous.address();
-            axis.configured(moved, same, complete, &mut Outbox::new(now, links));
         }
-        for bus in touched.into_iter().flatten() {
+        self.buses
+            .iter()
+            .filter(|bus| loaded.has(bus.index()))
+            .try_for_each(|bus| self.check_bus_load(bus))
+    }
+
+    /// What follows from changes that have been made.
+    fn take_changes_over(&mut self, now: Instant, reach: &Reach) {
+        if let Some(silence) = self.draft.silence() {
+            self.authority.set_silence(silence);
+        }
+        for bus in self.draft.buses().into_iter().filter_map(|bus| u8::try_from(bus).ok()) {
+            self.end_raw(now, bus);
+            self.on_bus(now, bus, |bus, axes, out| bus.configured(now, axes, out));
+            self.retention.bus_changed(bus);
+        }
+        let Self { axes, buses, links, draft, retention, .. } = self;
+        let mut out = Outbox::new(now, links);
+        axes.each(draft.axes(), |axis| {
+            let index = axis.index;
+            if reach.moved.has(index) {
+                buses.iter_mut().for_each(|bus| bus.disown(index));
+            }
+            if axis.config.is_empty() {
+                *axis = Axis::new(index);
+            } else {
+                axis.configured(reach.moved.has(index), reach.same.has(index), &mut out);
+            }
+            retention.axis_changed(index);
+        });
+        let rows = draft.axes().bits().count_ones() + draft.buses().bits().count_ones();
+        if rows + u32::from(draft.silence().is_some()) > 1 {
+            retention.changed_together();
+        }
+        for bus in reach.buses.into_iter().filter_map(|bus| u8::try_from(bus).ok()) {
             self.end_raw(now, bus);
         }
+        self.watch();
         self.settle(self.now);
-        self.retention.axis_changed(request.axis);
-        Ok(())
     }
 
     /// Takes over the configuration that an axis had before a reset, if this firmware would accept
@@ -132,30 +264,8 @@ impl Gateway {
         self.settle(self.now);
     }
 
-    pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<(), Error> {
-        let removed = self.axis(axis)?;
-        if removed.is_busy() {
-            return Err(Error::Busy { axis });
-        }
-        if !removed.is_at_rest() || removed.is_kept_holding() {
-            return Err(Error::NotIdle { axis, state: removed.state() });
-        }
-        if removed.owes_restart() {
-            return Err(Error::RestartOwed { axis });
-        }
-        let bus = removed.config.bus();
-        *self.axis_mut(axis)? = Axis::new(axis);
-        self.buses.iter_mut().for_each(|bus| bus.disown(axis));
-        if let Some(bus) = bus {
-            self.end_raw(now, bus);
-        }
-        self.settle(self.now);
-        self.retention.axis_changed(axis);
-        Ok(())
-    }
-
     /// Whether a configuration that names a motor fits its bus, its protocol and the other axes.
-    pub(crate) fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    pub(crate) fn check_axis(&self, axis: u8, config: &AxisConfig) -> Result<()> {
         let Some(address) = config.address() else { return Ok(()) };
         let Address { bus: bus_index, protocol, .. } = address;
         let bus = self.bus(bus_index)?;
@@ -182,7 +292,7 @@ impl Gateway {
 
     /// Refuses an axis that would be sent frames on an id of another axis's motor, or the other way
     /// round (GUARANTEES G7).
-    fn check_ids(&self, axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    fn check_ids(&self, axis: u8, config: &AxisConfig) -> Result<()> {
         // What has no node yet has no ids, and is checked when it gets one.
         let there = |other: &&Axis| other.index != axis && other.config.bus() == config.bus();
         for other in self.axes.iter().filter(there) {
@@ -197,29 +307,49 @@ impl Gateway {
     }
 
     /// Whether the axis's bus can still carry what all its axes need.
-    pub(crate) fn check_axis_load(&self, axis: u8) -> Result<(), Error> {
-        let config = &self.axis(axis)?.config;
-        if config.missing().is_some() {
-            return Ok(());
+    pub(crate) fn check_axis_load(&self, axis: u8) -> Result<()> {
+        match self.axis(axis)?.config.bus() {
+            Some(bus) => self.check_bus_load(self.bus(bus)?),
+            None => Ok(()),
         }
-        let Some(bus_index) = config.bus() else { return Ok(()) };
-        let bus = self.bus(bus_index)?;
-        let Some(bus_config) = bus.config() else { return Ok(()) };
-        let here = self.axes.iter().filter(|other| {
-            other.config.bus() == Some(bus_index) && other.config.missing().is_none()
-        });
-        check_load(bus, bus_config, here)
+    }
+
+    fn check_bus_load(&self, bus: &Bus) -> Result<()> {
+        let Some(config) = bus.config() else { return Ok(()) };
+        let here = |axis: &&Axis| {
+            axis.config.bus() == Some(bus.index()) && axis.config.missing().is_none()
+        };
+        check_load(bus, config, self.axes.iter().filter(here))
     }
 }
 
-/// Whether a parameter says by which frames the motor is reached.
-fn is_of_address(parameter: AxisParameter) -> bool {
-    matches!(
-        parameter,
-        AxisParameter::Bus
-            | AxisParameter::Protocol
-            | AxisParameter::Node
-            | AxisParameter::D5RequestId
-            | AxisParameter::D5ReplyId
-    )
+/// What changes of axes reach.
+#[derive(Default)]
+struct Reach {
+    /// Axes whose motor is reached by other frames.
+    moved: Set,
+    /// Axes that keep bus, protocol and node.
+    same: Set,
+    /// The buses that axes are on, and those that they were on.
+    buses: Set,
 }
+
+/// Whether a motor is reached by other frames.
+fn is_moved(before: &AxisConfig, after: &AxisConfig) -> bool {
+    ADDRESS.iter().any(|parameter| before.get(*parameter) != after.get(*parameter))
+}
+
+fn buses_of(before: &AxisConfig, after: &AxisConfig) -> Set {
+    let mut buses = Set::NONE;
+    [before.bus(), after.bus()].into_iter().flatten().for_each(|bus| buses.add(Set::of(bus)));
+    buses
+}
+
+/// What says by which frames the motor is reached.
+const ADDRESS: &[AxisParameter] = &[
+    AxisParameter::Bus,
+    AxisParameter::Protocol,
+    AxisParameter::Node,
+    AxisParameter::D5RequestId,
+    AxisParameter::D5ReplyId,
+];

@@ -2,11 +2,13 @@
 
 mod authority;
 mod config;
+mod draft;
 mod native;
 mod raw;
 mod together;
 
 pub(crate) use authority::Authority;
+pub(crate) use draft::Draft;
 pub(crate) use together::Together;
 
 use crate::MAX_AXES_WIRE;
@@ -68,7 +70,7 @@ impl Gateway {
                 Reply::ReleaseAuthority(done)
             }
             Request::ConfigureGateway(request) => {
-                self.configure_gateway(request)?;
+                self.configure_gateway(now, request)?;
                 Reply::ConfigureGateway(done)
             }
             Request::ConfigureBus(request) => {
@@ -77,6 +79,26 @@ impl Gateway {
             }
             Request::BusStatus(request) => Reply::BusStatus(self.bus(request.bus)?.report()),
             Request::GatewayStatus(_) => Reply::GatewayStatus(self.status(now)),
+            Request::BeginChanges(_) => {
+                self.draft.open();
+                Reply::BeginChanges(done)
+            }
+            Request::AddChanges(request) => {
+                self.add_changes(&request.changes)?;
+                Reply::AddChanges(done)
+            }
+            Request::ApplyChanges(_) => {
+                self.apply_changes(now)?;
+                Reply::ApplyChanges(done)
+            }
+            Request::ReadGatewayParameter(request) => {
+                let value = self.gateway_parameter(request.parameter)?;
+                Reply::ReadGatewayParameter(replies::ParameterValue { value: Some(value) })
+            }
+            Request::ReadAxisSettings(request) => {
+                let axis = self.axis(request.axis)?;
+                Reply::ReadAxisSettings(axis.settings(now, request.first))
+            }
             Request::ConfigureAxis(request) => {
                 self.configure_axis(now, request)?;
                 Reply::ConfigureAxis(done)
@@ -91,7 +113,6 @@ impl Gateway {
             Request::ListAxes(request) => Reply::ListAxes(self.list_axes(request.first)),
             Request::RemoveAxis(request) => {
                 self.remove_axis(now, request.axis)?;
-                self.watch();
                 Reply::RemoveAxis(done)
             }
             Request::ProvisionMotorTimeout(request) => return self.provision(now, request, ticket),
@@ -434,6 +455,7 @@ impl Gateway {
     /// Authority released: what is armed is stopped and disarmed.
     fn release_authority(&mut self, now: Instant) {
         self.authority.release();
+        self.draft.close();
         self.close_all_raw(now);
         self.each_axis(now, |axis, out| axis.disarm(now, out));
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
@@ -442,6 +464,7 @@ impl Gateway {
     /// Authority lost by silence: what moves trips, what is armed is disarmed.
     pub(crate) fn lose_authority(&mut self, now: Instant) {
         self.authority.release();
+        self.draft.close();
         self.close_all_raw(now);
         self.each_axis(now, |axis, out| {
             if axis.state() == AxisState::Active {
@@ -474,6 +497,9 @@ fn needs_authority(request: &Request) -> bool {
         Request::TakeAuthority(_)
         | Request::ConfigureGateway(_)
         | Request::ConfigureBus(_)
+        | Request::BeginChanges(_)
+        | Request::AddChanges(_)
+        | Request::ApplyChanges(_)
         | Request::ConfigureAxis(_)
         | Request::RemoveAxis(_)
         | Request::ProvisionMotorTimeout(_)
@@ -494,7 +520,9 @@ fn needs_authority(request: &Request) -> bool {
         | Request::ReleaseAuthority(_)
         | Request::BusStatus(_)
         | Request::GatewayStatus(_)
+        | Request::ReadGatewayParameter(_)
         | Request::ReadAxisParameter(_)
+        | Request::ReadAxisSettings(_)
         | Request::ListAxes(_)
         | Request::Disarm(_)
         | Request::Stop(_)

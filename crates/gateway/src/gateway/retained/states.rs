@@ -7,6 +7,8 @@ pub(super) const STATES_WORDS: usize = 6;
 
 /// Bits of the flags word.
 pub(super) const E_STOPPED: u32 = 1;
+/// Rows that change together are being stored: some are as before.
+pub(super) const MIXED: u32 = 2;
 
 /// What the gateway and its axes are in the middle of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,42 @@
+//! What requests and replies say about changing the configuration as a whole.
+
+use crate::bus::BusConfig;
+use crate::size::wire;
+use crate::value::Value;
+
+wire! {
+    /// One change of the configuration.
+    #[derive(Copy)]
+    pub enum Change {
+        /// A parameter of the gateway.
+        Gateway {
+            /// Number of a [`GatewayParameter`](crate::GatewayParameter).
+            parameter: u16,
+            /// Its new value.
+            value: Value,
+        },
+        /// A bus.
+        Bus {
+            /// Number of the bus, from 0.
+            bus: u8,
+            /// How it runs from then on; nothing: it does not.
+            config: Option<BusConfig>,
+        },
+        /// A parameter of an axis. An axis that has none left is removed.
+        Axis {
+            /// Number of the axis, from 0.
+            axis: u8,
+            /// Number of an [`AxisParameter`](crate::AxisParameter).
+            parameter: u16,
+            /// Its new value; nothing: it is no longer set, and has its default.
+            value: Option<Value>,
+        },
+    }
+
+    /// A parameter that is set.
+    #[derive(Copy)]
+    pub struct Setting {
+        pub parameter: u16,
+        pub value: Value,
+    }
+}
