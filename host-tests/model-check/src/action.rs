@@ -134,6 +134,14 @@ pub enum Ask {
         parameter: u16,
         value: Number,
     },
+    Begin,
+    /// A change of those that are made together; without a value it is no longer set.
+    Change {
+        axis: u8,
+        parameter: u16,
+        value: Option<Number>,
+    },
+    Apply,
     Remove {
         axis: u8,
     },

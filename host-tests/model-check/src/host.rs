@@ -4,8 +4,8 @@ use crate::action::{Ask, Goal, Number, Permit};
 use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request, Setpoint,
-    StateFields, StopTarget, Value, requests,
+    Bytes, Change, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request,
+    Setpoint, StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -42,6 +42,15 @@ impl Host {
     }
 }
 
+fn wire_value(number: Number) -> Value {
+    match number {
+        Number::Bool(value) => Value::Bool(value),
+        Number::Unsigned(value) => Value::Unsigned(value),
+        Number::Signed(value) => Value::Signed(value),
+        Number::Float(value) => Value::Float(value),
+    }
+}
+
 fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
     #[allow(clippy::cast_possible_truncation)] // the low 32 bits are what the wire carries
     let at = |lead_us| (now as u32).wrapping_add_signed(lead_us);
@@ -75,14 +84,15 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             })
         }
         Ask::Set { axis, parameter, value } => {
-            let value = match value {
-                Number::Bool(value) => Value::Bool(value),
-                Number::Unsigned(value) => Value::Unsigned(value),
-                Number::Signed(value) => Value::Signed(value),
-                Number::Float(value) => Value::Float(value),
-            };
+            let value = wire_value(value);
             Request::ConfigureAxis(requests::ConfigureAxis { axis, parameter, value })
         }
+        Ask::Begin => Request::BeginChanges(requests::BeginChanges {}),
+        Ask::Change { axis, parameter, value } => {
+            let change = Change::Axis { axis, parameter, value: value.map(wire_value) };
+            Request::AddChanges(requests::AddChanges { changes: [change].into_iter().collect() })
+        }
+        Ask::Apply => Request::ApplyChanges(requests::ApplyChanges {}),
         Ask::Remove { axis } => Request::RemoveAxis(requests::RemoveAxis { axis }),
         Ask::Provision { axis, timeout_ms } => {
             Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis, timeout_ms })

@@ -1,6 +1,6 @@
 //! The session of one host link: which request is new, and whose result this is (G9).
 
-use crate::wire::{Deframer, Message, Request};
+use crate::wire::{Change, Deframer, Message, Request};
 use std::collections::VecDeque;
 
 /// Within so many requests a repeated one is known.
@@ -40,6 +40,8 @@ pub(crate) struct Link {
     /// Since when the host has read everything at every instant.
     pub reads_since: Option<u64>,
     pub drained_us: Option<u64>,
+    /// Changes of the configuration that its host has not made yet.
+    pub changes: Vec<Change>,
 }
 
 /// What a message of a host is.

@@ -42,7 +42,7 @@ impl Oracle {
             write!(to, "{bus:?}")?;
         }
         for link in links {
-            write!(to, "{:?} {:?}", link.reads_since, link.drained_us)?;
+            write!(to, "{:?} {:?} {:?}", link.reads_since, link.drained_us, link.changes)?;
             let arms = |record: &&Record| {
                 matches!(record.request, Request::Arm(_)) && !record.must_be_refused
             };

@@ -70,13 +70,22 @@ impl Generator {
         if self.dice.percent(10) {
             asks.push(Ask::Remove { axis });
         }
+        let together = self.dice.percent(40);
+        if together {
+            asks.push(Ask::Begin);
+        }
         for _ in 0..=self.dice.below(3) {
             let (parameter, value) = self.new_address(MOTORS[usize::from(axis)].protocol);
-            asks.push(Ask::Set {
-                axis,
-                parameter: parameter.number(),
-                value: Number::Unsigned(value),
+            let (parameter, value) = (parameter.number(), Number::Unsigned(value));
+            asks.push(if together {
+                let value = (!self.dice.percent(5)).then_some(value);
+                Ask::Change { axis, parameter, value }
+            } else {
+                Ask::Set { axis, parameter, value }
             });
+        }
+        if together {
+            asks.push(Ask::Apply);
         }
         actions.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
         if self.dice.percent(50) {

@@ -54,10 +54,14 @@ pub(crate) enum StopAction {
 }
 
 impl Axis {
-    /// Sets a parameter; whether it is another motor from now on, which is reached by other frames.
-    pub fn set(&mut self, number: u16, bits: u32) -> bool {
-        let before = self.parameters.insert(number, bits);
-        let moved = Self::is_address(number) && before != Some(bits);
+    /// Sets a parameter, or unsets it; whether it is another motor from now on, which is reached by
+    /// other frames.
+    pub fn set(&mut self, number: u16, bits: Option<u32>) -> bool {
+        let before = match bits {
+            Some(bits) => self.parameters.insert(number, bits),
+            None => self.parameters.remove(&number),
+        };
+        let moved = Self::is_address(number) && before != bits;
         if moved {
             self.motor_timeout_ms = None;
             self.motor_timeouts_asked.clear();
@@ -69,6 +73,11 @@ impl Axis {
             self.objects = false;
         }
         moved
+    }
+
+    /// Whether nothing is set.
+    pub fn is_blank(&self) -> bool {
+        self.parameters.is_empty()
     }
 
     /// Whether a parameter says which motor it is.

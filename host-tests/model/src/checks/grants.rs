@@ -5,7 +5,7 @@ use crate::bus::{Bus, D5};
 use crate::motor::Timeout;
 use crate::oracle::Oracle;
 use crate::violation::Check;
-use crate::wire::{Body, Clears, Message, Request};
+use crate::wire::{Body, BusSetting, Change, Clears, Message, Request};
 
 /// bit/s (D5 manual, point 3).
 const D5_BITRATES: std::ops::RangeInclusive<u32> = 200_001..=222_222;
@@ -21,51 +21,22 @@ impl Oracle {
         message: &Message,
     ) {
         match *request {
-            Request::LinkSilence(us) => self.silence_us = us.into(),
-            Request::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } => {
-                let is_can = self.buses.get(usize::from(bus)).is_some_and(Bus::is_can);
-                let has_rate = !is_can || D5_BITRATES.contains(&bitrate);
-                if protocols & D5 != 0 && (protocols != D5 || !has_rate) {
-                    let seen = format!("bus {bus} at {bitrate} bit/s, protocols {protocols:03b}");
-                    self.broken(Check::BusShared, now, seen);
-                }
-                if let Some(bus) = self.buses.get_mut(usize::from(bus)) {
-                    bus.bitrate = bitrate;
-                    bus.protocols = protocols;
-                    bus.exclusive = exclusive;
-                    bus.window_us = reply_window_us.into();
-                    bus.close_raw(now);
-                }
+            Request::LinkSilence(us) => self.changed(now, &[Change::LinkSilence(us)]),
+            Request::ConfigureBus { bus, setting } => {
+                self.changed(now, &[Change::Bus(bus, Some(setting))]);
             }
-            Request::ConfigureAxis { axis: index, parameter, value } => {
-                let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
-                let before = axis.bus();
-                let moved = axis.set(parameter, value);
-                let after = axis.bus();
-                let open = after
-                    .and_then(|bus| self.buses.get(bus))
-                    .filter(|bus| bus.raw_open && bus.raw_unsafe);
-                if open.is_some() {
-                    let seen = format!(
-                        "axis {index} is configured on bus {after:?}, which is open for everything"
-                    );
-                    self.broken(Check::RawUnopened, now, seen);
-                }
-                self.close_raw(before, now);
-                self.close_raw(after, now);
-                if moved {
-                    self.orphan(index);
-                }
-                self.note_extended();
-                self.judge_configuration(now, index.into());
+            Request::ConfigureAxis { axis, parameter, value } => {
+                self.changed(now, &[Change::Axis(axis, parameter, Some(value))]);
             }
-            Request::RemoveAxis(index) => {
-                let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
-                let before = std::mem::take(axis).bus();
-                self.close_raw(before, now);
-                self.orphan(index);
-                self.note_extended();
+            Request::BeginChanges => self.links[usize::from(link)].changes.clear(),
+            Request::AddChanges(ref changes) => {
+                self.links[usize::from(link)].changes.extend_from_slice(changes);
             }
+            Request::ApplyChanges => {
+                let changes = std::mem::take(&mut self.links[usize::from(link)].changes);
+                self.changed(now, &changes);
+            }
+            Request::RemoveAxis(index) => self.removed(now, index),
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
                     axis.motor_timeout_ms =
@@ -139,6 +110,81 @@ impl Oracle {
             }
             _ => {}
         }
+    }
+
+    /// All these changes were made together.
+    fn changed(&mut self, now: u64, changes: &[Change]) {
+        for change in changes {
+            match *change {
+                Change::LinkSilence(us) => self.silence_us = us.into(),
+                Change::Bus(bus, setting) => self.bus_changed(now, bus, setting),
+                Change::Axis(axis, parameter, value) => {
+                    self.axis_changed(now, axis, parameter, value);
+                }
+            }
+        }
+        self.note_extended();
+        for change in changes {
+            if let Change::Axis(axis, ..) = *change {
+                match self.axes.get(usize::from(axis)) {
+                    Some(blank) if blank.is_blank() => self.removed(now, axis),
+                    Some(_) => self.judge_configuration(now, axis.into()),
+                    None => {}
+                }
+            }
+        }
+    }
+
+    fn bus_changed(&mut self, now: u64, index: u8, setting: Option<BusSetting>) {
+        // Of a bus that does not run nothing is known.
+        let BusSetting { bitrate, protocols, exclusive, reply_window_us } =
+            setting.unwrap_or(BusSetting {
+                bitrate: 0,
+                protocols: 0,
+                exclusive: false,
+                reply_window_us: 0,
+            });
+        let is_can = self.buses.get(usize::from(index)).is_some_and(Bus::is_can);
+        let has_rate = !is_can || D5_BITRATES.contains(&bitrate);
+        if protocols & D5 != 0 && (protocols != D5 || !has_rate) {
+            let seen = format!("bus {index} at {bitrate} bit/s, protocols {protocols:03b}");
+            self.broken(Check::BusShared, now, seen);
+        }
+        if let Some(bus) = self.buses.get_mut(usize::from(index)) {
+            bus.bitrate = bitrate;
+            bus.protocols = protocols;
+            bus.exclusive = exclusive;
+            bus.window_us = reply_window_us.into();
+            bus.close_raw(now);
+        }
+    }
+
+    fn axis_changed(&mut self, now: u64, index: u8, parameter: u16, value: Option<u32>) {
+        let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
+        let before = axis.bus();
+        let moved = axis.set(parameter, value);
+        let after = axis.bus();
+        let open =
+            after.and_then(|bus| self.buses.get(bus)).filter(|bus| bus.raw_open && bus.raw_unsafe);
+        if open.is_some() {
+            let seen = format!(
+                "axis {index} is configured on bus {after:?}, which is open for everything"
+            );
+            self.broken(Check::RawUnopened, now, seen);
+        }
+        self.close_raw(before, now);
+        self.close_raw(after, now);
+        if moved {
+            self.orphan(index);
+        }
+    }
+
+    fn removed(&mut self, now: u64, index: u8) {
+        let Some(axis) = self.axes.get_mut(usize::from(index)) else { return };
+        let before = std::mem::take(axis).bus();
+        self.close_raw(before, now);
+        self.orphan(index);
+        self.note_extended();
     }
 
     /// When a request was made.

@@ -31,6 +31,7 @@ impl Oracle {
                     Request::LinkSilence(_)
                         | Request::ConfigureBus { .. }
                         | Request::ConfigureAxis { .. }
+                        | Request::ApplyChanges
                         | Request::RemoveAxis(_)
                 )
         };

@@ -13,4 +13,4 @@ pub use frame::{Deframer, Kind, Message, frame};
 pub use incident::Incident;
 pub use message::{News, Told, event, events_lost};
 pub use report::{Listed, Report, report};
-pub use request::{Clears, Request, Stops};
+pub use request::{BusSetting, Change, Clears, Request, Stops};

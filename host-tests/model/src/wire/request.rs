@@ -15,7 +15,13 @@ pub enum Request {
     /// 0x0010: the link silence in microseconds, if it is that parameter.
     LinkSilence(u32),
     /// 0x0011
-    ConfigureBus { bus: u8, bitrate: u32, protocols: u8, exclusive: bool, reply_window_us: u32 },
+    ConfigureBus { bus: u8, setting: BusSetting },
+    /// 0x0014
+    BeginChanges,
+    /// 0x0015
+    AddChanges(Vec<Change>),
+    /// 0x0016
+    ApplyChanges,
     /// 0x0020: the value as its bits.
     ConfigureAxis { axis: u8, parameter: u16, value: u32 },
     /// 0x0023
@@ -60,6 +66,26 @@ pub enum Request {
     Other,
 }
 
+/// One change of those that are made together; values are bits.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Change {
+    /// The link silence in microseconds.
+    LinkSilence(u32),
+    /// A bus; nothing: it no longer runs.
+    Bus(u8, Option<BusSetting>),
+    /// An axis, its parameter and value; nothing: it is no longer set.
+    Axis(u8, u16, Option<u32>),
+}
+
+/// How a bus is configured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BusSetting {
+    pub bitrate: u32,
+    pub protocols: u8,
+    pub exclusive: bool,
+    pub reply_window_us: u32,
+}
+
 /// Whom a `Stop` names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stops {
@@ -80,6 +106,8 @@ pub enum Clears {
 
 /// Axes that start together, at most.
 const MAX_MEMBERS: usize = 8;
+/// Changes of one message, at most.
+const MAX_CHANGES: usize = 6;
 /// Gateway parameter `link_silence_us`.
 const LINK_SILENCE: u16 = 256;
 
@@ -103,13 +131,13 @@ impl Request {
                 let (parameter, value) = (b.u16()?, value(b)?);
                 if parameter == LINK_SILENCE { Self::LinkSilence(value) } else { Self::Takes }
             }
-            0x0011 => Self::ConfigureBus {
-                bus: b.byte()?,
-                bitrate: b.u32()?,
-                protocols: b.byte()?,
-                exclusive: b.bool()?,
-                reply_window_us: b.u32()?,
-            },
+            0x0011 => Self::ConfigureBus { bus: b.byte()?, setting: bus_setting(b)? },
+            0x0014 => Self::BeginChanges,
+            0x0015 => {
+                let count = usize::try_from(b.varint(64)?).ok().filter(|n| *n <= MAX_CHANGES)?;
+                Self::AddChanges((0..count).map(|_| change(b)).collect::<Option<_>>()?)
+            }
+            0x0016 => Self::ApplyChanges,
             0x0020 => {
                 Self::ConfigureAxis { axis: b.byte()?, parameter: b.u16()?, value: value(b)? }
             }
@@ -192,6 +220,9 @@ impl Request {
             Self::Takes
             | Self::LinkSilence(_)
             | Self::ConfigureBus { .. }
+            | Self::BeginChanges
+            | Self::AddChanges(_)
+            | Self::ApplyChanges
             | Self::ConfigureAxis { .. }
             | Self::RemoveAxis(_)
             | Self::Provision { .. }
@@ -216,6 +247,25 @@ impl Request {
             | Self::ReadIncidents(_)
             | Self::Other => false,
         }
+    }
+}
+
+fn bus_setting(body: &mut Body<'_>) -> Option<BusSetting> {
+    Some(BusSetting {
+        bitrate: body.u32()?,
+        protocols: body.byte()?,
+        exclusive: body.bool()?,
+        reply_window_us: body.u32()?,
+    })
+}
+
+fn change(body: &mut Body<'_>) -> Option<Change> {
+    match body.varint(32)? {
+        // There is one parameter of the gateway.
+        0 => (body.u16()? == LINK_SILENCE).then_some(Change::LinkSilence(value(body)?)),
+        1 => Some(Change::Bus(body.byte()?, body.optional(bus_setting)?)),
+        2 => Some(Change::Axis(body.byte()?, body.u16()?, body.optional(value)?)),
+        _ => None,
     }
 }
 
