@@ -80,7 +80,7 @@ impl Bench {
             world.borrow_mut().inject(motor, Injection::ReplyJitter(jitter));
         }
         let mut bench = Self { world, line, outcome: None, trace: Vec::new() };
-        bench.set_up(&["configure", "--file", CONFIGURATION])?;
+        bench.set_up(&["config", "apply", CONFIGURATION])?;
         Ok(bench)
     }
 

@@ -78,7 +78,7 @@ fn run([first, second]: &[String; 2]) -> Result<(), Box<dyn std::error::Error>> 
     println!("the virtual board runs {}", image.display());
     println!("host link 0 is tcp:{port}, host link 1 is tcp:{}", listeners[1].local_addr()?);
     println!("try: mgw --port tcp:{port} info");
-    println!("     mgw --port tcp:{port} configure --file {}", configuration()?);
+    println!("     mgw --port tcp:{port} config apply {}", configuration()?);
     println!("     mgw --port tcp:{port} set 0 velocity 2 --for 3");
     println!("Ctrl-C ends it. What its motors do, in seconds since the start:");
     serve(listeners, machine, outside, |line| println!("{line}"))?;

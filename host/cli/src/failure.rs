@@ -7,6 +7,7 @@ use host_protocol::{AxisState, Error, Quantity, Trip, TripReason};
 use mgw_client::{ClientError, ConnectError};
 use serde_json::{Value, json};
 
+use crate::config::Finding;
 use crate::faults::Protocols;
 use crate::json;
 use crate::output::number;
@@ -30,6 +31,10 @@ pub enum Failure {
     Port { name: &'static str, text: String },
     /// What was typed, or stands in a file, makes no sense.
     Usage(String),
+    /// A configuration has errors.
+    Configuration { path: String, findings: Vec<Finding> },
+    /// The configuration of the gateway is not that of the file.
+    Differs { path: String, count: usize },
     /// A codec refuses a value.
     Refused {
         name: &'static str,
@@ -70,6 +75,11 @@ impl Failure {
             Self::Client(error) | Self::Lost { cause: error, .. } => client_name(error),
             Self::Port { name, .. } => name,
             Self::Usage(_) => "Usage",
+            Self::Configuration { findings, .. } => match findings.as_slice() {
+                [one] => one.name,
+                _ => "Configuration",
+            },
+            Self::Differs { .. } => "Differs",
             Self::Refused { name, .. } => name,
             Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
@@ -114,6 +124,9 @@ impl Failure {
             Self::StoppedElsewhere { axis, state } => json::axis::in_state(*axis, *state),
             Self::StopNotConfirmed { axis } => json!({ "axis": axis }),
             Self::Undecoded { failed, total } => json!({ "failed": failed, "total": total }),
+            Self::Configuration { path, findings } => json!({
+                "file": path, "findings": findings.iter().map(Finding::to_json).collect::<Value>(),
+            }),
             Self::Refused { field, value, range, .. } => json!({
                 "field": field, "value": value,
                 "min": range.map(|(min, _)| min), "max": range.map(|(_, max)| max),
@@ -128,6 +141,11 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => WRONG_USAGE,
+            Self::Configuration { findings, .. }
+                if findings.iter().all(|finding| finding.name == "Usage") =>
+            {
+                WRONG_USAGE
+            }
             Self::Client(ClientError::Connect(error)) if is_no_port(error) => WRONG_USAGE,
             Self::StopNotConfirmed { .. }
             | Self::StopTaken { .. }
@@ -246,6 +264,16 @@ impl fmt::Display for Failure {
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),
+            Self::Configuration { path, findings } => {
+                for (index, finding) in findings.iter().enumerate() {
+                    let before = if index > 0 { "\n" } else { "" };
+                    write!(f, "{before}{path}: {finding}")?;
+                }
+                Ok(())
+            }
+            Self::Differs { path, count } => {
+                write!(f, "the gateway has {count} settings other than {path}")
+            }
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }

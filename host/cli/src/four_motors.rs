@@ -4,11 +4,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use host_protocol::{CanId, Protocol};
-use mgw_client::Client;
+use mgw_client::{Client, Transport};
 use mgw_sim::{SimTransport, Wiring, World};
 
+use crate::config::{self, Configuration, Source};
 use crate::failure::Failure;
-use crate::plan::Plan;
 
 /// Its configuration, which is also the example of a configuration file.
 const CONFIGURATION: &str = include_str!("../examples/four-motors.toml");
@@ -36,14 +36,35 @@ pub fn world(d5_id: Option<CanId>) -> Rc<RefCell<World>> {
 }
 
 /// The same with a fifth motor, a D5 on RS485, and the configuration of all five.
-pub fn demonstration() -> Result<(Rc<RefCell<World>>, Plan), Failure> {
-    let plan = Plan::parse(&[CONFIGURATION, FIFTH].join("\n"))?;
-    Ok((Rc::new(RefCell::new(World::new(Wiring::five_motors()))), plan))
+pub fn demonstration() -> Result<(Rc<RefCell<World>>, Configuration), Failure> {
+    let configuration = read(&[CONFIGURATION, FIFTH].join("\n"))?;
+    Ok((Rc::new(RefCell::new(World::new(Wiring::five_motors()))), configuration))
 }
 
 /// The configuration for it.
-pub fn plan() -> Result<Plan, Failure> {
-    Plan::parse(CONFIGURATION)
+pub fn configuration() -> Result<Configuration, Failure> {
+    read(CONFIGURATION)
+}
+
+fn read(text: &str) -> Result<Configuration, Failure> {
+    let source = Source { path: "host/cli/examples".to_owned(), text: text.to_owned() };
+    let file = config::parse(&source);
+    let configuration = file.onto(Configuration::default());
+    match config::check_without_board(&file, &configuration) {
+        findings if findings.is_empty() => Ok(configuration),
+        findings => Err(Failure::Configuration { path: source.path, findings }),
+    }
+}
+
+/// Gives a gateway that has none a configuration.
+pub fn configure<T: Transport>(
+    client: &mut Client<T>,
+    configuration: &Configuration,
+) -> Result<(), Failure> {
+    client.begin_changes()?;
+    client.add_changes(&Configuration::default().changes_to(configuration))?;
+    client.apply_changes()?;
+    config::write_timeouts(client, configuration).map(drop)
 }
 
 /// A session with its gateway, in the time of the simulation.

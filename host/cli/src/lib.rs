@@ -6,6 +6,7 @@
 
 mod args;
 mod commands;
+mod config;
 mod decode;
 mod demo;
 mod encode;
@@ -20,7 +21,6 @@ mod manual;
 mod native_request;
 mod output;
 mod parameters;
-mod plan;
 mod printable;
 mod serve;
 mod session;
@@ -124,12 +124,22 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(Command::Completion { shell }) => manual::completion(*shell),
         Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
+        Some(Command::Config { action })
+            if let Some(result) = commands::config::run_alone(action, cli.port.is_some(), out) =>
+        {
+            result
+        }
         Some(command) => {
             // Before anything connects. What is itself a stop has nothing to stop when a signal
             // ends it.
             let interrupt =
                 if commands::is_stop(command) { Interrupt::default() } else { interrupt::note() };
-            let (port, transport) = find::open_port(cli.port.as_deref(), out)?;
+            let opened = find::open_port(cli.port.as_deref(), out);
+            if let (Err(_), Command::Config { action }) = (&opened, command) {
+                // What is wrong with a file is worth more than that nobody is there.
+                commands::config::refuse_without_board(action)?;
+            }
+            let (port, transport) = opened?;
             commands::run(transport, interrupt, out, command)
                 .map_err(|failure| find::not_a_gateway(&port, failure))
         }

@@ -95,6 +95,18 @@ pub fn shown(info: &ParameterInfo, value: Value) -> String {
     name.unwrap_or_else(|| value.to_string())
 }
 
+/// A value for programs: a name where the number has one.
+pub fn to_json(info: &ParameterInfo, value: Value) -> serde_json::Value {
+    let shown = shown(info, value);
+    match value {
+        _ if shown != value.to_string() => shown.into(),
+        Value::Bool(value) => value.into(),
+        Value::Unsigned(value) => value.into(),
+        Value::Signed(value) => value.into(),
+        Value::Float(value) => crate::output::number(value),
+    }
+}
+
 fn named(info: &ParameterInfo, text: &str) -> Option<u32> {
     names(info)?.find(|(name, _)| *name == text).map(|(_, number)| number)
 }

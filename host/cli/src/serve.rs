@@ -31,7 +31,7 @@ pub fn run(
     let world = four_motors::world(d5_id);
     if !unconfigured {
         let mut client = four_motors::connect(&world)?;
-        four_motors::plan()?.apply(&mut client)?;
+        four_motors::configure(&mut client, &four_motors::configuration()?)?;
         if let Some(id) = d5_id {
             let id = Value::Unsigned(id.to_wire());
             client.configure_axis(four_motors::D5_AXIS, AxisParameter::D5RequestId, id)?;
@@ -48,7 +48,7 @@ pub fn run(
     out.text(format!("try: mgw --port tcp:{address} info"))?;
     if unconfigured {
         out.text(format!(
-            "     mgw --port tcp:{address} configure --file host/cli/examples/four-motors.toml"
+            "     mgw --port tcp:{address} config apply host/cli/examples/four-motors.toml"
         ))?;
     }
     out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;

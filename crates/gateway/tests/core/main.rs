@@ -10,6 +10,7 @@ mod busy_line;
 mod bystanders;
 mod cancellation;
 mod capabilities;
+mod changes;
 mod clearing;
 mod d5;
 mod damaged_memory;

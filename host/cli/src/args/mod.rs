@@ -1,6 +1,6 @@
 //! The command line.
 
-mod configure;
+mod config;
 mod frames;
 mod motion;
 mod values;
@@ -14,7 +14,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 use host_protocol::{CanId, ClearTarget, StopTarget};
 
-pub use configure::{ConfigureArgs, ConfigureTarget};
+pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
 use values::{clear_target, seconds, stop_target};
@@ -54,7 +54,7 @@ Examples:
   mgw sim                                          serve a simulated gateway on tcp:127.0.0.1:7401
   mgw --port tcp:127.0.0.1:7401 info               what it is and what it can do
   mgw --port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3
-  mgw --port /dev/ttyACM0 configure --file four-motors.toml
+  mgw --port /dev/ttyACM0 config apply four-motors.toml
   MGW_PORT=/dev/ttyACM0 mgw state --json
   candump -L can0 | mgw decode                     captured frames in words; needs no gateway
 
@@ -100,20 +100,28 @@ pub enum Command {
     /// List the axes with bus, protocol, node and state
     Axes,
 
-    /// Configure buses, axes and the gateway; show an axis; program a motor's own timeout
+    /// Configure buses, axes and the gateway: by a file as a whole, or key by key
+    ///
+    /// All changes of a call are made together or not at all, and refused while an axis that they
+    /// change is not idle.
     #[command(
-        args_conflicts_with_subcommands = true,
         arg_required_else_help = true,
         after_help = "Examples:\n  \
-            mgw configure --file host/cli/examples/four-motors.toml\n  \
-            mgw configure bus 0 bitrate=1000000 protocols=rmd,thruster\n  \
-            mgw configure axis 0 bus=0 protocol=rmd node=1 stop_action=hold \
+            mgw config apply host/cli/examples/four-motors.toml\n  \
+            mgw config check four-motors.toml           all errors; sends nothing\n  \
+            mgw config dump > now.toml\n  \
+            mgw config diff four-motors.toml\n  \
+            mgw config bus 0 bitrate=1000000 protocols=rmd,thruster\n  \
+            mgw config axis 0 bus=0 protocol=rmd node=1 stop_action=hold \
             velocity_limit_rad_s=20\n  \
-            mgw configure gateway link_silence_us=250000\n  \
-            mgw configure timeout 0 200\n  \
-            mgw configure show 0"
+            mgw config unset axis 0 velocity_limit_rad_s\n  \
+            mgw config timeout 0 200\n  \
+            mgw config show 0"
     )]
-    Configure(ConfigureArgs),
+    Config {
+        #[command(subcommand)]
+        action: ConfigAction,
+    },
 
     /// Arm axes and keep the link alive until Ctrl-C or --for, then disarm them
     #[command(

@@ -15,7 +15,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     session.out.object(&json!({ "axes": axes.iter().map(|axis| json::axis::summary(axis, missing(axis))).collect::<Vec<_>>() }))?;
     if axes.is_empty() {
         return session.out.text(
-            "no axis is configured. Start with `mgw configure axis 0 bus=0 protocol=rmd node=1 \
+            "no axis is configured. Start with `mgw config axis 0 bus=0 protocol=rmd node=1 \
                 stop_action=hold` or a file",
         );
     }

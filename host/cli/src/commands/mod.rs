@@ -3,7 +3,7 @@
 mod arm;
 mod axes;
 mod bus;
-mod configure;
+pub mod config;
 mod drive;
 mod info;
 mod limits;
@@ -56,7 +56,7 @@ pub fn run(
     let result = dispatch(session, command);
     let in_command = matches!(
         command,
-        Command::Configure(_)
+        Command::Config { .. }
             | Command::Arm { .. }
             | Command::Set(_)
             | Command::Move(_)
@@ -89,7 +89,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Info => info::run(session),
         Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),
-        Command::Configure(arguments) => configure::run(session, arguments),
+        Command::Config { action } => config::run(session, action),
         Command::Arm { axes, seconds } => arm::run(session, axes, *seconds),
         Command::Set(arguments) => set::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),

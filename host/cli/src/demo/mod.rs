@@ -17,8 +17,8 @@ use trace::Trace;
 
 /// Shows it all; fails if any axis does not stop as it must.
 pub fn run(mut out: Output) -> Result<(), Failure> {
-    let (world, plan) = four_motors::demonstration()?;
-    let mut trace = Trace::new(&plan);
+    let (world, configuration) = four_motors::demonstration()?;
+    let mut trace = Trace::new(&configuration);
 
     out.text(
         "A motor gateway with five simulated motors, in simulated time. The gateway is the \
@@ -26,9 +26,9 @@ pub fn run(mut out: Output) -> Result<(), Failure> {
     )?;
     let mut client = four_motors::connect(&world)?;
     setup::introduce(&client, out)?;
-    setup::configure(&mut client, &plan, out)?;
+    setup::configure(&mut client, &configuration, out)?;
     out.motors = Protocols::new(&client.list_axes()?);
-    let axes: Vec<u8> = plan.axes().map(|axis| axis.axis).collect();
+    let axes: Vec<u8> = configuration.axes.keys().copied().collect();
     let epochs = setup::arm(&mut client, &axes, out)?;
 
     trace.collect(&world);

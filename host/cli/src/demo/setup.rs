@@ -7,11 +7,12 @@ use host_protocol::replies::AxisReport;
 use mgw_client::{Client, Transport};
 use serde_json::json;
 
+use crate::config::Configuration;
 use crate::failure::Failure;
+use crate::four_motors;
 use crate::json;
 use crate::output::Output;
 use crate::parameters;
-use crate::plan::Plan;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
@@ -48,18 +49,18 @@ pub fn introduce<T: Transport>(client: &Client<T>, out: Output) -> Result<(), Fa
 /// Sends the configuration and shows it.
 pub fn configure<T: Transport>(
     client: &mut Client<T>,
-    plan: &Plan,
+    configuration: &Configuration,
     out: Output,
 ) -> Result<(), Failure> {
-    plan.apply(client)?;
+    four_motors::configure(client, configuration)?;
     heading(out, "2. Configuration (host/cli/examples: four-motors.toml, d5-on-rs485.toml)")?;
-    for bus in plan.buses() {
+    for (bus, config) in &configuration.buses {
+        let (bitrate, protocols) = (config.bitrate, config.protocols);
         out.event(
             "bus_configured",
-            format!("bus {}: {} bit/s, {}", bus.bus, bus.bitrate, words::protocols(bus.protocols)),
+            format!("bus {bus}: {bitrate} bit/s, {}", words::protocols(protocols)),
             json!({
-                "bus": bus.bus, "bitrate_bit_s": bus.bitrate,
-                "protocols": json::protocols(bus.protocols)
+                "bus": bus, "bitrate_bit_s": bitrate, "protocols": json::protocols(protocols)
             }),
         )?;
     }
@@ -79,16 +80,16 @@ pub fn configure<T: Transport>(
         ">setpoint lives µs",
         "motor's own timeout",
     ]);
-    for axis in plan.axes() {
-        let mut cells = vec![axis.axis.to_string()];
+    for axis in configuration.axes.keys().copied() {
+        let mut cells = vec![axis.to_string()];
         for parameter in columns {
-            let value = client.read_axis_parameter(axis.axis, parameter)?;
+            let value = client.read_axis_parameter(axis, parameter)?;
             cells
                 .push(value.map_or(NOTHING.to_owned(), |value| {
                     parameters::shown(parameter.info(), value)
                 }));
         }
-        let report: AxisReport = client.read_state(axis.axis)?;
+        let report: AxisReport = client.read_state(axis)?;
         cells.push(words::motor_timeout(report.motor_timeout));
         table.row(cells);
     }

@@ -7,11 +7,11 @@ use host_protocol::ProtocolSet;
 use mgw_sim::{Station, TraceEntry, World};
 use serde_json::{Value, json};
 
+use crate::config::Configuration;
 use crate::failure::Failure;
 use crate::frames::{self, Meaning};
 use crate::json;
 use crate::output::Output;
-use crate::plan::Plan;
 use crate::table::Table;
 use crate::words;
 
@@ -29,12 +29,9 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Frames are read with the protocols that the plan gives their bus.
-    pub fn new(plan: &Plan) -> Self {
-        Self {
-            protocols: plan.buses().map(|bus| (bus.bus, bus.protocols)).collect(),
-            frames: Vec::new(),
-        }
+    /// Frames are read with the protocols that the configuration gives their bus.
+    pub fn new(configuration: &Configuration) -> Self {
+        Self { protocols: configuration.protocols(), frames: Vec::new() }
     }
 
     /// Takes the frames that travelled since the last call, forgetting those before.

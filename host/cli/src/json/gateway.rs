@@ -30,14 +30,17 @@ pub fn info(hello: &HelloReply, status: &GatewayReport) -> Value {
     value
 }
 
+/// How a bus is configured.
+pub fn bus_config(config: &BusConfig) -> Value {
+    json!({
+        "bitrate_bit_s": config.bitrate, "protocols": protocols(config.protocols),
+        "exclusive": config.exclusive, "reply_window_us": config.reply_window_us,
+    })
+}
+
 /// How a bus is.
 pub fn bus(bus: u8, report: &BusReport) -> Value {
-    let config = report.config.map(|config: BusConfig| {
-        json!({
-            "bitrate_bit_s": config.bitrate, "protocols": protocols(config.protocols),
-            "exclusive": config.exclusive, "reply_window_us": config.reply_window_us,
-        })
-    });
+    let config = report.config.as_ref().map(bus_config);
     let mut value = to_json(report);
     let own = json!({ "bus": bus, "state": name(&report.state), "config": config });
     extend(&mut value, own);

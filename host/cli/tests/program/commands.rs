@@ -64,26 +64,26 @@ fn axes_lists_the_four_that_sim_configures() {
 fn an_unconfigured_gateway_is_configured_by_hand() {
     let sim = Sim::with(&["--unconfigured"]);
     assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
-    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
-    sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    sim.mgw(&["config", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
+    sim.mgw(&["config", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
     let axes = &sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"];
     assert_eq!(
         (&axes[0]["state"], &axes[0]["missing"]),
         (&"unconfigured".into(), &"stop_action".into())
     );
-    sim.mgw(&["configure", "axis", "0", "stop_action=hold", "velocity_limit_rad_s=12.5"]).success();
-    sim.mgw(&["configure", "gateway", "link_silence_us=300000"]).success();
-    assert!(sim.mgw(&["configure", "timeout", "0", "300"]).success().contains("300 ms"));
-    let shown = &sim.mgw(&["--json", "configure", "show", "0"]).json_lines()[0]["parameters"];
+    sim.mgw(&["config", "axis", "0", "stop_action=hold", "velocity_limit_rad_s=12.5"]).success();
+    sim.mgw(&["config", "gateway", "link_silence_us=300000"]).success();
+    assert!(sim.mgw(&["config", "timeout", "0", "300"]).success().contains("300 ms"));
+    let shown = &sim.mgw(&["--json", "config", "show", "0"]).json_lines()[0]["parameters"];
     assert_eq!(shown["protocol"], "rmd");
     assert_eq!(shown["velocity_limit_rad_s"], 12.5);
     assert_eq!(shown["ttl_us"], 100_000);
     assert!(shown["current_limit_a"].is_null());
-    assert!(sim.mgw(&["configure", "show", "0"]).success().contains("stop_action"));
+    assert!(sim.mgw(&["config", "show", "0"]).success().contains("stop_action"));
     let bus = &sim.mgw(&["--json", "bus", "0"]).json_lines()[0]["buses"][0];
     assert_eq!(bus["config"]["bitrate_bit_s"], 1_000_000);
     assert_eq!(bus["config"]["protocols"], serde_json::json!(["rmd", "thruster"]));
-    sim.mgw(&["configure", "remove", "0"]).success();
+    sim.mgw(&["config", "remove", "0"]).success();
     assert_eq!(sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"], serde_json::json!([]));
 }
 
@@ -91,8 +91,8 @@ fn an_unconfigured_gateway_is_configured_by_hand() {
 fn a_file_configures_everything_at_once() {
     let sim = Sim::with(&["--unconfigured"]);
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
-    let text = sim.mgw(&["configure", "--file", file]).success();
-    assert_eq!(text, "configured 3 buses and 4 axes\n");
+    let text = sim.mgw(&["config", "apply", file]).success();
+    assert_eq!(text, "configured: 3 buses and 4 axes; 24 changes, 3 motor timeouts written\n");
     let json = &sim.mgw(&["axes", "--json"]).json_lines()[0];
     assert!(json["axes"].as_array().unwrap().iter().all(|axis| axis["state"] == "idle"), "{json}");
 }
@@ -102,20 +102,19 @@ fn a_d5_listens_on_an_id_of_29_bits() {
     let sim = Sim::with(&["--d5-id", "extended:0x12345678"]);
     let text = sim.mgw(&["set", "2", "velocity", "2", "--for", "0.5"]).success();
     assert!(text.contains("axis 2 is armed"), "{text}");
-    let shown = &sim.mgw(&["--json", "configure", "show", "2"]).json_lines()[0]["parameters"];
+    let shown = &sim.mgw(&["--json", "config", "show", "2"]).json_lines()[0]["parameters"];
     assert_eq!(shown["d5_request_id"], "extended:0x12345678");
     // Where it does not listen it does not answer.
-    sim.mgw(&["configure", "axis", "2", "d5_request_id=0x678"]).success();
+    sim.mgw(&["config", "axis", "2", "d5_request_id=0x678"]).success();
     sim.mgw(&["arm", "2"]).failure(1);
-    let refused =
-        sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
+    let refused = sim.mgw(&["config", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
     assert!(
         refused.contains("It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF"),
         "{refused}"
     );
     // The standard id of the motor's node is another than the extended one of that number.
     sim.mgw(&[
-        "configure",
+        "config",
         "axis",
         "4",
         "bus=1",
@@ -124,8 +123,7 @@ fn a_d5_listens_on_an_id_of_29_bits() {
         "d5_request_id=extended:0x12345678",
     ])
     .success();
-    let refused =
-        sim.mgw(&["configure", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
+    let refused = sim.mgw(&["config", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
     assert!(
         refused.contains("axis 2 would be sent frames on CAN id extended:0x12345678"),
         "{refused}"
@@ -238,7 +236,7 @@ fn state_and_stop_and_bus_print_tables() {
 #[test]
 fn an_axis_that_was_never_armed_makes_no_stop_fail() {
     let sim = Sim::patient();
-    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=5"]).success();
+    sim.mgw(&["config", "axis", "5", "bus=0", "protocol=rmd", "node=5"]).success();
     let mut host = Process::start(&["--port", &sim.port, "set", "0", "velocity", "2"]);
     host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
     for command in ["stop", "estop"] {
@@ -272,10 +270,10 @@ fn an_axis_that_was_never_armed_makes_no_stop_fail() {
 #[test]
 fn a_stop_that_is_not_confirmed_is_told_beside_those_that_are() {
     let sim = Sim::with(&["--unconfigured"]);
-    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
+    sim.mgw(&["config", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
     // Node 9 is not there.
     for (axis, node) in [("0", "node=9"), ("1", "node=1")] {
-        sim.mgw(&["configure", "axis", axis, "bus=0", "protocol=rmd", node, "stop_action=hold"])
+        sim.mgw(&["config", "axis", axis, "bus=0", "protocol=rmd", node, "stop_action=hold"])
             .success();
     }
     let outcome = sim.mgw(&["--json", "stop"]);
@@ -353,7 +351,7 @@ fn help_shows_examples() {
     let text = mgw(&["--help"]).success();
     assert!(text.contains("Examples:") && text.contains("mgw sim"), "{text}");
     for command in
-        ["sim", "configure", "arm", "set", "move", "native", "stop", "clear", "watch", "raw"]
+        ["sim", "config", "arm", "set", "move", "native", "stop", "clear", "watch", "raw"]
     {
         let text = mgw(&[command, "--help"]).success();
         assert!(text.contains("Examples:") && text.contains(&format!("mgw {command}")), "{text}");

@@ -1,6 +1,7 @@
 //! The program `mgw` as a user runs it.
 
 mod commands;
+mod config;
 mod decode;
 mod demonstration;
 mod encode;

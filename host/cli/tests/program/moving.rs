@@ -69,7 +69,7 @@ fn what_cannot_be_moved_so_is_refused_before_arming() {
 #[test]
 fn a_move_beyond_the_positions_of_its_axis_is_refused_before_arming() {
     let sim = Sim::patient();
-    sim.mgw_once_in_command(&["configure", "axis", "0", "position_max_rad=1"]).success();
+    sim.mgw_once_in_command(&["config", "axis", "0", "position_max_rad=1"]).success();
     let outcome = sim.mgw_once_in_command(&["--json", "move", "0", "1.5", "--speed-limit", "1"]);
     assert_eq!(outcome.stdout, "");
     assert!(outcome.failure(1).contains("out_of_range"));

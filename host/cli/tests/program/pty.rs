@@ -30,8 +30,8 @@ const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-
 /// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is
 /// shown in virtual time.
 const PATIENT: [&[&str]; 2] = [
-    &["configure", "gateway", "link_silence_us=10000000"],
-    &["configure", "axis", "0", "ttl_us=10000000"],
+    &["config", "gateway", "link_silence_us=10000000"],
+    &["config", "axis", "0", "ttl_us=10000000"],
 ];
 
 /// What the simulator says at the end.
@@ -74,7 +74,7 @@ impl Device {
 
 fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
     let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
-    for arguments in [&["configure", "--file", CONFIGURATION][..]].iter().chain(&PATIENT) {
+    for arguments in [&["config", "apply", CONFIGURATION][..]].iter().chain(&PATIENT) {
         let transport = SimTransport::new(world.clone(), CLEAN_LINK);
         assert_eq!(
             run_on(Box::new(transport), Interrupt::default(), arguments).exit_code,

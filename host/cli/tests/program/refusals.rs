@@ -69,7 +69,7 @@ fn wrong_usage_has_exit_code_2() {
         &["watch", "--count", "0"],
         &["set", "0", "velocity", "1", "--for", "0"],
         &["native", "0", "9C00000000000000", "--for", "0"],
-        &["configure"],
+        &["config"],
         &["sim", "--listen", "here"],
         &["--port", "tcp:nowhere", "info"],
         &["--port", "/dev/ttyACM0@fast", "info"],
@@ -88,8 +88,8 @@ fn the_gateway_refuses_each_bad_value_by_name() {
         (&["set", "0", "velocity", "nan", "--for", "1"], "not_a_number"),
         (&["set", "0", "velocity", "1000", "--for", "1"], "out_of_range"),
         (&["set", "1", "position", "1", "--speed-limit", "1", "--for", "1"], "unsupported"),
-        (&["configure", "axis", "0", "ttl_us=4999"], "out_of_range"),
-        (&["configure", "axis", "0", "node=254"], "out_of_range"),
+        (&["config", "axis", "0", "ttl_us=4999"], "out_of_range"),
+        (&["config", "axis", "0", "node=254"], "out_of_range"),
         (&["clear", "77"], "unknown_axis"),
     ];
     for (arguments, name) in cases {
@@ -110,8 +110,8 @@ fn the_gateway_refuses_each_bad_value_by_name() {
 #[test]
 fn an_axis_without_a_stop_action_does_not_arm() {
     let sim = Sim::with(&["--unconfigured"]);
-    sim.mgw(&["configure", "bus", "0", "bitrate=1000000", "protocols=rmd"]).success();
-    sim.mgw(&["configure", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    sim.mgw(&["config", "bus", "0", "bitrate=1000000", "protocols=rmd"]).success();
+    sim.mgw(&["config", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
     let error = error(sim.mgw(&["--json", "arm", "0"]), 1);
     assert_eq!(error["name"], "not_configured");
     let said = "axis 0 is not configured: it has no stop_action. Write it into a file, then `mgw \
@@ -122,11 +122,11 @@ fn an_axis_without_a_stop_action_does_not_arm() {
 #[test]
 fn slips_of_the_pen_are_answered_with_what_is_allowed() {
     let sim = Sim::start();
-    let text = sim.mgw(&["configure", "axis", "0", "stop_action=halt"]).failure(2);
+    let text = sim.mgw(&["config", "axis", "0", "stop_action=halt"]).failure(2);
     assert!(text.contains("coast, hold, brake"), "{text}");
-    let text = sim.mgw(&["configure", "axis", "0", "speed=3"]).failure(2);
+    let text = sim.mgw(&["config", "axis", "0", "speed=3"]).failure(2);
     assert!(text.contains("velocity_limit_rad_s"), "{text}");
-    let text = sim.mgw(&["configure", "bus", "0", "bitrate=1000000"]).failure(2);
+    let text = sim.mgw(&["config", "bus", "3", "bitrate=115200"]).failure(2);
     assert!(text.contains("protocols="), "{text}");
     let text = sim.mgw(&["set", "0", "position", "1"]).failure(2);
     assert!(text.contains("--speed-limit"), "{text}");
@@ -136,14 +136,10 @@ fn slips_of_the_pen_are_answered_with_what_is_allowed() {
 
 #[test]
 fn a_file_is_read_before_anything_connects_and_only_so_far() {
-    let nobody = ["--port", "tcp:127.0.0.1:1", "configure", "--file"];
+    let nobody = ["--port", "tcp:127.0.0.1:1", "config", "apply"];
     let text = mgw(&[&nobody[..], &["/no/such/file.toml"]].concat()).failure(2);
     assert!(text.contains("/no/such/file.toml") && text.contains("No such file"), "{text}");
-    for (path, said) in [
-        ("/dev/zero", "a pipe or a device"),
-        ("/", "a directory"),
-        ("-", "not from standard input"),
-    ] {
+    for (path, said) in [("/dev/zero", "a pipe or a device"), ("/", "a directory")] {
         let text = mgw(&[&nobody[..], &[path]].concat()).failure(2);
         assert!(text.contains(said), "{path}: {text}");
     }
@@ -152,13 +148,13 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
     let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
     assert!(text.contains("more than 262144 bytes"), "{text}");
     std::fs::write(&path, "[[axis]]\naxis = 0\nttl_us = 1\n").unwrap();
-    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(1);
     assert!(text.contains("line 3, axis 0: ttl_us 1 µs is out of range"), "{text}");
     assert!(text.contains(path.to_str().unwrap()), "{text}");
     std::fs::write(&path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
-    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(1);
     std::fs::remove_file(&path).unwrap();
-    assert!(text.contains("not a configuration") && !text.contains('\u{1b}'), "{text:?}");
+    assert!(text.contains("line 3, ") && !text.contains('\u{1b}'), "{text:?}");
 }
 
 /// Nobody writes into the pipe: it is refused and not waited for.
@@ -166,8 +162,8 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
 fn a_pipe_is_no_configuration() {
     let path = std::env::temp_dir().join(format!("mgw-{}.fifo", std::process::id()));
     nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
-    let text = mgw(&["--port", "tcp:127.0.0.1:1", "configure", "--file", path.to_str().unwrap()])
-        .failure(2);
+    let text =
+        mgw(&["--port", "tcp:127.0.0.1:1", "config", "apply", path.to_str().unwrap()]).failure(2);
     std::fs::remove_file(&path).unwrap();
     assert!(text.contains("a pipe or a device"), "{text}");
 }
@@ -186,8 +182,8 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let sim = Sim::with(&["--unconfigured"]);
     let path = std::env::temp_dir().join(format!("mgw-{}-refused.toml", std::process::id()));
     for (text, name, said) in [
-        (axis("signal_limit = 0.5\n"), "cannot_measure", "line 2, axis 0: "),
-        (axis("").replace("rmd", "thruster"), "unsupported", "line 2, axis 0: "),
+        (axis("signal_limit = 0.5\n"), "cannot_measure", "line 7, axis 0: "),
+        (axis("").replace("rmd", "thruster"), "unsupported", "line 6, axis 0: "),
         (axis("").replace("node = 1", "node = 33"), "out_of_range", "allowed are 1 to 32"),
         (
             axis("")
@@ -195,27 +191,36 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
                 .replace("rmd", "thruster")
                 .replace("hold", "coast"),
             "wrong_bus_kind",
-            "line 2, axis 0: ",
+            "line 3, axis 0: ",
         ),
-        (axis("").replace("bus = 0", "bus = 6"), "unknown_bus", "line 2, axis 0: "),
+        (axis("").replace("bus = 0", "bus = 6"), "unknown_bus", "line 3, axis 0: "),
         (axis("").replace("axis = 0", "axis = 77"), "unknown_axis", "line 2, axis 77: "),
-        (axis("") + &second, "node_in_use", "line 8, axis 1: "),
+        (axis("") + &second, "node_in_use", "line 11, axis 1: "),
         (
             axis("motor_timeout_ms = 50\n").replace("rmd", "thruster").replace("hold", "coast"),
             "out_of_range",
             "100 ms",
         ),
-        (bus.replace("1_000_000", "123"), "bitrate_not_offered", "line 2, bus 0: "),
+        (bus.replace("1_000_000", "123"), "bitrate_not_offered", "line 3, bus 0: "),
         (
             bus.replace("rmd", "d5").replace("1_000_000", "210_526"),
             "needs_own_bus",
-            "line 2, bus 0: ",
+            "line 4, bus 0: ",
         ),
-        (bus.replace("bus = 0", "bus = 2"), "wrong_bus_kind", "line 2, bus 2: "),
+        (
+            bus.replace("bus = 0", "bus = 2").replace("1_000_000", "115_200"),
+            "wrong_bus_kind",
+            "line 4, bus 2: ",
+        ),
     ] {
-        let gateway = "[gateway]\nlink_silence_us = 300_000\n";
-        std::fs::write(&path, text.clone() + gateway).unwrap();
-        let error = error(sim.mgw(&["--json", "configure", "--file", path.to_str().unwrap()]), 1);
+        // The buses that the axes are on.
+        let mut rest = "[gateway]\nlink_silence_us = 300_000\n".to_owned();
+        if !text.contains("[[bus]]") {
+            rest += bus;
+            rest += "[[bus]]\nbus = 2\nbitrate = 115_200\nprotocols = [\"rmd\"]\n";
+        }
+        std::fs::write(&path, text.clone() + &rest).unwrap();
+        let error = error(sim.mgw(&["--json", "config", "apply", path.to_str().unwrap()]), 1);
         assert_eq!(error["name"], name, "{text}{error}");
         let message = error["message"].as_str().unwrap();
         assert!(
@@ -319,7 +324,7 @@ fn the_unsafe_clear_needs_a_motor_out_of_reach() {
 #[test]
 fn no_setpoint_that_would_be_refused_arms_the_axis() {
     let sim = Sim::patient();
-    sim.mgw_once_in_command(&["configure", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"])
+    sim.mgw_once_in_command(&["config", "axis", "0", "current_limit_a=2", "torque_limit_nm=1"])
         .success();
     for (words, name) in [
         ("0 velocity nan", "not_a_number"),
@@ -374,7 +379,7 @@ fn a_stop_by_another_host_is_told() {
 #[test]
 fn an_axis_that_is_not_configured_is_not_removed() {
     let sim = Sim::start();
-    let error = error(sim.mgw(&["--json", "configure", "remove", "9"]), 1);
+    let error = error(sim.mgw(&["--json", "config", "remove", "9"]), 1);
     assert_eq!(error["name"], "not_configured");
     assert!(error["message"].as_str().unwrap().contains("axis 9 is not configured"), "{error}");
 }

@@ -228,9 +228,9 @@ impl Sim {
     /// in µs.
     pub fn with_times(ttl_us: u32, link_silence_us: u32) -> Self {
         let sim = Self::start();
-        sim.mgw(&["configure", "gateway", &format!("link_silence_us={link_silence_us}")]).success();
+        sim.mgw(&["config", "gateway", &format!("link_silence_us={link_silence_us}")]).success();
         for axis in ["0", "1", "2", "3"] {
-            sim.mgw_once_in_command(&["configure", "axis", axis, &format!("ttl_us={ttl_us}")])
+            sim.mgw_once_in_command(&["config", "axis", axis, &format!("ttl_us={ttl_us}")])
                 .success();
         }
         sim

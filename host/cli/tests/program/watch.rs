@@ -90,7 +90,7 @@ fn axes_are_watched_once_and_only_if_they_are_configured() {
 #[test]
 fn a_motor_that_does_not_answer_is_told_once() {
     let sim = Sim::start();
-    sim.mgw(&["configure", "axis", "5", "bus=0", "protocol=rmd", "node=9", "stop_action=hold"])
+    sim.mgw(&["config", "axis", "5", "bus=0", "protocol=rmd", "node=9", "stop_action=hold"])
         .success();
     let lines =
         sim.mgw(&["--json", "watch", "0", "5", "--period", "100", "--count", "50"]).json_lines();

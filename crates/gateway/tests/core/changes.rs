@@ -1,0 +1,161 @@
+//! Changes of the configuration that are made together: what a reset in the middle leaves of them,
+//! and how much fits.
+
+use crate::bench::{self, hello, run_with_host};
+use crate::rig::Rig;
+use gateway::Event;
+use host_protocol::{
+    AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter,
+    MAX_FRAME, Reply, Request, Setting, StopAction, Value, replies, requests,
+};
+
+const LIMIT: u16 = AxisParameter::VelocityLimitRadS.number();
+
+fn limit(axis: u8, value: Option<f32>) -> Change {
+    Change::Axis { axis, parameter: LIMIT, value: value.map(Value::Float) }
+}
+
+fn add(rig: &mut Rig, changes: &[Change]) -> Result<Reply, Error> {
+    let changes = changes.iter().copied().collect();
+    rig.ask(Request::AddChanges(requests::AddChanges { changes }))
+}
+
+fn begin(rig: &mut Rig) {
+    rig.ask(Request::BeginChanges(requests::BeginChanges {})).unwrap();
+}
+
+fn apply(rig: &mut Rig) -> Result<Reply, Error> {
+    rig.ask(Request::ApplyChanges(requests::ApplyChanges {}))
+}
+
+fn settings(rig: &mut Rig, axis: u8, first: u16) -> replies::AxisSettings {
+    match rig.ask(Request::ReadAxisSettings(requests::ReadAxisSettings { axis, first })) {
+        Ok(Reply::ReadAxisSettings(settings)) => settings,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Three axes and the link silence change together, and the board is reset behind each word of what
+/// is stored for it.
+#[test]
+fn a_reset_that_leaves_some_of_the_changes_as_before_latches_the_e_stop() {
+    let mut rig = bench::rmd_axes(3);
+    let silence = GatewayParameter::LinkSilenceUs.number();
+    begin(&mut rig);
+    add(&mut rig, &[limit(0, Some(5.0)), limit(1, Some(5.0)), limit(2, Some(5.0))]).unwrap();
+    let longer = Change::Gateway { parameter: silence, value: Value::Unsigned(900_000) };
+    add(&mut rig, &[longer]).unwrap();
+    let before = rig.memory.clone();
+    let mut frame = [0; MAX_FRAME];
+    let request = Request::ApplyChanges(requests::ApplyChanges {});
+    let length = request.encode_frame(0x7000, &mut frame).unwrap();
+    let (now, mut stored) = (rig.now(), Vec::new());
+    let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
+    rig.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
+    let mut latched = 0;
+    for cut in 0..=stored.len() {
+        rig.memory.clone_from(&before);
+        for (index, word) in &stored[..cut] {
+            rig.memory[*index] = *word;
+        }
+        rig.reset();
+        hello(&mut rig);
+        let status = match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
+            Ok(Reply::GatewayStatus(status)) => status,
+            other => panic!("{other:?}"),
+        };
+        let read = requests::ReadGatewayParameter { parameter: silence };
+        let is_new = match rig.ask(Request::ReadGatewayParameter(read)) {
+            Ok(Reply::ReadGatewayParameter(reply)) => reply.value == Some(Value::Unsigned(900_000)),
+            other => panic!("{other:?}"),
+        };
+        let is_limited = |axis| {
+            let settings = settings(&mut rig, axis, LIMIT).settings;
+            settings.first().is_some_and(|setting| setting.parameter == LIMIT)
+        };
+        let limited: Vec<bool> = (0..3).map(is_limited).collect();
+        if status.e_stop_latched {
+            assert!(status.memory_damaged, "behind {cut} words");
+            latched += 1;
+        } else {
+            assert_eq!(limited, [is_new; 3], "behind {cut} words");
+        }
+        assert!(cut > 0 || !status.e_stop_latched && !is_new);
+    }
+    assert!(latched > stored.len() / 2, "{latched} of {}", stored.len());
+}
+
+#[test]
+fn a_list_holds_320_changes_of_axes_and_no_more() {
+    let mut rig = bench::rmd_axes(1);
+    begin(&mut rig);
+    for _ in 0..64 {
+        add(&mut rig, &[limit(0, Some(5.0)); 5]).unwrap();
+    }
+    // The last but one of a parameter is not the one that counts.
+    let refused = add(&mut rig, &[limit(0, Some(6.0))]);
+    assert_eq!(refused, Err(Error::TooManyChanges { most: 320 }));
+    assert_eq!(apply(&mut rig), Err(Error::NoChangesBegun {}));
+    assert_eq!(settings(&mut rig, 0, LIMIT).settings.first().map(|s| s.parameter), Some(21));
+}
+
+/// All that can be set, over more than one page, without a gap and in order.
+#[test]
+fn settings_are_read_page_by_page() {
+    let mut rig = bench::rmd_axes(1);
+    for parameter in AxisParameter::ALL.iter().copied().skip(5).take(28) {
+        let value = parameter.info().default.unwrap_or(parameter.info().max);
+        let request = requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value };
+        // Some mean nothing to this motor.
+        let _ = rig.ask(Request::ConfigureAxis(request));
+    }
+    let (mut all, mut first) = (Vec::<Setting>::new(), Some(0));
+    let mut pages = 0;
+    while let Some(from) = first {
+        let page = settings(&mut rig, 0, from);
+        assert!(page.next.is_none() || page.settings.is_full());
+        all.extend(page.settings);
+        first = page.next;
+        pages += 1;
+    }
+    let numbers: Vec<u16> = all.iter().map(|setting| setting.parameter).collect();
+    assert!(pages == 2 && numbers.is_sorted_by(|a, b| a < b), "{pages}: {numbers:?}");
+    for setting in &all {
+        let known = AxisParameter::from_number(setting.parameter).unwrap();
+        let read = requests::ReadAxisParameter { axis: 0, parameter: known.number() };
+        let value = Some(setting.value);
+        let reply = Reply::ReadAxisParameter(replies::ParameterValue { value });
+        assert_eq!(rig.ask(Request::ReadAxisParameter(read)), Ok(reply), "{known}");
+    }
+}
+
+/// A bus that is no longer configured says so, is given no frame and no setup, and its controller's
+/// late words are not believed.
+#[test]
+fn a_bus_that_is_no_longer_configured_is_silent() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    begin(&mut rig);
+    add(&mut rig, &[Change::Bus { bus: 0, config: None }]).unwrap();
+    apply(&mut rig).unwrap();
+    assert_eq!(rig.gateway.bus_setup(0), None);
+    let told = HostEvent::BusStateChanged { bus: 0, state: BusState::Unconfigured };
+    run_with_host(&mut rig, 10_000);
+    assert!(rig.events().contains(&&told), "{:?}", rig.events());
+    let since = rig.now_us;
+    rig.handle(Event::BusState {
+        bus: 0,
+        state: BusState::BusOff,
+        transmit_errors: 255,
+        receive_errors: 0,
+    });
+    assert_eq!(
+        rig.ask(Request::Arm(requests::Arm { axis: 0 })),
+        Err(Error::BusNotConfigured { bus: 0 })
+    );
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 200_000);
+    assert_eq!(rig.sent_since(0, since), Vec::<&str>::new());
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+    bench::configure_bus(&mut rig, 0, 1_000_000, &[host_protocol::Protocol::Rmd]);
+    assert!(rig.gateway.bus_setup(0).is_some());
+}

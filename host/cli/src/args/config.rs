@@ -1,0 +1,93 @@
+//! The arguments of `config`.
+
+use clap::{Args, Subcommand};
+
+use crate::config::Source;
+
+#[derive(Debug, Subcommand)]
+pub enum ConfigAction {
+    /// Make the configuration of a TOML file the gateway's: what is not in it has its default
+    Apply {
+        #[command(flatten)]
+        file: ConfigFile,
+        /// Only look for errors, and send nothing; without --port as far as that is possible
+        #[arg(long)]
+        check: bool,
+    },
+    /// Look for errors in a file, and send nothing; without --port as far as that is possible
+    Check {
+        #[command(flatten)]
+        file: ConfigFile,
+    },
+    /// Show what applying a file would change; exit code 1 if that is something
+    Diff {
+        #[command(flatten)]
+        file: ConfigFile,
+    },
+    /// Print the configuration as a file
+    Dump,
+    /// Configure nothing: no bus, no axis
+    Reset,
+    /// Give parameters their default again
+    Unset {
+        #[command(subcommand)]
+        row: ConfigRow,
+    },
+    /// Print the JSON schema of the file, for editors
+    Schema,
+    #[command(flatten)]
+    Set(ConfigRow),
+    /// Write the motor's own communication timeout; it stays in the motor. 0 switches it off
+    Timeout {
+        /// The axis
+        axis: u8,
+        /// Milliseconds
+        milliseconds: u32,
+    },
+    /// Show every parameter of an axis with its value, unit and range
+    Show {
+        /// The axis
+        axis: u8,
+    },
+    /// Remove an axis from the configuration
+    Remove {
+        /// The axis
+        axis: u8,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct ConfigFile {
+    /// The file, or `-` for standard input
+    #[arg(value_name = "FILE", value_parser = Source::read)]
+    pub source: Source,
+    /// Change only what the file names
+    #[arg(long)]
+    pub merge: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ConfigRow {
+    /// Parameters of a bus: bitrate, protocols (rmd,thruster,d5), exclusive, reply_window_us
+    Bus {
+        /// The bus
+        bus: u8,
+        /// NAME=VALUE; to unset it NAME
+        #[arg(required = true, value_name = "NAME[=VALUE]")]
+        words: Vec<String>,
+    },
+    /// Parameters of an axis; `mgw config show AXIS` lists them
+    Axis {
+        /// The axis
+        axis: u8,
+        /// NAME=VALUE; to unset it NAME
+        #[arg(required = true, value_name = "NAME[=VALUE]")]
+        words: Vec<String>,
+    },
+    /// Parameters of the gateway: link_silence_us
+    Gateway {
+        /// NAME=VALUE; to unset it NAME
+        #[arg(required = true, value_name = "NAME[=VALUE]")]
+        words: Vec<String>,
+    },
+}

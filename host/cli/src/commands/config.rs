@@ -1,0 +1,295 @@
+//! `mgw config`
+
+use std::collections::BTreeMap;
+
+use host_protocol::{AxisParameter, Change};
+use mgw_client::ClientError;
+use serde_json::{Value as Json, json};
+
+use crate::args::{ConfigAction, ConfigFile, ConfigRow};
+use crate::config::{
+    self, BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NEW_BUS, Row, Source,
+};
+use crate::failure::Failure;
+use crate::json;
+use crate::output::Output;
+use crate::parameters;
+use crate::session::Session;
+use crate::table::Table;
+use crate::words::{self, NOTHING};
+
+/// What a check without a gateway leaves open.
+const WITHOUT_BOARD: &str = "not looked at without a gateway: whether its board has these buses, \
+    of that kind, with these bitrates. Add --port";
+
+/// Carries out what needs no gateway, if it is such a thing and none is named.
+pub fn run_alone(
+    action: &ConfigAction,
+    has_port: bool,
+    out: Output,
+) -> Option<Result<(), Failure>> {
+    match action {
+        ConfigAction::Schema => Some(print_schema(out)),
+        ConfigAction::Apply { file, check: true } | ConfigAction::Check { file } if !has_port => {
+            Some(check_alone(file, out))
+        }
+        _ => None,
+    }
+}
+
+/// Refuses a file that no gateway would take.
+pub fn refuse_without_board(action: &ConfigAction) -> Result<(), Failure> {
+    match action {
+        ConfigAction::Apply { file, .. }
+        | ConfigAction::Check { file }
+        | ConfigAction::Diff { file }
+            if !file.merge =>
+        {
+            let read = config::parse(&file.source);
+            let wanted = read.onto(Configuration::default());
+            refuse(&file.source, config::check_without_board(&read, &wanted))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_alone(file: &ConfigFile, out: Output) -> Result<(), Failure> {
+    if file.merge {
+        let text = "--merge starts from what a gateway has. Add --port".to_owned();
+        return Err(Failure::Usage(text));
+    }
+    let read = config::parse(&file.source);
+    let wanted = read.onto(Configuration::default());
+    refuse(&file.source, config::check_without_board(&read, &wanted))?;
+    let line = format!("{}: {}; {WITHOUT_BOARD}", file.source.path, counted(&wanted));
+    out.either(line, &json!({ "checked": counts(&wanted), "board": null, "changes": null }))
+}
+
+fn print_schema(out: Output) -> Result<(), Failure> {
+    let schema = config::schema();
+    let pretty = serde_json::to_string_pretty(&schema).unwrap_or_default();
+    pretty.lines().try_for_each(|line| out.text(line))?;
+    out.object(&schema)
+}
+
+/// Carries out the others.
+pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> {
+    match action {
+        // Without a gateway to ask: it never comes here.
+        ConfigAction::Schema => print_schema(session.out),
+        ConfigAction::Apply { file, check: false } => apply(session, file),
+        ConfigAction::Apply { file, .. } | ConfigAction::Check { file } => check(session, file),
+        ConfigAction::Diff { file } => diff(session, file),
+        ConfigAction::Dump => dump(session),
+        ConfigAction::Reset => {
+            let running = begin(session)?;
+            let changes = running.changes_to(&Configuration::default());
+            make(session, &changes)?;
+            done(session, format!("reset: {} removed", counted(&running)), changes.len())
+        }
+        ConfigAction::Unset { row } => {
+            let (row, names) = row.parts();
+            change(session, row, |wanted| names.iter().try_for_each(|name| wanted.unset(row, name)))
+        }
+        ConfigAction::Set(row) => {
+            let (row, assignments) = row.parts();
+            let entries = config::assignments(row, assignments)?;
+            change(session, row, |wanted| {
+                entries.iter().for_each(|entry| wanted.set(entry));
+                Ok(())
+            })
+        }
+        ConfigAction::Timeout { axis, milliseconds } => {
+            let timeout = session.client.provision_motor_timeout(*axis, *milliseconds)?;
+            let line = format!(
+                "axis {axis}: the motor's own timeout is {}",
+                words::motor_timeout(timeout)
+            );
+            let mut fields = json!({ "axis": axis });
+            json::extend(&mut fields, json::axis::motor_timeout(timeout));
+            session.out.either(line, &fields)
+        }
+        ConfigAction::Show { axis } => show(session, *axis),
+        ConfigAction::Remove { axis } => {
+            session.refuse_unconfigured(&[*axis], "there is nothing to remove")?;
+            session.client.remove_axis(*axis)?;
+            done(session, format!("axis {axis} removed"), 1)
+        }
+    }
+}
+
+/// Takes authority, so that nobody else changes what is read now.
+fn begin(session: &mut Session) -> Result<Configuration, Failure> {
+    session.client.take_authority()?;
+    Ok(config::read(&mut session.client)?)
+}
+
+/// What a file makes of the configuration of the gateway, if that would take it.
+fn wanted(
+    session: &Session,
+    file: &ConfigFile,
+    running: &Configuration,
+) -> Result<Configuration, Failure> {
+    let read = config::parse(&file.source);
+    let base = if file.merge { running.clone() } else { Configuration::default() };
+    let wanted = read.onto(base);
+    let board = BoardPorts::of(session.client.hello());
+    refuse(&file.source, config::check(&read, &wanted, &board))?;
+    Ok(wanted)
+}
+
+fn refuse(source: &Source, findings: Vec<Finding>) -> Result<(), Failure> {
+    if findings.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Configuration { path: source.path.clone(), findings })
+}
+
+fn apply(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
+    let running = begin(session)?;
+    let wanted = wanted(session, file, &running)?;
+    let changes = running.changes_to(&wanted);
+    make(session, &changes)?;
+    let timeouts = config::write_timeouts(&mut session.client, &wanted)?;
+    let line = format!(
+        "configured: {}; {} changes, {timeouts} motor timeouts written",
+        counted(&wanted),
+        changes.len()
+    );
+    session.out.either(
+        line,
+        &json!({
+            "configured": counts(&wanted),
+            "changes": changes.len(), "motor_timeouts_written": timeouts,
+        }),
+    )
+}
+
+fn check(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
+    let running = config::read(&mut session.client)?;
+    let wanted = wanted(session, file, &running)?;
+    let changes = running.changes_to(&wanted).len();
+    let board = session.client.hello().board.as_str().to_owned();
+    let line = format!("{}: {}; {changes} changes", file.source.path, counted(&wanted));
+    session
+        .out
+        .either(line, &json!({ "checked": counts(&wanted), "board": board, "changes": changes }))
+}
+
+fn diff(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
+    let running = config::read(&mut session.client)?;
+    let wanted = wanted(session, file, &running)?;
+    let changes = running.changes_to(&wanted);
+    for change in &changes {
+        session.out.text(running.shown(change))?;
+    }
+    let mut objects: Vec<Json> = changes.iter().map(config::change_to_json).collect();
+    for (axis, timeout_ms) in &wanted.motor_timeouts {
+        let known = running.motor_timeouts.get(axis);
+        if known.is_none_or(|known| known != timeout_ms) {
+            let known = known.map_or("not known".to_owned(), |known| format!("{known} ms"));
+            session.out.text(format!("axis {axis}: {MOTOR_TIMEOUT} {known} -> {timeout_ms} ms"))?;
+            objects.push(json!({ "axis": axis, "parameter": MOTOR_TIMEOUT, "value": timeout_ms }));
+        }
+    }
+    let count = objects.len();
+    session.out.object(&json!({ "differences": objects }))?;
+    if count == 0 {
+        Ok(())
+    } else {
+        Err(Failure::Differs { path: file.source.path.clone(), count })
+    }
+}
+
+fn dump(session: &mut Session) -> Result<(), Failure> {
+    let running = config::read(&mut session.client)?;
+    let text = config::dump(&running);
+    text.lines().try_for_each(|line| session.out.text(line))?;
+    session.out.object(&json!({ "toml": text }))
+}
+
+/// Changes a row of the configuration of the gateway.
+fn change(
+    session: &mut Session,
+    row: Row,
+    alter: impl FnOnce(&mut Configuration) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let running = begin(session)?;
+    let mut wanted = running.clone();
+    alter(&mut wanted)?;
+    if let Row::Bus(bus) = row
+        && let Some(config) = wanted.buses.get(&bus)
+        && (config.bitrate == NEW_BUS.bitrate || config.protocols == NEW_BUS.protocols)
+    {
+        let text = "a bus needs bitrate= and protocols=, for example bitrate=1000000 \
+            protocols=rmd,thruster";
+        return Err(Failure::Usage(text.to_owned()));
+    }
+    let changes = running.changes_to(&wanted);
+    make(session, &changes)?;
+    done(session, format!("{row} configured"), changes.len())
+}
+
+/// Makes all changes or none.
+fn make(session: &mut Session, changes: &[Change]) -> Result<(), Failure> {
+    if changes.is_empty() {
+        return Ok(());
+    }
+    let client = &mut session.client;
+    let made = client
+        .begin_changes()
+        .and_then(|()| client.add_changes(changes))
+        .and_then(|()| client.apply_changes());
+    made.map_err(|error| match error {
+        ClientError::Gateway(error) => {
+            Failure::Explained { error, text: format!("{error}. Nothing was changed") }
+        }
+        error => error.into(),
+    })
+}
+
+fn done(session: &Session, line: String, changes: usize) -> Result<(), Failure> {
+    session.out.either(line, &json!({ "done": true, "changes": changes }))
+}
+
+fn counted(configuration: &Configuration) -> String {
+    format!("{} buses and {} axes", configuration.buses.len(), configuration.axes.len())
+}
+
+fn counts(configuration: &Configuration) -> Json {
+    json!({ "buses": configuration.buses.len(), "axes": configuration.axes.len() })
+}
+
+fn show(session: &mut Session, axis: u8) -> Result<(), Failure> {
+    let mut table = Table::new(&["parameter", ">value", "allowed", "meaning"]);
+    let mut object = serde_json::Map::new();
+    let (settings, _) = session.client.axis_settings(axis)?;
+    let set: BTreeMap<u16, _> =
+        settings.iter().map(|setting| (setting.parameter, setting.value)).collect();
+    for parameter in AxisParameter::ALL {
+        let (info, text) = (parameter.info(), parameter.text());
+        let value = set.get(&parameter.number()).copied().or(info.default);
+        let json = value.map_or(Json::Null, |value| parameters::to_json(info, value));
+        object.insert(text.name.to_owned(), json);
+        let nothing = if info.required { "missing" } else { NOTHING };
+        table.row([
+            text.name.to_owned(),
+            value.map_or(nothing.to_owned(), |value| parameters::shown(info, value)),
+            parameters::allowed(info),
+            text.doc.to_owned(),
+        ]);
+    }
+    session.out.table(&table)?;
+    session.out.object(&json!({ "axis": axis, "parameters": object }))
+}
+
+impl ConfigRow {
+    /// Which row, and what is said of it.
+    fn parts(&self) -> (Row, &[String]) {
+        match self {
+            Self::Gateway { words } => (Row::Gateway, words),
+            Self::Bus { bus, words } => (Row::Bus(*bus), words),
+            Self::Axis { axis, words } => (Row::Axis(*axis), words),
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The configuration that a gateway has, and what is written to its motors.
+
+use host_protocol::{GatewayParameter, MotorTimeout, Protocol, Value};
+use mgw_client::{Client, ClientError, Transport};
+
+use super::Configuration;
+use crate::failure::Failure;
+
+/// Reads the whole configuration of a gateway.
+pub fn read<T: Transport>(client: &mut Client<T>) -> Result<Configuration, ClientError> {
+    let mut configuration = Configuration::default();
+    for parameter in GatewayParameter::ALL.iter().copied() {
+        if let Some(value) = client.read_gateway_parameter(parameter)? {
+            configuration.gateway.insert(parameter, value);
+        }
+    }
+    for bus in 0..u8::try_from(client.hello().buses.len()).unwrap_or(u8::MAX) {
+        if let Some(config) = client.bus_status(bus)?.config {
+            configuration.buses.insert(bus, config);
+        }
+    }
+    for summary in client.list_axes()? {
+        let (settings, motor_timeout) = client.axis_settings(summary.axis)?;
+        let known = |number| host_protocol::AxisParameter::from_number(number);
+        let values =
+            settings.iter().filter_map(|setting| Some((known(setting.parameter)?, setting.value)));
+        configuration.axes.insert(summary.axis, values.collect());
+        if let Some(timeout_ms) = written(motor_timeout, summary.protocol) {
+            configuration.motor_timeouts.insert(summary.axis, timeout_ms);
+        }
+    }
+    Ok(configuration)
+}
+
+/// The time that writing gives the motor the timeout that is known of it.
+fn written(timeout: MotorTimeout, protocol: Option<Protocol>) -> Option<u32> {
+    match timeout {
+        MotorTimeout::Written { timeout_ms } => Some(timeout_ms),
+        // The switch of a D5: nobody states its time.
+        MotorTimeout::Verified if protocol == Some(Protocol::D5) => Some(1),
+        MotorTimeout::Off => Some(0),
+        MotorTimeout::Verified | MotorTimeout::Unknown => None,
+    }
+}
+
+/// Writes the motors' own timeouts, but for those that the gateway knows the motor to have: an RMD
+/// keeps it in ROM, which wears (RMD V3.6 §2.30). Returns how many were written.
+pub fn write_timeouts<T: Transport>(
+    client: &mut Client<T>,
+    wanted: &Configuration,
+) -> Result<usize, Failure> {
+    let mut count = 0;
+    for (axis, timeout_ms) in &wanted.motor_timeouts {
+        let protocol = wanted.axes.get(axis).and_then(|values| {
+            match values.get(&host_protocol::AxisParameter::Protocol) {
+                Some(Value::Unsigned(number)) => Protocol::try_from(*number).ok(),
+                _ => None,
+            }
+        });
+        let known = written(client.axis_settings(*axis)?.1, protocol);
+        let is_known = known == Some(*timeout_ms)
+            || protocol == Some(Protocol::D5) && known == Some(1) && *timeout_ms != 0;
+        if is_known {
+            continue;
+        }
+        client
+            .provision_motor_timeout(*axis, *timeout_ms)
+            .map_err(|error| not_written(*axis, error))?;
+        count += 1;
+    }
+    Ok(count)
+}
+
+/// The configuration is there, and the motor was not told.
+fn not_written(axis: u8, error: ClientError) -> Failure {
+    match error {
+        ClientError::Gateway(error) => Failure::Explained {
+            error,
+            text: format!(
+                "the configuration is applied; the timeout of the motor of axis {axis} is not \
+                    written: {error}. Apply the file again when the motor answers"
+            ),
+        },
+        error => error.into(),
+    }
+}

@@ -1,0 +1,253 @@
+//! What a gateway would refuse of a configuration: asked of the gateway's own core, which runs here
+//! on a board like the one that it is for. It is asked row by row, so that all errors are found.
+
+use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant};
+use host_protocol::{
+    AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
+    PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Value, requests,
+};
+
+use super::file::File;
+use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, Row};
+use crate::parameters;
+
+/// What is wrong with what a file makes of a configuration, for a board.
+pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> Vec<Finding> {
+    let mut check = Check { file, core: Core::new(board), findings: file.findings.clone() };
+    for parameter in host_protocol::GatewayParameter::ALL.iter().copied() {
+        if let Some(value) = configuration.gateway.get(&parameter).copied() {
+            let change = Change::Gateway { parameter: parameter.number(), value };
+            if let Err(error) = check.core.change(&[change]) {
+                check.finds(Row::Gateway, key_of(&error), &error);
+            }
+        }
+    }
+    for (bus, config) in &configuration.buses {
+        check.bus(*bus, config);
+    }
+    for axis in configuration.axes.keys() {
+        check.axis(*axis, configuration, board);
+    }
+    let mut findings = check.findings;
+    findings.sort_by_key(|finding| finding.line);
+    findings
+}
+
+/// What is wrong with a configuration whatever its board: the least that any board would refuse.
+pub fn check_without_board(file: &File, configuration: &Configuration) -> Vec<Finding> {
+    let findings =
+        BoardPorts::possible(configuration).map(|board| check(file, configuration, &board));
+    findings.min_by_key(Vec::len).unwrap_or_default()
+}
+
+struct Check<'a> {
+    file: &'a File,
+    core: Core,
+    findings: Vec<Finding>,
+}
+
+impl Check<'_> {
+    fn bus(&mut self, bus: u8, config: &host_protocol::BusConfig) {
+        let row = Row::Bus(bus);
+        let mut is_complete = true;
+        let lacks = [
+            (config.bitrate == 0, "bitrate", "bitrate = 1_000_000"),
+            (config.protocols == ProtocolSet::NONE, "protocols", "protocols = [\"rmd\"]"),
+        ];
+        for (is_missing, key, example) in lacks {
+            if is_missing {
+                is_complete = false;
+                self.lacks(row, key, &format!("for example {example}"));
+            }
+        }
+        if is_complete
+            && let Err(error) = self.core.change(&[Change::Bus { bus, config: Some(*config) }])
+        {
+            self.finds(row, bus_key_of(&error), &error);
+        }
+    }
+
+    fn axis(&mut self, axis: u8, configuration: &Configuration, board: &BoardPorts) {
+        let row = Row::Axis(axis);
+        if axis >= board.max_axes {
+            let error = Error::UnknownAxis { axis, max_axes: board.max_axes };
+            return self.finds(row, Some("axis"), &error);
+        }
+        let mut values = configuration.axes.get(&axis).cloned().unwrap_or_default();
+        let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
+        for parameter in required.filter(|parameter| !values.contains_key(parameter)) {
+            let takes = format!("it takes {}", parameters::allowed(parameter.info()));
+            self.lacks(row, parameter.text().name, &takes);
+        }
+        let bus = values.get(&AxisParameter::Bus).copied();
+        if let Some(Value::Unsigned(bus)) = bus
+            && usize::try_from(bus).is_ok_and(|bus| bus < board.ports.len())
+            && !configuration.buses.keys().any(|known| u32::from(*known) == bus)
+        {
+            let text = format!("bus {bus} is not configured; add [[bus]] with bus = {bus}");
+            self.says(row, Some("bus"), "BusNotConfigured", text);
+        }
+        let kind = match bus {
+            Some(Value::Unsigned(bus)) => usize::try_from(bus).ok().and_then(|bus| board.kind(bus)),
+            _ => None,
+        };
+        let mut rules = AxisRules::new(axis, kind.unwrap_or(BusKind::Can));
+        for (parameter, value) in &values {
+            // Its range was looked at when it was read.
+            let _ = rules.set(*parameter, *value);
+        }
+        if let Some(timeout_ms) = configuration.motor_timeouts.get(&axis)
+            && let Err(error) = rules.check_motor_timeout(*timeout_ms)
+        {
+            self.finds(row, Some(MOTOR_TIMEOUT), &error);
+        }
+        // One refusal may hide another: it is tried again without the parameter that was refused.
+        loop {
+            let changes: Vec<Change> = values
+                .iter()
+                .map(|(parameter, value)| Change::Axis {
+                    axis,
+                    parameter: parameter.number(),
+                    value: Some(*value),
+                })
+                .collect();
+            let Err(error) = self.core.change(&changes) else { return };
+            let parameter = parameter_of(&error);
+            let key = parameter.map(|parameter| parameter.text().name).or(key_of(&error));
+            self.finds(row, key, &error);
+            let optional = parameter.filter(|parameter| !parameter.info().required);
+            if optional.and_then(|parameter| values.remove(&parameter)).is_none() {
+                return;
+            }
+        }
+    }
+
+    /// A required key is missing, unless it is there with a value that it cannot have.
+    fn lacks(&mut self, row: Row, key: &str, what: &str) {
+        if !self.file.has_slip(row, key) {
+            self.says(row, Some(key), "NotConfigured", format!("lacks {key}; {what}"));
+        }
+    }
+
+    fn finds(&mut self, row: Row, key: Option<&str>, error: &Error) {
+        self.says(row, key, error.name(), error.to_string());
+    }
+
+    fn says(&mut self, row: Row, key: Option<&str>, name: &'static str, text: String) {
+        let line = self.file.line(row, key);
+        self.findings.push(Finding {
+            line,
+            row: Some(row),
+            key: key.map(str::to_owned),
+            name,
+            text,
+        });
+    }
+}
+
+/// The parameter that an error is about.
+fn parameter_of(error: &Error) -> Option<AxisParameter> {
+    match *error {
+        Error::CannotMeasure { parameter, .. }
+        | Error::ParameterNeedsProtocol { parameter, .. }
+        | Error::NotACanId { parameter, .. }
+        | Error::OutOfRange { quantity: Quantity::Parameter(parameter), .. } => {
+            AxisParameter::from_number(parameter)
+        }
+        Error::BrakeStaysOpen { .. } => Some(AxisParameter::ReleaseBrakeWhenArming),
+        _ => None,
+    }
+}
+
+/// The key of an axis that an error is about where it names no parameter.
+fn key_of(error: &Error) -> Option<&'static str> {
+    match error {
+        Error::NodeInUse { .. }
+        | Error::IdInUse { .. }
+        | Error::OutOfRange { quantity: Quantity::Node, .. } => Some("node"),
+        Error::ProtocolNotOnBus { .. } => Some("protocol"),
+        Error::UnknownBus { .. } | Error::WrongBusKind { .. } => Some("bus"),
+        Error::Unsupported { .. } => Some("stop_action"),
+        _ => None,
+    }
+}
+
+/// The key of a bus that an error is about.
+fn bus_key_of(error: &Error) -> Option<&'static str> {
+    match error {
+        Error::BitrateNotOffered { .. } | Error::OutOfRange { quantity: Quantity::Bitrate, .. } => {
+            Some("bitrate")
+        }
+        Error::WrongBusKind { .. } | Error::NeedsOwnBus { .. } => Some("protocols"),
+        Error::UnknownBus { .. } => Some("bus"),
+        _ => None,
+    }
+}
+
+/// A gateway's core with nothing configured.
+struct Core {
+    gateway: Box<Gateway>,
+    sequence: u16,
+}
+
+impl Core {
+    fn new(board: &BoardPorts) -> Self {
+        let port = |(kind, rates): &(BusKind, Vec<u32>)| BusPort {
+            kind: match kind {
+                BusKind::Can => BusPortKind::Can,
+                BusKind::Rs485 => BusPortKind::Rs485 { local_echo: false },
+            },
+            // The core's board is part of a program that never ends; this one lives on as well.
+            bitrates: rates.clone().leak(),
+        };
+        let board = Board {
+            name: "",
+            firmware: "",
+            build_id: "",
+            boot: BootReason::Simulated,
+            crash_report: "",
+            e_stop_input: false,
+            enable_output: false,
+            buses: board.ports.iter().map(port).collect::<Vec<_>>().leak(),
+            bus_limit: None,
+            links: 1,
+        };
+        let gateway = Box::new(Gateway::new(Box::leak(Box::new(board)), Some(0)));
+        let mut core = Self { gateway, sequence: 0 };
+        let (protocol_major, protocol_minor) = (PROTOCOL_MAJOR, PROTOCOL_MINOR);
+        let _ = core.ask(&requests::Hello { protocol_major, protocol_minor, session: 0 }.into());
+        core
+    }
+
+    /// Makes changes together.
+    fn change(&mut self, changes: &[Change]) -> Result<(), Error> {
+        self.ask(&requests::BeginChanges {}.into())?;
+        for changes in changes.chunks(requests::MAX_CHANGES_AT_ONCE) {
+            let changes = changes.iter().copied().collect();
+            self.ask(&requests::AddChanges { changes }.into())?;
+        }
+        self.ask(&requests::ApplyChanges {}.into())
+    }
+
+    fn ask(&mut self, request: &Request) -> Result<(), Error> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        let length = request.encode_frame(self.sequence, &mut frame).unwrap_or(0);
+        let (now, store) = (Instant::from_micros(1), &mut |_: usize, _: u32| {});
+        self.gateway.handle(now, Event::HostBytes { link: 0, bytes: &frame[..length] }, store);
+        let mut result = Ok(());
+        while let Some(length) = self.gateway.poll_host(0, &mut frame, store) {
+            let mut deframer = Deframer::new();
+            for byte in &frame[..length] {
+                if let Some(Ok(answer)) = deframer.push(*byte)
+                    && answer.kind == Kind::Error
+                    && answer.sequence == self.sequence
+                    && let Ok(error) = Error::decode(answer.number, answer.body)
+                {
+                    result = Err(error);
+                }
+            }
+        }
+        result
+    }
+}

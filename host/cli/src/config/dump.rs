@@ -1,0 +1,64 @@
+//! A configuration as the file that makes it.
+
+use std::fmt::Write;
+
+use host_protocol::{ParameterInfo, Value};
+
+use super::{Configuration, MOTOR_TIMEOUT};
+use crate::parameters;
+
+/// What the file says of itself.
+const HEADING: &str = "\
+# The configuration of a motor gateway, as `mgw config dump` writes it. `mgw config apply FILE` makes
+# it again; what is not in it has its default.
+";
+
+/// The text of the file. Read again it is the same configuration.
+pub fn dump(configuration: &Configuration) -> String {
+    let mut text = HEADING.to_owned();
+    section(&mut text, "[gateway]");
+    for (parameter, value) in &configuration.gateway {
+        key(&mut text, parameter.text().name, &written(parameter.info(), *value));
+    }
+    for (bus, config) in &configuration.buses {
+        section(&mut text, "[[bus]]");
+        key(&mut text, "bus", bus);
+        key(&mut text, "bitrate", &config.bitrate);
+        let names: Vec<String> =
+            config.protocols.iter().map(|protocol| format!("{:?}", protocol.name())).collect();
+        key(&mut text, "protocols", &format!("[{}]", names.join(", ")));
+        key(&mut text, "exclusive", &config.exclusive);
+        key(&mut text, "reply_window_us", &config.reply_window_us);
+    }
+    for (axis, values) in &configuration.axes {
+        section(&mut text, "[[axis]]");
+        key(&mut text, "axis", axis);
+        for (parameter, value) in values {
+            key(&mut text, parameter.text().name, &written(parameter.info(), *value));
+        }
+        if let Some(timeout_ms) = configuration.motor_timeouts.get(axis) {
+            key(&mut text, MOTOR_TIMEOUT, timeout_ms);
+        }
+    }
+    text
+}
+
+fn section(text: &mut String, heading: &str) {
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "\n{heading}");
+}
+
+fn key(text: &mut String, name: &str, value: &dyn std::fmt::Display) {
+    let _ = writeln!(text, "{name} = {value}");
+}
+
+/// A value as TOML has it: by name where it has one, a float with its point.
+fn written(info: &ParameterInfo, value: Value) -> String {
+    match value {
+        Value::Float(value) => format!("{value:?}"),
+        value => {
+            let shown = parameters::shown(info, value);
+            if shown == value.to_string() { shown } else { format!("{shown:?}") }
+        }
+    }
+}

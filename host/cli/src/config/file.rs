@@ -1,0 +1,269 @@
+//! Reads a file: each value in its range, and each slip with its line, key and what is allowed.
+
+use std::fs;
+use std::io::{self, Read};
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::{
+    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NEW_BUS, Row, entry, protocols,
+};
+use crate::config::BusKey;
+use crate::failure::Failure;
+use crate::printable::printable;
+
+/// Bytes that a file may have: many times what every axis with every parameter takes.
+const MAX_FILE: u64 = 256 * 1024;
+
+/// The text of a file, and what the file is called.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    pub path: String,
+    pub text: String,
+}
+
+/// A file that has been read.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct File {
+    /// What it is called in a failure.
+    pub path: String,
+    /// What it sets, each with its line.
+    pub entries: Vec<(Entry, usize)>,
+    /// The buses and axes that it names, each with its line.
+    pub rows: Vec<(Row, usize)>,
+    /// What is wrong with it by itself.
+    pub findings: Vec<Finding>,
+}
+
+impl Source {
+    /// Reads a regular file, or standard input (`-`); otherwise what is wrong with it.
+    pub fn read(path: &str) -> Result<Self, String> {
+        let said = |error: io::Error| error.to_string();
+        let mut bytes = Vec::new();
+        if path == "-" {
+            io::stdin().lock().take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(said)?;
+        } else {
+            // Before it is opened: opening a pipe waits for who writes into it.
+            let metadata = fs::metadata(path).map_err(said)?;
+            if !metadata.is_file() {
+                let kind = if metadata.is_dir() { "a directory" } else { "a pipe or a device" };
+                return Err(format!("it is {kind}; a configuration is a regular file, or `-`"));
+            }
+            let file = fs::File::open(path).map_err(said)?;
+            file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(said)?;
+        }
+        if u64::try_from(bytes.len()).is_ok_and(|length| length > MAX_FILE) {
+            return Err(format!("it has more than {MAX_FILE} bytes, too many for a configuration"));
+        }
+        let text = String::from_utf8(bytes).map_err(|error| format!("it is no text: {error}"))?;
+        let path = if path == "-" { "standard input" } else { path };
+        Ok(Self { path: printable(path).into_owned(), text })
+    }
+}
+
+impl File {
+    /// What this makes of a configuration: of an empty one all that the file says and nothing else.
+    pub fn onto(&self, mut base: Configuration) -> Configuration {
+        for (row, _) in &self.rows {
+            match *row {
+                Row::Bus(bus) => drop(base.buses.entry(bus).or_insert(NEW_BUS)),
+                Row::Axis(axis) => drop(base.axes.entry(axis).or_default()),
+                Row::Gateway => {}
+            }
+        }
+        self.entries.iter().for_each(|(entry, _)| base.set(entry));
+        base
+    }
+
+    /// The line of a key, or that of its row.
+    pub fn line(&self, row: Row, key: Option<&str>) -> Option<usize> {
+        let is_key = |entry: &Entry| match (entry, row) {
+            (Entry::Gateway(parameter, _), Row::Gateway) => key == Some(parameter.text().name),
+            (Entry::Bus(bus, of), Row::Bus(index)) => {
+                *bus == index && key == Some(BUS_KEYS[bus_key_place(*of)])
+            }
+            (Entry::Axis(axis, parameter, _), Row::Axis(index)) => {
+                *axis == index && key == Some(parameter.text().name)
+            }
+            (Entry::MotorTimeout(axis, _), Row::Axis(index)) => {
+                *axis == index && key == Some(MOTOR_TIMEOUT)
+            }
+            _ => false,
+        };
+        let key_line = self.entries.iter().find(|(entry, _)| is_key(entry)).map(|(_, line)| *line);
+        key_line.or_else(|| self.rows.iter().find(|(of, _)| *of == row).map(|(_, line)| *line))
+    }
+
+    /// Whether a key is there with a value that it cannot have.
+    pub fn has_slip(&self, row: Row, key: &str) -> bool {
+        self.findings
+            .iter()
+            .any(|finding| finding.row == Some(row) && finding.key.as_deref() == Some(key))
+    }
+}
+
+fn bus_key_place(key: BusKey) -> usize {
+    match key {
+        BusKey::Bitrate(_) => 0,
+        BusKey::Protocols(_) => 1,
+        BusKey::Exclusive(_) => 2,
+        BusKey::ReplyWindow(_) => 3,
+    }
+}
+
+/// Reads the text of a file.
+pub fn parse(source: &Source) -> File {
+    let (table, errors) = DeTable::parse_recoverable(&source.text);
+    let mut reader =
+        Reader { text: &source.text, file: File { path: source.path.clone(), ..File::default() } };
+    for error in errors {
+        let at = error.span().unwrap_or(0..0);
+        reader.finds(None, None, &at, error.message().to_owned());
+    }
+    for (name, value) in table.get_ref() {
+        reader.section(name, value);
+    }
+    let mut file = reader.file;
+    file.findings.sort_by_key(|finding| finding.line);
+    file
+}
+
+/// Reads a file part by part.
+struct Reader<'a> {
+    text: &'a str,
+    file: File,
+}
+
+impl Reader<'_> {
+    fn section(&mut self, name: &Spanned<std::borrow::Cow<'_, str>>, value: &Spanned<DeValue<'_>>) {
+        let (kind, at) = (name.get_ref().as_ref(), name.span());
+        match (kind, value.get_ref()) {
+            ("gateway", DeValue::Table(table)) => {
+                self.file.rows.push((Row::Gateway, line_of(self.text, &at)));
+                self.keys(Row::Gateway, table);
+            }
+            ("bus" | "axis", DeValue::Array(tables)) => {
+                for part in tables.iter() {
+                    match part.get_ref() {
+                        DeValue::Table(table) => self.row(kind, table, &part.span()),
+                        _ => self.is_no_section(kind, &part.span()),
+                    }
+                }
+            }
+            ("gateway" | "bus" | "axis", _) => self.is_no_section(kind, &at),
+            _ => {
+                let text = format!("there is no `{kind}`. There are: [gateway], [[bus]], [[axis]]");
+                self.finds(None, Some(kind), &at, text);
+            }
+        }
+    }
+
+    fn is_no_section(&mut self, kind: &str, at: &Range<usize>) {
+        let heading = if kind == "gateway" { "[gateway]" } else { &format!("[[{kind}]]") };
+        self.finds(None, Some(kind), at, format!("write it as a section: {heading}"));
+    }
+
+    /// A section of a bus or an axis.
+    fn row(&mut self, kind: &str, table: &DeTable<'_>, at: &Range<usize>) {
+        let number = table.iter().find(|(name, _)| name.get_ref() == kind);
+        let Some((_, value)) = number else {
+            let text = format!("{kind}: lacks its number: {kind} = 0");
+            return self.finds(None, Some(kind), at, text);
+        };
+        let given = integer(value.get_ref()).and_then(|number| u8::try_from(number).ok());
+        let Some(number) = given else {
+            let text = format!("{kind} takes a number from 0 on");
+            return self.finds(None, Some(kind), &value.span(), text);
+        };
+        let row = if kind == "bus" { Row::Bus(number) } else { Row::Axis(number) };
+        let line = line_of(self.text, &value.span());
+        if let Some((_, other)) = self.file.rows.iter().find(|(other, _)| *other == row) {
+            let text = format!("is there already, in line {other}");
+            return self.finds(Some(row), Some(kind), &value.span(), text);
+        }
+        self.file.rows.push((row, line));
+        self.keys(row, table);
+    }
+
+    fn keys(&mut self, row: Row, table: &DeTable<'_>) {
+        for (name, value) in table {
+            let key = name.get_ref().as_ref();
+            // Its own number.
+            if matches!((row, key), (Row::Bus(_), "bus") | (Row::Axis(_), "axis")) {
+                continue;
+            }
+            match read(row, key, value.get_ref()) {
+                Ok(entry) => self.file.entries.push((entry, line_of(self.text, &name.span()))),
+                Err(failure) => {
+                    let text = failure.to_string();
+                    let text = if text.contains(key) { text } else { format!("{key}: {text}") };
+                    self.finds_named(Some(row), Some(key), &name.span(), failure.name(), text);
+                }
+            }
+        }
+    }
+
+    fn finds(&mut self, row: Option<Row>, key: Option<&str>, at: &Range<usize>, text: String) {
+        self.finds_named(row, key, at, "Usage", text);
+    }
+
+    fn finds_named(
+        &mut self,
+        row: Option<Row>,
+        key: Option<&str>,
+        at: &Range<usize>,
+        name: &'static str,
+        text: String,
+    ) {
+        let line = Some(line_of(self.text, at));
+        self.file.findings.push(Finding { line, row, key: key.map(str::to_owned), name, text });
+    }
+}
+
+fn read(row: Row, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
+    let wrong = |takes: &str| Failure::Usage(format!("{key} takes {takes}"));
+    match (row, key, value) {
+        (Row::Axis(axis), MOTOR_TIMEOUT, value) => {
+            let timeout_ms = integer(value).and_then(|number| u32::try_from(number).ok());
+            let timeout_ms = timeout_ms.ok_or_else(|| wrong("a whole number from 0 on"))?;
+            Ok(Entry::MotorTimeout(axis, timeout_ms))
+        }
+        (Row::Bus(bus), "protocols", value) => {
+            let names: Option<Vec<&str>> = value
+                .as_array()
+                .and_then(|names| names.iter().map(|n| n.get_ref().as_str()).collect());
+            let names = names.ok_or_else(|| wrong("names, for example [\"rmd\", \"thruster\"]"))?;
+            let protocols = protocols(names.into_iter())?;
+            Ok(Entry::Bus(bus, BusKey::Protocols(protocols)))
+        }
+        (row, key, value) => {
+            let text = scalar(value).ok_or_else(|| wrong("a single value"))?;
+            entry(row, key, &text)
+        }
+    }
+}
+
+/// The number of the line in which a place stands, from 1.
+fn line_of(text: &str, at: &Range<usize>) -> usize {
+    1 + text.bytes().take(at.start).filter(|byte| *byte == b'\n').count()
+}
+
+fn integer(value: &DeValue<'_>) -> Option<i64> {
+    let number = value.as_integer()?;
+    i64::from_str_radix(number.as_str(), number.radix()).ok()
+}
+
+/// A single value, as the command line would have it.
+fn scalar(value: &DeValue<'_>) -> Option<String> {
+    match value {
+        DeValue::String(text) => Some(text.clone().into_owned()),
+        DeValue::Integer(number) => {
+            Some(integer(value).map_or_else(|| number.to_string(), |number| number.to_string()))
+        }
+        DeValue::Float(number) => Some(number.as_str().to_owned()),
+        DeValue::Boolean(flag) => Some(flag.to_string()),
+        _ => None,
+    }
+}

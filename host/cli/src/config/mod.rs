@@ -1,0 +1,356 @@
+//! The configuration of a gateway as one thing: buses, axes, motor timeouts, in TOML. Everything
+//! that can be known to be wrong with it is told, all at once, before a gateway hears of it.
+
+mod apply;
+mod board;
+mod check;
+mod dump;
+mod file;
+mod schema;
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use host_protocol::{
+    AxisParameter, BusConfig, Change, GatewayParameter, ParameterInfo, Protocol, ProtocolSet, Value,
+};
+
+use crate::failure::Failure;
+use crate::json;
+use crate::parameters;
+use crate::words;
+
+pub use apply::{read, write_timeouts};
+pub use board::BoardPorts;
+pub use check::{check, check_without_board};
+pub use dump::dump;
+pub use file::{Source, parse};
+pub use schema::schema;
+
+/// How long a reply is awaited where the configuration does not say, µs.
+const DEFAULT_REPLY_WINDOW_US: u32 = 5_000;
+
+/// Everything that is configured. What is not in it has its default.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Configuration {
+    pub gateway: BTreeMap<GatewayParameter, Value>,
+    pub buses: BTreeMap<u8, BusConfig>,
+    pub axes: BTreeMap<u8, BTreeMap<AxisParameter, Value>>,
+    /// The motors' own timeouts, ms, by axis.
+    pub motor_timeouts: BTreeMap<u8, u32>,
+}
+
+/// What a key belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Row {
+    Gateway,
+    Bus(u8),
+    Axis(u8),
+}
+
+/// A key of a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BusKey {
+    Bitrate(u32),
+    Protocols(ProtocolSet),
+    Exclusive(bool),
+    ReplyWindow(u32),
+}
+
+/// A key with its value, as a file or the command line has it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Entry {
+    Gateway(GatewayParameter, Value),
+    Bus(u8, BusKey),
+    Axis(u8, AxisParameter, Value),
+    MotorTimeout(u8, u32),
+}
+
+/// What is wrong with a configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// Where it stands, where it stands in a file.
+    pub line: Option<usize>,
+    pub row: Option<Row>,
+    pub key: Option<String>,
+    /// The gateway's name for it, where it would be the gateway that refuses it.
+    pub name: &'static str,
+    pub text: String,
+}
+
+/// The keys of a bus beside its number.
+pub const BUS_KEYS: [&str; 4] = ["bitrate", "protocols", "exclusive", "reply_window_us"];
+/// The key of an axis that is no parameter of the gateway: it is written to the motor.
+pub const MOTOR_TIMEOUT: &str = "motor_timeout_ms";
+
+/// A bus of which nothing is said.
+pub const NEW_BUS: BusConfig = BusConfig {
+    bitrate: 0,
+    protocols: ProtocolSet::NONE,
+    exclusive: false,
+    reply_window_us: DEFAULT_REPLY_WINDOW_US,
+};
+
+impl Finding {
+    /// The finding for programs.
+    pub fn to_json(&self) -> serde_json::Value {
+        let (bus, axis) = match self.row {
+            Some(Row::Bus(bus)) => (Some(bus), None),
+            Some(Row::Axis(axis)) => (None, Some(axis)),
+            Some(Row::Gateway) | None => (None, None),
+        };
+        serde_json::json!({
+            "line": self.line, "bus": bus, "axis": axis, "key": self.key,
+            "name": json::snake(self.name), "message": self.text,
+        })
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(line) = self.line {
+            write!(f, "line {line}, ")?;
+        }
+        if let Some(row) = self.row {
+            write!(f, "{row}: ")?;
+        }
+        f.write_str(&self.text)
+    }
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Gateway => f.write_str("gateway"),
+            Self::Bus(bus) => write!(f, "bus {bus}"),
+            Self::Axis(axis) => write!(f, "axis {axis}"),
+        }
+    }
+}
+
+impl Configuration {
+    /// Gives one key its value.
+    pub fn set(&mut self, entry: &Entry) {
+        match *entry {
+            Entry::Gateway(parameter, value) => {
+                self.gateway.insert(parameter, value);
+            }
+            Entry::Bus(bus, key) => {
+                let bus = self.buses.entry(bus).or_insert(NEW_BUS);
+                match key {
+                    BusKey::Bitrate(bitrate) => bus.bitrate = bitrate,
+                    BusKey::Protocols(protocols) => bus.protocols = protocols,
+                    BusKey::Exclusive(exclusive) => bus.exclusive = exclusive,
+                    BusKey::ReplyWindow(us) => bus.reply_window_us = us,
+                }
+            }
+            Entry::Axis(axis, parameter, value) => {
+                self.axes.entry(axis).or_default().insert(parameter, value);
+            }
+            Entry::MotorTimeout(axis, timeout_ms) => {
+                self.motor_timeouts.insert(axis, timeout_ms);
+            }
+        }
+    }
+
+    /// Takes a key away, so that it has its default; otherwise what is wrong with its name.
+    pub fn unset(&mut self, row: Row, key: &str) -> Result<(), Failure> {
+        match row {
+            Row::Gateway => {
+                self.gateway.remove(&parameters::gateway_parameter(key)?);
+            }
+            Row::Bus(bus) => {
+                let required = format!("bus {bus} needs its {key}; change it instead");
+                let config = self.buses.entry(bus).or_insert(NEW_BUS);
+                match key {
+                    "exclusive" => config.exclusive = NEW_BUS.exclusive,
+                    "reply_window_us" => config.reply_window_us = NEW_BUS.reply_window_us,
+                    "bitrate" | "protocols" => return Err(Failure::Usage(required)),
+                    _ => return Err(parameters::unknown("a bus", key, BUS_KEYS.into_iter())),
+                }
+            }
+            Row::Axis(axis) => {
+                let parameter = parameters::axis_parameter(key)?;
+                if let Some(values) = self.axes.get_mut(&axis) {
+                    values.remove(&parameter);
+                }
+            }
+        }
+        self.axes.retain(|_, values| !values.is_empty());
+        Ok(())
+    }
+
+    /// What has to change so that this becomes `other`, in the order of the file.
+    pub fn changes_to(&self, other: &Self) -> Vec<Change> {
+        let mut changes = Vec::new();
+        for parameter in GatewayParameter::ALL.iter().copied() {
+            let value =
+                |of: &Self| of.gateway.get(&parameter).copied().or(parameter.info().default);
+            if let Some(value) = value(other).filter(|new| value(self) != Some(*new)) {
+                changes.push(Change::Gateway { parameter: parameter.number(), value });
+            }
+        }
+        for bus in keys(&self.buses, &other.buses) {
+            let config = other.buses.get(&bus).copied();
+            if self.buses.get(&bus) != config.as_ref() {
+                changes.push(Change::Bus { bus, config });
+            }
+        }
+        for axis in keys(&self.axes, &other.axes) {
+            let none = BTreeMap::new();
+            let [before, after] = [self, other].map(|of| of.axes.get(&axis).unwrap_or(&none));
+            for parameter in keys(before, after) {
+                let value = after.get(&parameter).copied();
+                if before.get(&parameter) != value.as_ref() {
+                    changes.push(Change::Axis { axis, parameter: parameter.number(), value });
+                }
+            }
+        }
+        changes
+    }
+
+    /// A change for people: from what to what.
+    pub fn shown(&self, change: &Change) -> String {
+        let arrow = |row: Row, key: &str, before: Option<String>, after: Option<String>| {
+            let or_default = |text: Option<String>| text.unwrap_or_else(|| "not set".to_owned());
+            format!("{row}: {key} {} -> {}", or_default(before), or_default(after))
+        };
+        match *change {
+            Change::Gateway { parameter, value } => {
+                let known = GatewayParameter::from_number(parameter);
+                let before = known.and_then(|known| self.gateway.get(&known).copied());
+                let show = |value| named_value(parameter, value);
+                let name = host_protocol::parameters::name(parameter).unwrap_or_default();
+                arrow(Row::Gateway, name, before.map(show), Some(show(value)))
+            }
+            Change::Bus { bus, config } => {
+                let show = |config: &BusConfig| {
+                    format!(
+                        "{} bit/s, {}, {}, reply window {} µs",
+                        config.bitrate,
+                        words::protocols(config.protocols),
+                        if config.exclusive { "exclusive" } else { "shared" },
+                        config.reply_window_us
+                    )
+                };
+                let before = self.buses.get(&bus).map(show);
+                arrow(Row::Bus(bus), "runs at", before, config.as_ref().map(show))
+            }
+            Change::Axis { axis, parameter, value } => {
+                let known = AxisParameter::from_number(parameter);
+                let values = self.axes.get(&axis);
+                let before = known.and_then(|known| values?.get(&known).copied());
+                let show = |value| named_value(parameter, value);
+                let name = host_protocol::parameters::name(parameter).unwrap_or_default();
+                arrow(Row::Axis(axis), name, before.map(show), value.map(show))
+            }
+        }
+    }
+
+    /// Whose frames are on a bus.
+    pub fn protocols(&self) -> Vec<(u8, ProtocolSet)> {
+        self.buses.iter().map(|(bus, config)| (*bus, config.protocols)).collect()
+    }
+}
+
+/// A value with the name that it has, and its unit.
+fn named_value(parameter: u16, value: Value) -> String {
+    let unit = host_protocol::parameters::unit(parameter).unwrap_or_default();
+    let shown = info(parameter).map_or(value.to_string(), |info| parameters::shown(info, value));
+    format!("{shown} {unit}").trim_end().to_owned()
+}
+
+fn info(parameter: u16) -> Option<&'static ParameterInfo> {
+    let axis = AxisParameter::from_number(parameter).map(AxisParameter::info);
+    axis.or_else(|| GatewayParameter::from_number(parameter).map(GatewayParameter::info))
+}
+
+fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> Vec<K> {
+    let mut keys: Vec<K> = one.keys().chain(other.keys()).copied().collect();
+    keys.sort_unstable();
+    keys.dedup();
+    keys
+}
+
+/// Reads `NAME=VALUE` pairs for a row.
+pub fn assignments(row: Row, texts: &[String]) -> Result<Vec<Entry>, Failure> {
+    texts
+        .iter()
+        .map(|text| {
+            let (name, value) = parameters::split(text)?;
+            entry(row, name, value)
+        })
+        .collect()
+}
+
+/// Reads the value of a key, in its range.
+fn entry(row: Row, name: &str, text: &str) -> Result<Entry, Failure> {
+    match row {
+        Row::Gateway => {
+            let parameter = parameters::gateway_parameter(name)?;
+            let value = parameters::value(parameter.info(), text)?;
+            parameter.check(value).map_err(Failure::would_be_refused)?;
+            Ok(Entry::Gateway(parameter, value))
+        }
+        Row::Bus(bus) => Ok(Entry::Bus(bus, bus_key(name, text)?)),
+        Row::Axis(axis) => {
+            let parameter = parameters::axis_parameter(name)?;
+            let value = parameters::value(parameter.info(), text)?;
+            parameter.check(value).map_err(Failure::would_be_refused)?;
+            Ok(Entry::Axis(axis, parameter, value))
+        }
+    }
+}
+
+fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
+    let wrong = |takes: &str| {
+        Failure::Usage(format!("`{text}` is no value for {name} of a bus. It takes {takes}"))
+    };
+    let number = || parameters::unsigned(text);
+    match name {
+        "bitrate" => number().map(BusKey::Bitrate).ok_or_else(|| wrong("a number of bit/s")),
+        "protocols" => protocols(text.split(',')).map(BusKey::Protocols),
+        "exclusive" => text.parse().map(BusKey::Exclusive).map_err(|_| wrong("true or false")),
+        "reply_window_us" => {
+            let (min, max) = host_protocol::REPLY_WINDOW_US;
+            let us = number().filter(|us| (min..=max).contains(us));
+            us.map(BusKey::ReplyWindow).ok_or_else(|| wrong(&format!("{min} to {max} µs")))
+        }
+        _ => Err(parameters::unknown("a bus", name, BUS_KEYS.into_iter())),
+    }
+}
+
+fn protocols<'a>(names: impl Iterator<Item = &'a str>) -> Result<ProtocolSet, Failure> {
+    let mut set = ProtocolSet::NONE;
+    for name in names {
+        let protocol = Protocol::from_name(name.trim()).ok_or_else(|| {
+            let all: Vec<&str> = Protocol::ALL.iter().map(|protocol| protocol.name()).collect();
+            Failure::Usage(format!("`{name}` is no protocol. There are: {}", all.join(", ")))
+        })?;
+        set = set.with(protocol);
+    }
+    Ok(set)
+}
+
+/// A change for programs.
+pub fn change_to_json(change: &Change) -> serde_json::Value {
+    let number = |parameter, value| match info(parameter) {
+        Some(info) => parameters::to_json(info, value),
+        None => serde_json::Value::Null,
+    };
+    let name = |parameter| host_protocol::parameters::name(parameter);
+    match *change {
+        Change::Gateway { parameter, value } => {
+            serde_json::json!({ "parameter": name(parameter), "value": number(parameter, value) })
+        }
+        Change::Bus { bus, config } => serde_json::json!({
+            "bus": bus, "config": config.as_ref().map(json::gateway::bus_config),
+        }),
+        Change::Axis { axis, parameter, value } => serde_json::json!({
+            "axis": axis, "parameter": name(parameter), "value": value.map(|value| number(parameter, value)),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests;

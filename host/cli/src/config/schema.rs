@@ -1,0 +1,121 @@
+//! The JSON schema of a configuration file, for editors: made of the tables of the parameters.
+
+use host_protocol::{
+    AxisParameter, GatewayParameter, ParameterInfo, ParameterText, Protocol, REPLY_WINDOW_US,
+    StopAction, Value, ValueKind,
+};
+use serde_json::{Map, Value as Json, json};
+
+use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT};
+use crate::output::number;
+
+/// The schema.
+pub fn schema() -> Json {
+    let protocols: Vec<&str> = Protocol::ALL.iter().map(|protocol| protocol.name()).collect();
+    let (min, max) = REPLY_WINDOW_US;
+    let gateway = GatewayParameter::ALL.iter().map(|parameter| {
+        (parameter.text().name.to_owned(), key(parameter.info(), parameter.text()))
+    });
+    let bus = [
+        (
+            "bus",
+            json!({ "type": "integer", "minimum": 0, "maximum": 7,
+            "description": "Number of the bus." }),
+        ),
+        ("bitrate", json!({ "type": "integer", "minimum": 1, "description": "bit/s." })),
+        (
+            "protocols",
+            json!({ "type": "array", "minItems": 1, "items": { "enum": protocols },
+            "description": "What the motors on it speak." }),
+        ),
+        (
+            "exclusive",
+            json!({ "type": "boolean", "default": false,
+            "description": "Every node on it belongs to this gateway." }),
+        ),
+        (
+            "reply_window_us",
+            json!({ "type": "integer", "minimum": min, "maximum": max,
+            "default": DEFAULT_REPLY_WINDOW_US, "description": "How long a reply is awaited, µs." }),
+        ),
+    ];
+    let mut axis: Map<String, Json> = AxisParameter::ALL
+        .iter()
+        .map(|parameter| {
+            (parameter.text().name.to_owned(), key(parameter.info(), parameter.text()))
+        })
+        .collect();
+    axis.insert(
+        "axis".to_owned(),
+        json!({ "type": "integer", "minimum": 0, "maximum": 31,
+        "description": "Number of the axis." }),
+    );
+    axis.insert(
+        MOTOR_TIMEOUT.to_owned(),
+        json!({ "type": "integer", "minimum": 0,
+        "description": "The motor's own timeout, ms; it is written to the motor. 0 is off." }),
+    );
+    let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
+    let required: Vec<&str> =
+        ["axis"].into_iter().chain(required.map(|parameter| parameter.text().name)).collect();
+    let bus: Map<String, Json> =
+        bus.into_iter().map(|(name, key)| (name.to_owned(), key)).collect();
+    let section = |keys: Map<String, Json>, required: &[&str]| {
+        json!({ "type": "object", "additionalProperties": false, "required": required,
+            "properties": keys })
+    };
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Configuration of a motor gateway",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": {
+            "gateway": section(gateway.collect(), &[]),
+            "bus": { "type": "array", "items": section(bus, &["bus", "bitrate", "protocols"]) },
+            "axis": { "type": "array", "items": section(axis, &required) },
+        },
+    })
+}
+
+/// The schema of one key.
+fn key(info: &ParameterInfo, text: &ParameterText) -> Json {
+    let mut key = match info.kind {
+        _ if info.is_can_id() => json!({ "type": ["integer", "string"] }),
+        _ if info.number == AxisParameter::Protocol.number() => {
+            names(Protocol::ALL.iter().map(|protocol| protocol.name()))
+        }
+        _ if info.number == AxisParameter::StopAction.number() => {
+            names(StopAction::ALL.iter().map(|action| action.name()))
+        }
+        ValueKind::Bool => json!({ "type": "boolean" }),
+        // The only signed parameter is a direction: one of two values.
+        ValueKind::Signed => json!({ "enum": [plain(info.min), plain(info.max)] }),
+        ValueKind::Unsigned => {
+            json!({ "type": "integer", "minimum": plain(info.min), "maximum": plain(info.max) })
+        }
+        ValueKind::Float => {
+            json!({ "type": "number", "minimum": plain(info.min), "maximum": plain(info.max) })
+        }
+    };
+    if let Some(fields) = key.as_object_mut() {
+        let unit = if text.unit.is_empty() { String::new() } else { format!(" [{}]", text.unit) };
+        fields.insert("description".to_owned(), json!(format!("{}{unit}", text.doc)));
+        if let Some(default) = info.default {
+            fields.insert("default".to_owned(), plain(default));
+        }
+    }
+    key
+}
+
+fn names<'a>(names: impl Iterator<Item = &'a str>) -> Json {
+    json!({ "enum": names.collect::<Vec<_>>() })
+}
+
+fn plain(value: Value) -> Json {
+    match value {
+        Value::Bool(value) => json!(value),
+        Value::Unsigned(value) => json!(value),
+        Value::Signed(value) => json!(value),
+        Value::Float(value) => number(value),
+    }
+}

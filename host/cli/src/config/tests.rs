@@ -1,0 +1,308 @@
+use super::*;
+use crate::config::board::BoardPorts;
+use crate::config::check::{check, check_without_board};
+use crate::config::file::File;
+use host_protocol::BusKind;
+use serde_json::Value as Json;
+
+const FOUR_MOTORS: &str = include_str!("../../examples/four-motors.toml");
+const D5_ON_RS485: &str = include_str!("../../examples/d5-on-rs485.toml");
+
+fn read(text: &str) -> File {
+    parse(&Source { path: "a.toml".to_owned(), text: text.to_owned() })
+}
+
+/// What a file makes of an empty configuration.
+fn whole(text: &str) -> Configuration {
+    let file = read(text);
+    let configuration = file.onto(Configuration::default());
+    assert_eq!(check_without_board(&file, &configuration), [], "{text}");
+    configuration
+}
+
+/// What is wrong with a file, a line for each.
+fn wrong(text: &str) -> Vec<String> {
+    let file = read(text);
+    let findings = check_without_board(&file, &file.onto(Configuration::default()));
+    let failure = Failure::Configuration { path: "a.toml".to_owned(), findings };
+    failure.to_string().lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn a_file_becomes_a_configuration() {
+    let configuration = whole(
+        "[gateway]\nlink_silence_us = 200000\n\
+         [[bus]]\nbus = 1\nbitrate = 210_526\nprotocols = [\"d5\"]\n\
+         [[axis]]\naxis = 2\nstop_action = \"hold\"\nbus = 1\nprotocol = \"d5\"\nnode = 0x0B\n\
+         velocity_limit_rad_s = 12\nmotor_timeout_ms = 1\n",
+    );
+    let silence = (GatewayParameter::LinkSilenceUs, Value::Unsigned(200_000));
+    assert_eq!(configuration.gateway, [silence].into());
+    let bus = BusConfig {
+        bitrate: 210_526,
+        protocols: ProtocolSet::of(&[Protocol::D5]),
+        exclusive: false,
+        reply_window_us: 5_000,
+    };
+    assert_eq!(configuration.buses, [(1, bus)].into());
+    let parameters = [
+        (AxisParameter::Bus, Value::Unsigned(1)),
+        (AxisParameter::Protocol, Value::Unsigned(3)),
+        (AxisParameter::Node, Value::Unsigned(11)),
+        (AxisParameter::StopAction, Value::Unsigned(2)),
+        (AxisParameter::VelocityLimitRadS, Value::Float(12.0)),
+    ];
+    assert_eq!(configuration.axes, [(2, parameters.into())].into());
+    assert_eq!(configuration.motor_timeouts, [(2, 1)].into());
+}
+
+/// Each slip has its line, its key and what is allowed; one hides no other.
+#[test]
+fn all_errors_of_a_file_are_told_at_once() {
+    let text = "\
+[gateway]
+link_silence_us = 49999
+speed = 1
+
+[[bus]]
+bus = 0
+bitrate = 1_000_000
+protocols = [\"rmd\", \"can\"]
+
+[[bus]]
+bus = 1
+protocols = [\"thruster\"]
+reply_window_us = 99
+
+[[axis]]
+axis = 0
+bus = 0
+protocol = \"rmd\"
+node = 1
+stop_action = \"halt\"
+ttl_us = 1
+unsafe = true
+
+[[axis]]
+axis = 1
+bus = 0
+protocol = \"rmd\"
+node = 1
+signal_limit = 0.5
+position_device = true
+
+[[axis]]
+axis = 1
+node = 2
+
+[[axis]]
+axis = 2
+bus = 3
+protocol = \"rmd\"
+node = 1
+stop_action = \"hold\"
+motor_timeout_ms = -1
+
+[[motor]]
+[[axis]]
+node = 3
+";
+    let found = wrong(text);
+    let expected = [
+        "a.toml: line 2, gateway: link_silence_us 49999 µs is out of range",
+        "a.toml: line 3, gateway: the gateway has no parameter `speed`. There are: link_silence_us",
+        "a.toml: line 8, bus 0: protocols: `can` is no protocol. There are: rmd, thruster, d5",
+        "a.toml: line 11, bus 1: lacks bitrate; for example bitrate = 1_000_000",
+        "a.toml: line 13, bus 1: `99` is no value for reply_window_us of a bus. It takes 100 to",
+        "a.toml: line 20, axis 0: `halt` is no value for stop_action. It takes coast, hold, brake",
+        "a.toml: line 21, axis 0: ttl_us 1 µs is out of range; allowed are 5000 µs to 60000000 µs",
+        "a.toml: line 22, axis 0: an axis has no parameter `unsafe`. There are: bus, protocol",
+        "a.toml: line 25, axis 1: lacks stop_action; it takes coast, hold, brake",
+        "a.toml: line 28, axis 1: axis 0 has this bus and node; choose another node",
+        "a.toml: line 33, axis 1: is there already, in line 25",
+        "a.toml: line 38, axis 2: bus 3 is not configured; add [[bus]] with bus = 3",
+        "a.toml: line 42, axis 2: motor_timeout_ms takes a whole number from 0 on",
+        "a.toml: line 44, there is no `motor`. There are: [gateway], [[bus]], [[axis]]",
+        "a.toml: line 45, axis: lacks its number: axis = 0",
+    ];
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!(found.starts_with(expected), "{found}\n{expected}");
+    }
+}
+
+/// The rules that need the whole row, and those of the core that depend on other rows.
+#[test]
+fn what_a_gateway_would_refuse_is_told_with_its_line() {
+    let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n";
+    let axis =
+        "[[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n";
+    let other = axis.replace("axis = 0", "axis = 1");
+    for (text, expected) in [
+        (
+            format!("{bus}{axis}signal_limit = 0.5\nreturn_mode = 1\n"),
+            &[
+                "line 11, axis 0: signal_limit would limit nothing",
+                "line 12, axis 0: return_mode means something to thruster motors only",
+            ][..],
+        ),
+        (format!("{bus}{axis}{other}"), &["line 15, axis 1: axis 0 has this bus and node"]),
+        (format!("{bus}{}", axis.replace("= 1", "= 33")), &["line 9, axis 0: node 33"]),
+        (
+            format!("{bus}{}", axis.replace("rmd", "thruster")),
+            &["line 10, axis 0: axis 0 speaks thruster, which has no such command"],
+        ),
+        (
+            format!("{}{axis}", bus.replace("rmd\", \"", "")),
+            &["line 8, axis 0: bus 0 is not configured for rmd"],
+        ),
+        (
+            bus.replace("rmd\", \"thruster", "rmd\", \"d5").replace("1_000_000", "210_526"),
+            &["line 4, bus 0: d5 motors share no bus with others"],
+        ),
+        (bus.replace("= 0", "= 9"), &["line 2, bus 9: there is no bus 9"]),
+        (
+            format!("{bus}{}", axis.replace("= 0\nbus", "= 32\nbus")),
+            &["line 6, axis 32: there is no axis 32"],
+        ),
+        (
+            format!("{bus}{axis}stop_action = \"coast\"\n[[bus]\n"),
+            &["line 11, duplicate key", "line 12, unclosed array table", "line 12, bus: lacks"],
+        ),
+    ] {
+        let found = wrong(&text);
+        assert_eq!(found.len(), expected.len(), "{text}{found:#?}");
+        for (found, expected) in found.iter().zip(expected) {
+            assert!(found.starts_with(&format!("a.toml: {expected}")), "{found}\n{expected}");
+        }
+    }
+}
+
+#[test]
+fn a_board_refuses_what_it_has_not() {
+    let file = read(FOUR_MOTORS);
+    let configuration = file.onto(Configuration::default());
+    let ports = vec![
+        (BusKind::Can, vec![1_000_000]),
+        (BusKind::Can, vec![500_000]),
+        (BusKind::Rs485, vec![115_200]),
+    ];
+    let board = BoardPorts { ports, max_axes: 32 };
+    let found = check(&file, &configuration, &board);
+    let [Finding { name: "BitrateNotOffered", line: Some(line), .. }] = found[..] else {
+        panic!("{found:#?}")
+    };
+    assert!(FOUR_MOTORS.lines().nth(line - 1).unwrap().starts_with("bitrate = 210_526"));
+    assert_eq!(check_without_board(&file, &configuration), []);
+}
+
+#[test]
+fn what_is_dumped_is_the_same_configuration() {
+    let examples = [FOUR_MOTORS, D5_ON_RS485].join("\n");
+    let axis = "[[axis]]\naxis = 31\nbus = 1\nprotocol = \"d5\"\nnode = 0x0C\nstop_action = \"hold\"\n\
+        d5_request_id = \"extended:0x12345678\"\nd5_reply_id = 0x7FF\ndirection = -1\n\
+        limit_margin = 0.3333333\nposition_min_rad = -1e6\nallow_uncommanded = true\n\
+        motor_timeout_ms = 0\n";
+    let configuration = whole(&(examples + "\n" + axis));
+    let text = dump(&configuration);
+    assert_eq!(whole(&text), configuration, "{text}");
+    assert_eq!(dump(&whole(&text)), text);
+    assert_eq!(configuration.changes_to(&whole(&text)), []);
+}
+
+#[test]
+fn what_a_file_does_not_name_has_its_default_unless_it_is_merged() {
+    let before = whole(FOUR_MOTORS);
+    let text = "[[bus]]\nbus = 0\nexclusive = true\n[[axis]]\naxis = 3\nttl_us = 60_000\n";
+    let merged = read(text).onto(before.clone());
+    let mut expected = before.clone();
+    expected.buses.get_mut(&0).unwrap().exclusive = true;
+    expected.axes.get_mut(&3).unwrap().insert(AxisParameter::TtlUs, Value::Unsigned(60_000));
+    assert_eq!(merged, expected);
+    assert_eq!(before.changes_to(&merged).len(), 2);
+    let replaced = before.changes_to(&Configuration::default());
+    let axis_3 = |change: &&Change| matches!(change, Change::Axis { axis: 3, value: None, .. });
+    assert_eq!(replaced.iter().filter(axis_3).count(), before.axes[&3].len());
+    assert_eq!(
+        before.shown(&Change::Axis { axis: 3, parameter: 6, value: None }),
+        "axis 3: ttl_us 500000 µs -> not set"
+    );
+}
+
+#[test]
+fn a_key_is_unset_and_a_required_one_of_a_bus_is_not() {
+    let mut configuration = whole(FOUR_MOTORS);
+    configuration.unset(Row::Axis(3), "ttl_us").unwrap();
+    assert!(!configuration.axes[&3].contains_key(&AxisParameter::TtlUs));
+    assert!(configuration.unset(Row::Bus(0), "bitrate").is_err());
+    let error = configuration.unset(Row::Axis(3), "ttl").unwrap_err().to_string();
+    assert!(error.contains("no parameter `ttl`. There are: bus"), "{error}");
+}
+
+/// Whether a table of a file has keys that the schema knows, of its types.
+fn assert_fits(schema: &Json, value: &toml::Value, path: &str) {
+    let kind = match value {
+        toml::Value::Table(table) => {
+            for name in schema["required"].as_array().into_iter().flatten() {
+                assert!(table.contains_key(name.as_str().unwrap()), "{path}: {name} is missing");
+            }
+            for (name, value) in table {
+                let inner = &schema["properties"][name];
+                assert!(inner.is_object(), "{path}: {name} is not in the schema");
+                assert_fits(inner, value, &format!("{path}.{name}"));
+            }
+            "object"
+        }
+        toml::Value::Array(items) => {
+            items.iter().for_each(|item| assert_fits(&schema["items"], item, path));
+            "array"
+        }
+        toml::Value::String(text) => {
+            let allowed = schema["enum"].as_array();
+            assert!(allowed.is_none_or(|all| all.contains(&text.as_str().into())), "{path}");
+            "string"
+        }
+        toml::Value::Integer(number) => {
+            let bound = |name| schema[name].as_f64();
+            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+            let number = *number as f64;
+            assert!(bound("minimum").is_none_or(|min| number >= min), "{path}");
+            assert!(bound("maximum").is_none_or(|max| number <= max), "{path}");
+            "integer"
+        }
+        toml::Value::Float(_) => "number",
+        toml::Value::Boolean(_) => "boolean",
+        toml::Value::Datetime(_) => "none",
+    };
+    let allowed = &schema["type"];
+    let is_allowed = allowed.is_null()
+        || allowed == kind
+        || allowed == "number" && kind == "integer"
+        || allowed.as_array().is_some_and(|all| all.contains(&kind.into()));
+    assert!(is_allowed, "{path}: {kind} and not {allowed}");
+}
+
+#[test]
+fn the_schema_is_that_of_the_examples_and_knows_every_key() {
+    let schema = schema();
+    let dumped = dump(&whole(&[FOUR_MOTORS, D5_ON_RS485].join("\n")));
+    for text in [FOUR_MOTORS, D5_ON_RS485, &dumped] {
+        assert_fits(&schema, &toml::from_str(text).unwrap(), "file");
+    }
+    let axis = &schema["properties"]["axis"]["items"];
+    for parameter in AxisParameter::ALL {
+        let key = &axis["properties"][parameter.text().name];
+        let doc = parameter.text().doc;
+        assert!(key["description"].as_str().is_some_and(|text| text.starts_with(doc)), "{key}");
+    }
+    assert_eq!(axis["properties"]["ttl_us"]["maximum"], 60_000_000);
+    assert_eq!(axis["properties"]["stop_action"]["enum"][1], "hold");
+    assert_eq!(
+        axis["required"],
+        serde_json::json!(["axis", "bus", "protocol", "node", "stop_action"])
+    );
+    for key in BUS_KEYS {
+        assert!(schema["properties"]["bus"]["items"]["properties"][key].is_object(), "{key}");
+    }
+    assert_eq!(axis["additionalProperties"], false);
+}

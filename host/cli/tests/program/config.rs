@@ -1,0 +1,169 @@
+//! `mgw config`: the configuration as one thing.
+
+use crate::support::{Sim, mgw, mgw_reading};
+use serde_json::Value;
+
+const FOUR_MOTORS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+
+/// Has the program read this from standard input.
+fn reading(sim: &Sim, arguments: &[&str], text: &str) -> crate::support::Outcome {
+    mgw_reading(&[&["--port", &sim.port], arguments].concat(), text)
+}
+
+fn four_motors() -> String {
+    std::fs::read_to_string(FOUR_MOTORS).unwrap()
+}
+
+fn parameter(sim: &Sim, axis: &str, name: &str) -> Value {
+    sim.mgw(&["--json", "config", "show", axis]).json_lines()[0]["parameters"][name].clone()
+}
+
+/// What a file does not name has its default, unsafe flags above all.
+#[test]
+fn an_unsafe_flag_does_not_survive_a_file_that_does_not_name_it() {
+    let sim = Sim::start();
+    sim.mgw(&["config", "axis", "0", "unsafe_infinite_ttl=true", "ttl_us=50000"]).success();
+    sim.mgw(&["config", "axis", "7", "bus=0", "protocol=rmd", "node=7", "stop_action=hold"])
+        .success();
+    sim.mgw(&["config", "gateway", "link_silence_us=9000000"]).success();
+    // Merged it survives, as it was asked to.
+    let merge = "[[axis]]\naxis = 0\nttl_us = 60_000\n";
+    reading(&sim, &["config", "apply", "-", "--merge"], merge).success();
+    assert_eq!(parameter(&sim, "0", "unsafe_infinite_ttl"), true);
+    assert_eq!(parameter(&sim, "0", "ttl_us"), 60_000);
+    sim.mgw(&["config", "apply", FOUR_MOTORS]).success();
+    assert_eq!(parameter(&sim, "0", "unsafe_infinite_ttl"), false);
+    assert_eq!(parameter(&sim, "0", "ttl_us"), 100_000);
+    assert_eq!(sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"].as_array().unwrap().len(), 4);
+    let dump = sim.mgw(&["config", "dump"]).success();
+    assert!(dump.contains("link_silence_us = 250000"), "{dump}");
+}
+
+#[test]
+fn a_file_with_two_motors_of_one_node_changes_nothing_and_the_good_one_applies() {
+    let sim = Sim::start();
+    let before = sim.mgw(&["config", "dump"]).success();
+    let twice = four_motors().replace("axis = 3\nbus = 2", "axis = 3\nbus = 0");
+    let text = reading(&sim, &["config", "apply", "-"], &twice).failure(1);
+    assert!(text.contains("standard input: line "), "{text}");
+    assert!(text.contains("axis 3: axis 0 has this bus and node"), "{text}");
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
+    // An exchange of the nodes of two axes needs a moment at which both have the same.
+    let exchanged = four_motors().replace(
+        "node = 1\nstop_action = \"hold\"\nvelocity_limit_rad_s = 30.0\n\
+        motor_timeout_ms = 300\n\n#",
+        "node = 2\nstop_action = \"hold\"\n\n#",
+    );
+    let fifth = "[[axis]]\naxis = 5\nbus = 0\nprotocol = \"rmd\"\nnode = ";
+    let hold = "\nstop_action = \"hold\"\n";
+    reading(&sim, &["config", "apply", "-"], &format!("{}{fifth}2{hold}", four_motors())).success();
+    reading(&sim, &["config", "apply", "-"], &format!("{exchanged}{fifth}1{hold}")).success();
+    assert_eq!((parameter(&sim, "0", "node"), parameter(&sim, "5", "node")), (2.into(), 1.into()));
+    sim.mgw(&["config", "apply", FOUR_MOTORS]).success();
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
+}
+
+/// All at once, each with its line, and nothing is sent.
+#[test]
+fn duplicates_and_what_is_missing_are_told_together() {
+    let sim = Sim::with(&["--unconfigured"]);
+    let text = four_motors()
+        .replace("stop_action = \"coast\"\n", "")
+        .replace("axis = 2\n", "axis = 0\n")
+        .replace("ttl_us = 500_000\n", "ttl_us = 500_000\nttl_us = 50_000\n");
+    let line = |wanted: &str, nth: usize| {
+        let lines = text.lines().enumerate().filter(|(_, line)| line.starts_with(wanted));
+        lines.map(|(index, _)| index + 1).nth(nth).unwrap()
+    };
+    let error = reading(&sim, &["--json", "config", "apply", "-"], &text).failure(1);
+    let error: Value = serde_json::from_str(&error).unwrap();
+    let findings: Vec<(Value, Value, Value)> = error["error"]["findings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|finding| ["line", "axis", "key"].map(|field| finding[field].clone()).into())
+        .collect();
+    let expected = [
+        (line("axis = 1", 0).into(), 1.into(), "stop_action".into()),
+        (line("axis = 0", 1).into(), 0.into(), "axis".into()),
+        (line("ttl_us", 1).into(), Value::Null, Value::Null),
+    ];
+    assert_eq!(findings, expected, "{error}");
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+}
+
+/// What is printed makes the same gateway again, and is printed by it again.
+#[test]
+fn a_dump_that_is_applied_is_dumped_again() {
+    let sim = Sim::start();
+    sim.mgw(&["config", "axis", "2", "d5_reply_id=extended:0x12345678", "limit_margin=0.15"])
+        .success();
+    let dump = sim.mgw(&["config", "dump"]).success();
+    assert_eq!(reading(&sim, &["config", "diff", "-"], &dump).success(), "");
+    let nothing = reading(&sim, &["config", "apply", "-"], &dump).success();
+    assert!(nothing.contains("; 0 changes, 0 motor timeouts written"), "{nothing}");
+    sim.mgw(&["config", "reset"]).success();
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+    let bus = &sim.mgw(&["--json", "bus", "0"]).json_lines()[0]["buses"][0];
+    assert_eq!((&bus["config"], &bus["state"]), (&Value::Null, &"unconfigured".into()));
+    reading(&sim, &["config", "apply", "-"], &dump).success();
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), dump);
+    assert!(
+        sim.mgw(&["set", "0", "velocity", "2", "--for", "0.2"]).success().contains("confirmed")
+    );
+}
+
+#[test]
+fn a_difference_is_shown_and_is_an_exit_code() {
+    let sim = Sim::start();
+    let other = four_motors()
+        .replace("ttl_us = 500_000", "ttl_us = 50_000")
+        .replace("stop_action = \"coast\"\nsignal_limit = 0.5", "stop_action = \"coast\"");
+    let outcome = reading(&sim, &["config", "diff", "-"], &other);
+    assert_eq!(
+        outcome.stdout,
+        "axis 1: signal_limit 0.5 -> not set\naxis 3: ttl_us 500000 µs -> 50000 µs\n"
+    );
+    assert!(outcome.failure(1).contains("2 settings other than standard input"));
+    assert_eq!(sim.mgw(&["config", "diff", FOUR_MOTORS]).success(), "");
+    let checked = reading(&sim, &["config", "apply", "-", "--check"], &other).success();
+    assert_eq!(checked, "standard input: 3 buses and 4 axes; 2 changes\n");
+    assert_eq!(parameter(&sim, "3", "ttl_us"), 500_000);
+    sim.mgw(&["config", "unset", "axis", "3", "ttl_us"]).success();
+    assert_eq!(parameter(&sim, "3", "ttl_us"), 100_000);
+    let text = sim.mgw(&["config", "unset", "axis", "3", "stop_action"]).failure(1);
+    assert!(
+        text.contains("axis 3 lacks stop_action") && text.contains("Nothing was changed"),
+        "{text}"
+    );
+}
+
+/// What can be known without a gateway, and what it says it has not looked at.
+#[test]
+fn a_file_is_checked_without_a_gateway() {
+    for arguments in
+        [&["config", "check", FOUR_MOTORS][..], &["config", "apply", FOUR_MOTORS, "--check"]]
+    {
+        let text = mgw(arguments).success();
+        assert!(text.contains("3 buses and 4 axes") && text.contains("Add --port"), "{text}");
+    }
+    let text = mgw_reading(&["config", "check", "-"], "[[axis]]\naxis = 0\n").failure(1);
+    assert!(
+        text.contains("line 2, axis 0: lacks stop_action; it takes coast, hold, brake"),
+        "{text}"
+    );
+    mgw(&["config", "check", FOUR_MOTORS, "--merge"]).failure(2);
+    let schema: Value = serde_json::from_str(&mgw(&["config", "schema"]).success()).unwrap();
+    assert_eq!(schema["properties"]["axis"]["items"]["required"][0], "axis");
+}
+
+/// Nothing of a file is made while one of its axes moves.
+#[test]
+fn a_file_waits_until_its_axes_are_idle() {
+    let sim = Sim::patient();
+    let before = sim.mgw(&["config", "dump"]).success();
+    sim.mgw(&["estop"]).success();
+    let text = sim.mgw(&["config", "reset"]).failure(1);
+    assert!(text.contains("Nothing was changed"), "{text}");
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
+}
