@@ -4,6 +4,7 @@ use core::convert::Infallible;
 
 use codec::{Decode, Encode, FieldInfo, Number, check_range};
 
+use crate::dialect::Dialect;
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
 use crate::payload::Payload;
@@ -18,6 +19,22 @@ pub struct BaudCode(pub u8);
 const RS485: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 /// CAN rates, bit/s, by code; higher codes set nothing (RMD V3.6 §2.31.4 example 3).
 const CAN: [u32; 2] = [500_000, 1_000_000];
+/// The highest code on RS485 from V3.8 on; V3.7 and V3.8 are one dialect, so it is not known there.
+const RS485_V3_9: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_500_000];
+/// CAN rates of V4.4, the other way round. Of its RS485 rates the manual contradicts itself but for
+/// the first.
+const CAN_V4_4: [u32; 3] = [1_000_000, 500_000, 250_000];
+
+/// The rates of both buses in a dialect, by code: RS485, CAN.
+const fn rates(dialect: Dialect) -> (&'static [u32], &'static [u32]) {
+    match dialect {
+        Dialect::Unknown => (&[], &[]),
+        Dialect::V3_6 => (&RS485, &CAN),
+        Dialect::V3_7 => (RS485.split_at(4).0, &CAN),
+        Dialect::V3_9 | Dialect::V4_2 | Dialect::V4_3 => (&RS485_V3_9, &CAN),
+        Dialect::V4_4 => (RS485.split_at(1).0, &CAN_V4_4),
+    }
+}
 
 impl BaudCode {
     /// Lowest code.
@@ -27,24 +44,24 @@ impl BaudCode {
     /// Highest code on CAN.
     pub const MAX_ON_CAN: u8 = 1;
 
-    /// The code that sets RS485 to this rate in bit/s.
-    pub fn for_rs485(bit_s: u32) -> Option<BaudCode> {
-        BaudCode::of(&RS485, bit_s)
+    /// The code that sets RS485 to this rate in bit/s, on a motor of this dialect.
+    pub fn for_rs485(dialect: Dialect, bit_s: u32) -> Option<BaudCode> {
+        BaudCode::of(rates(dialect).0, bit_s)
     }
 
-    /// The code that sets CAN to this rate in bit/s.
-    pub fn for_can(bit_s: u32) -> Option<BaudCode> {
-        BaudCode::of(&CAN, bit_s)
+    /// The code that sets CAN to this rate in bit/s, on a motor of this dialect.
+    pub fn for_can(dialect: Dialect, bit_s: u32) -> Option<BaudCode> {
+        BaudCode::of(rates(dialect).1, bit_s)
     }
 
-    /// The rate of RS485 under this code, bit/s.
-    pub fn rs485(self) -> Option<u32> {
-        RS485.get(usize::from(self.0)).copied()
+    /// The rate of RS485 under this code, bit/s, on a motor of this dialect.
+    pub fn rs485(self, dialect: Dialect) -> Option<u32> {
+        rates(dialect).0.get(usize::from(self.0)).copied()
     }
 
-    /// The rate of CAN under this code, bit/s.
-    pub fn can(self) -> Option<u32> {
-        CAN.get(usize::from(self.0)).copied()
+    /// The rate of CAN under this code, bit/s, on a motor of this dialect.
+    pub fn can(self, dialect: Dialect) -> Option<u32> {
+        rates(dialect).1.get(usize::from(self.0)).copied()
     }
 
     pub(crate) fn check_on_can(self) -> Result<(), EncodeError> {

@@ -7,6 +7,7 @@ use codec::Decode;
 use embedded_can::{Frame, Id, StandardId};
 
 use crate::bus_id::{self, Access};
+use crate::dialect::Dialect;
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
 use crate::motion_mode::{MotionCommand, MotionFeedback};
@@ -124,9 +125,17 @@ pub fn reply<F: Frame>(node: Node, reply: &Reply) -> Result<F, EncodeError> {
 /// The motor that sent a frame and the reply in it. A reply about the CAN id names its motor in the
 /// data: the new id once that is set.
 pub fn decode_reply<F: Frame>(frame: &F) -> Result<(Node, Reply), DecodeError> {
+    decode_reply_in(Dialect::V3_6, frame)
+}
+
+/// [`decode_reply`] of a motor of this dialect.
+pub fn decode_reply_in<F: Frame>(
+    dialect: Dialect,
+    frame: &F,
+) -> Result<(Node, Reply), DecodeError> {
     let id = standard(frame)?;
     if let Some(node) = node_above(REPLY_BASE, id) {
-        return Ok((node, Reply::decode(frame.data())?));
+        return Ok((node, Reply::decode_in(dialect, frame.data())?));
     }
     if let Some(node) = node_above(MOTION_REPLY_BASE, id) {
         let Ok(feedback) = MotionFeedback::get::<0>(data(frame)?);

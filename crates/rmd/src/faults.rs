@@ -34,7 +34,7 @@ codec::flags! {
     /// in the manual.
     struct Faults: u16;
 
-    /// Every bit the manual lists, the lowest first.
+    /// Every bit that the manual or a newer one lists, the lowest first.
     FAULTS of FaultInfo by info;
 
     /// The motor stalls: high current at low speed for some time. Level 1.
@@ -51,17 +51,24 @@ codec::flags! {
     CALIBRATION = 0x0080, UntilRestart;
     /// The motor turns faster than its limit. Level 2.
     OVER_SPEED = 0x0100, Recovers;
+    /// Parts on the board are too hot: above 110 °C until below 90 °C (V4.3). Level 2.
+    COMPONENT_OVER_TEMPERATURE = 0x0800, Recovers;
     /// The motor is too hot. Level 2.
     MOTOR_OVER_TEMPERATURE = 0x1000, Recovers;
-    /// The encoder's calibration is too far from its standard. Level 2.
+    /// The encoder's calibration is too far from its standard. Level 2; V4.4 keeps it until a
+    /// restart.
     ENCODER_CALIBRATION = 0x2000, Recovers;
+    /// What the encoder says cannot be read (V4.3). Kept until a restart (V4.4).
+    ENCODER_DATA = 0x4000, UntilRestart;
 }
 
 impl Faults {
     /// Level 1: these faults stay until the motor restarts. From every other listed one the motor
     /// resumes by itself (RMD V3.6 §8.1, §8.2).
-    pub const UNTIL_RESTART: Faults =
-        Faults::STALL.union(Faults::PHASE_OVER_CURRENT).union(Faults::CALIBRATION);
+    pub const UNTIL_RESTART: Faults = Faults::STALL
+        .union(Faults::PHASE_OVER_CURRENT)
+        .union(Faults::CALIBRATION)
+        .union(Faults::ENCODER_DATA);
 
     /// The worst level of the listed bits that are set.
     pub fn level(self) -> Option<FaultLevel> {

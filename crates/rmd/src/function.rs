@@ -8,8 +8,9 @@ use codec::{
 
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
+use crate::node::Node;
 use crate::payload::Payload;
-use crate::table::{self, ENABLED};
+use crate::table::{self, ENABLED, NEXT_ID};
 
 /// One function of 0x20 (RMD V3.6 §2.33.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -33,7 +34,18 @@ pub enum Function {
         /// Whether the motor stores it.
         enabled: bool,
     },
-    /// An index or a value that the manual does not list. Never encoded.
+    /// Index 5: the CAN id from the next restart on; the motor answers from it at once, and hears
+    /// requests on the old one until then (V4.2 and newer).
+    NextCanId {
+        /// The new id.
+        id: Node,
+    },
+    /// Index 8: faults of voltage and speed go away by themselves (V4.4).
+    FaultRecovery {
+        /// Whether they do.
+        enabled: bool,
+    },
+    /// An index or a value that no manual lists. Never encoded.
     Other {
         /// Index as received.
         index: u8,
@@ -47,6 +59,8 @@ impl Function {
     const CAN_ID_FILTER: u8 = 2;
     const ERROR_REPORTING: u8 = 3;
     const MULTI_TURN_SAVING: u8 = 4;
+    const NEXT_CAN_ID: u8 = 5;
+    const FAULT_RECOVERY: u8 = 8;
 
     const OFF: u32 = 0;
     const ON: u32 = 1;
@@ -58,6 +72,8 @@ impl Function {
             Function::CanIdFilter { .. } => Function::CAN_ID_FILTER,
             Function::ErrorReporting { .. } => Function::ERROR_REPORTING,
             Function::MultiTurnSaving { .. } => Function::MULTI_TURN_SAVING,
+            Function::NextCanId { .. } => Function::NEXT_CAN_ID,
+            Function::FaultRecovery { .. } => Function::FAULT_RECOVERY,
             Function::Other { index, .. } => index,
         }
     }
@@ -68,13 +84,15 @@ impl Function {
             Function::ClearMultiTurn => Function::OFF,
             Function::CanIdFilter { enabled }
             | Function::ErrorReporting { enabled }
-            | Function::MultiTurnSaving { enabled } => {
+            | Function::MultiTurnSaving { enabled }
+            | Function::FaultRecovery { enabled } => {
                 if enabled {
                     Function::ON
                 } else {
                     Function::OFF
                 }
             }
+            Function::NextCanId { id } => id.get() as u32,
             Function::Other { value, .. } => value,
         }
     }
@@ -92,6 +110,13 @@ impl Function {
             (Function::MULTI_TURN_SAVING, Function::OFF | Function::ON) => {
                 Function::MultiTurnSaving { enabled }
             }
+            (Function::FAULT_RECOVERY, Function::OFF | Function::ON) => {
+                Function::FaultRecovery { enabled }
+            }
+            (Function::NEXT_CAN_ID, id) => match u8::try_from(id).map(Node::new) {
+                Ok(Ok(id)) => Function::NextCanId { id },
+                _ => Function::Other { index, value },
+            },
             _ => Function::Other { index, value },
         }
     }
@@ -101,11 +126,16 @@ impl Function {
         name: &str,
         fields: &Fields<'_>,
     ) -> Result<Option<Function>, BuildError> {
+        if name == table::SET_NEXT_CAN_ID.name {
+            let id = Node::new(fields.count(&NEXT_ID)?)?;
+            return Ok(Some(Function::NextCanId { id }));
+        }
         let blank = [
             Function::ClearMultiTurn,
             Function::CanIdFilter { enabled: false },
             Function::ErrorReporting { enabled: false },
             Function::MultiTurnSaving { enabled: false },
+            Function::FaultRecovery { enabled: false },
         ]
         .into_iter()
         .find(|function| function.info().is_some_and(|info| info.name == name));
@@ -123,7 +153,9 @@ impl Function {
             Function::ClearMultiTurn => {}
             Function::CanIdFilter { enabled }
             | Function::ErrorReporting { enabled }
-            | Function::MultiTurnSaving { enabled } => ENABLED.visit_bool(visit, enabled),
+            | Function::MultiTurnSaving { enabled }
+            | Function::FaultRecovery { enabled } => ENABLED.visit_bool(visit, enabled),
+            Function::NextCanId { id } => NEXT_ID.visit_integer(visit, id.get()),
             Function::Other { index, value } => {
                 FieldInfo::integer("function_index", "", 0, 0).visit_integer(visit, index);
                 FieldInfo::integer("value", "", 0, 0).visit_integer(visit, value);
@@ -138,6 +170,8 @@ impl Function {
             Function::CanIdFilter { .. } => Some(&table::SET_CAN_ID_FILTER),
             Function::ErrorReporting { .. } => Some(&table::SET_ERROR_REPORTING),
             Function::MultiTurnSaving { .. } => Some(&table::SET_MULTI_TURN_SAVING),
+            Function::NextCanId { .. } => Some(&table::SET_NEXT_CAN_ID),
+            Function::FaultRecovery { .. } => Some(&table::SET_FAULT_RECOVERY),
             Function::Other { .. } => None,
         }
     }
@@ -145,7 +179,7 @@ impl Function {
     /// What it does to a motor (RMD V3.6 §2.33.4).
     pub(crate) const fn effect(self) -> Effect {
         match self {
-            Function::ClearMultiTurn => Effect::Later,
+            Function::ClearMultiTurn | Function::NextCanId { .. } => Effect::Later,
             _ => Effect::Changes,
         }
     }
@@ -166,7 +200,7 @@ impl Encode<Payload> for Function {
 
     fn check(&self) -> Result<(), EncodeError> {
         let Function::Other { index, value } = *self else { return Ok(()) };
-        let (first, last) = (Function::CLEAR_MULTI_TURN, Function::MULTI_TURN_SAVING);
+        let (first, last) = (Function::CLEAR_MULTI_TURN, Function::FAULT_RECOVERY);
         check_range("function_index", i64::from(index), i64::from(first), i64::from(last))?;
         let highest =
             if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };

@@ -6,6 +6,9 @@
 //! motor's id (§4, §7) and motion mode (§5), which is CAN only. What the manual does not list comes
 //! back as `Unknown` with its bytes, so that nothing read from a wire is lost.
 //!
+//! Newer motors speak other versions of it: a [`Dialect`] says which commands a motor has and in
+//! which form ([`Request::encode_in`], [`Request::decode_in`], [`Reply::decode_in`]).
+//!
 //! Tools reach every command by its name in [`COMMANDS`]: [`Request::build`],
 //! [`Request::visit_fields`] and [`Reply::visit_fields`].
 //!
@@ -31,10 +34,12 @@ mod baud;
 mod bus_id;
 pub mod can;
 pub mod command;
+mod dialect;
 mod error;
 mod faults;
 mod field;
 mod function;
+mod gain;
 mod matching;
 mod model;
 mod motion;
@@ -53,12 +58,14 @@ mod units;
 
 pub use baud::BaudCode;
 pub use codec::{BuildError, CommandInfo, FieldInfo, FieldKind, FieldValue};
+pub use dialect::{Dialect, Dialects};
 pub use error::{DecodeError, EncodeError};
 pub use faults::{FAULTS, FaultInfo, FaultLevel, Faults};
 pub use field::DATA_LEN;
 pub use function::Function;
+pub use gain::{Gain, GainValue};
 pub use matching::{Answer, answer, answer_on_line};
-pub use model::Model;
+pub use model::{Model, ModelPart};
 pub use motion::Motion;
 pub use motion_mode::{
     MotionCommand, MotionFeedback, MotionRanges, MotionState, MotionTarget, Span,
@@ -73,6 +80,6 @@ pub use run_mode::RunMode;
 pub use table::COMMANDS;
 pub use units::{
     Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
-    DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds,
-    SpeedLimit, VersionDate,
+    DegreesPerSecond, DegreesPerSecondSquared, EncoderCounts, EncoderPulses, FeedForward,
+    FineSpeedLimit, Milliseconds, SingleTurn, SpeedLimit, TorqueCap, VersionDate,
 };

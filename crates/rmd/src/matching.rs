@@ -88,6 +88,8 @@ fn belongs(request: &Request, received: &Reply) -> bool {
             Request::WritePidRam { .. }
             | Request::WritePidRom { .. }
             | Request::WriteAcceleration { .. }
+            | Request::WriteGainRam { .. }
+            | Request::WriteGainRom { .. }
             | Request::WriteEncoderOffset { .. }
             | Request::Function { .. },
             _,
@@ -96,8 +98,21 @@ fn belongs(request: &Request, received: &Reply) -> bool {
             Request::SetCommunicationTimeout { timeout: sent },
             Reply::CommunicationTimeout { timeout },
         ) => timeout == sent || timeout.0 == 0,
+        // A reply repeats the index: another one answers something else, or is an old one.
+        (Request::ReadGain { .. } | Request::ReadRamp { .. }, _) => {
+            head(request.to_bytes()) == head(received.to_bytes())
+        }
+        (Request::ReadModelPart { part: asked }, Reply::ModelPart { part, .. }) => part == asked,
+        (Request::ReadModelPart { .. }, _) | (_, Reply::ModelPart { .. } | Reply::Gain { .. }) => {
+            false
+        }
         _ => true,
     }
+}
+
+/// Command and index.
+fn head([command, index, ..]: [u8; DATA_LEN]) -> [u8; 2] {
+    [command, index]
 }
 
 /// Requests under ids of their own, where a command code says nothing.

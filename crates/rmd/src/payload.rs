@@ -6,11 +6,11 @@ use codec::{Decode, Encode, Layout, Number};
 
 use crate::faults::Faults;
 use crate::field::{DATA_LEN, Field};
-use crate::model::Model;
+use crate::model::{Model, ModelPart};
 use crate::units::{
     Celsius, Centiamps, Centidegrees, CentidegreesPerSecond, Decivolts, Deciwatts, Degrees,
-    DegreesPerSecond, DegreesPerSecondSquared, EncoderPulses, FineSpeedLimit, Milliseconds,
-    SpeedLimit, VersionDate,
+    DegreesPerSecond, DegreesPerSecondSquared, EncoderCounts, EncoderPulses, FeedForward,
+    FineSpeedLimit, Milliseconds, SingleTurn, SpeedLimit, TorqueCap, VersionDate,
 };
 
 /// How the data bytes are laid out: the command byte first.
@@ -53,6 +53,10 @@ macro_rules! little_endian {
 
 little_endian!(
     u8: 1,
+    FeedForward: 1,
+    TorqueCap: 1,
+    EncoderCounts: 2,
+    SingleTurn: 2,
     u32: 4,
     Celsius: 1,
     Centiamps: 2,
@@ -94,4 +98,5 @@ bytes! {
     [u8; 8]: 8, |bytes| bytes, |bytes| bytes;
     Faults: 2, |bytes| Faults::from_bits_retain(u16::from_le_bytes(bytes)), |faults: Faults| faults.bits().to_le_bytes();
     Model: 7, Model, |model: Model| model.0;
+    ModelPart: 5, ModelPart, |part: ModelPart| part.0;
 }

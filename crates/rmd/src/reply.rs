@@ -6,6 +6,7 @@ use core::convert::Infallible;
 use codec::{Decode, Visit};
 
 use crate::command;
+use crate::dialect::Dialect;
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
 use crate::motion_mode::MotionRanges;
@@ -22,7 +23,7 @@ impl Reply {
     pub fn encode(&self) -> Result<[u8; DATA_LEN], EncodeError> {
         self.check()?;
         if let Reply::Unknown { data } = self
-            && !matches!(Reply::decode_full(data), Reply::Unknown { .. })
+            && !matches!(Reply::decode_full_in(Dialect::V3_6, data), Reply::Unknown { .. })
         {
             let reason = "this command has a reply of its own";
             return Err(EncodeError::Forbidden {
@@ -40,8 +41,14 @@ impl Reply {
     /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can)
     /// and [`rs485`](crate::rs485) look at those.
     pub fn decode(data: &[u8]) -> Result<Reply, DecodeError> {
+        Reply::decode_in(Dialect::V3_6, data)
+    }
+
+    /// The reply that the data bytes of a motor of this dialect hold; where the dialect is unknown,
+    /// the form of the bytes tells.
+    pub fn decode_in(dialect: Dialect, data: &[u8]) -> Result<Reply, DecodeError> {
         if let Ok(data) = <&[u8; DATA_LEN]>::try_from(data) {
-            return Ok(Reply::decode_full(data));
+            return Ok(Reply::decode_full_in(dialect, data));
         }
         if let [command::TIMEOUT_NOTICE, payload @ ..] = data
             && let Ok(raw) = RawNotice::new(payload)
@@ -51,8 +58,8 @@ impl Reply {
         Err(DecodeError::Length { got: data.len(), expected: DATA_LEN })
     }
 
-    /// The reply that eight data bytes hold.
-    pub(crate) fn decode_full(data: &[u8; DATA_LEN]) -> Reply {
+    /// The reply by its code alone, in its oldest form.
+    pub(crate) fn decode_row_of(data: &[u8; DATA_LEN]) -> Reply {
         let [code, ..] = *data;
         let Ok(reply) = Reply::decode_any(code, data);
         reply

@@ -6,6 +6,7 @@ use core::convert::Infallible;
 use codec::{BuildError, Decode, Effect, Fields, Visit};
 
 use crate::command;
+use crate::dialect::{Dialect, Dialects};
 use crate::error::EncodeError;
 use crate::field::DATA_LEN;
 use crate::function::Function;
@@ -18,15 +19,16 @@ impl Request {
     /// The eight data bytes.
     ///
     /// Refused are values outside the manual's ranges, a [`Function::Other`], and a
-    /// [`Request::Unknown`] whose command has a variant of its own: it would pass checks made
-    /// on that variant unseen.
+    /// [`Request::Unknown`] whose command has a variant of its own in any dialect: it would pass
+    /// checks made on that variant unseen. Whether a motor has the command its dialect says:
+    /// [`encode_in`](Request::encode_in).
     ///
     /// The data of motion mode and of the id commands mean something only under their own ids:
     /// [`can`](crate::can) and [`rs485`](crate::rs485) put them there.
     pub fn encode(&self) -> Result<[u8; DATA_LEN], EncodeError> {
         self.check()?;
         if let Request::Unknown { data } = self
-            && !matches!(Request::decode(data), Request::Unknown { .. })
+            && Request::dialects_of(data) != Dialects::NONE
         {
             let reason = "this command has a request of its own";
             return Err(EncodeError::Forbidden {
@@ -38,12 +40,20 @@ impl Request {
         Ok(self.to_bytes())
     }
 
-    /// The request that eight data bytes to a single motor hold. Every byte string is one: what is
-    /// not listed is `Unknown`.
+    /// The request that eight data bytes to a single motor of V3.6 hold, as the motor takes it:
+    /// bytes without a meaning are passed over. Every byte string is one: what is not listed is
+    /// `Unknown`.
     ///
     /// The bytes do not tell motion mode and the id commands: their ids do, and [`can`](crate::can)
     /// and [`rs485`](crate::rs485) look at those.
     pub fn decode(data: &[u8; DATA_LEN]) -> Request {
+        let request = Request::decode_row_of(data);
+        let is_known = request.dialects().contains(Dialect::V3_6);
+        if is_known { request } else { Request::Unknown { data: *data } }
+    }
+
+    /// The request by its code alone, in its oldest form.
+    pub(crate) fn decode_row_of(data: &[u8; DATA_LEN]) -> Request {
         let [code, ..] = *data;
         let Ok(request) = Request::decode_any(code, data);
         request
@@ -123,6 +133,9 @@ impl Request {
     /// Whether a motor answers at all. What comes back after 0xB4 is random and answers nothing
     /// (RMD V3.6 §2.25.3, §2.31.3).
     pub const fn is_answered(&self) -> bool {
-        !matches!(self, Request::Reset | Request::SetBaudRate { .. })
+        !matches!(
+            self,
+            Request::Reset | Request::SetBaudRate { .. } | Request::SetActiveReply { .. }
+        )
     }
 }

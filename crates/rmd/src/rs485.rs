@@ -12,6 +12,7 @@ use crc::{CRC_16_MODBUS, Crc, Table};
 pub use self::deframer::{Deframer, Rs485Framing};
 pub use self::scan::{Piece, Scan};
 use crate::bus_id::{self, Access};
+use crate::dialect::Dialect;
 use crate::error::{DecodeError, EncodeError};
 use crate::field::DATA_LEN;
 use crate::node::{Node, Target};
@@ -87,9 +88,17 @@ pub fn decode_any_request(frame: &[u8; FRAME_LEN]) -> Result<(Target, Request), 
 /// The motor that sent a frame and the reply in it. A reply about the RS485 id names its motor in
 /// the data: the new id once that is set.
 pub fn decode_reply(frame: &[u8; FRAME_LEN]) -> Result<(Node, Reply), DecodeError> {
+    decode_reply_in(Dialect::V3_6, frame)
+}
+
+/// [`decode_reply`] of a motor of this dialect.
+pub fn decode_reply_in(
+    dialect: Dialect,
+    frame: &[u8; FRAME_LEN],
+) -> Result<(Node, Reply), DecodeError> {
     let (id, data) = open(frame)?;
     if id != BROADCAST_ID {
-        return Ok((Node::received(id)?, Reply::decode_full(data)));
+        return Ok((Node::received(id)?, Reply::decode_full_in(dialect, data)));
     }
     match bus_id::access(data).ok_or(DecodeError::Node { node: id })? {
         Access::Read => bus_id::rs485_node(data).map(|id| (id, Reply::Rs485Id { id })),

@@ -36,4 +36,14 @@ codec::units! {
     ///
     /// Motors also send ten digits, so it is not taken apart.
     VersionDate(u32): "";
+    /// Single-turn angle, 0.01 degree per count, 0 to 359.99° (V3.7 0x94, 0xA6).
+    SingleTurn(u16): "deg" / 100.0;
+    /// Counts of the single-turn encoder (V3.7 0x90).
+    EncoderCounts(u16): "";
+    /// Highest torque that the motor itself allows, 1 % of its rated current per count (V4.3 0xA2, 0xA9).
+    ///
+    /// Above its stall current nothing is capped, nor by 0 in 0xA2.
+    TorqueCap(u8): "%";
+    /// Speed or torque in addition, 1 % of the rated speed or current per count (V4.4 0x72, 0x73).
+    FeedForward(i8): "%";
 }

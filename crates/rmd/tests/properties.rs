@@ -6,7 +6,8 @@ use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use rmd::rs485::{self, Deframer, FRAME_LEN, Piece, Scan};
 use rmd::{
-    Answer, COMMANDS, DecodeError, EncodeError, Node, Reply, Request, answer, answer_on_line, can,
+    Answer, BuildError, COMMANDS, DecodeError, Dialect, Dialects, EncodeError, Node, Reply,
+    Request, answer, answer_on_line, can,
 };
 
 /// Bytes as a disturbed line carries them: frames, cut frames and bytes that look like the start of
@@ -111,9 +112,14 @@ proptest! {
     #[test]
     fn built_requests_survive(info in select(COMMANDS), picks in any::<[u16; 5]>()) {
         let node = Node::new(1).expect("1..=32");
-        let Ok(request) = Request::build(info.name, &fields_in_range(&info, &picks)) else {
-            prop_assert_eq!(info.name, "timeout_notice");
-            return Ok(());
+        let request = match Request::build(info.name, &fields_in_range(&info, &picks)) {
+            Ok(request) => request,
+            // Two indexes between those of gains have none.
+            Err(BuildError::Encode(EncodeError::Forbidden { field: "index", value: 3 | 6, .. })) => return Ok(()),
+            Err(error) => {
+                prop_assert_eq!(info.name, "timeout_notice", "{}", error);
+                return Ok(());
+            }
         };
         prop_assert_eq!(request.info(), Some(&info));
         prop_assert_eq!(u16::from(request.command()), info.code);
@@ -126,7 +132,14 @@ proptest! {
         let on_can = can::request::<CanFrame>(node, &request).map(|frame| can::decode_any_request(&frame));
         let on_rs485 = rs485::request(node, &request).map(|frame| rs485::decode_any_request(&frame));
         prop_assert!(on_can.is_ok() || on_rs485.is_ok());
-        for decoded in [on_can, on_rs485].into_iter().flatten() {
+        let is_under_own_id = matches!(info.name, "motion_mode") || info.code == 0x79;
+        for dialect in request.dialects().iter().filter(|_| !is_under_own_id) {
+            if let Ok(data) = request.encode_in(dialect) {
+                prop_assert_eq!(Request::decode_in(dialect, &data), request);
+            }
+        }
+        let has_old_form = request.dialects().iter().any(|dialect| dialect == Dialect::V3_6);
+        for decoded in [on_can, on_rs485].into_iter().flatten().filter(|_| has_old_form) {
             prop_assert_eq!(decoded.map(|(_, request)| request), Ok(request));
         }
     }
@@ -141,10 +154,21 @@ proptest! {
                 prop_assert_eq!(again, meaning(data));
                 prop_assert_eq!(Request::decode(&again), request);
             }
-            Err(error) => prop_assert!(matches!(error, EncodeError::OutOfRange { .. }), "{}", error),
+            Err(EncodeError::OutOfRange { .. }) => {}
+            Err(error) => prop_assert!(matches!(request, Request::Unknown { .. }), "{}", error),
         }
-        let is_unknown = matches!(request, Request::Unknown { .. });
+        let is_unknown = Request::dialects_of(&data) == Dialects::NONE;
+        let is_passed_over = matches!(request, Request::Unknown { .. });
+        prop_assert!(is_passed_over || !is_unknown);
         prop_assert_eq!(Request::Unknown { data }.encode().is_ok(), is_unknown);
+        for dialect in Dialect::ALL {
+            let request = Request::decode_in(dialect, &data);
+            if let Ok(again) = request.encode_in(dialect) {
+                prop_assert_eq!(Request::decode_in(dialect, &again), request);
+            }
+            let reply = Reply::decode_in(dialect, &data).expect("eight bytes");
+            let _ = (answer(&request, &reply), reply.encode());
+        }
 
         let reply = Reply::decode(&data).expect("eight bytes");
         match reply.encode() {

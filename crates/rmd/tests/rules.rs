@@ -3,8 +3,8 @@
 use codec::testing::{CanFrame, check_deframer, check_names};
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 use rmd::{
-    BaudCode, COMMANDS, EncodeError, FAULTS, FaultLevel, Faults, FieldValue, MotionCommand,
-    MotionFeedback, MotionRanges, Node, RawNotice, Reply, Request, Span, can, rs485,
+    BaudCode, COMMANDS, Dialect, EncodeError, FAULTS, FaultLevel, Faults, FieldValue,
+    MotionCommand, MotionFeedback, MotionRanges, Node, RawNotice, Reply, Request, Span, can, rs485,
 };
 
 fn node(id: u8) -> Node {
@@ -109,27 +109,46 @@ fn what_requests_do() {
     assert_eq!(codes(|request| !request.is_answered()), [0x76, 0xB4]);
 }
 
-/// RMD V3.6 §8.2: the level 1 rows that have a bit.
+/// RMD V3.6 §8.2: the level 1 rows that have a bit, and the encoder's data (V4.4).
 #[test]
-fn level_1_is_stall_phase_current_and_calibration() {
+fn what_stays_until_a_restart() {
     let level_1 = FAULTS.iter().filter(|info| info.level == FaultLevel::UntilRestart);
     assert!(level_1.map(|info| info.fault).eq(Faults::UNTIL_RESTART.iter()));
-    assert_eq!(Faults::UNTIL_RESTART.bits(), 0x0092);
+    assert_eq!(Faults::UNTIL_RESTART.bits(), 0x4092);
     assert_eq!(Faults::from_bits_retain(0x0104).level(), Some(FaultLevel::Recovers));
     assert_eq!(Faults::from_bits_retain(0x0106).level(), Some(FaultLevel::UntilRestart));
     assert_eq!(Faults::from_bits_retain(0x8000).level(), None);
 }
 
-/// RMD V3.6 §2.31.1.
+/// RMD V3.6 §2.31.1; V3.8, V3.9 and V4.4 0xB4: the codes of CAN are swapped, so that a motor would be
+/// gone after the next power-on.
 #[test]
 fn rates_of_both_buses() {
-    let rates = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000].map(Some);
-    assert_eq!([0, 1, 2, 3, 4].map(|code| BaudCode(code).rs485()), rates);
-    assert_eq!([0, 1, 2].map(|code| BaudCode(code).can()), [rates[1], rates[2], None]);
-    assert_eq!(BaudCode(5).rs485(), None);
-    assert_eq!(BaudCode::for_rs485(2_000_000), Some(BaudCode(4)));
-    assert_eq!(BaudCode::for_can(1_000_000), Some(BaudCode(1)));
-    assert_eq!((BaudCode::for_can(115_200), BaudCode::for_rs485(9600)), (None, None));
+    let of = |dialect, rate: fn(BaudCode, Dialect) -> Option<u32>| {
+        [0, 1, 2, 3, 4, 5].map(|code| rate(BaudCode(code), dialect).unwrap_or(0))
+    };
+    let thousands = |rates: [u32; 6]| rates.map(|rate| rate * 1_000);
+    for (dialect, rs485, can) in [
+        (Dialect::Unknown, [0; 6], [0; 6]),
+        (Dialect::V3_6, [115, 500, 1_000, 1_500, 2_000, 0], [500, 1_000, 0, 0, 0, 0]),
+        (Dialect::V3_7, [115, 500, 1_000, 1_500, 0, 0], [500, 1_000, 0, 0, 0, 0]),
+        (Dialect::V3_9, [115, 500, 1_000, 1_500, 2_500, 0], [500, 1_000, 0, 0, 0, 0]),
+        (Dialect::V4_3, [115, 500, 1_000, 1_500, 2_500, 0], [500, 1_000, 0, 0, 0, 0]),
+        (Dialect::V4_4, [115, 0, 0, 0, 0, 0], [1_000, 500, 250, 0, 0, 0]),
+    ] {
+        let kilo = of(dialect, BaudCode::rs485).map(|rate| rate / 1_000 * 1_000);
+        assert_eq!(kilo, thousands(rs485), "{dialect:?}");
+        assert_eq!(of(dialect, BaudCode::can), thousands(can), "{dialect:?}");
+    }
+    assert_eq!(BaudCode(0).rs485(Dialect::V3_6), Some(115_200));
+    assert_eq!(BaudCode::for_rs485(Dialect::V3_6, 2_000_000), Some(BaudCode(4)));
+    assert_eq!(BaudCode::for_rs485(Dialect::V4_2, 2_000_000), None);
+    for (dialect, code) in
+        [(Dialect::V3_6, Some(1)), (Dialect::V4_4, Some(0)), (Dialect::Unknown, None)]
+    {
+        assert_eq!(BaudCode::for_can(dialect, 1_000_000), code.map(BaudCode));
+    }
+    assert_eq!(BaudCode::for_can(Dialect::V3_6, 115_200), None);
 }
 
 /// Words of 12 bits, and a notice of more bytes than a frame holds.
@@ -173,4 +192,94 @@ fn motion_mode_in_other_ranges() {
         }
     });
     assert!(torque.is_some_and(|torque| (torque - 100.04).abs() < 0.01));
+}
+
+/// V4.4 0x400: position ±12.566 rad, and torque and kd as the motor has them. The printed words of
+/// RMD V3.6 §5.4 would have such a motor give 2.5 times the torque and 10 times the damping.
+#[test]
+fn motion_mode_of_v4_4() {
+    let fields = |name: &str| match name {
+        "position_rad" | "kp" => Some(10.0),
+        "velocity_rad_s" | "kd" => Some(1.0),
+        "torque_nm" => Some(10.0),
+        _ => None,
+    };
+    let words = |ranges: &MotionRanges| {
+        Request::build_in(ranges, "motion_mode", &fields).expect("in range").encode()
+    };
+    assert_eq!(words(&MotionRanges::DEFAULT), Ok([0xE6, 0x66, 0x82, 0xE0, 0x52, 0x33, 0x3B, 0x55]));
+    assert_eq!(
+        words(&MotionRanges::v4_4(60.0, 50.0)),
+        Ok([0xE5, 0xDD, 0x82, 0xE0, 0x52, 0x05, 0x29, 0x55])
+    );
+}
+
+/// V4.4 0x20, 0x32, 0x43, 0x63, 0x64, 0xB4: echoed and not stored unless the output is off.
+#[test]
+fn what_is_stored_only_while_the_output_is_off() {
+    let codes = |dialect| -> Vec<u8> {
+        let request = |code: u8| Request::decode_in(dialect, &[code, 1, 0, 0, 0, 0, 0, 0]);
+        (0..=u8::MAX).filter(|code| request(*code).is_stored_only_off(dialect)).collect()
+    };
+    assert_eq!(codes(Dialect::V4_4), [0x20, 0x32, 0x43, 0x63, 0x64, 0xB4]);
+    assert_eq!(codes(Dialect::V4_3), []);
+}
+
+/// Observed: a motor may answer an unknown command with a copy of its last reply.
+#[test]
+fn a_stale_reply_answers_nothing() {
+    use rmd::{Answer, answer};
+    for (dialect, asked, stale, own) in [
+        // Another command's.
+        (
+            Dialect::V4_3,
+            [0xA9, 30, 0xF4, 1, 0xA0, 0x8C, 0, 0],
+            [0x9C, 50, 100, 0, 0, 0, 45, 0],
+            [0xA9, 50, 0, 0, 0, 0, 45, 0],
+        ),
+        (
+            Dialect::V3_7,
+            [0x94, 0, 0, 0, 0, 0, 0, 0],
+            [0x92, 0, 0, 0, 0x10, 0, 0, 0],
+            [0x94, 0, 0, 0, 0, 0, 0, 0x10],
+        ),
+        // Another index of the same command.
+        (
+            Dialect::V4_2,
+            [0x30, 1, 0, 0, 0, 0, 0, 0],
+            [0x30, 2, 0, 0, 0, 0, 0, 0x3F],
+            [0x30, 1, 0, 0, 0, 0, 0, 0x3F],
+        ),
+        (
+            Dialect::V3_9,
+            [0x42, 3, 0, 0, 0, 0, 0, 0],
+            [0x42, 1, 0, 0, 0x88, 0x13, 0, 0],
+            [0x42, 3, 0, 0, 0x88, 0x13, 0, 0],
+        ),
+        (
+            Dialect::V4_4,
+            [0xB5, 1, 2, 0, 0, 0, 0, 0],
+            [0xB5, 1, 1, 0x52, 0x4D, 0x44, 0x2D, 0x58],
+            [0xB5, 1, 2, 0x34, 0x2D, 0x50, 0x33, 0x36],
+        ),
+        // The other form of the same command.
+        (
+            Dialect::V4_2,
+            [0x30, 1, 0, 0, 0, 0, 0, 0],
+            [0x30, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19],
+            [0x30, 1, 0, 0, 0, 0, 0, 0x3F],
+        ),
+        (
+            Dialect::V3_6,
+            [0x30, 0, 0, 0, 0, 0, 0, 0],
+            [0x30, 1, 0, 0, 0, 0, 0, 0x3F],
+            [0x30, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19],
+        ),
+    ] {
+        let request = Request::decode_in(dialect, &asked);
+        assert!(!matches!(request, Request::Unknown { .. }), "{asked:02X?}");
+        let read = |data: &[u8; 8]| Reply::decode_in(Dialect::Unknown, data).expect("eight bytes");
+        assert_eq!(answer(&request, &read(&stale)), Answer::Unrelated, "{stale:02X?}");
+        assert_eq!(answer(&request, &read(&own)), Answer::Reply(read(&own)), "{own:02X?}");
+    }
 }

@@ -160,6 +160,17 @@ impl MotionRanges {
         torque_nm: Span::new(-24.0, 24.0),
     };
 
+    /// The ranges of a V4.4 motor, of which the highest torque depends on the model, and that of kd
+    /// on whom one asks: its manual says 5 and 50.
+    pub const fn v4_4(torque_nm: f64, kd: f64) -> MotionRanges {
+        MotionRanges {
+            position_rad: Span::new(-12.566, 12.566),
+            kd: Span::new(0.0, kd),
+            torque_nm: Span::new(-torque_nm, torque_nm),
+            ..MotionRanges::DEFAULT
+        }
+    }
+
     /// The words nearest to a target; values outside their range are refused by name.
     pub fn command(&self, target: &MotionTarget) -> Result<MotionCommand, BuildError> {
         Ok(MotionCommand {
