@@ -3,7 +3,7 @@
 use host_protocol::CanFrame;
 use rmd::rs485::{self, Deframer, Scan};
 use rmd::{
-    BaudCode, Faults, Function, Model, MotionRanges, Node, Ramp, RawNotice, Reply, Request,
+    BaudCode, Dialect, Faults, Function, Gain, GainValue, Model, MotionRanges, Node, Ramp, RawNotice, Reply, Request,
     RunMode, Target, answer, answer_on_line, can,
 };
 
@@ -22,6 +22,11 @@ pub fn all(input: &[u8]) {
 fn decoded_requests(node: Node) {
     let request = any(Request::decode(&array()));
     used(request.encode());
+    let dialect = any(Dialect::V4_4);
+    used((request.check_in(dialect), request.encode_in(dialect)));
+    used((request.dialects(), request.is_stored_only_off(dialect)));
+    used((Request::decode_in(dialect, &array()), Request::dialects_of(&array())));
+    used((Reply::decode_in(dialect, &array()), request.dialects().iter().count()));
     used((request.command(), request.is_answered(), request.name(), request.info()));
     used(request.answering_node(node));
     used(can::request::<CanFrame>(node, &request));
@@ -54,6 +59,7 @@ fn can_frames(input: &[u8]) {
     used(can::decode_request(&frame));
     used(can::decode_any_request(&frame));
     used(can::decode_reply(&frame));
+    used(can::decode_reply_in(any(Dialect::V4_4), &frame));
     used(can::node_of_reply_id(frame.id()));
     if let Ok((Target::Node(node), _)) = can::decode_any_request(&frame) {
         used((can::request_id(node), can::reply_id(node)));
@@ -77,8 +83,11 @@ fn serial(input: &[u8]) {
 }
 
 fn small_types(input: &[u8]) {
-    used((BaudCode::for_can(any(0)), BaudCode::for_rs485(any(0))));
-    used((any(BaudCode(0)).can(), any(BaudCode(0)).rs485()));
+    let dialect = any(Dialect::V4_4);
+    used((BaudCode::for_can(dialect, any(0)), BaudCode::for_rs485(dialect, any(0))));
+    used((any(BaudCode(0)).can(dialect), any(BaudCode(0)).rs485(dialect)));
+    used((Dialect::from_number(any(0)), dialect.name(), dialect.has_torque_cap()));
+    used((Gain(any(1)).name(), GainValue::new(Gain(any(1)), any(1.0)).value()));
     let faults = any(Faults::from_bits_retain(0));
     faults.infos().for_each(used);
     used(faults.level());

@@ -179,6 +179,7 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
         return Err(Error::BrakeStaysOpen { axis });
     }
     check_return_mode(config)?;
+    protocol::check_dialect(axis, config)?;
     let least = Info::of_axis(config).map_or(0.0, Info::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
     let (min, max) = config.position_range();

@@ -46,6 +46,18 @@ impl fmt::Display for Faults {
     }
 }
 
+/// A command that not every dialect has.
+pub struct DialectCommand(pub u8);
+
+impl fmt::Display for DialectCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0 => f.write_str("motion mode"),
+            command => write!(f, "command {command:#04X}"),
+        }
+    }
+}
+
 /// Requests or parameters of another version look the same from here.
 pub const OTHER_VERSION: &str =
     "host and gateway may be of different versions, compare them with hello";

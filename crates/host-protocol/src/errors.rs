@@ -8,8 +8,8 @@ use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
 use crate::encode::{EncodeError, encode};
 use crate::error_text::{
-    Bounds, Faults, KindOf, NextEpoch, OTHER_VERSION, Offered, RequestName, abilities, next_step,
-    together_bar, way_to_idle,
+    Bounds, DialectCommand, Faults, KindOf, NextEpoch, OTHER_VERSION, Offered, RequestName,
+    abilities, next_step, together_bar, way_to_idle,
 };
 use crate::field_doc::field_doc;
 use crate::frame::Kind;
@@ -370,6 +370,15 @@ errors! {
     72 TooManyChanges { most: u16 }
         "more than {most} parameters of axes cannot change at once; nothing was changed, make the \
         change in several steps";
+    /// The dialect of the motor lacks this command or has it in another form, or its dialect is not
+    /// known; 0: motion mode.
+    75 NotInDialect { axis: u8, command: u8 }
+        "the motor of axis {axis} speaks a dialect that lacks {}, or has it in another form; see \
+        docs/rmd-dialects.md and state its rmd_dialect", DialectCommand(command);
+    /// RMD v4_4: the motor would echo this and store nothing, as its output stays on.
+    76 OutputStaysOn { axis: u8 }
+        "the motor of axis {axis} stores this only while its output is off, which a stop by hold \
+        leaves on; set stop_action=coast, or brake, first";
 }
 
 impl core::error::Error for Error {}

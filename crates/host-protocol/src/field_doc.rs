@@ -18,6 +18,7 @@ field_docs! { $
     bitrate "bit/s.";
     bus "Number of the bus, from 0.";
     buses "Buses are numbered from 0 to one less than this.";
+    command "First byte of the command; 0 is motion mode.";
     current "The epoch of the axis, if it is armed.";
     epoch "The epoch that [`Arm`](crate::requests::Arm) returned.";
     expires_at_us "Low 32 bits of the gateway time at which the setpoint expires, µs; later than \

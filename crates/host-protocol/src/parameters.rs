@@ -344,6 +344,13 @@ parameters! {
     /// echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with
     /// bit 8 it returns nothing and cannot be armed.
     45 ReturnMode "return_mode": Unsigned("") [0, 0x0307] 0;
+    /// RMD: the version of the protocol that the motor speaks: 0 unknown, 1 v3_6, 2 v3_7 (and 3.8),
+    /// 3 v3_9 (to 4.1), 4 v4_2, 5 v4_3, 6 v4_4. Native commands and impedance follow it; unknown
+    /// has what all versions have in common.
+    46 RmdDialect "rmd_dialect": Unsigned("") [0, 6] 1;
+    /// RMD of v4_3 and v4_4: with every velocity and position setpoint the motor is told to keep its
+    /// torque below this part of its rated current. Above its stall current nothing is capped.
+    47 TorqueCap "torque_cap_percent": Unsigned("%") [1, 255] optional;
 }
 
 parameters! {

@@ -41,7 +41,12 @@ pub fn commands(protocol: Protocol) -> Vec<(String, String)> {
         table.iter().map(|info| (info.name.to_owned(), section(info.section))).collect()
     };
     match protocol {
-        Protocol::Rmd => listed(rmd::COMMANDS, "RMD V3.6"),
+        // What newer versions add, docs/rmd-dialects.md has.
+        Protocol::Rmd => {
+            let mut rows = listed(rmd::COMMANDS, "RMD V3.6");
+            rows.retain(|(_, section)| !section.starts_with("RMD V"));
+            rows
+        }
         Protocol::Thruster => listed(thruster::COMMANDS, "Thruster manual"),
         Protocol::D5 => listed(d5::COMMANDS, "D5 manual").into_iter().chain(registers()).collect(),
     }

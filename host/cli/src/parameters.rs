@@ -117,6 +117,8 @@ fn names(info: &ParameterInfo) -> Option<Box<dyn Iterator<Item = (&'static str, 
         Some(Box::new(Protocol::ALL.iter().map(|protocol| (protocol.name(), u32::from(*protocol)))))
     } else if info.number == AxisParameter::StopAction.number() {
         Some(Box::new(StopAction::ALL.iter().map(|action| (action.name(), u32::from(*action)))))
+    } else if info.number == AxisParameter::RmdDialect.number() {
+        Some(Box::new(rmd::Dialect::ALL.iter().map(|dialect| dialect.name()).zip(0..)))
     } else {
         None
     }
@@ -134,6 +136,8 @@ mod tests {
     fn each_kind_of_value_is_read() {
         assert_eq!(read("stop_action", "hold").unwrap(), Value::Unsigned(2));
         assert_eq!(read("protocol", "3").unwrap(), Value::Unsigned(3));
+        assert_eq!(read("rmd_dialect", "unknown").unwrap(), Value::Unsigned(0));
+        assert_eq!(read("rmd_dialect", "v4_4").unwrap(), Value::Unsigned(6));
         assert_eq!(read("node", "0x0B").unwrap(), Value::Unsigned(11));
         assert_eq!(read("ttl_us", "60_000_000").unwrap(), Value::Unsigned(60_000_000));
         assert_eq!(read("direction", "-1").unwrap(), Value::Signed(-1));

@@ -378,6 +378,11 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     Err(Error::OutOfRange { quantity: Quantity::MotorTimeout, value, min, max })
 }
 
+/// Refuses what the motor of an axis lacks, of the versions of its protocol.
+pub(crate) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    rmd::check_dialect(axis, config)
+}
+
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only
 /// reports, unless the axis treats them as faults. Without its sensor a temperature limit cannot be
 /// kept.

@@ -1,4 +1,4 @@
-//! MyActuator RMD (V3.6) in the core's words.
+//! MyActuator RMD in the core's words, in the dialect of each axis (docs/rmd-dialects.md).
 
 use super::convert::{CENTIDEGREES, DEGREES, HUNDREDTHS, TENTHS, from_span, position, to_span};
 use super::{
@@ -14,8 +14,9 @@ use host_protocol::StopAction::{Brake, Coast, Hold};
 use host_protocol::{AxisParameter, BusKind, CanId, Error, Quantity, Setpoint};
 use rmd::rs485::{self, FRAME_LEN};
 use rmd::{
-    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Milliseconds, Motion, MotionCommand,
-    MotionFeedback, Node, Reply, Request, SpeedLimit, can,
+    Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Dialect, Dialects, Function,
+    Milliseconds, Motion, MotionCommand, MotionFeedback, Node, Reply, Request, SpeedLimit,
+    TorqueCap, can,
 };
 
 pub(super) static INFO: Info = Info {
@@ -50,6 +51,8 @@ pub(super) static INFO: Info = Info {
         AxisParameter::MotionTorqueNm,
         AxisParameter::MotionStiffness,
         AxisParameter::MotionDamping,
+        AxisParameter::RmdDialect,
+        AxisParameter::TorqueCap,
     ],
     // 0x81 twice: after a communication timeout the first command is echoed and ignored
     // (PROTOCOL-NOTES R20).
@@ -100,13 +103,7 @@ pub(super) static INFO: Info = Info {
     command,
     motion,
     at,
-    native: |_, data, config| {
-        let request = data.try_into().ok().map(Request::decode);
-        Ok(request.and_then(|request| {
-            let effect = effect(request, config.sign())?;
-            Some(Native { command: Command::Rmd(request), effect })
-        }))
-    },
+    native,
     is_answered: |command, _| matches!(command, Command::Rmd(request) if request.is_answered()),
     judge,
     observe: |received, config| match received {
@@ -126,13 +123,67 @@ pub(super) static INFO: Info = Info {
         _ => None,
     },
     from_can: |frame| {
-        let (node, reply) = can::decode_reply(frame).ok()?;
+        let (node, reply) = can::decode_reply_in(TOLD_BY_FORM, frame).ok()?;
         Some(Received::Rmd { node: node.get(), reply })
     },
     reads: |frame| {
         can::decode_any_request(frame).is_ok_and(|(_, request)| reads_by(request, frame.data()))
     },
 };
+
+/// Replies are read before it is known whose they are: their form tells which dialect's they are.
+const TOLD_BY_FORM: Dialect = Dialect::Unknown;
+
+/// The dialect of the axis's motor.
+fn dialect(config: &AxisConfig) -> Dialect {
+    let number = config.unsigned(AxisParameter::RmdDialect);
+    number.and_then(Dialect::from_number).unwrap_or(Dialect::Unknown)
+}
+
+/// The torque cap of the axis.
+fn torque_cap(config: &AxisConfig) -> Option<TorqueCap> {
+    let cap = config.unsigned(AxisParameter::TorqueCap)?;
+    u8::try_from(cap).ok().map(TorqueCap)
+}
+
+/// Refuses a torque cap that the motor would ignore.
+pub(super) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    match torque_cap(config) {
+        Some(_) if !dialect(config).has_torque_cap() => {
+            Err(Error::NotInDialect { axis, command: rmd::command::CAPPED_POSITION })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The request that eight bytes are to the axis's motor.
+fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Found<Native> {
+    let Ok(data) = data.try_into() else { return Ok(None) };
+    let dialect = dialect(config);
+    let request = Request::decode_in(dialect, data);
+    if let Request::Unknown { .. } = request
+        && Request::dialects_of(data) != Dialects::NONE
+    {
+        return Err(Error::NotInDialect { axis, command: request.command() });
+    }
+    let Some(effect) = effect(request, config.sign()) else { return Ok(None) };
+    if request.is_stored_only_off(dialect) && config.stop_action() == Some(Hold) {
+        return Err(Error::OutputStaysOn { axis });
+    }
+    let is_capped = match (torque_cap(config), request) {
+        (None, _) => true,
+        (Some(most), Request::CappedVelocity { cap, .. } | Request::CappedPosition { cap, .. }) => {
+            cap <= most
+        }
+        // A current has its own limit.
+        (Some(_), Request::TorqueCurrent { .. }) => true,
+        _ => !matches!(effect, Effect::Moves(_) | Effect::MovesOnce(_)),
+    };
+    if !is_capped {
+        return Err(Error::CannotCheckLimit { axis, quantity: Quantity::Torque });
+    }
+    Ok(Some(Native { command: Command::Rmd(request), effect }))
+}
 
 fn id(node: u8, of: fn(Node) -> StandardId) -> Option<CanId> {
     Node::new(node).ok().map(|node| CanId(of(node).into()))
@@ -160,7 +211,7 @@ fn to_serial(command: &Command, node: u8) -> Option<SerialFrame> {
 }
 
 fn from_serial(frame: &[u8]) -> Option<Received> {
-    let (node, reply) = rs485::decode_reply(frame.try_into().ok()?).ok()?;
+    let (node, reply) = rs485::decode_reply_in(TOLD_BY_FORM, frame.try_into().ok()?).ok()?;
     Some(Received::Rmd { node: node.get(), reply })
 }
 
@@ -203,7 +254,10 @@ fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
 
 fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
     let request = match setpoint {
-        Setpoint::Impedance { .. } => Request::MotionMode { command: impedance(setpoint, config)? },
+        Setpoint::Impedance { .. } => {
+            check_ranges(axis, config)?;
+            Request::MotionMode { command: impedance(setpoint, config)? }
+        }
         Setpoint::Current { current_a } => {
             let limits = config.range(AxisParameter::CurrentLimitA);
             let current =
@@ -219,16 +273,21 @@ fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
                 i32::MAX,
                 config,
             )?;
-            Request::Velocity { speed: CentidegreesPerSecond(speed) }
+            let speed = CentidegreesPerSecond(speed);
+            match torque_cap(config) {
+                Some(cap) => Request::CappedVelocity { cap, speed },
+                None => Request::Velocity { speed },
+            }
         }
         Setpoint::Position { position_rad, speed_limit_rad_s } => {
             // What a speed of 0 means the manual does not say, newer ones say unlimited
             // (PROTOCOL-NOTES R33).
             let (max_speed, angle) =
                 position(axis, speed_limit_rad_s, &DEGREES, position_rad, &CENTIDEGREES, config)?;
-            Request::AbsolutePosition {
-                max_speed: SpeedLimit(max_speed),
-                angle: Centidegrees(angle),
+            let (max_speed, angle) = (SpeedLimit(max_speed), Centidegrees(angle));
+            match torque_cap(config) {
+                Some(cap) => Request::CappedPosition { cap, max_speed, angle },
+                None => Request::AbsolutePosition { max_speed, angle },
             }
         }
         Setpoint::Signal { .. } => return Ok(None),
@@ -237,8 +296,16 @@ fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
 }
 
 fn at(command: Command, target: i32) -> Option<Command> {
-    let Command::Rmd(Request::AbsolutePosition { max_speed, .. }) = command else { return None };
-    Some(Command::Rmd(Request::AbsolutePosition { max_speed, angle: Centidegrees(target) }))
+    let angle = Centidegrees(target);
+    Some(Command::Rmd(match command {
+        Command::Rmd(Request::AbsolutePosition { max_speed, .. }) => {
+            Request::AbsolutePosition { max_speed, angle }
+        }
+        Command::Rmd(Request::CappedPosition { cap, max_speed, .. }) => {
+            Request::CappedPosition { cap, max_speed, angle }
+        }
+        _ => return None,
+    }))
 }
 
 /// Bits of the position word, and of the others (§5).
@@ -246,6 +313,34 @@ const POSITION_BITS: u32 = 16;
 const WORD_BITS: u32 = 12;
 /// The divisors with which the manual reads the words back (§5.4).
 const WORD_DIVISOR: f32 = 4095.0;
+
+/// Where the ends of the position range are in V4.4, rad.
+const V4_4_POSITION_RAD: f32 = 12.566;
+
+/// Refuses motion mode whose ranges are not known. Those of torque and damping differ between
+/// motors of V4.4: with the ones of older motors they would be many times what was asked for.
+fn check_ranges(axis: u8, config: &AxisConfig) -> Result<(), Error> {
+    let needed = match dialect(config) {
+        Dialect::Unknown => return Err(Error::NotInDialect { axis, command: 0 }),
+        Dialect::V4_4 => &[AxisParameter::MotionTorqueNm, AxisParameter::MotionDamping][..],
+        _ => &[],
+    };
+    match needed.iter().find(|parameter| !config.is_set(**parameter)) {
+        Some(parameter) => Err(Error::NotConfigured { axis, parameter: parameter.number() }),
+        None => Ok(()),
+    }
+}
+
+/// The end of a range of motion mode.
+fn range_end(parameter: AxisParameter, config: &AxisConfig) -> Option<f32> {
+    let is_default = !config.is_set(parameter);
+    if (parameter, dialect(config)) == (AxisParameter::MotionPositionRad, Dialect::V4_4)
+        && is_default
+    {
+        return Some(V4_4_POSITION_RAD);
+    }
+    config.float(parameter)
+}
 
 /// The words of an impedance setpoint in the ranges that the axis states; any other setpoint asks
 /// for nothing.
@@ -260,7 +355,7 @@ fn impedance(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionCommand, E
     else {
         return Ok(MotionCommand::NEUTRAL);
     };
-    let end = |parameter| config.float(parameter).unwrap_or(0.0);
+    let end = |parameter| range_end(parameter, config).unwrap_or(0.0);
     // The range is the same in both senses of rotation, the limits are turned.
     let word = |quantity, value: f32, range: (f32, f32), bits, limits: (f32, f32), sign: f32| {
         let limits = if sign < 0.0 { (-limits.1, -limits.0) } else { limits };
@@ -300,25 +395,33 @@ fn impedance(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionCommand, E
     })
 }
 
-/// What a request does; `None` where the manual lists no such command.
+/// What a request does; `None` where no manual lists it, or no native command may do it: what is
+/// fed forward and single-turn positions obey no limit, a reply that the motor sends by itself takes
+/// its polls away, and of a new id the gateway would learn nothing.
 fn effect(request: Request, sign: f32) -> Option<Effect> {
     let position = |angle: Centidegrees| sign * CENTIDEGREES.to_si(angle.0);
     Some(match request {
-        Request::Unknown { .. } => return None,
+        Request::Unknown { .. }
+        | Request::SpeedFedPosition { .. }
+        | Request::TorqueFedPosition { .. }
+        | Request::SingleTurnPosition { .. }
+        | Request::SetActiveReply { .. }
+        | Request::Function { function: Function::NextCanId { .. } } => return None,
         request if request.only_reads() => Effect::Asks,
         Request::Shutdown | Request::Stop => Effect::Stops,
         Request::TorqueCurrent { current } => {
             let current_a = sign * HUNDREDTHS.to_si(current.0);
             Effect::Moves(Demand::Setpoint(Setpoint::Current { current_a }))
         }
-        Request::Velocity { speed } => {
+        Request::Velocity { speed } | Request::CappedVelocity { speed, .. } => {
             let velocity_rad_s = sign * CENTIDEGREES.to_si(speed.0);
             Effect::Moves(Demand::Setpoint(Setpoint::Velocity { velocity_rad_s }))
         }
         Request::PositionTracking { angle } => {
             Effect::Moves(Demand::Unlimited { position_rad: position(angle) })
         }
-        Request::AbsolutePosition { max_speed, angle } => {
+        Request::AbsolutePosition { max_speed, angle }
+        | Request::CappedPosition { max_speed, angle, .. } => {
             Effect::Moves(Demand::Setpoint(Setpoint::Position {
                 position_rad: position(angle),
                 speed_limit_rad_s: DEGREES.to_si(max_speed.0),
@@ -377,6 +480,7 @@ fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict
             | Reply::Velocity { motion }
             | Reply::PositionTracking { motion }
             | Reply::AbsolutePosition { motion }
+            | Reply::CappedPosition { motion }
             | Reply::LimitedPositionTracking { motion },
         ) if motion == Motion::default() => {
             Verdict::Answer(Observation { may_be_thrown_back: true, ..Observation::default() })
@@ -409,6 +513,7 @@ fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
         | Reply::Velocity { motion }
         | Reply::PositionTracking { motion }
         | Reply::AbsolutePosition { motion }
+        | Reply::CappedPosition { motion }
         | Reply::LimitedPositionTracking { motion }
         | Reply::IncrementalPosition { motion } => {
             seen.motor_temperature_c = Some(f32::from(motion.temperature.0));
@@ -424,7 +529,7 @@ fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
 /// positions come from 0x92.
 fn observe_impedance(feedback: &MotionFeedback, config: &AxisConfig, seen: &mut Observation) {
     let read = |word, parameter| {
-        let end = config.float(parameter)?;
+        let end = range_end(parameter, config)?;
         Some(config.sign() * from_span(word, (-end, end), WORD_DIVISOR))
     };
     seen.velocity_rad_s = read(feedback.velocity, AxisParameter::MotionVelocityRadS);

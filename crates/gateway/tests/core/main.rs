@@ -17,6 +17,7 @@ mod damaged_memory;
 mod dead_bus;
 mod delayed_stops;
 mod delivery;
+mod dialects;
 mod echo;
 mod fairness;
 mod foreign_load;

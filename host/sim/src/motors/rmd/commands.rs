@@ -177,7 +177,8 @@ impl Rmd {
                 self.node = Node::new(id).ok()?;
                 Reply::Rs485IdSet { id: self.node }
             }
-            Request::Unknown { .. } => return None,
+            // Of other dialects than V3.6, or of none.
+            _ => return None,
         })
     }
 }
@@ -225,6 +226,6 @@ pub(super) fn name(request: &Request) -> &'static str {
         Request::Function { .. } => "0x20 function",
         Request::ReadCanId | Request::ReadRs485Id => "0x79 read id",
         Request::SetCanId { .. } | Request::SetRs485Id { .. } => "0x79 id",
-        Request::Unknown { .. } => "unknown",
+        _ => "unknown",
     }
 }

@@ -70,8 +70,8 @@ impl Interface {
     pub(super) fn rate(&self, code: u8) -> Option<u32> {
         let code = rmd::BaudCode(code);
         match self {
-            Self::Can => code.can(),
-            Self::Rs485 { .. } => code.rs485(),
+            Self::Can => code.can(rmd::Dialect::V3_6),
+            Self::Rs485 { .. } => code.rs485(rmd::Dialect::V3_6),
         }
     }
 }

@@ -122,7 +122,9 @@ impl Memory {
             Function::CanIdFilter { enabled } => self.can_id_filter = enabled,
             Function::ErrorReporting { enabled } => self.reports_errors = enabled,
             Function::MultiTurnSaving { enabled } => self.saves_turns = enabled,
-            Function::Other { .. } => {}
+            Function::NextCanId { .. }
+            | Function::FaultRecovery { .. }
+            | Function::Other { .. } => {}
         }
     }
 }
