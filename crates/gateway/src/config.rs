@@ -2,13 +2,15 @@
 
 use crate::time::Duration;
 use core::num::NonZeroU64;
+use core::ops::Range;
 use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind};
 
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
 #[derive(Debug, Clone)]
 pub(crate) struct AxisConfig {
-    /// The values as bits; the parameter table says which kind each is.
-    values: [u32; PARAMETERS],
+    /// The values as bits, each in as many bytes as it needs; the parameter table says which kind it
+    /// is.
+    values: [u8; VALUE_BYTES],
     /// Which of them are set: a bit for each, by its place in the table.
     set: u64,
     /// What is asked for at every frame, kept apart from the values that say it.
@@ -32,6 +34,32 @@ const UNCOMMANDED_STANDSTILLS: f32 = 5.0;
 const PARAMETERS: usize = AxisParameter::ALL.len();
 /// Words that say which parameters are set.
 const SET_WORDS: usize = 2;
+/// Where the value of each parameter begins, and behind the last one where all end.
+const OFFSETS: [u8; PARAMETERS + 1] = offsets();
+const VALUE_BYTES: usize = OFFSETS[PARAMETERS] as usize;
+
+#[allow(clippy::cast_possible_truncation, reason = "the sum of the widths is less than 256")]
+const fn offsets() -> [u8; PARAMETERS + 1] {
+    let mut offsets = [0; PARAMETERS + 1];
+    let mut place = 0;
+    while place < PARAMETERS {
+        let end = offsets[place] as usize + width(AxisParameter::ALL[place]);
+        assert!(end <= u8::MAX as usize, "an offset is a byte");
+        offsets[place + 1] = end as u8;
+        place += 1;
+    }
+    offsets
+}
+
+/// Bytes of a value: what its range needs.
+const fn width(parameter: AxisParameter) -> usize {
+    match parameter.info().max {
+        // The only signed parameter is a direction, -1 or 1.
+        Value::Bool(_) | Value::Signed(_) | Value::Unsigned(..=0xFF) => 1,
+        Value::Unsigned(..=0xFFFF) => 2,
+        Value::Unsigned(_) | Value::Float(_) => 4,
+    }
+}
 const _: () = assert!(PARAMETERS <= u64::BITS as usize, "one bit for each parameter");
 
 /// Where and what an axis is; exists once the required parameters are set.
@@ -44,7 +72,7 @@ pub(crate) struct Address {
 
 impl AxisConfig {
     pub const fn new() -> Self {
-        Self { values: [0; PARAMETERS], set: 0, bus: None, protocol: None, node: None, version: 0 }
+        Self { values: [0; VALUE_BYTES], set: 0, bus: None, protocol: None, node: None, version: 0 }
     }
 
     /// Sets a parameter after checking type and range.
@@ -57,9 +85,13 @@ impl AxisConfig {
     /// Gives the parameter at a place a value, whose bits have been checked, or none. Returns the
     /// bits of the one before.
     pub fn exchange(&mut self, place: usize, bits: Option<u32>) -> Option<u32> {
-        let slot = self.values.get_mut(place)?;
-        let before = (self.set & (1 << place) != 0).then_some(*slot);
-        *slot = bits.unwrap_or(0);
+        let before = self.bits(place);
+        let range = range_of(place)?;
+        for (byte, new) in
+            self.values.get_mut(range)?.iter_mut().zip(bits.unwrap_or(0).to_le_bytes())
+        {
+            *byte = new;
+        }
         self.set = self.set & !(1 << place) | u64::from(bits.is_some()) << place;
         self.version = self.version.wrapping_add(1);
         self.bus = self.small(AxisParameter::Bus);
@@ -67,6 +99,22 @@ impl AxisConfig {
         let protocol = self.unsigned(AxisParameter::Protocol);
         self.protocol = protocol.and_then(|number| Protocol::try_from(number).ok());
         before
+    }
+
+    /// The bits of the value at a place, where it is set.
+    fn bits(&self, place: usize) -> Option<u32> {
+        if place >= PARAMETERS || self.set & (1 << place) == 0 {
+            return None;
+        }
+        match *self.values.get(range_of(place)?)? {
+            [byte] if place == AxisParameter::Direction.place() => {
+                Some(i32::from(byte.cast_signed()).cast_unsigned())
+            }
+            [byte] => Some(u32::from(byte)),
+            [low, high] => Some(u32::from(u16::from_le_bytes([low, high]))),
+            [a, b, c, d] => Some(u32::from_le_bytes([a, b, c, d])),
+            _ => None,
+        }
     }
 
     /// Whether a parameter is set.
@@ -87,7 +135,8 @@ impl AxisConfig {
         let mut words = [0; Self::WORDS];
         #[allow(clippy::cast_possible_truncation)]
         let set = [self.set as u32, (self.set >> u32::BITS) as u32];
-        for (word, value) in words.iter_mut().zip(set.into_iter().chain(self.values)) {
+        let values = (0..PARAMETERS).map(|place| self.bits(place).unwrap_or(0));
+        for (word, value) in words.iter_mut().zip(set.into_iter().chain(values)) {
             *word = value;
         }
         words
@@ -108,10 +157,10 @@ impl AxisConfig {
 
     /// The value in force: the one set, else the default.
     pub fn get(&self, parameter: AxisParameter) -> Option<Value> {
-        let (index, info) = (parameter.place(), parameter.info());
-        match self.values.get(index) {
-            Some(bits) if self.set & (1 << index) != 0 => Some(from_bits(info.kind, *bits)),
-            _ => info.default,
+        let info = parameter.info();
+        match self.bits(parameter.place()) {
+            Some(bits) => Some(from_bits(info.kind, bits)),
+            None => info.default,
         }
     }
 
@@ -254,6 +303,12 @@ impl AxisConfig {
     fn span(&self, parameter: AxisParameter) -> Duration {
         Duration::from_micros(u64::from(self.unsigned(parameter).unwrap_or(0)))
     }
+}
+
+/// Where the value at a place lies.
+fn range_of(place: usize) -> Option<Range<usize>> {
+    let [begin, end] = *OFFSETS.get(place..place + 2)? else { return None };
+    Some(usize::from(begin)..usize::from(end))
 }
 
 /// A value as the bits that are kept.

@@ -1,6 +1,7 @@
 //! Tests of `axis/config.rs`.
 
 use super::*;
+use host_protocol::ParameterInfo;
 
 #[test]
 fn values_of_every_kind_come_back() {
@@ -60,4 +61,23 @@ fn a_refused_value_changes_nothing() {
     assert!(config.set(AxisParameter::TtlUs, Value::Unsigned(4_999)).is_err());
     assert!(config.set(AxisParameter::TtlUs, Value::Float(5_000.0)).is_err());
     assert!(config.is_empty());
+}
+
+/// Every parameter at both ends of its range, all set at once: no value touches another.
+#[test]
+fn each_value_has_room_of_its_own() {
+    for end in [|info: &ParameterInfo| info.min, |info: &ParameterInfo| info.max] {
+        let mut config = AxisConfig::new();
+        for parameter in AxisParameter::ALL.iter().copied() {
+            config.set(parameter, end(parameter.info())).unwrap();
+        }
+        for parameter in AxisParameter::ALL.iter().copied() {
+            assert_eq!(config.get(parameter), Some(end(parameter.info())), "{parameter}");
+        }
+        assert_eq!(AxisConfig::from_words(&config.to_words()), Ok(config.clone()));
+        for parameter in AxisParameter::ALL {
+            assert!(config.exchange(parameter.place(), None).is_some());
+        }
+        assert_eq!(config, AxisConfig::new());
+    }
 }
