@@ -19,6 +19,10 @@ pub struct DecodeArgs {
     /// from their order and form
     #[arg(long, value_enum)]
     pub direction: Option<DirectionChoice>,
+    /// The version of the protocol that the RMD motors speak: unknown, v3_6, v3_7, v3_9, v4_2, v4_3
+    /// or v4_4
+    #[arg(long, default_value = "v3_6", value_name = "DIALECT", value_parser = dialect)]
+    pub dialect: rmd::Dialect,
     /// Thrusters return frames without a header, although the capture does not show them being set
     /// so
     #[arg(long)]
@@ -84,4 +88,10 @@ pub enum BusKind {
 pub enum DirectionChoice {
     Request,
     Reply,
+}
+
+fn dialect(name: &str) -> Result<rmd::Dialect, String> {
+    let names = rmd::Dialect::ALL.map(rmd::Dialect::name);
+    let named = rmd::Dialect::ALL.into_iter().find(|dialect| dialect.name() == name);
+    named.ok_or_else(|| format!("there are {}", names.join(", ")))
 }

@@ -8,6 +8,7 @@ const MOST: usize = 16;
 /// The buses of a capture by the names of their interfaces.
 pub struct Buses {
     headerless: bool,
+    dialect: ::rmd::Dialect,
     known: Vec<(Box<[u8]>, Bus)>,
     spare: Box<Bus>,
 }
@@ -20,9 +21,11 @@ pub struct Bus {
 }
 
 impl Buses {
-    /// No bus yet; `headerless` if thrusters return frames without a header from the start.
-    pub fn new(headerless: bool) -> Self {
-        Self { headerless, known: Vec::new(), spare: Box::new(Bus::new(headerless)) }
+    /// No bus yet; `headerless` if thrusters return frames without a header from the start;
+    /// `dialect` is that of the RMD motors.
+    pub fn new(headerless: bool, dialect: ::rmd::Dialect) -> Self {
+        let spare = Box::new(Bus::new(headerless, dialect));
+        Self { headerless, dialect, known: Vec::new(), spare }
     }
 
     /// The bus of this interface; frames without an interface are on one bus.
@@ -31,7 +34,7 @@ impl Buses {
         let place = self.known.iter().position(|(known, _)| **known == *name);
         let place = place.unwrap_or_else(|| {
             if self.known.len() < MOST {
-                self.known.push((name.into(), Bus::new(self.headerless)));
+                self.known.push((name.into(), Bus::new(self.headerless, self.dialect)));
             }
             self.known.iter().position(|(known, _)| **known == *name).unwrap_or(MOST)
         });
@@ -40,10 +43,10 @@ impl Buses {
 }
 
 impl Bus {
-    fn new(headerless: bool) -> Self {
+    fn new(headerless: bool, dialect: ::rmd::Dialect) -> Self {
         Self {
-            rmd_can: rmd::Conversation::default(),
-            rmd_rs485: rmd::Conversation::default(),
+            rmd_can: rmd::Conversation::new(dialect),
+            rmd_rs485: rmd::Conversation::new(dialect),
             thruster: thruster::Conversation::new(headerless),
         }
     }

@@ -37,11 +37,11 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Address::Broadcast => Motor::All,
             };
             let is_known = !matches!(request, Request::Unknown { .. });
-            put_message!(record, Request, motor, request, is_known);
+            put_message!(record, Request, motor, request, is_known, &[]);
         }
         Ok(Message::Reply(node, reply)) => {
             let is_known = !matches!(reply, Reply::Unknown { .. });
-            put_message!(record, Reply, Motor::Node(node.get()), reply, is_known);
+            put_message!(record, Reply, Motor::Node(node.get()), reply, is_known, &[]);
         }
         Err(error) => {
             record.protocol(NAME);

@@ -77,13 +77,14 @@ fn put<W: Write>(record: &mut Record<W>) -> impl FnMut(&'static str, FieldValue<
     }
 }
 
-/// Puts a message with its fields into a record; one that the manual does not list says so.
+/// Puts a message with its fields into a record; one that the manual does not list says
+/// so, and which dialects have it.
 macro_rules! put_message {
-    ($record:ident, $direction:ident, $motor:expr, $message:ident, $is_known:expr) => {
+    ($record:ident, $direction:ident, $motor:expr, $message:ident, $is_known:expr, $dialects:expr) => {
         $record.message(Direction::$direction, NAME, &$motor, $message.name());
         $message.visit_fields(&mut put($record));
         if !$is_known {
-            $record.unknown_command();
+            $record.unknown_command($dialects);
         }
     };
 }
@@ -102,7 +103,7 @@ impl<'a, W: Write> Decoder<'a, W> {
             args,
             record,
             scanner: Scanner::new(args.protocol),
-            buses: Buses::new(args.headerless),
+            buses: Buses::new(args.headerless, args.dialect),
         }
     }
 

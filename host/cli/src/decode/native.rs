@@ -25,7 +25,8 @@ pub fn reply(
                 && let Some(request) = frame(::rmd::can::request_id(node), request)
                 && let Some(reply) = frame(::rmd::can::reply_id(node), reply)
             {
-                let mut conversation = rmd::Conversation::default();
+                // The form of the reply tells its dialect.
+                let mut conversation = rmd::Conversation::new(::rmd::Dialect::Unknown);
                 // Only what was asked tells whether the reply has carried it out.
                 let _ = conversation.can(&request, None);
                 rmd::write(conversation.can(&reply, None), &mut record);

@@ -213,12 +213,20 @@ impl<W: Write> Record<W> {
         }
     }
 
-    /// The manual does not list this command: its bytes are all there is to say.
-    pub fn unknown_command(&mut self) {
+    /// The manual does not list this command: its bytes are all there is to say, and which dialects
+    /// of the protocol have it, if any.
+    pub fn unknown_command(&mut self, dialects: &[&str]) {
         if !self.json {
             self.line.push(b' ');
         }
-        self.error("unknown_command", &"the manual does not list it");
+        match dialects {
+            [] => self.error("unknown_command", &"the manual does not list it"),
+            _ => {
+                let dialects = dialects.join(" or ");
+                let message = format!("not in this dialect; try --dialect {dialects}");
+                self.error("unknown_command", &message);
+            }
+        }
     }
 
     /// Ends the line.

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use host_protocol::CanFrame;
 use rmd::rs485::FRAME_LEN;
-use rmd::{Answer, DecodeError, Function, Node, Reply, Request, Target};
+use rmd::{Answer, DecodeError, Dialect, Function, Node, Reply, Request, Target};
 
 use super::record::{Direction, Motor as Addressee, Record};
 use super::{put, put_message};
@@ -39,8 +39,8 @@ pub enum Message {
 }
 
 /// What has been asked and answered on one bus.
-#[derive(Default)]
 pub struct Conversation {
+    dialect: Dialect,
     motors: Motors,
     /// The id command that waits for its reply; every motor hears it.
     id_command: Option<Request>,
@@ -70,6 +70,11 @@ struct Motor {
 }
 
 impl Conversation {
+    /// Nothing yet, between motors of this dialect.
+    pub fn new(dialect: Dialect) -> Self {
+        Self { dialect, motors: Motors::default(), id_command: None }
+    }
+
     /// The message of a CAN frame. Its id says which way it goes, but for the commands that read
     /// and set the id.
     pub fn can(
@@ -78,15 +83,16 @@ impl Conversation {
         choice: Option<DirectionChoice>,
     ) -> Result<Message, DecodeError> {
         let request = rmd::can::decode_any_request(frame);
-        match request {
+        match request.map(|(target, request)| (target, self.in_dialect(request, frame.data()))) {
             Ok((target, request @ (Request::ReadCanId | Request::SetCanId { .. }))) => {
-                let reply = rmd::can::decode_reply(frame);
+                let reply = rmd::can::decode_reply_in(self.dialect, frame);
                 let is_own_form = request.encode().is_ok_and(|data| data == frame.data());
                 self.either(Ok((target, request)), reply, is_own_form, choice)
             }
             Ok((target, request)) => Ok(self.request(target, request)),
             Err(DecodeError::WrongId { .. }) => {
-                rmd::can::decode_reply(frame).map(|(node, reply)| self.reply(node, reply))
+                let reply = rmd::can::decode_reply_in(self.dialect, frame);
+                reply.map(|(node, reply)| self.reply(node, reply))
             }
             Err(error) => Err(error),
         }
@@ -98,11 +104,29 @@ impl Conversation {
         frame: &[u8; FRAME_LEN],
         choice: Option<DirectionChoice>,
     ) -> Result<Message, DecodeError> {
-        let request = rmd::rs485::decode_any_request(frame);
         let [_, _, _, data @ .., _, _] = frame;
+        let request = rmd::rs485::decode_any_request(frame)
+            .map(|(target, request)| (target, self.in_dialect(request, data)));
         let is_own_form =
             request.is_ok_and(|(_, request)| request.encode().is_ok_and(|own| own == *data));
-        self.either(request, rmd::rs485::decode_reply(frame), is_own_form, choice)
+        let reply = rmd::rs485::decode_reply_in(self.dialect, frame);
+        self.either(request, reply, is_own_form, choice)
+    }
+
+    /// The request in these data, unless its id tells it.
+    fn in_dialect(&self, request: Request, data: &[u8]) -> Request {
+        match (request, data.try_into()) {
+            (
+                Request::MotionMode { .. }
+                | Request::ReadCanId
+                | Request::SetCanId { .. }
+                | Request::ReadRs485Id
+                | Request::SetRs485Id { .. },
+                _,
+            )
+            | (_, Err(_)) => request,
+            (_, Ok(data)) => Request::decode_in(self.dialect, data),
+        }
     }
 
     /// A frame that may be either: a reply if it follows its own request, else a request if it has
@@ -233,13 +257,34 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Target::Node(node) => Addressee::Node(node.get()),
                 Target::All => Addressee::All,
             };
-            put_message!(record, Request, motor, request, request.info().is_some());
+            put_message!(
+                record,
+                Request,
+                motor,
+                request,
+                request.info().is_some(),
+                &of_request(&request)
+            );
         }
         Ok(Message::Reply(node, reply)) => {
-            put_message!(record, Reply, Addressee::Node(node.get()), reply, reply.info().is_some());
+            put_message!(
+                record,
+                Reply,
+                Addressee::Node(node.get()),
+                reply,
+                reply.info().is_some(),
+                &of_reply(&reply)
+            );
         }
         Ok(Message::Event(node, reply)) => {
-            put_message!(record, Event, Addressee::Node(node.get()), reply, reply.info().is_some());
+            put_message!(
+                record,
+                Event,
+                Addressee::Node(node.get()),
+                reply,
+                reply.info().is_some(),
+                &[]
+            );
         }
         Ok(Message::NotExecuted(node, reply)) => {
             record.message(Direction::Reply, NAME, &Addressee::Node(node.get()), reply.name());
@@ -250,6 +295,22 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
             record.error(error_name(&error), &error);
         }
     }
+}
+
+/// The dialects that have a request that this one has not.
+fn of_request(request: &Request) -> Vec<&'static str> {
+    let Request::Unknown { data } = request else { return Vec::new() };
+    Request::dialects_of(data).iter().map(Dialect::name).collect()
+}
+
+/// The dialects that have a reply that this one has not; `unknown` has every one that tells its form.
+fn of_reply(reply: &Reply) -> Vec<&'static str> {
+    let Reply::Unknown { data } = reply else { return Vec::new() };
+    let has = |dialect: &Dialect| {
+        let read = Reply::decode_in(*dialect, data);
+        *dialect != Dialect::Unknown && !matches!(read, Ok(Reply::Unknown { .. }) | Err(_))
+    };
+    Dialect::ALL.into_iter().filter(has).map(Dialect::name).collect()
 }
 
 fn error_name(error: &DecodeError) -> &'static str {

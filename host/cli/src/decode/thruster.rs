@@ -165,14 +165,29 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
                 Request,
                 Motor::Node(node.get()),
                 request,
-                request.info().is_some()
+                request.info().is_some(),
+                &[]
             );
         }
         Ok(Message::Reply(node, reply)) => {
-            put_message!(record, Reply, Motor::Node(node.get()), reply, reply.info().is_some());
+            put_message!(
+                record,
+                Reply,
+                Motor::Node(node.get()),
+                reply,
+                reply.info().is_some(),
+                &[]
+            );
         }
         Ok(Message::Event(node, reply)) => {
-            put_message!(record, Event, Motor::Node(node.get()), reply, reply.info().is_some());
+            put_message!(
+                record,
+                Event,
+                Motor::Node(node.get()),
+                reply,
+                reply.info().is_some(),
+                &[]
+            );
         }
         Ok(Message::Headerless(node, values)) => {
             record.message(Direction::Reply, NAME, &Motor::Node(node.get()), Headerless::NAME);
