@@ -25,7 +25,11 @@ pub enum ConfigAction {
         file: ConfigFile,
     },
     /// Print the configuration as a file
-    Dump,
+    Dump {
+        /// In the words of this file: its comments and its order; `-` is standard input
+        #[arg(long, value_name = "FILE", value_parser = Source::read)]
+        template: Option<Source>,
+    },
     /// Configure nothing: no bus, no axis
     Reset,
     /// Give parameters their default again

@@ -80,7 +80,7 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
         ConfigAction::Apply { file, check: false } => apply(session, file),
         ConfigAction::Apply { file, .. } | ConfigAction::Check { file } => check(session, file),
         ConfigAction::Diff { file } => diff(session, file),
-        ConfigAction::Dump => dump(session),
+        ConfigAction::Dump { template } => dump(session, template.as_ref()),
         ConfigAction::Reset => {
             let running = begin(session)?;
             let changes = running.changes_to(&Configuration::default());
@@ -201,9 +201,13 @@ fn diff(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     }
 }
 
-fn dump(session: &mut Session) -> Result<(), Failure> {
+fn dump(session: &mut Session, template: Option<&Source>) -> Result<(), Failure> {
     let running = config::read(&mut session.client)?;
-    let text = config::dump(&running);
+    let text = match template {
+        None => config::dump(&running),
+        Some(Source { path, text }) => config::dump_like(text, &running)
+            .map_err(|error| Failure::Usage(format!("{path}: {error}")))?,
+    };
     text.lines().try_for_each(|line| session.out.text(line))?;
     session.out.object(&json!({ "toml": text }))
 }

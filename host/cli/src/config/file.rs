@@ -194,7 +194,7 @@ impl Reader<'_> {
             if matches!((row, key), (Row::Bus(_), "bus") | (Row::Axis(_), "axis")) {
                 continue;
             }
-            match read(row, key, value.get_ref()) {
+            match read_value(row, key, value.get_ref()) {
                 Ok(entry) => self.file.entries.push((entry, line_of(self.text, &name.span()))),
                 Err(failure) => {
                     let text = failure.to_string();
@@ -222,7 +222,8 @@ impl Reader<'_> {
     }
 }
 
-fn read(row: Row, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
+/// Reads the value of a key of a row.
+pub fn read_value(row: Row, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
     let wrong = |takes: &str| Failure::Usage(format!("{key} takes {takes}"));
     match (row, key, value) {
         (Row::Axis(axis), MOTOR_TIMEOUT, value) => {

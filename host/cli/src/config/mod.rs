@@ -7,6 +7,7 @@ mod check;
 mod dump;
 mod file;
 mod schema;
+mod template;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -26,6 +27,7 @@ pub use check::{check, check_without_board};
 pub use dump::dump;
 pub use file::{Source, parse};
 pub use schema::schema;
+pub use template::dump_like;
 
 /// How long a reply is awaited where the configuration does not say, µs.
 const DEFAULT_REPLY_WINDOW_US: u32 = 5_000;

@@ -210,6 +210,36 @@ fn what_is_dumped_is_the_same_configuration() {
     assert_eq!(configuration.changes_to(&whole(&text)), []);
 }
 
+/// Comments, order and the way to write numbers are those of the template.
+#[test]
+fn a_template_keeps_its_comments_and_only_what_differs_is_written() {
+    let examples = [FOUR_MOTORS, D5_ON_RS485].join("\n");
+    let configuration = whole(&examples);
+    assert_eq!(dump_like(&examples, &configuration).unwrap(), examples);
+    let mut other = configuration.clone();
+    other.axes.get_mut(&3).unwrap().insert(AxisParameter::TtlUs, Value::Unsigned(60_000));
+    let expected = examples.replace("ttl_us = 500_000", "ttl_us = 60000");
+    assert_eq!(dump_like(&examples, &other).unwrap(), expected);
+    other.axes.get_mut(&1).unwrap().remove(&AxisParameter::SignalLimit);
+    other.buses.get_mut(&2).unwrap().exclusive = true;
+    other.axes.remove(&4);
+    other.motor_timeouts.remove(&0);
+    let sixth =
+        [(AxisParameter::Bus, Value::Unsigned(0)), (AxisParameter::Node, Value::Unsigned(9))];
+    other.axes.insert(6, sixth.into());
+    let text = dump_like(&examples, &other).unwrap();
+    assert_eq!(read(&text).onto(Configuration::default()), other, "{text}");
+    assert!(text.contains("# A thruster on the same CAN bus.") && !text.contains("signal_limit"));
+    assert_eq!(dump_like(&text, &other).unwrap(), text);
+    assert_eq!(read(&dump_like("", &other).unwrap()).onto(Configuration::default()), {
+        // What has its default need not be written.
+        let mut bare = other.clone();
+        bare.gateway.clear();
+        bare
+    });
+    assert!(dump_like("[axis", &other).is_err());
+}
+
 #[test]
 fn what_a_file_does_not_name_has_its_default_unless_it_is_merged() {
     let before = whole(FOUR_MOTORS);

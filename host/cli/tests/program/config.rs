@@ -131,6 +131,8 @@ fn a_difference_is_shown_and_is_an_exit_code() {
     assert_eq!(parameter(&sim, "3", "ttl_us"), 500_000);
     sim.mgw(&["config", "unset", "axis", "3", "ttl_us"]).success();
     assert_eq!(parameter(&sim, "3", "ttl_us"), 100_000);
+    let like = sim.mgw(&["config", "dump", "--template", FOUR_MOTORS]).success();
+    assert_eq!(like, four_motors().replace("ttl_us = 500_000\n", ""));
     let text = sim.mgw(&["config", "unset", "axis", "3", "stop_action"]).failure(1);
     assert!(
         text.contains("axis 3 lacks stop_action") && text.contains("Nothing was changed"),
