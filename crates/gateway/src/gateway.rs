@@ -19,7 +19,7 @@ use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{Error, Incident, MAX_FRAME, Request, TripReason};
-use requests::{Authority, Draft, Together};
+use requests::{Arming, Authority, Cycle, Draft, Together};
 use retained::Retention;
 
 /// A gateway: everything between the host links and the buses of one board.
@@ -44,6 +44,8 @@ pub struct Gateway {
     pub(crate) starts: u32,
     /// A start of several motors under way.
     pub(crate) together: Option<Together>,
+    pub(crate) arming: Option<Arming>,
+    pub(crate) cycle: Option<Cycle>,
     pub(crate) history: History,
     pub(crate) retention: Retention,
     /// Changes of the configuration that the host in command has not made yet.
@@ -85,6 +87,8 @@ impl Gateway {
             link_lost: false,
             starts: 0,
             together: None,
+            arming: None,
+            cycle: None,
             history: History::new(),
             retention: Retention::new(),
             draft: Draft::new(),
@@ -162,6 +166,8 @@ impl Gateway {
         self.settle(now);
         self.spread_trips(now);
         self.go_on_together(now);
+        self.go_on_arming(now);
+        self.go_on_cycle(now);
         self.close_barred_raw(now);
         self.settle(now);
         self.watch_enable_output(now);

@@ -30,6 +30,8 @@ impl Gateway {
             link_lost,
             starts,
             together,
+            arming,
+            cycle,
             history,
             retention,
             draft,
@@ -48,7 +50,10 @@ impl Gateway {
         for link in links.iter() {
             link.write_state(to)?;
         }
-        write!(to, "{authority:?}{together:?}{history:?}{retention:?}{draft:?}")?;
+        write!(
+            to,
+            "{authority:?}{together:?}{arming:?}{cycle:?}{history:?}{retention:?}{draft:?}"
+        )?;
         write!(
             to,
             "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"

@@ -35,6 +35,7 @@ largest! {
     u64: u64::MAX,
     i32: i32::MIN,
     f32: f32::MAX,
+    FixedU32: FixedU32(u32::MAX),
     Protocol: Protocol::D5,
     ProtocolSet: ProtocolSet::from_bits(u8::MAX),
     StateFields: StateFields::from_bits(u8::MAX),

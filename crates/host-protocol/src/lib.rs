@@ -31,6 +31,7 @@ mod bus;
 mod can_frame;
 mod can_id;
 mod changes;
+mod cycle;
 mod deframer;
 mod encode;
 mod error_text;
@@ -61,6 +62,7 @@ pub use bus::{
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
 pub use changes::{Change, Setting};
+pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};

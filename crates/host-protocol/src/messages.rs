@@ -144,6 +144,7 @@ pub(crate) use numbered;
 macro_rules! messages {
     ($($number:literal $name:ident -> $reply:ident)+) => {
         /// Every request.
+        #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
         #[derive(Debug, Clone, PartialEq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Request {
@@ -254,6 +255,7 @@ messages! {
     0x0035 ClearUnreachable -> Done
     0x0036 OutputOff -> Done
     0x0037 ClearByRestart -> Done
+    0x0038 ArmTogether -> ArmedTogether
 
     0x0040 Setpoint -> Done
     0x0041 ReadState -> AxisReport
@@ -261,6 +263,7 @@ messages! {
     0x0043 Native -> NativeReply
     0x0044 Subscribe -> Done
     0x0045 StartTogether -> Done
+    0x0046 Cycle -> CycleReport
 
     0x0050 RawOpen -> Done
     0x0051 RawSend -> Done

@@ -5,7 +5,9 @@ use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, T
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::Setting;
+use crate::cycle::{FixedU32, MAX_STATES};
 use crate::incident::{BootReason, Incident};
+use crate::protocol::StateFields;
 use crate::size::wire;
 use crate::text::{Bytes, Text, Vec};
 use crate::value::Value;
@@ -147,6 +149,26 @@ wire! {
         pub epoch: u32,
         /// What is known of the motor's own timeout.
         pub motor_timeout: MotorTimeout,
+    }
+
+    /// Every axis is armed.
+    #[derive(Copy, Eq)]
+    pub struct ArmedTogether {
+        /// What every cycle and setpoint has to carry; of an axis that leaves this state no longer.
+        pub epoch: u32,
+    }
+
+    /// How the axes of a cycle are at its end.
+    #[derive(Eq)]
+    pub struct CycleReport {
+        /// Low 32 bits of the gateway time at its end, µs.
+        pub time_us: FixedU32,
+        /// What is told of each.
+        pub fields: StateFields,
+        /// The axes: bit 0 is axis 0.
+        pub axes: u32,
+        /// Their [states](Self::states), one behind the other.
+        pub states: Bytes<MAX_STATES>,
     }
 
     /// How an axis is.

@@ -5,6 +5,7 @@ use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
 use crate::bus::RawFrame;
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::Change;
+use crate::cycle::{FixedU32, MAX_CYCLE_AXES};
 use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
 use crate::text::Bytes;
@@ -144,6 +145,13 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct Arm { pub axis: u8 }
 
+    /// Arms several axes in one epoch, so that one [`Cycle`] serves them: all of them or none.
+    #[derive(Copy, Eq)]
+    pub struct ArmTogether {
+        /// The axes: bit 0 is axis 0.
+        pub axes: u32,
+    }
+
     /// Ends the permission to move, through the stop action. Needs no authority.
     #[derive(Copy, Eq)]
     pub struct Disarm { pub axis: u8 }
@@ -240,6 +248,21 @@ wire! {
     /// An axis that is started together with others.
     #[derive(Copy)]
     pub struct Member { pub axis: u8, pub epoch: u32, pub velocity_rad_s: f32 }
+
+    /// Setpoints for several axes that were [armed together](ArmTogether), answered by the state of
+    /// each as soon as every motor has answered its own or its own time is over.
+    pub struct Cycle {
+        /// The epoch that [`ArmTogether`] returned.
+        pub epoch: FixedU32,
+        /// As in [`Setpoint`], for all of them.
+        pub expires_at_us: FixedU32,
+        /// What to tell of each.
+        pub fields: StateFields,
+        /// The axes: bit 0 is axis 0.
+        pub axes: u32,
+        /// As many setpoints, the first for the axis with the lowest number.
+        pub setpoints: Vec<SetpointValue, MAX_CYCLE_AXES>,
+    }
 
     /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis
     /// in each period. A new subscription replaces the one before; it ends 5 s after the last valid

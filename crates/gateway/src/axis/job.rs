@@ -43,6 +43,8 @@ pub(crate) enum JobKind {
     Arm {
         /// The epoch that setpoints must carry from then on.
         epoch: u32,
+        /// Its end answers the request, not that of the last of several axes.
+        alone: bool,
     },
     /// Read everything the motor tells.
     ReadState,
@@ -183,6 +185,12 @@ impl Axis {
     /// Whether a job is under way that does not make way for another.
     pub fn is_busy_with_more_than_a_question(&self) -> bool {
         self.job.as_ref().is_some_and(|job| !job.kind.only_asks())
+    }
+
+    /// Whether the axis is being armed in this epoch.
+    pub fn is_arming_in(&self, epoch: u32) -> bool {
+        let arms = |kind| matches!(kind, JobKind::Arm { epoch: of, .. } if of == epoch);
+        self.job.as_ref().is_some_and(|job| arms(job.kind))
     }
 
     /// Whether a job of any kind is under way.
@@ -387,12 +395,16 @@ impl Axis {
         let result = match kind {
             // It waits for the others.
             JobKind::Prepare { .. } | JobKind::StandBy { .. } => return,
-            JobKind::Arm { epoch } => match self.check_motor_timeout(now) {
+            JobKind::Arm { epoch, alone } => match self.check_motor_timeout(now) {
                 Ok(()) => {
                     if self.brake_is_freed_unseen() {
                         out.event(&Event::BrakeUnverified { axis: self.index, locked: false });
                     }
                     self.enter_armed(now, epoch, out);
+                    if !alone {
+                        self.job = None;
+                        return;
+                    }
                     Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout(now) }))
                 }
                 Err(error) => Err(error),

@@ -23,6 +23,8 @@ pub(crate) enum Is {
     OwedOurId,
     /// Its motor answers requests to others.
     Objecting,
+    /// Its setpoint of a cycle is still to be answered.
+    Cycling,
     /// It moves by a setpoint.
     Active,
     /// Arming, armed, active, stopping or tripped.
@@ -38,7 +40,7 @@ pub(crate) enum Is {
 }
 
 impl Is {
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Configured,
         Self::Stopping,
         Self::FirstStop,
@@ -47,6 +49,7 @@ impl Is {
         Self::Awaiting,
         Self::OwedOurId,
         Self::Objecting,
+        Self::Cycling,
         Self::Active,
         Self::Moving,
         Self::Tripped,
@@ -100,6 +103,7 @@ impl Look {
         look.note(Is::Awaiting, transactions.awaits_reply());
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
         look.note(Is::Objecting, transactions.objects());
+        look.note(Is::Cycling, axis.is_cycling());
         let [former, current] = transactions.deadlines();
         for at in [former, current, over, axis.job_stalls_at()] {
             look.ends(at, now, after);

@@ -4,6 +4,7 @@
 //! it, and reports what became of it (`outcome.rs`); a stop preempts every other request.
 
 mod arming;
+mod cycle;
 mod job;
 mod limits;
 mod look;
@@ -34,9 +35,11 @@ use crate::protocol;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use core::num::NonZeroU64;
+use cycle::Cycling;
 use host_protocol::replies::{AxisReport, AxisSettings, MAX_SETTINGS};
 use host_protocol::{
-    AxisParameter, AxisSummary, Event, FaultReading, MotorTimeout, Setting, StateField, StateFields,
+    AxisParameter, AxisSummary, CycleResult, Event, FaultReading, MotorTimeout, Setting,
+    StateField, StateFields,
 };
 use outcome::Silence;
 use restart::RunTime;
@@ -55,6 +58,7 @@ pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,
     state: State,
+    cycling: Cycling,
     job: Option<Job>,
     pub transactions: Transactions,
     silence: Silence,
@@ -92,6 +96,7 @@ impl Axis {
             index,
             config: AxisConfig::new(),
             state: State::Unconfigured,
+            cycling: Cycling::Over(CycleResult::Superseded),
             job: None,
             transactions: Transactions::new(),
             silence: Silence::NONE,

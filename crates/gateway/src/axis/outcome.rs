@@ -7,7 +7,7 @@ use crate::outbox::Outbox;
 use crate::protocol::{Command, Exchange, Info, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
 use crate::transaction::{Match, MotionMark, Outcome, Transaction};
-use host_protocol::TripReason;
+use host_protocol::{CycleResult, TripReason};
 
 /// Since when something is overdue that goes before all other polls.
 const FIRST_OF_ALL: Instant = Instant::from_micros(0);
@@ -199,6 +199,7 @@ impl Axis {
     /// A request was given up: its window has closed, or its frame cannot leave.
     fn unanswered(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
         self.not_delivered(request);
+        self.motion_over(request, CycleResult::NoReply);
         let enough = self.config.missed_replies();
         let mut silent = self.silence.goes_on(now, request.window(), enough);
         // A motor that answers polls and no motion may be doing anything.
@@ -246,6 +247,7 @@ impl Axis {
         if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, request.transmitted_at()) {
             self.note_run_time(now, asked, run_time_ms, out);
         }
+        self.motion_over(request, CycleResult::Answered);
         self.judge_motion(now, request, &seen, out);
         if self.stop().is_some() {
             self.stop_goes_on(now, request, &Outcome::Answered(seen), out);

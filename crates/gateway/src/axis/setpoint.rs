@@ -7,7 +7,7 @@ use crate::protocol::{self, Command, Demand, Exchange};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
-use host_protocol::{AxisParameter, Error, Quantity, Setpoint, TripReason};
+use host_protocol::{AxisParameter, CycleResult, Error, Quantity, Setpoint, TripReason};
 
 /// What a host gives with everything that moves.
 #[derive(Debug, Clone, Copy)]
@@ -184,6 +184,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let is_in_force = self.is_in_force(&command);
+        self.end_cycle(CycleResult::Superseded);
         let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful &= is_in_force;
         armed.motions = armed.motions.wrapping_add(1);

@@ -6,7 +6,7 @@ use crate::outbox::Outbox;
 use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event, StateField, StopAction, Trip, TripReason,
+    AxisParameter, AxisState, CycleResult, Error, Event, StateField, StopAction, Trip, TripReason,
 };
 
 /// Where an axis stands.
@@ -251,6 +251,9 @@ impl Axis {
     fn go_to(&mut self, state: State) {
         check_transition(self.state.name(), state.name());
         self.state = state;
+        if self.motion().is_none() {
+            self.end_cycle(CycleResult::Stopped);
+        }
     }
 
     /// Tells the hosts of a state that is another one than before.

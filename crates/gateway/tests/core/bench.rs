@@ -168,7 +168,11 @@ pub fn provision(rig: &mut Rig, timeout_ms: u32) -> Result<Reply, Error> {
 }
 
 pub fn disarm(rig: &mut Rig) {
-    rig.ask(Request::Disarm(requests::Disarm { axis: 0 })).unwrap();
+    disarm_axis(rig, 0);
+}
+
+pub fn disarm_axis(rig: &mut Rig, axis: u8) {
+    rig.ask(Request::Disarm(requests::Disarm { axis })).unwrap();
 }
 
 /// A setpoint of axis 0 that lives `ttl_us` from now.

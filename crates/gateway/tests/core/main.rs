@@ -12,6 +12,7 @@ mod cancellation;
 mod capabilities;
 mod changes;
 mod clearing;
+mod cycle;
 mod d5;
 mod damaged_memory;
 mod dead_bus;

@@ -2,12 +2,14 @@
 
 mod authority;
 mod config;
+mod cycle;
 mod draft;
 mod native;
 mod raw;
 mod together;
 
 pub(crate) use authority::Authority;
+pub(crate) use cycle::{Arming, Cycle};
 pub(crate) use draft::Draft;
 pub(crate) use together::Together;
 
@@ -55,6 +57,7 @@ impl Gateway {
 
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
+        cycle::check_body(request)?;
         if needs_authority(request) {
             self.authority.take(now, ticket.link)?;
         }
@@ -117,6 +120,7 @@ impl Gateway {
             }
             Request::ProvisionMotorTimeout(request) => return self.provision(now, request, ticket),
             Request::Arm(request) => return self.arm(now, request.axis, ticket),
+            Request::ArmTogether(request) => return self.arm_together(now, request.axes, ticket),
             Request::Disarm(request) => {
                 self.with_axis(now, request.axis, |axis, out| axis.disarm(now, out))?;
                 Reply::Disarm(done)
@@ -154,6 +158,7 @@ impl Gateway {
             Request::MoveRelative(request) => return self.move_relative(now, request, ticket),
             Request::Native(request) => return self.native(now, request, ticket),
             Request::StartTogether(request) => return self.start_together(now, request, ticket),
+            Request::Cycle(request) => return self.cycle(now, request, ticket),
             Request::Subscribe(request) => {
                 if let Some(link) = self.links.get_mut(usize::from(ticket.link)) {
                     link.subscribe(now.as_micros(), request)?;
@@ -250,6 +255,20 @@ impl Gateway {
     }
 
     fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
+        self.check_arm(now, index)?;
+        let epoch = self.next_epoch()?;
+        self.start(now, index, JobKind::Arm { epoch, alone: true }, ticket)
+    }
+
+    /// The epoch of a new arming.
+    fn next_epoch(&mut self) -> Result<u32> {
+        let epoch = self.epoch.ok_or(Error::NoRandomNumber {})?.wrapping_add(1);
+        self.epoch = Some(epoch);
+        Ok(epoch)
+    }
+
+    /// Why an axis may not be armed now.
+    fn check_arm(&self, now: Instant, index: u8) -> Result<()> {
         if self.e_stopped || self.e_stop_input_open {
             return Err(Error::EStopped {});
         }
@@ -275,10 +294,7 @@ impl Gateway {
             return Err(Error::Tripped { axis: other, reason });
         }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
-        self.check_axis_load(index)?;
-        let epoch = self.epoch.ok_or(Error::NoRandomNumber {})?.wrapping_add(1);
-        self.epoch = Some(epoch);
-        self.start(now, index, JobKind::Arm { epoch }, ticket)
+        self.check_axis_load(index)
     }
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
@@ -504,6 +520,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::RemoveAxis(_)
         | Request::ProvisionMotorTimeout(_)
         | Request::Arm(_)
+        | Request::ArmTogether(_)
         | Request::Clear(_)
         | Request::ClearUnreachable(_)
         | Request::OutputOff(_)
@@ -511,6 +528,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Setpoint(_)
         | Request::MoveRelative(_)
         | Request::StartTogether(_)
+        | Request::Cycle(_)
         | Request::RawOpen(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)
