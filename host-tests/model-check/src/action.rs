@@ -192,6 +192,15 @@ pub enum Ask {
         lead_us: i32,
         members: Vec<(u8, i32, f32)>,
     },
+    ArmTogether {
+        axes: u32,
+    },
+    /// Axis and goal of each; the epoch of the first, off by so much.
+    Cycle {
+        lead_us: i32,
+        epoch: i32,
+        members: Vec<(u8, Goal)>,
+    },
     Read {
         axis: u8,
     },

@@ -200,10 +200,11 @@ impl Generator {
                 return self.together(world, axis);
             }
             Told::Armed | Told::Active => match self.dice.below(100) {
-                0..88 => Ask::Setpoint {
+                0..78 => Ask::Setpoint {
                     permit: permit(&mut self.dice, axis),
                     goal: goal(&mut self.dice, axis),
                 },
+                78..88 => self.cycle(world),
                 88..93 => native(&mut self.dice, axis),
                 93..96 => Ask::Move {
                     permit: permit(&mut self.dice, axis),
@@ -223,7 +224,9 @@ impl Generator {
             }
             Told::Idle if self.left_idle >> axis & 1 == 1 && self.dice.percent(98) => Ask::Ping,
             Told::Idle | Told::Holding => {
-                if self.dice.percent(97) {
+                if self.dice.percent(10) {
+                    self.arm_together(world)
+                } else if self.dice.percent(97) {
                     Ask::Arm { axis }
                 } else {
                     native(&mut self.dice, axis)
@@ -239,6 +242,27 @@ impl Generator {
             _ => Ask::Ping,
         };
         Action::Ask { link: self.commander, ask }
+    }
+
+    /// Some of the axes, mostly such as are so.
+    fn some(&mut self, world: &World, are: fn(Told) -> bool) -> Vec<u8> {
+        let wanted = |it: &mut Self, axis: &u8| {
+            let is_so = are(world.oracle().told(*axis));
+            it.dice.percent(if is_so { 60 } else { 1 })
+        };
+        (0..AXES).filter(|axis| wanted(self, axis)).collect()
+    }
+
+    fn arm_together(&mut self, world: &World) -> Ask {
+        let axes = self.some(world, |told| matches!(told, Told::Idle | Told::Holding));
+        Ask::ArmTogether { axes: axes.into_iter().fold(0, |axes, axis| axes | 1 << axis) }
+    }
+
+    fn cycle(&mut self, world: &World) -> Ask {
+        let axes = self.some(world, |told| matches!(told, Told::Armed | Told::Active));
+        let lead = permit(&mut self.dice, 0);
+        let members = axes.into_iter().map(|axis| (axis, goal(&mut self.dice, axis))).collect();
+        Ask::Cycle { lead_us: lead.lead_us, epoch: lead.epoch, members }
     }
 
     /// A request of any kind, in any state.

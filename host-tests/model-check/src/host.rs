@@ -4,8 +4,8 @@ use crate::action::{Ask, Goal, Number, Permit};
 use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, Change, ClearTarget, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame, Request,
-    Setpoint, StateFields, StopTarget, Value, requests,
+    Bytes, Change, ClearTarget, FixedU32, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame,
+    Request, Setpoint, StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -138,6 +138,17 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             };
             let members = members.iter().take(MAX_MEMBERS).map(member).collect();
             Request::StartTogether(requests::StartTogether { expires_at_us: at(lead_us), members })
+        }
+        Ask::ArmTogether { axes } => Request::ArmTogether(requests::ArmTogether { axes }),
+        Ask::Cycle { lead_us, epoch, ref members } => {
+            let first = members.first().map_or(0, |(axis, _)| *axis);
+            Request::Cycle(requests::Cycle {
+                epoch: FixedU32(known(first).wrapping_add_signed(epoch)),
+                expires_at_us: FixedU32(at(lead_us)),
+                fields: StateFields::from_bits(u8::MAX),
+                axes: members.iter().fold(0, |axes, (axis, _)| axes | 1 << axis),
+                setpoints: members.iter().take(16).map(|(_, goal)| setpoint(*goal)).collect(),
+            })
         }
         Ask::Read { axis } => Request::ReadState(requests::ReadState { axis }),
         Ask::Subscribe { axes, period_us } => {

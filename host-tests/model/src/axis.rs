@@ -23,6 +23,8 @@ pub(crate) struct Permit {
     pub in_force: bool,
     /// A relative move: its target is known when its result is.
     pub is_relative: bool,
+    /// Of a cycle: its report says whether the axis took it.
+    pub of_cycle: bool,
     /// The native command that it must be.
     pub native: Option<Vec<u8>>,
     /// The bytes that were sent for it first, and must be sent again.

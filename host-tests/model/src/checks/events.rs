@@ -136,7 +136,7 @@ impl Oracle {
         let holder = self.holder.map(|(holder, _)| holder);
         let asked = |link: u8| {
             let records = &self.links[usize::from(link)].records;
-            records.iter().any(|r| r.request == Request::Arm(number) && !r.must_be_refused)
+            records.iter().any(|r| r.request.arms(number) && !r.must_be_refused)
         };
         if !holder.is_some_and(asked) {
             self.broken(Check::ArmedUnasked, now, format!("axis {index}"));
@@ -165,8 +165,7 @@ impl Oracle {
         axis.permits.clear();
         axis.duty = None;
         // The reply may have come before the event, on another link.
-        let arms =
-            |r: &&crate::link::Record| r.request == Request::Arm(number) && r.result_us == now;
+        let arms = |r: &&crate::link::Record| r.request.arms(number) && r.result_us == now;
         let replies = self.links.iter().flat_map(|link| link.records.iter().filter(arms));
         let is_reply = |bytes: &&Vec<u8>| bytes.first() == Some(&REPLY);
         if let Some(reply) = replies.filter_map(|r| r.result.as_ref()).find(is_reply) {

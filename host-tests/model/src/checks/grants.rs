@@ -44,13 +44,16 @@ impl Oracle {
                     axis.motor_timeouts_asked.clear();
                 }
             }
-            Request::Arm(axis) => {
+            Request::Arm(axes) => {
                 let epoch = Body(message.body()).u32();
-                if let Some(epoch) = epoch.filter(|epoch| !self.epochs.insert((axis, *epoch))) {
-                    self.broken(Check::EpochRepeated, now, format!("axis {axis}: {epoch}"));
-                }
-                if let Some(axis) = self.axes.get_mut(usize::from(axis)).filter(|axis| axis.armed) {
-                    axis.epoch = epoch;
+                for axis in (0..32).filter(|axis| axes >> axis & 1 == 1) {
+                    if let Some(epoch) = epoch.filter(|epoch| !self.epochs.insert((axis, *epoch))) {
+                        self.broken(Check::EpochRepeated, now, format!("axis {axis}: {epoch}"));
+                    }
+                    let axis = self.axes.get_mut(usize::from(axis));
+                    if let Some(axis) = axis.filter(|axis| axis.armed) {
+                        axis.epoch = epoch;
+                    }
                 }
             }
 
@@ -71,6 +74,19 @@ impl Oracle {
             }
             Request::Setpoint { axis, epoch, expires_at_us } => {
                 self.grant(now, link, sequence, axis, (epoch, expires_at_us));
+            }
+            Request::Cycle { axes, .. } => {
+                let Some(refused) = refused_in_cycle(message) else {
+                    let seen = format!("link {link}: {:02X?} is no report", message.body());
+                    return self.broken(Check::ResultUnasked, now, seen);
+                };
+                for axis in (0..32).filter(|axis| axes >> axis & 1 == 1) {
+                    if refused >> axis & 1 == 0 {
+                        self.fulfil(now, link, sequence, axis);
+                    } else if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                        axis.permits.retain(|p| (p.link, p.sequence) != (link, sequence));
+                    }
+                }
             }
             Request::MoveRelative { axis, epoch, expires_at_us } => {
                 self.grant(now, link, sequence, axis, (epoch, expires_at_us));
@@ -256,6 +272,33 @@ impl Oracle {
             axis.permits.retain(|p| (p.link, p.sequence) != (link, sequence) || p.in_force);
         }
     }
+}
+
+/// A bit for each axis that took nothing of a cycle, as its report says (PROTOCOL.md, the cycle).
+fn refused_in_cycle(message: &Message) -> Option<u32> {
+    const REFUSED: u8 = 4;
+    const POSITION: u8 = 0;
+    const FAULTS: u8 = 6;
+    let mut body = Body(message.body());
+    let (_time, fields, axes) = (body.fixed_u32()?, body.byte()?, body.u32()?);
+    let mut states = Body(body.bytes(480)?);
+    let mut refused = 0;
+    for axis in (0..32).filter(|axis| axes >> axis & 1 == 1) {
+        if states.byte()? >> 4 == REFUSED {
+            refused |= 1 << axis;
+            states.u16()?;
+        }
+        states.u16()?;
+        for field in (0..=FAULTS).filter(|field| fields >> field & 1 == 1) {
+            match field {
+                POSITION => drop(states.f32()?),
+                FAULTS => drop(states.optional(Body::u16)?),
+                _ => drop(states.u32()?),
+            }
+        }
+    }
+    states.end(())?;
+    body.end(refused)
 }
 
 /// Puts a permission in force: it takes the place of those before it.

@@ -92,6 +92,17 @@ impl Oracle {
                     ..permit
                 });
             }
+            Request::Cycle { axes, epoch, expires_at_us } => {
+                for axis in (0..32).filter(|axis| axes >> axis & 1 == 1) {
+                    let of_cycle = true;
+                    self.offer(now, axis, epoch, expires_at_us, |permit| Permit {
+                        link,
+                        sequence,
+                        of_cycle,
+                        ..permit
+                    });
+                }
+            }
             Request::StartTogether { expires_at_us, members } => {
                 let named = members.iter().fold(0, |named, (axis, _)| named | bit_of(*axis));
                 for (axis, epoch) in members {
@@ -185,6 +196,7 @@ impl Oracle {
             expires_us,
             in_force: false,
             is_relative: false,
+            of_cycle: false,
             native: None,
             data: None,
             once: false,

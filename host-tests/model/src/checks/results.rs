@@ -56,7 +56,8 @@ impl Oracle {
         for index in 0..self.axes.len() {
             let axis = &mut self.axes[index];
             let accepted = |p: &crate::axis::Permit| {
-                p.link == link && !p.in_force && !p.is_relative && !p.is_of_a_start_to_come()
+                p.link == link
+                    && !(p.in_force || p.is_relative || p.of_cycle || p.is_of_a_start_to_come())
             };
             if let Some(accepted) = axis.permits.iter().rposition(accepted) {
                 in_force(axis, accepted);

@@ -31,6 +31,13 @@ impl<'a> Body<'a> {
         u32::try_from(self.varint(32)?).ok()
     }
 
+    /// A `u32` of four bytes.
+    pub fn fixed_u32(&mut self) -> Option<u32> {
+        let (bytes, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(u32::from_le_bytes(*bytes))
+    }
+
     /// A `u16`.
     pub fn u16(&mut self) -> Option<u16> {
         u16::try_from(self.varint(16)?).ok()

@@ -28,8 +28,8 @@ pub enum Request {
     RemoveAxis(u8),
     /// 0x0024
     Provision { axis: u8, timeout_ms: u32 },
-    /// 0x0030
-    Arm(u8),
+    /// 0x0030 and 0x0038: a bit for each axis.
+    Arm(u32),
     /// 0x0031
     Disarm(u8),
     /// 0x0032
@@ -52,6 +52,8 @@ pub enum Request {
     Native { axis: u8, epoch: u32, expires_at_us: u32, data: Vec<u8> },
     /// 0x0045: axis and epoch of each.
     StartTogether { expires_at_us: u32, members: Vec<(u8, u32)> },
+    /// 0x0046: a bit for each axis.
+    Cycle { axes: u32, epoch: u32, expires_at_us: u32 },
     /// 0x0050
     RawOpen { bus: u8, unsafe_access: bool },
     /// 0x0051: an arbitration id with its flags and data, or bytes.
@@ -108,6 +110,8 @@ pub enum Clears {
 const MAX_MEMBERS: usize = 8;
 /// Changes of one message, at most.
 const MAX_CHANGES: usize = 6;
+/// Axes of a cycle, at most.
+const MAX_CYCLE_AXES: u64 = 16;
 /// Gateway parameter `link_silence_us`.
 const LINK_SILENCE: u16 = 256;
 
@@ -143,7 +147,8 @@ impl Request {
             }
             0x0023 => Self::RemoveAxis(b.byte()?),
             0x0024 => Self::Provision { axis: b.byte()?, timeout_ms: b.u32()? },
-            0x0030 => Self::Arm(b.byte()?),
+            0x0030 => Self::Arm(1u32.checked_shl(b.byte()?.into()).unwrap_or(0)),
+            0x0038 => Self::Arm(b.u32()?),
             0x0031 => Self::Disarm(b.byte()?),
             0x0032 => Self::Stop(match b.varint(32)? {
                 0 => Stops::Axis(b.byte()?),
@@ -161,16 +166,20 @@ impl Request {
             0x0037 => Self::ClearByRestart(b.byte()?),
             0x0040 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
-                let numbers = match b.varint(32)? {
-                    0..=2 => 1,
-                    3 => 2,
-                    4 => 5,
-                    _ => return None,
-                };
-                for _ in 0..numbers {
-                    b.f32()?;
-                }
+                setpoint(b)?;
                 Self::Setpoint { axis, epoch, expires_at_us }
+            }
+            0x0046 => {
+                let (epoch, expires_at_us) = (b.fixed_u32()?, b.fixed_u32()?);
+                let (_fields, axes) = (b.byte()?, b.u32()?);
+                let count = b.varint(64)?;
+                if count > MAX_CYCLE_AXES || count != u64::from(axes.count_ones()) {
+                    return None;
+                }
+                for _ in 0..count {
+                    setpoint(b)?;
+                }
+                Self::Cycle { axes, epoch, expires_at_us }
             }
             0x0042 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
@@ -213,6 +222,11 @@ impl Request {
         if request == Self::Other { Some(request) } else { body.end(request) }
     }
 
+    /// Whether it asks for this axis to be armed.
+    pub fn arms(&self, axis: u8) -> bool {
+        matches!(self, Self::Arm(axes) if axes.checked_shr(axis.into()).is_some_and(|at| at & 1 == 1))
+    }
+
     /// Whether it takes authority, or is refused where another link has it. A native command does
     /// by what its bytes do.
     pub fn takes_authority(&self) -> bool {
@@ -234,6 +248,7 @@ impl Request {
             | Self::Setpoint { .. }
             | Self::MoveRelative { .. }
             | Self::StartTogether { .. }
+            | Self::Cycle { .. }
             | Self::RawOpen { .. }
             | Self::RawSend { .. }
             | Self::RawClose(_) => true,
@@ -267,6 +282,20 @@ fn change(body: &mut Body<'_>) -> Option<Change> {
         2 => Some(Change::Axis(body.byte()?, body.u16()?, body.optional(value)?)),
         _ => None,
     }
+}
+
+/// Passes over a `Setpoint`.
+fn setpoint(body: &mut Body<'_>) -> Option<()> {
+    let numbers = match body.varint(32)? {
+        0..=2 => 1,
+        3 => 2,
+        4 => 5,
+        _ => return None,
+    };
+    for _ in 0..numbers {
+        body.f32()?;
+    }
+    Some(())
 }
 
 /// A `Value` as its bits: a signed one zigzag, as it comes.
