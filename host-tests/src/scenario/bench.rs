@@ -2,7 +2,7 @@
 //! buses.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{Bytes, Call, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint};
+use host_protocol::{Bytes, Call, CycleState, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint};
 use mgw_client::{Client, ClientError, MOTOR_DEADLINE, Transport};
 use mgw_sim::{Injection, SimTransport, TraceEntry, Wiring, World};
 use std::cell::RefCell;
@@ -48,6 +48,8 @@ pub struct Bench {
     pub samples: Vec<Told>,
     /// What the motor answered to the last native command.
     pub native_reply: Bytes<MAX_CAN_DATA>,
+    /// The states at the end of the last cycle.
+    pub cycled: Vec<CycleState>,
     /// The last error that a step was refused with.
     pub refusal: Option<Error>,
     /// Where the last relative move goes, rad.
@@ -89,6 +91,7 @@ impl Bench {
             events: Vec::new(),
             samples: Vec::new(),
             native_reply: Bytes::new(),
+            cycled: Vec::new(),
             refusal: None,
             move_target_rad: None,
             patience: None,

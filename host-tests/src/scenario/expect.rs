@@ -27,6 +27,7 @@ impl Bench {
             "moving" => self.expect_motor(rest, true),
             "position" => self.expect_position(rest),
             "turned" => self.expect_turned(rest),
+            "cycled" => self.expect_cycled(rest),
             "native-reply" => self.expect_native_reply(rest),
             "move-target" => self.expect_move_target(rest),
             "sample" => self.expect_sample(rest),
@@ -141,6 +142,16 @@ impl Bench {
         let reply: String = self.native_reply.iter().map(|byte| format!("{byte:02X}")).collect();
         let fits = if wanted == "none" { reply.is_empty() } else { reply.starts_with(&wanted) };
         if fits { Ok(()) } else { Err(format!("the reply was `{reply}`")) }
+    }
+
+    /// `cycled AXIS RESULT`: what became of its setpoint in the last cycle.
+    fn expect_cycled(&mut self, words: &[&str]) -> Result<(), String> {
+        let axis: u8 = parse(words, 0, "axis")?;
+        let wanted = words.get(1..).unwrap_or_default().join(" ");
+        match self.cycled.iter().find(|state| state.axis == axis) {
+            Some(state) if state.result.to_string() == wanted => Ok(()),
+            other => Err(format!("it was {other:?}")),
+        }
     }
 
     /// `move-target RAD`: what the last relative move was answered with.

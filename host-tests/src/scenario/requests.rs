@@ -6,8 +6,9 @@ use super::steps::StepError;
 use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
 use host_protocol::{
     AxisParameter, BusConfig, Bytes, Change, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame,
-    StopTarget, Value, replies::Armed, requests,
+    StateField, StateFields, StopTarget, Value, replies::Armed, requests,
 };
+use mgw_client::AxisSetpoint;
 use std::time::Duration;
 
 impl Bench {
@@ -24,6 +25,7 @@ impl Bench {
             }
             "apply-changes" => self.client.apply_changes()?,
             "together" => self.start_together(rest)?,
+            "arm-together" | "cycle" => self.cycle(verb, rest)?,
             "set" | "set-for" | "set-epoch" | "set-expired" | "move" => {
                 self.set_motion(verb, rest)?
             }
@@ -181,6 +183,29 @@ impl Bench {
         }
         let expires_at_us = self.gateway_time(SETPOINT_TTL);
         self.ask(&requests::StartTogether { expires_at_us, members })?;
+        Ok(())
+    }
+
+    /// `arm-together AXIS …`, and `cycle AXIS SETPOINT | AXIS SETPOINT …` with the epoch of the
+    /// first.
+    fn cycle(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
+        if verb == "arm-together" {
+            let axes: Result<Vec<u8>, _> =
+                (0..words.len()).map(|at| parse(words, at, "axis")).collect();
+            let axes = axes?;
+            let epoch = self.client.arm_together(&axes)?;
+            self.epochs.retain(|(armed, _)| !axes.contains(armed));
+            self.epochs.extend(axes.into_iter().map(|axis| (axis, epoch)));
+            return Ok(());
+        }
+        let mut setpoints = Vec::new();
+        for part in words.split(|word| *word == "|") {
+            let (axis, setpoint) = (parse(part, 0, "axis")?, setpoint(part, 1)?);
+            setpoints.push(AxisSetpoint { axis, setpoint });
+        }
+        let epoch = setpoints.first().map_or(0, |first| self.epoch(first.axis));
+        let fields = StateFields::of(StateField::ALL);
+        self.cycled = self.client.cycle(epoch, &setpoints, fields, SETPOINT_TTL)?;
         Ok(())
     }
 

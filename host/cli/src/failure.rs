@@ -180,6 +180,7 @@ fn client_name(error: &ClientError) -> &'static str {
         ClientError::Interrupted { .. } => "Interrupted",
         ClientError::Incompatible { .. } => "Incompatible",
         ClientError::UnreadableReply { .. } => "UnreadableReply",
+        ClientError::NamedTwice { .. } => "NamedTwice",
         ClientError::TooLong { .. } => "TooLong",
         ClientError::LinksTaken => "LinksTaken",
         ClientError::Connect(error) if is_no_port(error) => "Usage",

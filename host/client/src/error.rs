@@ -46,6 +46,11 @@ pub enum ClientError {
         /// Number of the reply.
         number: u16,
     },
+    /// An axis is named twice where each can be named once, or its number is above 31.
+    NamedTwice {
+        /// Which.
+        axis: u8,
+    },
     /// The request is longer than a message may be.
     TooLong {
         /// Name of the request.
@@ -76,6 +81,10 @@ impl fmt::Display for ClientError {
                     Check the cable, then read the state",
                 in_words(request),
                 after.as_millis()
+            ),
+            Self::NamedTwice { axis } => write!(
+                f,
+                "axis {axis} is named twice, or is above 31: name each axis of a cycle once"
             ),
             Self::StopUnanswered { after } => write!(
                 f,

@@ -6,10 +6,12 @@ use host_protocol::{Call, requests as ask};
 pub(crate) fn moves(number: u16) -> bool {
     [
         ask::Arm::NUMBER,
+        ask::ArmTogether::NUMBER,
         ask::Setpoint::NUMBER,
         ask::MoveRelative::NUMBER,
         ask::Native::NUMBER,
         ask::StartTogether::NUMBER,
+        ask::Cycle::NUMBER,
         ask::RawSend::NUMBER,
         ask::ProvisionMotorTimeout::NUMBER,
     ]

@@ -34,6 +34,7 @@
 mod client;
 mod clock;
 mod commands;
+mod cycle;
 mod error;
 mod hold;
 mod inbox;
@@ -53,6 +54,7 @@ pub use client::{
     REPEAT_AFTER,
 };
 pub use commands::MOTOR_DEADLINE;
+pub use cycle::{AxisSetpoint, make_current, make_position, make_signal, make_velocity};
 pub use error::ClientError;
 pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;

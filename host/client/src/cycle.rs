@@ -1,0 +1,111 @@
+//! Setpoints for many axes in one call, answered by the state of all of them: what a control loop
+//! needs once a round.
+
+use std::time::Duration;
+
+use host_protocol::requests as ask;
+use host_protocol::{Call, CycleState, FixedU32, MAX_CYCLE_AXES, Setpoint, StateFields};
+
+use crate::client::Client;
+use crate::commands::MOTOR_DEADLINE;
+use crate::error::ClientError;
+use crate::transport::Transport;
+
+/// A setpoint for one axis of a [`cycle`](Client::cycle).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisSetpoint {
+    /// Number of the axis, from 0.
+    pub axis: u8,
+    /// What it should do.
+    pub setpoint: Setpoint,
+}
+
+/// A fraction of the full signal, −1 to 1: thrusters.
+#[must_use]
+pub fn make_signal(axis: u8, fraction: f32) -> AxisSetpoint {
+    AxisSetpoint { axis, setpoint: Setpoint::Signal { fraction } }
+}
+
+/// A current, A; positive drives counter-clockwise.
+#[must_use]
+pub fn make_current(axis: u8, current_a: f32) -> AxisSetpoint {
+    AxisSetpoint { axis, setpoint: Setpoint::Current { current_a } }
+}
+
+/// A velocity, rad/s; positive is counter-clockwise.
+#[must_use]
+pub fn make_velocity(axis: u8, velocity_rad_s: f32) -> AxisSetpoint {
+    AxisSetpoint { axis, setpoint: Setpoint::Velocity { velocity_rad_s } }
+}
+
+/// A position, rad, to be approached at most at `speed_limit_rad_s`.
+#[must_use]
+pub fn make_position(axis: u8, position_rad: f32, speed_limit_rad_s: f32) -> AxisSetpoint {
+    AxisSetpoint { axis, setpoint: Setpoint::Position { position_rad, speed_limit_rad_s } }
+}
+
+impl<T: Transport> Client<T> {
+    /// Arms several axes in one epoch, all of them or none. The epoch goes into every
+    /// [`cycle`](Self::cycle) and every [setpoint](Self::set) of them.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request). An axis that does not exist for this protocol, 32 and up, is
+    /// [`ClientError::NamedTwice`] too, as it has no bit of its own.
+    pub fn arm_together(&mut self, axes: &[u8]) -> Result<u32, ClientError> {
+        let request = ask::ArmTogether { axes: mask(axes.iter().copied())? };
+        self.heed_interrupt(ask::ArmTogether::NUMBER)?;
+        // Noted before it is asked for: an answer that is lost may have armed them all the same.
+        axes.iter().for_each(|axis| self.note_arming(*axis));
+        let armed = self.request_within(&request, MOTOR_DEADLINE).inspect_err(|error| {
+            if matches!(error, ClientError::Gateway(_)) {
+                axes.iter().for_each(|axis| self.forget_arming(*axis));
+            }
+        })?;
+        // An interrupt may have come with the answer.
+        self.heed_interrupt(ask::ArmTogether::NUMBER)?;
+        Ok(armed.epoch)
+    }
+
+    /// Gives each of these axes its setpoint, valid for `ttl`, and returns the state of each as
+    /// soon as every motor has answered or its own time is over: in the order of the axes' numbers,
+    /// with the fields that were asked for. One that was refused says so in its result. Twice a
+    /// second a ping comes first, which measures the clock that the expiry is derived from.
+    ///
+    /// # Errors
+    /// [`ClientError::NamedTwice`] and [`ClientError::TooLong`] before anything is sent, else as
+    /// [`request`](Self::request).
+    pub fn cycle(
+        &mut self,
+        epoch: u32,
+        setpoints: &[AxisSetpoint],
+        fields: StateFields,
+        ttl: Duration,
+    ) -> Result<Vec<CycleState>, ClientError> {
+        let axes = mask(setpoints.iter().map(|of| of.axis))?;
+        let mut sorted: Vec<AxisSetpoint> = setpoints.to_vec();
+        sorted.sort_by_key(|of| of.axis);
+        if sorted.len() > MAX_CYCLE_AXES {
+            return Err(ClientError::TooLong { request: "Cycle" });
+        }
+        self.refresh_clock()?;
+        let request = ask::Cycle {
+            epoch: FixedU32(epoch),
+            expires_at_us: FixedU32(self.expiry(ttl)),
+            fields,
+            axes,
+            setpoints: sorted.iter().map(|of| of.setpoint).collect(),
+        };
+        let report = self.request_within(&request, ttl)?;
+        Ok(report.states().collect())
+    }
+}
+
+/// A bit for each axis.
+fn mask(axes: impl Iterator<Item = u8>) -> Result<u32, ClientError> {
+    let mut mask = 0_u32;
+    for axis in axes {
+        let bit = 1_u32.checked_shl(axis.into()).filter(|bit| mask & bit == 0);
+        mask |= bit.ok_or(ClientError::NamedTwice { axis })?;
+    }
+    Ok(mask)
+}
