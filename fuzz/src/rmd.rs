@@ -1,7 +1,9 @@
 //! RMD frames on CAN and, with the same data, on RS485.
 
+use core::array::TryFromSliceError;
+
 use host_protocol::CanFrame;
-use rmd::{Answer, Reply, Request, Target, answer, answer_on_line, can, rs485};
+use rmd::{Answer, Dialect, Reply, Request, Target, answer, answer_on_line, can, rs485};
 
 use crate::fields::shown_fields;
 use crate::frames::Input;
@@ -32,7 +34,27 @@ pub fn check(bytes: &[u8]) {
         }
         Err(error) => _ = error.to_string(),
     }
+    if let Ok(data) = data_of(&frame) {
+        Dialect::ALL.into_iter().for_each(|dialect| check_dialect(dialect, data));
+    }
     check_serial(bytes.first().copied().unwrap_or(0), data, &pending);
+}
+
+fn data_of(frame: &CanFrame) -> Result<&[u8; 8], TryFromSliceError> {
+    frame.data().try_into()
+}
+
+/// No bytes make a dialect panic, and what one sends it reads again.
+fn check_dialect(dialect: Dialect, data: &[u8; 8]) {
+    let request = Request::decode_in(dialect, data);
+    if let Ok(again) = request.encode_in(dialect) {
+        assert_eq!(Request::decode_in(dialect, &again), request);
+        assert!(Request::dialects_of(&again).contains(dialect));
+    }
+    if let Ok(reply) = Reply::decode_in(dialect, data) {
+        _ = (answer(&request, &reply), reply.encode());
+        _ = shown_fields(|visit| reply.visit_fields(visit));
+    }
 }
 
 fn check_request(target: Target, request: &Request) {

@@ -69,7 +69,7 @@ impl Protocol {
 /// What the command of an RMD motor makes it do, on CAN or in the data of a serial frame.
 pub(super) fn rmd(data: &[u8]) -> Option<Deed> {
     match data.first()? {
-        0xA0..=0xA8 => Some(Deed::Moves),
+        0xA0..=0xA9 | 0x72 | 0x73 => Some(Deed::Moves),
         0x80 | 0x81 => Some(Deed::Rests),
         0x30
         | 0x42

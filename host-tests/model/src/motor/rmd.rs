@@ -1,4 +1,4 @@
-//! RMD V3.6.
+//! RMD V3.6, and what newer dialects add (docs/rmd-dialects.md).
 
 use super::{Purpose, Question, Reading, Timeout};
 use std::f64::consts::PI;
@@ -15,7 +15,8 @@ pub(super) fn purpose(data: &[u8]) -> Purpose {
     match data.first() {
         // §2.17 to §2.22, and §5
         Some(0xA8) => Purpose::Motion { once: true },
-        Some(0xA0..=0xA7 | &MOTION_MODE) => Purpose::Motion { once: false },
+        // and 0xA9 of V4.3, 0x72 and 0x73 of V4.4
+        Some(0xA0..=0xA7 | 0xA9 | 0x72 | 0x73 | &MOTION_MODE) => Purpose::Motion { once: false },
         // §2.15, §2.16
         Some(0x80 | 0x81) => Purpose::Stop,
         // §2.1, §2.5, §2.7 to §2.9, §2.11 to §2.14, §2.23, §2.24, §2.28, §2.29, §2.31
@@ -64,9 +65,13 @@ pub(super) fn answer(request: &[u8], reply: &[u8]) -> Option<Reading> {
         },
         // Thrown back: received, and not carried out. All zero may be that too (PROTOCOL-NOTES
         // R30).
-        0xA1 | 0xA2 | 0xA4 if request == reply || reply[1..].iter().all(|byte| *byte == 0) => none,
+        0xA1 | 0xA2 | 0xA4 | 0xA9
+            if request == reply || reply[1..].iter().all(|byte| *byte == 0) =>
+        {
+            none
+        }
         // §2.13, §2.17, §2.18, §2.20: 1 °C, 0.01 A, 1 degree a second
-        0x9C | 0xA1 | 0xA2 | 0xA4 => {
+        0x9C | 0xA1 | 0xA2 | 0xA4 | 0xA9 => {
             let speed = f64::from(word(4)?.cast_signed()) * PI / 180.0;
             Reading {
                 speed: Some(speed.abs()),
@@ -118,6 +123,7 @@ mod tests {
     #[test]
     fn what_moves_and_what_stops() {
         assert_eq!(purpose(&[0xA2, 0, 0, 0, 0, 0, 0, 0]), Purpose::Motion { once: false });
+        assert_eq!(purpose(&[0xA9, 30, 1, 0, 0, 0, 0, 0]), Purpose::Motion { once: false });
         assert_eq!(purpose(&[0xA8, 0, 0, 0, 0, 0, 0, 0]), Purpose::Motion { once: true });
         assert_eq!(purpose(&motion_mode(&[0x80; 8])), Purpose::Motion { once: false });
         assert_eq!(purpose(&[0x80, 0, 0, 0, 0, 0, 0, 0]), Purpose::Stop);

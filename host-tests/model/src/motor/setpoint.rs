@@ -41,7 +41,7 @@ fn rmd(data: &[u8]) -> Option<Goal> {
     Some(match data.first()? {
         0xA1 => Goal { current: Some(f64::from(word(4)?.cast_signed()).abs() / 100.0), ..none },
         0xA2 => Goal { speed: Some(long()?.abs() * DEGREE), ..none },
-        0xA4 => Goal {
+        0xA4 | 0xA9 => Goal {
             speed: Some(f64::from(word(2)?) * DEGREE),
             position: Some(long()? * DEGREE),
             ..none
@@ -88,6 +88,8 @@ mod tests {
         assert!(near(Protocol::Rmd.goal(&[0xA1, 0, 0, 0, 0x9C, 0xFF, 0, 0]).current, 1.0));
         let moved = Protocol::Rmd.goal(&[0xA4, 0, 0xF4, 1, 0xA0, 0x8C, 0, 0]);
         assert!(near(moved.speed, 500.0 * DEGREE) && near(moved.position, 360.0 * DEGREE));
+        // V4.3 0xA9: the same, its byte 1 a torque cap
+        assert_eq!(moved, Protocol::Rmd.goal(&[0xA9, 30, 0xF4, 1, 0xA0, 0x8C, 0, 0]));
         assert!(near(Protocol::Thruster.goal(&[0x54, 0x43, 0, 0, 0, 0, 0xFF, 0xFB]).signal, 0.05));
         assert!(near(Protocol::Thruster.goal(&[0x56, 0x43, 0, 0, 0, 0, 1, 0x2C]).speed, 10.0 * PI));
         assert!(near(

@@ -132,6 +132,16 @@ injections! {
     IgnoreRestart ignore_restart "ignore-restart";
     /// RMD: its brake does not open; 0x77 is echoed.
     StuckBrake stuck_brake "stuck-brake";
+    /// RMD: it answers a command that it does not know with a copy of its last answer (observed).
+    StaleReplies stale_replies "stale-replies";
+    /// RMD: after its own timeout it neither swallows a command nor says 0xF1 every second.
+    PlainTimeout plain_timeout "plain-timeout";
+    /// RMD: what it stores it stores only while its output is off, and echoes it all the same
+    /// (V4.4).
+    StoresOnlyOff stores_only_off "stores-only-off";
+    /// RMD: it sends its status 2 every 100 ms by itself, and does not answer 0x9C any more (0xB6 of
+    /// V3.9).
+    ActiveReplies active_replies "active-replies";
     /// D5: it hears what goes to other motors, and answers that it was not for it (D5 manual, table
     /// row 5).
     AnswersOthers answers_others "answers-others";
@@ -139,6 +149,8 @@ injections! {
     BrakeOn brake_on "brake-on";
 
     values:
+    /// RMD: the number of the dialect that it speaks; 0: V3.6.
+    RmdDialect rmd_dialect: u8;
     /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends
     /// on the motor.
     FaultBits fault_bits: u16;

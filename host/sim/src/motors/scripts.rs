@@ -200,7 +200,7 @@ fn play(text: &str, tests: usize) {
 
 #[test]
 fn rmd() {
-    play(include_str!("scripts/rmd.txt"), 38);
+    play(include_str!("scripts/rmd.txt"), 40);
 }
 
 #[test]

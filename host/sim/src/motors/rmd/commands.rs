@@ -7,7 +7,7 @@ use super::super::log::MotorEvent;
 use super::super::model::Context;
 use super::{ACCELERATION, NM_PER_AMPERE, Rmd};
 use rmd::{
-    Centidegrees, DegreesPerSecondSquared, EncoderPulses, Milliseconds, Model, MotionRanges, Node,
+    Centidegrees, DegreesPerSecondSquared, EncoderPulses, Function, Milliseconds, Model, Node,
     Ramp, Reply, Request, VersionDate, command,
 };
 
@@ -26,7 +26,10 @@ pub(super) fn is_motion(request: &Request) -> bool {
 
 impl Rmd {
     pub(super) fn carry_out(&mut self, cx: &mut Context<'_>, request: &Request) {
-        self.wanted = self.drive_for(request).unwrap_or(self.wanted);
+        if self.only_echoes(cx, request) {
+            return self.echo(cx, request);
+        }
+        self.wanted = self.drive_for(cx, request).unwrap_or(self.wanted);
         let Some(reply) = self.reply_to(cx, request) else { return };
         if is_motion(request) && std::mem::take(&mut self.locked_by_timeout) && self.has_brake {
             // Communication is back to normal, and so is the motor (RMD V3.6 §2.30.4).
@@ -36,13 +39,13 @@ impl Rmd {
     }
 
     /// What a command asks of the shaft.
-    fn drive_for(&self, request: &Request) -> Option<Drive> {
+    fn drive_for(&self, cx: &Context<'_>, request: &Request) -> Option<Drive> {
         let target = |angle: Centidegrees| self.memory.zero_rad() + radians(angle);
         Some(match *request {
             Request::Shutdown => Drive::Off,
             Request::Stop => Drive::Speed { rad_s: 0.0, acceleration: ACCELERATION },
             Request::TorqueCurrent { current } => Drive::Current(f64::from(current.0) / 100.0),
-            Request::Velocity { speed } => {
+            Request::Velocity { speed } | Request::CappedVelocity { speed, .. } => {
                 let rad_s = (f64::from(speed.0) / 100.0).to_radians();
                 let dps_s = self.memory.ramp(Ramp::VELOCITY_ACCELERATION);
                 Drive::Speed { rad_s, acceleration: f64::from(dps_s).to_radians() }
@@ -50,7 +53,8 @@ impl Rmd {
             Request::PositionTracking { angle } => {
                 Drive::Position { rad: target(angle), max_speed: self.plant.max_speed_rad_s() }
             }
-            Request::AbsolutePosition { max_speed, angle } => Drive::Position {
+            Request::AbsolutePosition { max_speed, angle }
+            | Request::CappedPosition { max_speed, angle, .. } => Drive::Position {
                 rad: target(angle),
                 max_speed: f64::from(max_speed.0).to_radians(),
             },
@@ -63,7 +67,7 @@ impl Rmd {
                 Drive::Position { rad, max_speed: f64::from(max_speed.0).to_radians() }
             }
             Request::MotionMode { command } => {
-                let target = MotionRanges::DEFAULT.target(&command);
+                let target = self.ranges(cx).target(&command);
                 Drive::Spring {
                     rad: self.memory.zero_rad() + target.position_rad,
                     rad_s: target.velocity_rad_s,
@@ -163,7 +167,7 @@ impl Rmd {
                 Reply::BaudRateSet { raw: std::array::from_fn(|_| cx.random.byte()) }
             }
             Request::ReadModel => Reply::Model { model: Model(MODEL) },
-            Request::Function { function } => {
+            Request::Function { function } if !matches!(function, Function::NextCanId { .. }) => {
                 self.memory.function(function, shaft_rad);
                 Reply::Function { function }
             }
@@ -177,8 +181,7 @@ impl Rmd {
                 self.node = Node::new(id).ok()?;
                 Reply::Rs485IdSet { id: self.node }
             }
-            // Of other dialects than V3.6, or of none.
-            _ => return None,
+            _ => return self.reply_to_newer(request),
         })
     }
 }
@@ -226,6 +229,11 @@ pub(super) fn name(request: &Request) -> &'static str {
         Request::Function { .. } => "0x20 function",
         Request::ReadCanId | Request::ReadRs485Id => "0x79 read id",
         Request::SetCanId { .. } | Request::SetRs485Id { .. } => "0x79 id",
+        Request::CappedVelocity { .. } => "0xA2 velocity, capped",
+        Request::CappedPosition { .. } => "0xA9 position, capped",
+        Request::ReadGain { .. } => "0x30 read gain",
+        Request::ReadRamp { .. } => "0x42 read acceleration",
+        Request::ReadModelPart { .. } => "0xB5 read model",
         _ => "unknown",
     }
 }

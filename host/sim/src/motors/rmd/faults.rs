@@ -15,9 +15,9 @@ const ERROR_EVERY: Duration = Duration::from_millis(100);
 impl Rmd {
     /// The timeout has struck: output cut and brake locked (RMD V3.6 §2.30.1).
     pub(super) fn cut_output(&mut self, cx: &mut Context<'_>) {
-        self.deaf_once = true;
+        self.deaf_once = !cx.injected.plain_timeout;
         self.wanted = Drive::Off;
-        self.notice_at = Some(cx.now + NOTICE_EVERY);
+        self.notice_at = self.deaf_once.then(|| cx.now + NOTICE_EVERY);
         if self.has_brake && !self.is_locked() {
             cx.log(MotorEvent::BrakeLocked);
         }

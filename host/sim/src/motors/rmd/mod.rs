@@ -4,6 +4,7 @@ mod commands;
 mod faults;
 mod interface;
 mod memory;
+mod newer;
 mod readings;
 #[cfg(test)]
 mod tests;
@@ -11,7 +12,7 @@ mod tests;
 use std::time::Duration;
 
 use host_protocol::CanFrame;
-use rmd::{Faults, Node, RawNotice, Reply, Request, Target};
+use rmd::{Dialect, Faults, Node, RawNotice, Reply, Request, Target};
 
 use super::dynamics::{Characteristics, Drive, Plant};
 use super::log::MotorEvent;
@@ -27,6 +28,10 @@ const REPLY_MIN: Duration = Duration::from_micros(100);
 const REPLY_MAX: Duration = Duration::from_micros(200);
 /// How often a motor in timeout says so.
 const NOTICE_EVERY: Duration = Duration::from_secs(1);
+/// How often it sends by itself what it is set to.
+const ACTIVE_EVERY: Duration = Duration::from_millis(100);
+/// Why a command that it does not know is not carried out.
+const UNKNOWN: &str = "unknown";
 /// So long a restart takes (an assumption), in which the motor hears and says nothing.
 const RESTART_MIN: Duration = Duration::from_millis(800);
 const RESTART_MAX: Duration = Duration::from_millis(1_500);
@@ -73,6 +78,12 @@ pub(super) struct Rmd {
     release_at: Option<Duration>,
     notice_at: Option<Duration>,
     report_at: Option<Duration>,
+    /// When it next sends its status 2 by itself.
+    active_at: Option<Duration>,
+    /// Its last answer.
+    last: [u8; 8],
+    /// Its node after the next restart, from which it answers already.
+    next_node: Option<u8>,
     /// When its firmware started; unknown from a loss of power until it runs again, later than now
     /// during a restart.
     started_at: Option<Duration>,
@@ -98,6 +109,9 @@ impl Rmd {
             release_at: None,
             notice_at: None,
             report_at: None,
+            active_at: None,
+            last: [0; 8],
+            next_node: None,
             started_at: Some(Duration::ZERO),
             faults: Faults::empty(),
             stall: StallGuard::default(),
@@ -127,6 +141,10 @@ impl Rmd {
     }
 
     fn begin_anew(&mut self) {
+        if let Some(Ok(node)) = self.next_node.take().map(Node::new) {
+            self.node = node;
+        }
+        self.last = [0; 8];
         (self.wanted, self.before_fault) = (Drive::Off, None);
         self.watch = Watch::default();
         (self.deaf_once, self.locked_by_timeout, self.brake_released) = (false, false, false);
@@ -148,6 +166,9 @@ impl Rmd {
     fn hear(&mut self, cx: &mut Context<'_>, request: &Request) {
         self.watch.hear(cx.now);
         self.notice_at = None;
+        if *request == Request::ReadStatus2 && cx.injected.active_replies {
+            return;
+        }
         if request.only_reads() {
             return self.carry_out(cx, request);
         }
@@ -165,14 +186,18 @@ impl Rmd {
         } else if is_motion && cx.injected.ignore_motion || is_stop && cx.injected.ignore_stop {
             Some("injected")
         } else if matches!(request, Request::Unknown { .. }) {
-            Some("unknown")
+            Some(UNKNOWN)
         } else {
             None
         };
         match ignored {
             Some(because) => {
                 cx.ignored(name, because);
-                self.echo(cx, request);
+                if because == UNKNOWN && cx.injected.stale_replies {
+                    self.repeat(cx);
+                } else {
+                    self.echo(cx, request);
+                }
             }
             None => {
                 cx.command(name);
@@ -185,9 +210,13 @@ impl Rmd {
 
     /// Answers with the request's own bytes. Motion mode, whose replies have another form, is
     /// answered with the state (an assumption).
-    fn echo(&self, cx: &mut Context<'_>, request: &Request) {
+    fn echo(&mut self, cx: &mut Context<'_>, request: &Request) {
         if let Request::MotionMode { .. } = request {
             return self.answer(cx, &Reply::MotionMode { feedback: self.feedback() });
+        }
+        // Where another dialect has the command, it is no request that may be encoded.
+        if let Request::Unknown { data } = *request {
+            return self.answer(cx, &Reply::Unknown { data });
         }
         // Request and reply of a command have the same code and length, so the bytes decode as a
         // reply.
@@ -198,9 +227,27 @@ impl Rmd {
         }
     }
 
-    fn answer(&self, cx: &mut Context<'_>, reply: &Reply) {
+    fn answer(&mut self, cx: &mut Context<'_>, reply: &Reply) {
         let delay = cx.random.between(REPLY_MIN, REPLY_MAX);
-        self.interface.send(cx, self.node, delay, reply);
+        if let Ok(data) = reply.encode() {
+            self.last = data;
+        }
+        let node = self.next_node.and_then(|node| Node::new(node).ok()).unwrap_or(self.node);
+        self.interface.send(cx, node, delay, reply);
+    }
+
+    /// Answers with its last answer.
+    fn repeat(&mut self, cx: &mut Context<'_>) {
+        if let Ok(reply) = Reply::decode_in(self.dialect(cx), &self.last) {
+            self.answer(cx, &reply);
+        }
+    }
+
+    fn dialect(&self, cx: &Context<'_>) -> Dialect {
+        match cx.injected.rmd_dialect {
+            0 => Dialect::V3_6,
+            number => Dialect::from_number(number.into()).unwrap_or_default(),
+        }
     }
 }
 
@@ -209,6 +256,7 @@ impl Model for Rmd {
         if let Some((to, request)) = Interface::request(cx.injected.lenient, frame)
             && !self.is_restarting(cx.now)
         {
+            let request = self.in_dialect(cx, request, frame.data());
             self.hear_request(cx, to, &request);
         }
     }
@@ -227,6 +275,7 @@ impl Model for Rmd {
             self.release_at,
             self.notice_at,
             self.report_at,
+            self.active_at,
             self.stall.strikes_at(),
         ];
         timers.into_iter().flatten().min()
@@ -245,6 +294,15 @@ impl Model for Rmd {
                 cx.log(MotorEvent::BrakeReleased);
             }
         }
+        self.active_at = match (cx.injected.active_replies, self.active_at) {
+            (false, _) => None,
+            (true, Some(at)) if at > cx.now => Some(at),
+            (true, _) => {
+                let motion = self.motion();
+                self.answer(cx, &Reply::Status2 { motion });
+                Some(cx.now + ACTIVE_EVERY)
+            }
+        };
         if let Some(at) = self.notice_at.filter(|at| *at <= cx.now) {
             self.notice_at = Some(at + NOTICE_EVERY);
             self.answer(cx, &Reply::TimeoutNotice { raw: RawNotice::default() });
