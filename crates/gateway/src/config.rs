@@ -34,6 +34,20 @@ const UNCOMMANDED_STANDSTILLS: f32 = 5.0;
 const PARAMETERS: usize = AxisParameter::ALL.len();
 /// Words that say which parameters are set.
 const SET_WORDS: usize = 2;
+/// The required parameters, none of which has a default: a bit for each, by its place.
+const REQUIRED: u64 = required();
+
+const fn required() -> u64 {
+    let (mut required, mut place) = (0, 0);
+    while place < PARAMETERS {
+        if AxisParameter::ALL[place].info().required {
+            required |= 1 << place;
+        }
+        place += 1;
+    }
+    required
+}
+
 /// Where the value of each parameter begins, and behind the last one where all end.
 const OFFSETS: [u8; PARAMETERS + 1] = offsets();
 const VALUE_BYTES: usize = OFFSETS[PARAMETERS] as usize;
@@ -166,7 +180,7 @@ impl AxisConfig {
 
     /// The first required parameter that is not set.
     pub fn missing(&self) -> Option<AxisParameter> {
-        AxisParameter::ALL.iter().copied().find(|p| p.info().required && self.get(*p).is_none())
+        AxisParameter::ALL.get((REQUIRED & !self.set).trailing_zeros() as usize).copied()
     }
 
     /// Whether nothing has been set.

@@ -162,7 +162,8 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
         }
     }
     for parameter in AxisParameter::ALL.iter().copied() {
-        if let Some(protocol) = protocol::only_of(parameter)
+        if config.is_set(parameter)
+            && let Some(protocol) = protocol::only_of(parameter)
             && Some(protocol) != config.protocol()
             && config.get(parameter) != parameter.info().default
         {

@@ -13,7 +13,7 @@ use crate::rules;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use host_protocol::{
-    AxisParameter, BusConfig, BusKind, Change, Error, GatewayParameter, Value, requests,
+    AxisParameter, AxisState, BusConfig, BusKind, Change, Error, GatewayParameter, Value, requests,
 };
 
 impl Gateway {
@@ -142,6 +142,9 @@ impl Gateway {
 
     /// Refuses the changes while what they change is in use. Returns what they reach.
     fn check_states(&self) -> Result<Reach> {
+        if self.draft.rows() > 1 {
+            self.refuse_while_moving()?;
+        }
         let mut reach = Reach::default();
         for axis in self.axes.of(self.draft.axes()) {
             let config = self.draft.config_of(axis);
@@ -162,6 +165,20 @@ impl Gateway {
             }
         }
         Ok(reach)
+    }
+
+    /// Several rows take milliseconds, in which no stop could leave (GUARANTEES G5).
+    fn refuse_while_moving(&self) -> Result<()> {
+        for axis in self.axes.iter() {
+            let state = axis.state();
+            if matches!(
+                state,
+                AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
+            ) {
+                return Err(Error::NotIdle { axis: axis.index, state });
+            }
+        }
+        Ok(())
     }
 
     /// Refuses another configuration of an axis while it is in use.
@@ -242,8 +259,7 @@ impl Gateway {
             }
             retention.axis_changed(index);
         });
-        let rows = draft.axes().bits().count_ones() + draft.buses().bits().count_ones();
-        if rows + u32::from(draft.silence().is_some()) > 1 {
+        if draft.rows() > 1 {
             retention.changed_together();
         }
         for bus in reach.buses.into_iter().filter_map(|bus| u8::try_from(bus).ok()) {

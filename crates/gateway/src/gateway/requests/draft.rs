@@ -120,6 +120,12 @@ impl Draft {
         buses
     }
 
+    /// How many axes, buses and gateways change.
+    pub fn rows(&self) -> u32 {
+        let sets = [self.axes(), self.buses()].map(|set| set.bits().count_ones());
+        sets.iter().sum::<u32>() + u32::from(self.silence.is_some())
+    }
+
     /// What a bus becomes; nothing where it does not change.
     pub fn bus(&self, bus: u8) -> Option<Option<BusConfig>> {
         self.buses.get(usize::from(bus)).copied().flatten()
