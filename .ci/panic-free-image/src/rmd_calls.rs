@@ -3,8 +3,8 @@
 use host_protocol::CanFrame;
 use rmd::rs485::{self, Deframer, Scan};
 use rmd::{
-    BaudCode, Dialect, Faults, Function, Gain, GainValue, Model, MotionRanges, Node, Ramp, RawNotice, Reply, Request,
-    RunMode, Target, answer, answer_on_line, can,
+    BaudCode, Dialect, Faults, Function, Gain, GainValue, Model, MotionRanges, Node, Ramp,
+    RawNotice, Reply, Request, RunMode, Target, answer, answer_on_line, can,
 };
 
 use crate::{any, array, used};
@@ -26,7 +26,7 @@ fn decoded_requests(node: Node) {
     used((request.check_in(dialect), request.encode_in(dialect)));
     used((request.dialects(), request.is_stored_only_off(dialect)));
     used((Request::decode_in(dialect, &array()), Request::dialects_of(&array())));
-    used((Reply::decode_in(dialect, &array()), request.dialects().iter().count()));
+    used((Reply::decode_in(dialect, &array::<8>()), request.dialects().iter().count()));
     used((request.command(), request.is_answered(), request.name(), request.info()));
     used(request.answering_node(node));
     used(can::request::<CanFrame>(node, &request));
