@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use host_protocol::{
-    AxisState, BootReason, BusKind, CanFrame, Event, MotorTimeout, RawFrame, Reading, Setpoint,
-    StopTarget, TripReason,
+    AxisParameter, AxisState, BootReason, BusKind, BusState, CanFrame, Change, Error, Event,
+    MotorTimeout, RawFrame, Reading, Setpoint, StopTarget, TripReason, Value,
 };
-use mgw_client::Hold;
+use mgw_client::{ClientError, Hold};
 use mgw_sim::{Motor, MotorEvent};
 use virtual_board::board::Board;
 
@@ -67,6 +67,49 @@ fn the_manuals_bytes_are_on_the_wires() {
     {
         lab.first(bus, since, text);
     }
+}
+
+/// A list of changes is refused as a whole and made as a whole; a bus that is no longer configured
+/// stops, with its controller, and starts again.
+#[test]
+fn changes_of_the_configuration_are_made_together_or_not_at_all() {
+    let mut lab = Lab::configured();
+    let set = |axis, parameter: AxisParameter, value| Change::Axis {
+        axis,
+        parameter: parameter.number(),
+        value: Some(Value::Float(value)),
+    };
+    let limit = set(RMD, AxisParameter::VelocityLimitRadS, 9.0);
+    let is_limited = |lab: &mut Lab| {
+        let (settings, _) = lab.client.axis_settings(RMD).expect("told");
+        let number = AxisParameter::VelocityLimitRadS.number();
+        settings.iter().any(|setting| setting.parameter == number)
+    };
+    let make = |lab: &mut Lab, changes: &[Change]| {
+        lab.client.begin_changes().expect("begun");
+        lab.client.add_changes(changes).expect("added");
+        lab.client.apply_changes()
+    };
+    // An RMD has no signal to limit.
+    let off = Change::Bus { bus: BUS_D5, config: None };
+    let refused = make(&mut lab, &[limit, off, set(RMD_RS485, AxisParameter::SignalLimit, 0.5)]);
+    let parameter = AxisParameter::SignalLimit.number();
+    let expected = Error::CannotMeasure { axis: RMD_RS485, parameter };
+    assert!(
+        matches!(refused, Err(ClientError::Gateway(error)) if error == expected),
+        "{refused:?}"
+    );
+    assert!(!is_limited(&mut lab));
+    let running = lab.client.bus_status(BUS_D5).expect("told").config;
+    assert!(running.is_some());
+    make(&mut lab, &[limit, off]).expect("made");
+    assert!(is_limited(&mut lab));
+    assert_eq!(lab.client.bus_status(BUS_D5).expect("told").state, BusState::Unconfigured);
+    assert!(lab.client.arm(D5).is_err());
+    make(&mut lab, &[Change::Bus { bus: BUS_D5, config: running }]).expect("made");
+    lab.stay(SETTLE);
+    lab.moving(&[RMD, D5]);
+    lab.client.stop(StopTarget::All).expect("stopped");
 }
 
 /// The controller and the probe count a frame's bits apart.
