@@ -23,9 +23,17 @@ const POLLED: Duration = Duration::from_secs(2);
 const POLLS: &str = "polls";
 
 /// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and
-/// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does. What `Native` and
-/// raw frames send is not typed.
-pub const NOT_TRIED: [&str; 23] = [
+/// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
+/// as `Arm` does, and `Cycle` moves as `Setpoint` does. What `Native` and raw frames send is not
+/// typed.
+pub const NOT_TRIED: [&str; 30] = [
+    "BeginChanges",
+    "AddChanges",
+    "ApplyChanges",
+    "ReadGatewayParameter",
+    "ReadAxisSettings",
+    "ArmTogether",
+    "Cycle",
     "Hello",
     "Ping",
     "TakeAuthority",
