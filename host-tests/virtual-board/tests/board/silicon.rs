@@ -129,10 +129,10 @@ fn a_bus_that_was_off_stays_away_for_129_times_11_bits_whatever_the_other_does()
     }
 }
 
-/// What takes over the configuration of a bus: at a start only where there is one.
+/// What looks at the configuration of an axis: at a start only where there is one.
 const TAKES_CONFIGURATION: &str = concat!(
     "gateway::gateway::requests::config::",
-    "_$LT$impl$u20$gateway..gateway..Gateway$GT$::configure_bus",
+    "_$LT$impl$u20$gateway..gateway..Gateway$GT$::check_axis",
 );
 /// Starts that fail before one goes without configuration.
 const FAILED_STARTS: usize = 5;
