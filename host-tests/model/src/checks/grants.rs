@@ -128,9 +128,12 @@ impl Oracle {
         }
     }
 
-    /// All these changes were made together.
+    /// All these changes were made together: of those of one row the last counts.
     fn changed(&mut self, now: u64, changes: &[Change]) {
-        for change in changes {
+        for (at, change) in changes.iter().enumerate() {
+            if changes.iter().skip(at + 1).any(|later| later.is_of_the_row_of(change)) {
+                continue;
+            }
             match *change {
                 Change::LinkSilence(us) => self.silence_us = us.into(),
                 Change::Bus(bus, setting) => self.bus_changed(now, bus, setting),

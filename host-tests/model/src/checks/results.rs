@@ -6,7 +6,7 @@ use crate::violation::Check;
 use crate::wire::{Clears, Kind, Message, Request, event, events_lost, report};
 
 /// Errors (PROTOCOL.md, Errors) that come before authority is looked at.
-const READ_BEFORE_AUTHORITY: [u16; 8] = [1, 2, 5, 6, 7, 17, 44, 45];
+const READ_BEFORE_AUTHORITY: [u16; 10] = [1, 2, 5, 6, 7, 17, 44, 45, 75, 76];
 const NOT_IN_COMMAND: u16 = 4;
 
 impl Oracle {

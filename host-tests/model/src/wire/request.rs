@@ -79,6 +79,20 @@ pub enum Change {
     Axis(u8, u16, Option<u32>),
 }
 
+impl Change {
+    /// Whether it sets what another one sets.
+    pub fn is_of_the_row_of(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::LinkSilence(_), Self::LinkSilence(_)) => true,
+            (Self::Bus(bus, _), Self::Bus(other, _)) => bus == other,
+            (Self::Axis(axis, parameter, _), Self::Axis(other, others, _)) => {
+                (axis, parameter) == (other, others)
+            }
+            _ => false,
+        }
+    }
+}
+
 /// How a bus is configured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BusSetting {
