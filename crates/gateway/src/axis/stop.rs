@@ -12,7 +12,8 @@ use crate::transaction::Transaction;
 const STOPS_AT_LEAST: u8 = 2;
 /// Speed readings below the threshold that make a standstill.
 const STANDSTILL_READINGS: u8 = 2;
-/// Pause between the readings of a motor that is slowing down.
+/// Pause between the readings of a motor that is slowing down, and between stops that are answered
+/// without being proven.
 const CONFIRM_POLL: Duration = Duration::from_millis(5);
 /// How often the stop is sent again while the motor has not confirmed it.
 const UNCONFIRMED_REPEAT: Duration = Duration::from_millis(50);
@@ -520,9 +521,16 @@ impl Stop {
     }
 
     /// Past the last stop command: on to what confirms it.
+    /// One whose answers may be late ones to others is sent again, and leaves the line to others
+    /// in between.
     fn command_answered(&mut self, now: Instant, config: &AxisConfig) {
-        if self.acknowledged && self.sent >= STOPS_AT_LEAST {
+        if self.sent < STOPS_AT_LEAST {
+            return;
+        }
+        if self.acknowledged {
             self.advance(now, config);
+        } else {
+            self.next_at = self.next_at.max(now + CONFIRM_POLL);
         }
     }
 

@@ -237,3 +237,26 @@ fn the_stop_of_a_tripped_axis_is_repeated_in_time_while_its_clearing_waits_for_t
     rig.run(2_000_000);
     assert!(rig.longest_gap_us(0, 0, "141#80") <= 502_000);
 }
+
+#[test]
+fn a_stop_whose_replies_may_be_late_ones_leaves_the_line_to_others() {
+    for (mut rig, _) in [bench::rmd(StopAction::Hold), bench::rmd_serial(StopAction::Hold)] {
+        let are_lost = Rc::new(Cell::new(true));
+        let lost = are_lost.clone();
+        rig.instead(move |_| if lost.get() { Instead::Nothing } else { Instead::AsUsual });
+        let arming = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
+        assert!(matches!(arming, Err(Error::NoReply { axis: 0, .. })), "{arming:?}");
+        are_lost.set(false);
+        let since = rig.now_us;
+        e_stop(&mut rig);
+        run_with_host(&mut rig, 100_000);
+        let bus = rig.wire.last().unwrap().1;
+        let sent = rig.sent_since(bus, since);
+        // Two at once, then one every 5 ms.
+        assert!((18..=23).contains(&sent.len()), "{}: {sent:?}", sent.len());
+        let is_confirmed = |event: &HostEvent| matches!(event, HostEvent::StopConfirmed { .. });
+        assert!(!outcomes(&rig).iter().any(is_confirmed));
+        run_with_host(&mut rig, 300_000);
+        assert!(outcomes(&rig).iter().any(is_confirmed));
+    }
+}
