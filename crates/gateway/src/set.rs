@@ -88,6 +88,11 @@ impl Set {
         self.0 ^= others.0;
     }
 
+    /// Their numbers, as they stand on the wire.
+    pub(crate) fn numbers(self) -> impl Iterator<Item = u8> {
+        self.into_iter().filter_map(|index| u8::try_from(index).ok())
+    }
+
     /// Those behind `last` in their order, then the others.
     pub(crate) fn behind(self, last: u8) -> impl Iterator<Item = usize> {
         // Two shifts, as one by the whole width is none.

@@ -240,7 +240,7 @@ impl Gateway {
         if let Some(silence) = self.draft.silence() {
             self.authority.set_silence(silence);
         }
-        for bus in self.draft.buses().into_iter().filter_map(|bus| u8::try_from(bus).ok()) {
+        for bus in self.draft.buses().numbers() {
             self.end_raw(now, bus);
             self.on_bus(now, bus, |bus, axes, out| bus.configured(now, axes, out));
             self.retention.bus_changed(bus);
@@ -262,7 +262,7 @@ impl Gateway {
         if draft.rows() > 1 {
             retention.changed_together();
         }
-        for bus in reach.buses.into_iter().filter_map(|bus| u8::try_from(bus).ok()) {
+        for bus in reach.buses.numbers() {
             self.end_raw(now, bus);
         }
         self.watch();

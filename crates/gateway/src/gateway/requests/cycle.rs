@@ -44,14 +44,10 @@ pub(super) fn check_body(request: &Request) -> Result<()> {
 /// The axes of a mask.
 fn axes_of(mask: u32) -> Result<Set> {
     let axes = Set::from_bits(mask);
-    match numbers(axes).find(|axis| *axis >= MAX_AXES_WIRE) {
+    match axes.numbers().find(|axis| *axis >= MAX_AXES_WIRE) {
         Some(axis) => Err(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE }),
         None => Ok(axes),
     }
-}
-
-fn numbers(axes: Set) -> impl Iterator<Item = u8> {
-    axes.into_iter().filter_map(|axis| u8::try_from(axis).ok())
 }
 
 impl Gateway {
@@ -61,11 +57,11 @@ impl Gateway {
             let axis = self.axes.of(arming.axes).next().map_or(0, |axis| axis.index);
             return Err(Error::Busy { axis });
         }
-        for axis in numbers(axes) {
+        for axis in axes.numbers() {
             self.check_arm(now, axis)?;
         }
         let epoch = self.next_epoch()?;
-        for axis in numbers(axes) {
+        for axis in axes.numbers() {
             self.start(now, axis, JobKind::Arm { epoch, alone: false }, ticket)?;
         }
         self.arming = Some(Arming { ticket, axes, epoch });
@@ -101,7 +97,7 @@ impl Gateway {
     ) -> Result<()> {
         let axes = axes_of(request.axes)?;
         self.end_cycle(now);
-        for (axis, setpoint) in numbers(axes).zip(&request.setpoints) {
+        for (axis, setpoint) in axes.numbers().zip(&request.setpoints) {
             let setpoint = requests::Setpoint {
                 axis,
                 epoch: request.epoch.0,
