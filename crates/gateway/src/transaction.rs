@@ -142,6 +142,8 @@ pub(crate) struct Transactions {
     holdoff: Holdoff,
     /// Until then a reply that would confirm a stop may be a late one.
     stop_like_reply_until: Instant,
+    /// Until then a reply to a motion may be a late one to another.
+    motion_reply_until: Instant,
     /// Since when the motor owes a reply or an objection.
     owed_since: Option<Instant>,
     /// The motor has answered a request to another one, and will again.
@@ -157,6 +159,7 @@ impl Transactions {
             former: None,
             holdoff: Holdoff::NONE,
             stop_like_reply_until: Instant::from_micros(0),
+            motion_reply_until: Instant::from_micros(0),
             owed_since: None,
             objects: false,
             objections_due: 0,
@@ -352,7 +355,7 @@ impl Transactions {
         if let Some(former) = self.former.take_if(|former| is_over(former))
             && former.is_awaited()
         {
-            self.may_be_answered_late(now, &former.command, config);
+            self.given_up(now, &former, config);
         }
         self.current.as_ref().filter(|current| is_over(current))?;
         self.give_up(now, stops, config)
@@ -371,7 +374,7 @@ impl Transactions {
         if current.repeats(stops) {
             return Some(current);
         }
-        self.may_be_answered_late(now, &current.command, config);
+        self.given_up(now, &current, config);
         if current.is_awaited() {
             let until = now + current.window();
             self.holdoff = Holdoff { exchange: current.exchange, until };
@@ -401,6 +404,18 @@ impl Transactions {
         if is_answered_like_the_stop(command, config) {
             self.stop_like_reply_until = now + LATEST_REPLY;
         }
+    }
+
+    fn given_up(&mut self, now: Instant, request: &Transaction, config: &AxisConfig) {
+        self.may_be_answered_late(now, &request.command, config);
+        if request.exchange == Exchange::Motion {
+            self.motion_reply_until = now + LATEST_REPLY;
+        }
+    }
+
+    /// Whether the reply that ends a motion now may be the late one to a motion that was given up.
+    pub fn motion_reply_is_ambiguous(&self, now: Instant) -> bool {
+        now < self.motion_reply_until
     }
 
     /// Whether a reply to this command may be the late one to a command sent before.

@@ -57,6 +57,9 @@ impl MaxSize for FixedU32 {
 pub enum CycleResult {
     /// The motor has answered it; or has got it, where it answers no setpoint.
     Answered,
+    /// It has, and that may be the late answer to a setpoint of the last 300 ms that was not
+    /// answered in time.
+    Ambiguous,
     /// The motor has not answered it in time.
     NoReply,
     /// A stop came before the motor had answered it.
@@ -71,6 +74,12 @@ pub enum CycleResult {
 }
 
 impl CycleResult {
+    /// Whether the motor answers, late or not.
+    #[must_use]
+    pub const fn is_answered(self) -> bool {
+        matches!(self, Self::Answered | Self::Ambiguous)
+    }
+
     const fn code(self) -> u8 {
         match self {
             Self::Answered => 0,
@@ -78,6 +87,7 @@ impl CycleResult {
             Self::Stopped => 2,
             Self::Superseded => 3,
             Self::Refused { .. } => 4,
+            Self::Ambiguous => 5,
         }
     }
 }
@@ -86,6 +96,7 @@ impl fmt::Display for CycleResult {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Answered => f.write_str("answered"),
+            Self::Ambiguous => f.write_str("answered, perhaps late"),
             Self::NoReply => f.write_str("no reply"),
             Self::Stopped => f.write_str("stopped"),
             Self::Superseded => f.write_str("superseded"),
@@ -222,6 +233,7 @@ impl CycleState {
             2 => CycleResult::Stopped,
             3 => CycleResult::Superseded,
             4 => CycleResult::Refused { error: take(from)? },
+            5 => CycleResult::Ambiguous,
             _ => return None,
         };
         let mut state = Self {

@@ -12,7 +12,7 @@ use std::f32::consts::TAU;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use mgw_client::host_protocol::{CycleResult, StateField, StateFields, StopTarget};
+use mgw_client::host_protocol::{StateField, StateFields, StopTarget};
 use mgw_client::{AxisSetpoint, Client, make_velocity, open};
 
 /// How long it lasts.
@@ -49,7 +49,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         let setpoints: Vec<AxisSetpoint> =
             axes.iter().map(|axis| make_velocity(*axis, AMPLITUDE * phase.sin())).collect();
         let states = gateway.cycle(epoch, &setpoints, fields, TTL)?;
-        if let Some(lost) = states.iter().find(|state| state.result != CycleResult::Answered) {
+        if let Some(lost) = states.iter().find(|state| !state.result.is_answered()) {
             gateway.stop(StopTarget::All)?;
             return Err(format!("axis {}: {}, {}", lost.axis, lost.result, lost.state).into());
         }

@@ -239,6 +239,10 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
+        let result = match self.transactions.motion_reply_is_ambiguous(now) {
+            true => CycleResult::Ambiguous,
+            false => CycleResult::Answered,
+        };
         if !request.unambiguous && !request.repeats(self.stop().is_some()) {
             // It may have been the reply to the one before: then its own is still to come.
             self.transactions.may_be_answered_late(now, &request.command, &self.config);
@@ -247,7 +251,7 @@ impl Axis {
         if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, request.transmitted_at()) {
             self.note_run_time(now, asked, run_time_ms, out);
         }
-        self.motion_over(request, CycleResult::Answered);
+        self.motion_over(request, result);
         self.judge_motion(now, request, &seen, out);
         if self.stop().is_some() {
             self.stop_goes_on(now, request, &Outcome::Answered(seen), out);

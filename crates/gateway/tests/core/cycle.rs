@@ -6,6 +6,8 @@ use host_protocol::{
     AxisParameter, AxisState, CycleResult, CycleState, Error, FixedU32, Reply, Request, Setpoint,
     StateField, StateFields, StopTarget, TripReason, Value, replies, requests,
 };
+use std::cell::Cell;
+use std::rc::Rc;
 
 const FIELDS: StateFields = StateFields::of(&[StateField::Velocity, StateField::Current]);
 /// 100 °/s of nodes 1 to 3 (RMD V3.6 §2.18.4, example 1).
@@ -116,6 +118,30 @@ fn a_cycle_is_answered_when_every_motor_has() {
     let sent = rig.sent_since(0, since);
     assert!(MOTIONS.into_iter().all(|motion| sent.iter().filter(|s| **s == motion).count() == 1));
     assert!(rig.now_us - since < 2_000, "{} µs", rig.now_us - since);
+}
+
+#[test]
+fn a_late_answer_to_one_setpoint_is_not_told_as_that_to_the_next() {
+    let (mut rig, epoch) = three();
+    let is_lost = Rc::new(Cell::new(true));
+    let lost = is_lost.clone();
+    rig.instead(move |text| match text.starts_with("142#A2") && lost.take() {
+        true => Instead::Nothing,
+        false => Instead::AsUsual,
+    });
+    let second = |rig: &mut Rig| {
+        let request = cycle(rig, epoch);
+        results(rig.ask(request))[1]
+    };
+    assert_eq!(second(&mut rig), CycleResult::NoReply);
+    // Up to 300 ms after it the motor may answer the setpoint that was lost (GUARANTEES).
+    let until = rig.now_us + 299_000;
+    while rig.now_us < until {
+        assert_eq!(second(&mut rig), CycleResult::Ambiguous);
+        run_with_host(&mut rig, 4_000);
+    }
+    run_with_host(&mut rig, 5_000);
+    assert_eq!(second(&mut rig), CycleResult::Answered);
 }
 
 #[test]
