@@ -2,9 +2,8 @@
 
 use host_protocol::{
     Deframer, EncodeError, Error, EventMessage, Frame, Kind, MAX_BODY, MAX_FRAME, Reply, Request,
-    encode,
+    encode_body,
 };
-use serde::ser::{Serialize, SerializeTuple, Serializer};
 
 use crate::take::Take;
 
@@ -12,7 +11,7 @@ pub fn check(bytes: &[u8]) {
     let mut take = Take(bytes);
     let (kind, number) = (take.byte(), take.word());
     let body = take.bytes(MAX_BODY);
-    let bytes = frame(kind % 4 + 1, 1, number, body);
+    let bytes = frame(kind % 5 + 1, 1, number, body);
     deframed(&bytes, |frame| {
         assert_eq!((frame.number, frame.body), (number, body));
         let once = again(&frame);
@@ -29,6 +28,7 @@ fn again(frame: &Frame<'_>) -> Option<Vec<u8>> {
     let Frame { kind, sequence, number, body, .. } = *frame;
     let length: Result<usize, EncodeError> = match kind {
         Kind::Request => Request::decode(number, body).ok()?.encode_frame(sequence, &mut out),
+        Kind::WatcherRequest => encode_body(kind, sequence, number, body, &mut out),
         Kind::Reply => Reply::decode(number, body).ok()?.encode_frame(sequence, &mut out),
         Kind::Error => {
             let error = Error::decode(number, body).ok()?;
@@ -53,21 +53,10 @@ fn deframed<T>(bytes: &[u8], use_it: impl Fn(Frame<'_>) -> T) -> T {
     use_it(deframer.push(*end).expect("a delimiter").expect("a frame"))
 }
 
-/// A whole frame, its kind 1..=4.
+/// A whole frame, its kind 1..=5.
 pub fn frame(kind: u8, sequence: u16, number: u16, body: &[u8]) -> Vec<u8> {
-    let kind = Kind::from_number(kind).expect("1..=4");
+    let kind = Kind::from_number(kind).expect("1..=5");
     let mut out = [0; MAX_FRAME];
-    let length = encode(kind, sequence, number, &Raw(body), &mut out).expect("fits");
+    let length = encode_body(kind, sequence, number, body, &mut out).expect("fits");
     out[..length].to_vec()
-}
-
-/// Serialises as its bytes alone, without a length.
-struct Raw<'a>(&'a [u8]);
-
-impl Serialize for Raw<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut tuple = serializer.serialize_tuple(self.0.len())?;
-        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
-        tuple.end()
-    }
 }

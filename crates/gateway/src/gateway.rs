@@ -10,7 +10,7 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::bus::Bus;
 use crate::history::History;
-use crate::link::{Identity, Link, Links};
+use crate::link::{Identity, Link, Links, stops_each_time};
 use crate::log::LogEntry;
 use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
@@ -18,7 +18,7 @@ use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{Error, Incident, MAX_FRAME, Request, TripReason};
+use host_protocol::{Error, Incident, Kind, MAX_FRAME, Request, TripReason};
 use requests::{Arming, Authority, Cycle, Draft, Together};
 use retained::Retention;
 
@@ -399,13 +399,20 @@ impl Gateway {
     fn host_bytes(&mut self, now: Instant, link: u8, mut bytes: &[u8]) {
         while !bytes.is_empty() {
             let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            let has_session = port.is_told();
             let Some(frame) = port.receive(now.as_micros(), &mut bytes) else { continue };
             let identity = Identity::of(&frame);
-            let request = Request::decode(frame.number, frame.body);
-            self.authority.heard(now, link);
-            self.link_lost = false;
-            if let Some(slot) = self.links.admit(link, now.as_micros(), identity, &request) {
-                self.execute(now, Ticket { link, slot }, &request);
+            let watches = frame.kind == Kind::WatcherRequest;
+            let mut request = Request::decode(frame.number, frame.body);
+            if !watches {
+                self.authority.heard(now, link);
+                self.link_lost = false;
+            } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
+                request = Err(Error::NoSession {});
+            }
+            let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
+            if let Some(slot) = slot {
+                self.execute(now, Ticket { link, watches, slot }, &request);
             }
         }
         self.links.touch(link);

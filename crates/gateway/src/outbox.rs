@@ -16,6 +16,8 @@ pub(crate) struct Outbox<'a> {
 pub(crate) struct Ticket {
     /// The link the request came from.
     pub link: u8,
+    /// It came for a program that only watches.
+    pub watches: bool,
     /// Where the reply is kept; `None` for a stop that was executed although no slot was left.
     pub slot: Option<Slot>,
 }

@@ -93,7 +93,7 @@ impl Deframer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::encode;
+    use crate::encode_body;
     use crate::frame::{Kind, MAX_FRAME};
 
     const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
@@ -179,23 +179,11 @@ mod tests {
         let mut out = [0; MAX_FRAME];
         for length in 0..=503 {
             for bytes in [&body[..length], &zeros[..length]] {
-                let frame = encode(Kind::Event, 7, 0x8001, &Raw(bytes), &mut out).unwrap();
+                let frame = encode_body(Kind::Event, 7, 0x8001, bytes, &mut out).unwrap();
                 let mut deframer = Deframer::new();
                 let (count, read) = last(&mut deframer, &out[..frame]);
                 assert_eq!((count, read.unwrap().unwrap().body), (1, bytes));
             }
-        }
-    }
-
-    /// Serialises as its bytes alone, without a length.
-    struct Raw<'a>(&'a [u8]);
-
-    impl serde::Serialize for Raw<'_> {
-        fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-            use serde::ser::SerializeTuple;
-            let mut tuple = serializer.serialize_tuple(self.0.len())?;
-            self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
-            tuple.end()
         }
     }
 

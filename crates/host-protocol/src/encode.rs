@@ -53,6 +53,22 @@ pub fn encode(
     }
 }
 
+/// As [`encode`], of a body that is bytes already.
+///
+/// # Errors
+/// The message is too long for the protocol or for `out`.
+pub fn encode_body(
+    kind: Kind,
+    sequence: u16,
+    number: u16,
+    body: &[u8],
+    out: &mut [u8],
+) -> Result<usize, EncodeError> {
+    let room = out.get_mut(BODY_AT..).and_then(|room| room.get_mut(..body.len()));
+    room.ok_or(EncodeError::TooLong)?.copy_from_slice(body);
+    complete(kind, sequence, number, body.len(), out).ok_or(EncodeError::TooLong)
+}
+
 /// Puts the rest of its frame around a body and returns the frame's length. [`encode`] exists once
 /// for every message of the table, this once for all.
 #[inline(never)]

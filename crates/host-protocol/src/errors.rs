@@ -379,6 +379,19 @@ errors! {
     76 OutputStaysOn { axis: u8 }
         "the motor of axis {axis} stores this only while its output is off, which a stop by hold \
         leaves on; set stop_action=coast, or brake, first";
+    /// A request of a watcher takes authority, which nobody has: a watcher does not take it.
+    96 NobodyInCommand {}
+        "nobody is in command, and who only watches does not take it; send it as a request";
+    /// A server has no gateway now: it is unplugged, or it starts.
+    97 GatewayAway {}
+        "the server has lost the gateway, whose armed axes stop by themselves: it is unplugged, \
+        without power, starting or being updated. The server connects again when it is back; then \
+        clear what has tripped";
+    /// Nothing was opened here: a request of a watcher needs a link that has said hello, a server
+    /// may want its token first.
+    98 NoSession {}
+        "no session is open here: say hello first, or to a server that wants a token show it \
+        (MGW_TOKEN)";
 }
 
 impl core::error::Error for Error {}

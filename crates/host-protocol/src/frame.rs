@@ -45,6 +45,9 @@ pub enum Kind {
     Error = 3,
     /// From the gateway: something happened.
     Event = 4,
+    /// From the host, for one of its programs that only watches: as a request, but it is no sign of
+    /// life, takes no authority, and opens no session.
+    WatcherRequest = 5,
 }
 
 impl Kind {
@@ -58,6 +61,7 @@ impl Kind {
             2 => Ok(Self::Reply),
             3 => Ok(Self::Error),
             4 => Ok(Self::Event),
+            5 => Ok(Self::WatcherRequest),
             _ => Err(FrameError::UnknownKind(number)),
         }
     }

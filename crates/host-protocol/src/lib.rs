@@ -64,7 +64,7 @@ pub use can_id::{CanId, NoCanId};
 pub use changes::{Change, Setting};
 pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES};
 pub use deframer::Deframer;
-pub use encode::{EncodeError, encode};
+pub use encode::{EncodeError, encode, encode_body};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use frame::{

@@ -17,6 +17,9 @@ pub const MAX_MEMBERS: usize = 8;
 /// Changes of one [`AddChanges`]: no more than what keeps it from being the largest request.
 pub const MAX_CHANGES_AT_ONCE: usize = 6;
 
+/// Shortest and longest time between two samples of an axis, µs.
+pub const SUBSCRIPTION_PERIOD_US: (u32, u32) = (1_000, 10_000_000);
+
 wire! {
     /// Opens the session of a host link. Fixed for ever: every version of the gateway answers it.
     #[derive(Copy, Eq)]

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use host_protocol::{
-    Deframer, ERRORS, EVENTS, Error, EventMessage, Frame, Kind, MAX_FRAME, REQUESTS, Reply, Request,
+    Deframer, ERRORS, EVENTS, Error, EventMessage, Frame, Kind, MAX_FRAME, REQUESTS, Reply,
+    Request, encode_body,
 };
 
 const VECTORS: &str = include_str!("../../../host-tests/vectors/host-protocol.txt");
@@ -36,6 +37,11 @@ fn read(frame: &Frame<'_>) -> Read {
         Kind::Request => {
             let request = Request::decode(number, body).unwrap();
             (request.name(), format!("{request:?}"), request.encode_frame(sequence, &mut out))
+        }
+        Kind::WatcherRequest => {
+            let request = Request::decode(number, body).unwrap();
+            let length = encode_body(kind, sequence, number, body, &mut out);
+            (request.name(), format!("for a watcher: {request:?}"), length)
         }
         Kind::Reply => {
             let reply = Reply::decode(number, body).unwrap();

@@ -17,6 +17,8 @@ pub struct Step {
 pub enum Action {
     /// A host asks.
     Ask { link: u8, ask: Ask },
+    /// A host asks for a program that only watches.
+    Watch { link: u8, ask: Ask },
     /// A host repeats, byte for byte, the request so many before its latest.
     Again { link: u8, back: u8 },
     /// A host sends bytes that are what they are.

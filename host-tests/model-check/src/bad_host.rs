@@ -151,7 +151,7 @@ pub(crate) fn any_frame(dice: &mut Dice, sent: &mut Vec<Vec<u8>>) -> Action {
             if let Some(first) = body.first_mut() {
                 *first %= 10;
             }
-            frame(1, sequence, number, &body)
+            frame(dice.pick(&[1, 1, 1, 5]), sequence, number, &body)
         }
         _ => return Action::Ask { link, ask: generate::any_ask(dice) },
     };

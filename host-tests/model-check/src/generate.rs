@@ -267,7 +267,8 @@ impl Generator {
 
     /// A request of any kind, in any state.
     fn anything(&mut self) -> Action {
-        Action::Ask { link: self.commander, ask: any_ask(&mut self.dice) }
+        let (link, ask) = (self.commander, any_ask(&mut self.dice));
+        if self.dice.one_in(4) { Action::Watch { link, ask } } else { Action::Ask { link, ask } }
     }
 
     /// One of the latest requests again.
@@ -302,7 +303,7 @@ impl Generator {
         if self.dice.percent(10) && world.reads(link) {
             return self.again(link);
         }
-        Action::Ask { link, ask }
+        if self.dice.one_in(3) { Action::Watch { link, ask } } else { Action::Ask { link, ask } }
     }
 
     fn axis(&mut self) -> u8 {

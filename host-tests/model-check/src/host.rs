@@ -4,8 +4,8 @@ use crate::action::{Ask, Goal, Number, Permit};
 use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, Change, ClearTarget, FixedU32, MAX_FRAME, Member, Protocol, ProtocolSet, RawFrame,
-    Request, Setpoint, StateFields, StopTarget, Value, requests,
+    Bytes, Change, ClearTarget, Deframer, FixedU32, MAX_FRAME, Member, Protocol, ProtocolSet,
+    RawFrame, Request, Setpoint, StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -24,13 +24,17 @@ pub struct Host {
 }
 
 impl Host {
-    /// The bytes of a request; `epochs`: what the host knows of each axis.
-    pub fn ask(&mut self, now: u64, ask: &Ask, epochs: &[u32]) -> Vec<u8> {
+    /// The bytes of a request, or of one that it passes on for who `watches`; `epochs`: what the
+    /// host knows of each axis.
+    pub fn ask(&mut self, now: u64, ask: &Ask, epochs: &[u32], watches: bool) -> Vec<u8> {
         let request = request(now, ask, epochs);
         let mut frame = [0; MAX_FRAME];
         self.sequence = self.sequence.wrapping_add(1);
         let length = request.encode_frame(self.sequence, &mut frame).unwrap_or(0);
-        let bytes = frame[..length].to_vec();
+        let mut bytes = frame[..length].to_vec();
+        if watches {
+            bytes = for_watcher(&bytes);
+        }
         self.sent.push_front(bytes.clone());
         self.sent.truncate(REMEMBERED);
         bytes
@@ -40,6 +44,13 @@ impl Host {
     pub fn again(&self, back: u8) -> Option<Vec<u8>> {
         self.sent.get(usize::from(back)).cloned()
     }
+}
+
+/// The frame of the same request of who only watches.
+fn for_watcher(frame: &[u8]) -> Vec<u8> {
+    let mut deframer = Deframer::new();
+    let Some(Ok(frame)) = deframer.take(&mut &frame[..]) else { return Vec::new() };
+    promise_model::frame(5, frame.sequence, frame.number, frame.body)
 }
 
 fn wire_value(number: Number) -> Value {

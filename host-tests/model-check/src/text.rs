@@ -23,9 +23,8 @@ pub fn write(start_us: u64, steps: &[Step]) -> String {
         let written = ron::to_string(action).expect("what derives Serialize can be written");
         // Writing to a string does not fail.
         let _ = write!(text, "{at_us} {written}");
-        if let Action::Ask {
-            ask: Ask::Set { parameter, .. } | Ask::Change { parameter, .. }, ..
-        } = action
+        if let Action::Ask { ask, .. } | Action::Watch { ask, .. } = action
+            && let Ask::Set { parameter, .. } | Ask::Change { parameter, .. } = ask
         {
             text += &format!(" # {}", parameters::name(*parameter).unwrap_or("?"));
         }

@@ -1,6 +1,6 @@
 //! The session of one host link: which request is new, and whose result this is (G9).
 
-use crate::wire::{Change, Deframer, Message, Request};
+use crate::wire::{Change, Deframer, Kind, Message, Request};
 use std::collections::VecDeque;
 
 /// Within so many requests a repeated one is known.
@@ -57,6 +57,7 @@ pub(crate) enum Arrival {
 impl Link {
     pub fn arrive(&mut self, now: u64, message: Message) -> Arrival {
         let request = Request::read(&message);
+        let watches = message.kind == Kind::WatcherRequest;
         let known = |(index, record): (usize, &Record)| {
             record.message == message.bytes && (index < WINDOW || record.result.is_none())
         };
@@ -67,7 +68,7 @@ impl Link {
             }
             return Arrival::Repeated(request);
         }
-        if request == Request::Hello {
+        if request == Request::Hello && !watches {
             self.records.clear();
         }
         let open = |record: &&Record| record.result.is_none();

@@ -133,7 +133,7 @@ impl Inbox {
                 }
                 // Only a gateway is sent requests: our own ones come back from a loop in the
                 // wiring.
-                Kind::Request => losses.unreadable += 1,
+                Kind::Request | Kind::WatcherRequest => losses.unreadable += 1,
             }
         }
         answers

@@ -75,10 +75,11 @@ impl Links {
         link: u8,
         now_us: u64,
         identity: Identity,
+        watches: bool,
         request: &Result<Request, Error>,
     ) -> Option<Option<Slot>> {
         let end = self.ring.end();
-        self.links.get_mut(usize::from(link))?.admit(now_us, identity, request, end)
+        self.links.get_mut(usize::from(link))?.admit(now_us, identity, watches, request, end)
     }
 
     /// The next frame for a host, see [`Link::poll_transmit`].

@@ -63,7 +63,7 @@ impl Link {
     /// given if it is a request, which is then to be [admitted](Self::admit).
     pub(crate) fn receive(&mut self, now_us: u64, bytes: &mut &[u8]) -> Option<Frame<'_>> {
         match self.deframer.take(bytes)? {
-            Ok(frame) if frame.kind == Kind::Request => {
+            Ok(frame) if matches!(frame.kind, Kind::Request | Kind::WatcherRequest) => {
                 self.last_valid_us = Some(now_us);
                 Some(frame)
             }
@@ -83,15 +83,18 @@ impl Link {
     /// native commands those that stop are executed even so. Repeated requests are answered inside,
     /// and what cannot be executed for want of a slot is counted.
     ///
-    /// `end`: where what is still to happen comes in the ring.
+    /// `watches`: it came for a program that only watches, whose hello opens no session. `end`:
+    /// where what is still to happen comes in the ring.
     pub(crate) fn admit(
         &mut self,
         now_us: u64,
         identity: Identity,
+        watches: bool,
         request: &Result<Request, Error>,
         end: Cursor,
     ) -> Option<Option<Slot>> {
         if let Ok(Request::Hello(hello)) = request
+            && !watches
             && !self.replies.contains(identity)
         {
             self.replies.clear();
@@ -218,7 +221,7 @@ impl Link {
 
 /// Requests that are executed each time they come, as repetitions too: their result is repeated as
 /// well (GUARANTEES G9).
-fn stops_each_time(request: &Request) -> bool {
+pub(crate) fn stops_each_time(request: &Request) -> bool {
     matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
 }
 

@@ -1,10 +1,9 @@
 //! What a host has subscribed to: which axes are due to be told of, and which were not in time.
 
 use crate::set::Set;
-use host_protocol::{Error, Quantity, StateFields, requests};
+use host_protocol::requests::{self, SUBSCRIPTION_PERIOD_US};
+use host_protocol::{Error, Quantity, StateFields};
 
-/// Shortest and longest time between two samples of an axis, µs.
-const PERIOD_US: (u32, u32) = (1_000, 10_000_000);
 /// A host that has sent nothing valid for so long is not told any more, µs.
 const SILENCE_US: u64 = 5_000_000;
 
@@ -27,7 +26,7 @@ pub struct Subscription {
 impl Subscription {
     /// What the host asks for; `None` where it asks for nothing any more.
     pub fn new(now_us: u64, request: &requests::Subscribe) -> Result<Option<Self>, Error> {
-        let (min, max) = PERIOD_US;
+        let (min, max) = SUBSCRIPTION_PERIOD_US;
         if !(min..=max).contains(&request.period_us) {
             #[allow(clippy::cast_precision_loss)]
             let [value, min, max] = [request.period_us, min, max].map(|us| us as f32);

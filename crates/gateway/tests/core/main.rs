@@ -53,4 +53,5 @@ mod trip_groups;
 mod uncommanded;
 mod unreachable;
 mod unreachable_after_reset;
+mod watchers;
 mod wire;

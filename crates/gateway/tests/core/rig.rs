@@ -214,7 +214,7 @@ impl Rig {
                     match frame.kind {
                         Kind::Reply => return Ok(Reply::decode(frame.number, frame.body).unwrap()),
                         Kind::Error => return Err(Error::decode(frame.number, frame.body).unwrap()),
-                        Kind::Event | Kind::Request => {}
+                        Kind::Event | Kind::Request | Kind::WatcherRequest => {}
                     }
                 }
             }
@@ -458,7 +458,9 @@ impl Rig {
                     Kind::Event => {
                         Said::Event(EventMessage::decode(frame.number, frame.body).unwrap().event)
                     }
-                    Kind::Request => panic!("a gateway sends no requests"),
+                    Kind::Request | Kind::WatcherRequest => {
+                        panic!("a gateway sends no requests")
+                    }
                 });
             }
         }

@@ -51,8 +51,9 @@ fn feed(Port { link, ring }: &mut Port, now_us: u64, mut bytes: &[u8]) -> Option
     while !bytes.is_empty() {
         let Some(frame) = link.receive(now_us, &mut bytes) else { continue };
         let identity = Identity::of(&frame);
+        let watches = frame.kind == Kind::WatcherRequest;
         let request = Request::decode(frame.number, frame.body);
-        if let Some(slot) = link.admit(now_us, identity, &request, ring.end()) {
+        if let Some(slot) = link.admit(now_us, identity, watches, &request, ring.end()) {
             assert_eq!(incoming.replace(Incoming { request, slot }), None);
         }
     }

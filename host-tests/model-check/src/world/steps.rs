@@ -15,14 +15,15 @@ impl World {
         self.open_links();
         let now = self.now_us;
         match action {
-            Action::Ask { link, ask } => {
+            Action::Ask { link, ask } | Action::Watch { link, ask } => {
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
                 // Whether bytes are a command, and take authority, the model learns from their
                 // result; whether a raw frame was accepted, too. That is read.
                 if is_judged_by_its_result(ask) {
                     host.unread_until = now;
                 }
-                let bytes = host.ask(now, ask, &self.epochs);
+                let watches = matches!(action, Action::Watch { .. });
+                let bytes = host.ask(now, ask, &self.epochs, watches);
                 self.feed(Input::Host { link: *link, bytes });
             }
             Action::Again { link, back } => {

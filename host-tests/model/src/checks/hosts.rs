@@ -14,17 +14,20 @@ impl Oracle {
         for byte in bytes {
             let Some(port) = self.links.get_mut(usize::from(link)) else { return };
             let Some(message) = port.incoming.push(*byte) else { continue };
-            if message.kind != Kind::Request {
+            let watches = message.kind == Kind::WatcherRequest;
+            if !watches && message.kind != Kind::Request {
                 continue;
             }
-            // Any valid request shows that the host is there, a repeated one too.
+            // Any valid request shows that the host is there, a repeated one too, but none that it
+            // passes on for who only watches.
             if let Some((holder, heard_us)) = &mut self.holder
                 && *holder == link
+                && !watches
             {
                 *heard_us = now;
             }
             match port.arrive(now, message) {
-                Arrival::New => self.execute(now, link),
+                Arrival::New => self.execute(now, link, watches),
                 Arrival::Repeated(request) => {
                     if matches!(request, Request::Stop(_) | Request::EStop | Request::Disarm(_)) {
                         self.stop_on_request(now, &request);
@@ -37,12 +40,16 @@ impl Oracle {
     }
 
     /// Executes the newest request of a link, as far as that does not depend on its result.
-    fn execute(&mut self, now: u64, link: u8) {
+    fn execute(&mut self, now: u64, link: u8, watches: bool) {
         let record = &mut self.links[usize::from(link)].records[0];
         let (request, sequence) = (record.request.clone(), record.sequence);
         let takes = request.takes_authority() || self.native_takes(&request);
         let record = &mut self.links[usize::from(link)].records[0];
         match self.holder {
+            _ if takes && watches => {
+                record.must_be_refused = true;
+                return;
+            }
             None if takes => {
                 self.holder = Some((link, now));
                 record.took = true;
@@ -54,7 +61,7 @@ impl Oracle {
             _ => {}
         }
         self.stop_on_request(now, &request);
-        let in_command = self.holder.is_some_and(|(holder, _)| holder == link);
+        let in_command = !watches && self.holder.is_some_and(|(holder, _)| holder == link);
         match request {
             Request::Clear(Clears::Axis(axis))
             | Request::ClearByRestart(axis)

@@ -7,7 +7,9 @@ use crate::wire::{Clears, Kind, Message, Request, event, events_lost, report};
 
 /// Errors (PROTOCOL.md, Errors) that come before authority is looked at.
 const READ_BEFORE_AUTHORITY: [u16; 10] = [1, 2, 5, 6, 7, 17, 44, 45, 75, 76];
-const NOT_IN_COMMAND: u16 = 4;
+/// Those that refuse it: another link has it, or nobody and a watcher asks, or that of a link
+/// without session.
+const NOT_IN_COMMAND: [u16; 3] = [4, 96, 98];
 
 impl Oracle {
     /// Bytes for a host leave the gateway.
@@ -32,7 +34,7 @@ impl Oracle {
                         self.news(now, news);
                     }
                 }
-                Kind::Request => {
+                Kind::Request | Kind::WatcherRequest => {
                     self.broken(Check::ResultUnasked, now, "a request of the gateway".into())
                 }
             }
@@ -98,7 +100,7 @@ impl Oracle {
             if refused
                 && (is_reply
                     || !READ_BEFORE_AUTHORITY.contains(&message.number)
-                        && message.number != NOT_IN_COMMAND)
+                        && !NOT_IN_COMMAND.contains(&message.number))
             {
                 let seen = format!(
                     "link {link} is not in command; {request:?} is answered {}",

@@ -44,6 +44,35 @@ pub fn a_link_that_is_not_in_command_is_obeyed() {
     assert_eq!(trace.oracle.violations()[0].check, Check::AuthorityIgnored);
 }
 
+/// A request of a watcher, and what it is answered.
+fn watched(trace: &mut Trace, number: u16, body: &[u8], kind: u8, answer: u16) {
+    trace.now += 10;
+    trace.sequence += 1;
+    let (now, sequence) = (trace.now, trace.sequence);
+    trace.oracle.to_gateway(now, 0, &frame(5, sequence, number, body));
+    trace.answer(0, sequence, kind, answer, DONE);
+}
+
+#[test]
+pub fn a_watcher_that_is_obeyed_on_the_link_in_command() {
+    let mut trace = Trace::armed();
+    watched(&mut trace, 0x50, &[0, 0], 2, 0x50);
+    assert_eq!(trace.oracle.violations()[0].check, Check::AuthorityIgnored);
+    let mut trace = Trace::armed();
+    watched(&mut trace, 0x50, &[0, 0], 3, 4);
+    trace.breaks_nothing();
+}
+
+#[test]
+pub fn a_watcher_that_keeps_a_silent_host_in_command() {
+    let mut trace = Trace::active();
+    for _ in 0..40 {
+        watched(&mut trace, 0x02, &[], 2, 0x02);
+        trace.wait(10_000);
+    }
+    assert!(trace.oracle.violations().iter().any(|broken| broken.check == Check::StopLate));
+}
+
 #[test]
 pub fn a_second_result() {
     let mut trace = Trace::new(HOLD);

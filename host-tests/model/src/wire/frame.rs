@@ -17,6 +17,8 @@ pub enum Kind {
     Error,
     /// Unasked.
     Event,
+    /// From a host, for a program of its that only watches.
+    WatcherRequest,
 }
 
 /// A message whose checksum is right.
@@ -51,6 +53,7 @@ impl Message {
             2 => Kind::Reply,
             3 => Kind::Error,
             4 => Kind::Event,
+            5 => Kind::WatcherRequest,
             _ => return None,
         };
         let word = |at: usize| u16::from_le_bytes([text[at], text[at + 1]]);

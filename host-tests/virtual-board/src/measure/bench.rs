@@ -261,7 +261,7 @@ impl Inbox {
                 Kind::Error => {
                     Err(Error::decode(frame.number, frame.body).expect("an error of the table"))
                 }
-                Kind::Request | Kind::Event => continue,
+                Kind::Request | Kind::WatcherRequest | Kind::Event => continue,
             };
             readings.push(Reading {
                 sequence: frame.sequence,

@@ -1,5 +1,6 @@
 //! The right of one host link to command (GUARANTEES G9).
 
+use crate::outbox::Ticket;
 use crate::time::{Duration, Instant};
 use host_protocol::{Error, GatewayParameter, Value};
 
@@ -29,10 +30,13 @@ impl Authority {
         self.holder == Some(link)
     }
 
-    /// Gives authority to a link if it is free, and says whose it is if not.
-    pub fn take(&mut self, now: Instant, link: u8) -> Result<(), Error> {
+    /// Gives authority to the link of a request if it is free, and says whose it is if not. Who
+    /// only watches has none, not even that of its own link.
+    pub fn take(&mut self, now: Instant, ticket: Ticket) -> Result<(), Error> {
+        let Ticket { link, watches, .. } = ticket;
         match self.holder {
-            Some(holder) if holder != link => Err(Error::NotInCommand { holder }),
+            Some(holder) if holder != link || watches => Err(Error::NotInCommand { holder }),
+            None if watches => Err(Error::NobodyInCommand {}),
             _ => {
                 self.holder = Some(link);
                 self.heard_at = now;

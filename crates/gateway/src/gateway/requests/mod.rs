@@ -59,15 +59,15 @@ impl Gateway {
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         cycle::check_body(request)?;
         if needs_authority(request) {
-            self.authority.take(now, ticket.link)?;
+            self.authority.take(now, ticket)?;
         }
         let done = replies::Done {};
         let reply = match request {
-            Request::Hello(hello) => Reply::Hello(self.hello(now, ticket.link, hello)?),
+            Request::Hello(hello) => Reply::Hello(self.hello(now, ticket, hello)?),
             Request::Ping(_) => Reply::Ping(replies::Pong { time_us: now.as_micros() }),
             Request::TakeAuthority(_) => Reply::TakeAuthority(done),
             Request::ReleaseAuthority(_) => {
-                if self.authority.is_held_by(ticket.link) {
+                if self.authority.is_held_by(ticket.link) && !ticket.watches {
                     self.release_authority(now);
                 }
                 Reply::ReleaseAuthority(done)
@@ -198,12 +198,12 @@ impl Gateway {
     fn hello(
         &mut self,
         now: Instant,
-        link: u8,
+        Ticket { link, watches, .. }: Ticket,
         hello: &requests::Hello,
     ) -> Result<replies::HelloReply> {
         // A new session knows nothing of the epochs of the one before: its authority ends like that
         // of a silent host.
-        if self.authority.is_held_by(link) {
+        if self.authority.is_held_by(link) && !watches {
             self.lose_authority(now);
         }
         // Its subscription has ended with it.
@@ -212,7 +212,9 @@ impl Gateway {
             let host_major = hello.protocol_major;
             return Err(Error::UnsupportedVersion { gateway_major: PROTOCOL_MAJOR, host_major });
         }
-        self.links.log(LogEntry::Hello { link });
+        if !watches {
+            self.links.log(LogEntry::Hello { link });
+        }
         self.remember_trips();
         Ok(replies::HelloReply {
             protocol_major: PROTOCOL_MAJOR,

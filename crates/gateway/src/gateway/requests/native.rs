@@ -115,7 +115,7 @@ impl Gateway {
         native: Native,
         ticket: Ticket,
     ) -> Result<()> {
-        self.authority.take(now, ticket.link)?;
+        self.authority.take(now, ticket)?;
         if let Effect::Changes { .. } = native.effect {
             self.refuse_e_stopped(index)?;
         }
@@ -190,7 +190,7 @@ impl Gateway {
         demand: Demand,
         ticket: Ticket,
     ) -> Result<()> {
-        self.authority.take(now, ticket.link)?;
+        self.authority.take(now, ticket)?;
         self.refuse_e_stopped(request.axis)?;
         let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
         let motion = NativeMotion { demand, once: matches!(native.effect, Effect::MovesOnce(_)) };
