@@ -23,6 +23,7 @@ mod output;
 mod parameters;
 mod printable;
 mod serve;
+mod server;
 mod session;
 mod states;
 mod table;
@@ -120,6 +121,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Sim { listen, unconfigured, d5_id }) => {
             serve::run(*listen, *unconfigured, *d5_id, out)
         }
+        Some(Command::Serve(arguments)) => server::run(arguments, cli.port.as_deref(), out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(Command::Completion { shell }) => manual::completion(*shell),

@@ -42,10 +42,13 @@ mod interrupt;
 mod kinds;
 mod port;
 mod serial;
+mod server;
 mod stopping;
 mod stream;
 mod tcp;
 mod transport;
+#[cfg(unix)]
+mod unix;
 
 pub use host_protocol;
 
@@ -59,8 +62,11 @@ pub use error::ClientError;
 pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;
 pub use interrupt::Interrupt;
-pub use port::{ConnectError, open};
+pub use port::{ConnectError, Halves, check_name, open, open_halves};
 pub use serial::{DEFAULT_BAUD, SerialTransport};
+pub use server::{server_port, server_socket};
 pub use stopping::{REPEAT_STOP_AFTER, STOP_PATIENCE, StopRequest, stop_before_hello};
 pub use tcp::TcpTransport;
 pub use transport::Transport;
+#[cfg(unix)]
+pub use unix::UnixTransport;

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io;
 use std::net::IpAddr;
+use std::time::Duration;
 
 use crate::serial::{DEFAULT_BAUD, SerialTransport};
 use crate::tcp::TcpTransport;
@@ -10,39 +11,138 @@ use crate::transport::Transport;
 
 /// What a TCP port's name begins with.
 const TCP_PREFIX: &str = "tcp:";
+/// What the name of a server's socket begins with.
+pub(crate) const UNIX_PREFIX: &str = "unix:";
+/// Holds the token for servers that want one.
+const TOKEN_VARIABLE: &str = "MGW_TOKEN";
+/// Longest wait of a read of a serial port.
+const SERIAL_WAIT: Duration = Duration::from_millis(100);
 /// What stands between a serial device and its bit rate.
 const BAUD_SEPARATOR: char = '@';
 
-/// Opens the port of that name: `tcp:HOST:PORT`, also without `tcp:`, or a serial device such as
-/// `/dev/ttyACM0` or `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another
+/// Opens the port of that name: `tcp:HOST:PORT`, also without `tcp:`, `unix:PATH` of a server, or a
+/// serial device such as `/dev/ttyACM0` or `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another
 /// rate.
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.
 pub fn open(port: &str) -> Result<Box<dyn Transport + Send>, ConnectError> {
-    if let Some(address) = tcp_address(port) {
-        if !is_complete(address) {
-            return Err(ConnectError::BadAddress { port: port.to_owned() });
+    Ok(match Port::read(port)? {
+        Port::Tcp(address) => {
+            let transport = TcpTransport::connect_showing(address, token());
+            Box::new(transport.map_err(|source| no_tcp(address, source))?)
         }
-        return match TcpTransport::connect(address) {
-            Ok(transport) => Ok(Box::new(transport)),
-            Err(source) => Err(ConnectError::Tcp { address: address.to_owned(), source }),
+        #[cfg(unix)]
+        Port::Unix(path) => {
+            let transport = crate::unix::UnixTransport::connect(path.into());
+            Box::new(transport.map_err(|source| no_server(path, source))?)
+        }
+        Port::Serial(device, baud) => {
+            let transport = SerialTransport::open(device, baud);
+            Box::new(transport.map_err(|source| no_serial(device, baud, source))?)
+        }
+    })
+}
+
+/// Whether a name makes sense as that of a port.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn check_name(port: &str) -> Result<(), ConnectError> {
+    Port::read(port).map(drop)
+}
+
+/// A port as two halves, for who reads and writes at the same time. A read waits, or fails now and
+/// then with [`io::ErrorKind::TimedOut`]; one of 0 bytes is the end.
+pub struct Halves {
+    /// From the gateway.
+    pub reader: Box<dyn io::Read + Send>,
+    /// To it.
+    pub writer: Box<dyn io::Write + Send>,
+}
+
+/// As [`open`], as halves.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
+    let (reader, writer): (Box<dyn io::Read + Send>, Box<dyn io::Write + Send>) =
+        match Port::read(port)? {
+            Port::Tcp(address) => {
+                let opened = crate::tcp::open(address, token().as_deref());
+                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
+                let (reader, writer) = both.map_err(|source| no_tcp(address, source))?;
+                (Box::new(reader), Box::new(writer))
+            }
+            #[cfg(unix)]
+            Port::Unix(path) => {
+                let opened = std::os::unix::net::UnixStream::connect(path);
+                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
+                let (reader, writer) = both.map_err(|source| no_server(path, source))?;
+                (Box::new(reader), Box::new(writer))
+            }
+            Port::Serial(device, baud) => {
+                let opened = crate::serial::open(device, baud).and_then(|mut port| {
+                    port.set_timeout(SERIAL_WAIT)?;
+                    Ok((port.try_clone()?, port))
+                });
+                let (reader, writer) = opened.map_err(|source| no_serial(device, baud, source))?;
+                (Box::new(reader), Box::new(writer))
+            }
         };
+    Ok(Halves { reader, writer })
+}
+
+/// What the name of a port says.
+enum Port<'a> {
+    Tcp(&'a str),
+    #[cfg(unix)]
+    Unix(&'a str),
+    Serial(&'a str, u32),
+}
+
+impl<'a> Port<'a> {
+    fn read(port: &'a str) -> Result<Self, ConnectError> {
+        #[cfg(unix)]
+        if let Some(path) = port.strip_prefix(UNIX_PREFIX) {
+            return Ok(Self::Unix(path));
+        }
+        if let Some(address) = tcp_address(port) {
+            if !is_complete(address) {
+                return Err(ConnectError::BadAddress { port: port.to_owned() });
+            }
+            return Ok(Self::Tcp(address));
+        }
+        let (device, baud) = match port.rsplit_once(BAUD_SEPARATOR) {
+            Some((device, rate)) => match rate.parse::<u32>() {
+                Ok(baud) if baud > 0 => (device, baud),
+                _ => return Err(ConnectError::BadBaud { port: port.to_owned() }),
+            },
+            None => (port, DEFAULT_BAUD),
+        };
+        if device.is_empty() {
+            return Err(ConnectError::NoPort);
+        }
+        Ok(Self::Serial(device, baud))
     }
-    let (device, baud) = match port.rsplit_once(BAUD_SEPARATOR) {
-        Some((device, rate)) => match rate.parse::<u32>() {
-            Ok(baud) if baud > 0 => (device, baud),
-            _ => return Err(ConnectError::BadBaud { port: port.to_owned() }),
-        },
-        None => (port, DEFAULT_BAUD),
-    };
-    if device.is_empty() {
-        return Err(ConnectError::NoPort);
-    }
-    match SerialTransport::open(device, baud) {
-        Ok(transport) => Ok(Box::new(transport)),
-        Err(source) => Err(ConnectError::Serial { device: device.to_owned(), baud, source }),
-    }
+}
+
+/// The token of this user's environment, for servers that want one.
+fn token() -> Option<String> {
+    std::env::var(TOKEN_VARIABLE).ok().filter(|token| !token.is_empty())
+}
+
+fn no_tcp(address: &str, source: io::Error) -> ConnectError {
+    ConnectError::Tcp { address: address.to_owned(), source }
+}
+
+#[cfg(unix)]
+fn no_server(path: &str, source: io::Error) -> ConnectError {
+    ConnectError::Server { path: path.to_owned(), source }
+}
+
+fn no_serial(device: &str, baud: u32, source: io::Error) -> ConnectError {
+    ConnectError::Serial { device: device.to_owned(), baud, source }
 }
 
 /// What stands behind `tcp:`, however that is written; without it what can be no device.
@@ -82,6 +182,13 @@ pub enum ConnectError {
     Tcp {
         /// `HOST:PORT`.
         address: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// No server behind a Unix socket.
+    Server {
+        /// The socket.
+        path: String,
         /// What the system says.
         source: io::Error,
     },
@@ -135,6 +242,9 @@ impl fmt::Display for ConnectError {
                     _ => write!(f, "Check the host name and the port number"),
                 }
             }
+            Self::Server { path, source } => {
+                write!(f, "no server at {path} ({source}). Start one with `mgw serve`")
+            }
             Self::Serial { device, baud, source } => {
                 write!(f, "cannot open {device} at {baud} bit/s ({source}). ")?;
                 match source.kind() {
@@ -166,7 +276,9 @@ impl fmt::Display for ConnectError {
 impl std::error::Error for ConnectError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Tcp { source, .. } | Self::Serial { source, .. } => Some(source),
+            Self::Tcp { source, .. }
+            | Self::Server { source, .. }
+            | Self::Serial { source, .. } => Some(source),
             _ => None,
         }
     }

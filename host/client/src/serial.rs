@@ -82,7 +82,8 @@ impl Transport for SerialTransport {
     }
 }
 
-fn open(device: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
+/// Opens a device, what it had received before forgotten.
+pub(crate) fn open(device: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
     let port = serialport::new(device, baud)
         .data_bits(DataBits::Eight)
         .parity(Parity::None)

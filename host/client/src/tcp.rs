@@ -9,14 +9,16 @@ use crate::transport::Transport;
 /// How long opening a connection may take, for each address that a name stands for.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long the peer may refuse to take bytes before the connection counts as gone.
-const SEND_TIMEOUT: Duration = Duration::from_secs(1);
+pub(crate) const SEND_TIMEOUT: Duration = Duration::from_secs(1);
 /// Shortest read timeout that the operating system is asked for; it takes zero for "for ever".
-const SHORTEST_WAIT: Duration = Duration::from_micros(100);
+pub(crate) const SHORTEST_WAIT: Duration = Duration::from_micros(100);
 
 /// A TCP connection in wall-clock time.
 #[derive(Debug)]
 pub struct TcpTransport {
     address: String,
+    /// Shown to a server that wants one.
+    token: Option<String>,
     stream: Option<TcpStream>,
     /// Something has come since it was opened.
     heard: bool,
@@ -29,9 +31,18 @@ impl TcpTransport {
     /// # Errors
     /// When the name cannot be resolved or nothing there takes the connection within 3 s.
     pub fn connect(address: &str) -> io::Result<Self> {
-        let stream = open(address)?;
+        Self::connect_showing(address, None)
+    }
+
+    /// As [`connect`](Self::connect), and shows the server there a token.
+    ///
+    /// # Errors
+    /// As [`connect`](Self::connect).
+    pub fn connect_showing(address: &str, token: Option<String>) -> io::Result<Self> {
+        let stream = open(address, token.as_deref())?;
         Ok(Self {
             address: address.to_owned(),
+            token,
             stream: Some(stream),
             heard: false,
             start: Instant::now(),
@@ -89,20 +100,24 @@ impl Transport for TcpTransport {
 
     fn reconnect(&mut self) -> io::Result<()> {
         (self.stream, self.heard) = (None, false);
-        self.stream = Some(open(&self.address)?);
+        self.stream = Some(open(&self.address, self.token.as_deref())?);
         Ok(())
     }
 }
 
-fn open(address: &str) -> io::Result<TcpStream> {
+/// Opens a connection, whose first bytes are the token (PROTOCOL.md, A server).
+pub(crate) fn open(address: &str, token: Option<&str>) -> io::Result<TcpStream> {
     let mut last = io::Error::new(io::ErrorKind::NotFound, "the name stands for no address");
     for candidate in address.to_socket_addrs()? {
         match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
-            Ok(stream) => {
+            Ok(mut stream) => {
                 // Requests are small and each is waited for: gathering them into larger segments
                 // only delays them.
                 stream.set_nodelay(true)?;
                 stream.set_write_timeout(Some(SEND_TIMEOUT))?;
+                if let Some(token) = token {
+                    stream.write_all(format!("token={token}\0").as_bytes())?;
+                }
                 return Ok(stream);
             }
             Err(error) => last = error,

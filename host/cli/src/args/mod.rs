@@ -14,6 +14,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 use host_protocol::{CanId, ClearTarget, StopTarget};
 
+pub use crate::server::ServeArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
@@ -34,8 +35,8 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     after_help = EXAMPLES
 )]
 pub struct Cli {
-    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE) or tcp:HOST:PORT;
-    /// without it the only one on USB or an ST-LINK
+    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE), tcp:HOST:PORT or
+    /// unix:PATH; without it a running `mgw serve`, else the only one on USB or an ST-LINK
     #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
     pub port: Option<String>,
 
@@ -88,6 +89,20 @@ pub enum Command {
         #[arg(long, value_name = "CAN_ID")]
         d5_id: Option<CanId>,
     },
+
+    /// Own the cable to a gateway and offer it to any number of local programs
+    ///
+    /// One of them commands, all may watch; a stop of any of them goes first. When the one in
+    /// command ends or hangs, its axes stop as they would on a cable of its own. Every `mgw`
+    /// without --port finds the server by itself. When the board is unplugged, reset or updated,
+    /// programs are told so, and the server connects again by itself.
+    #[command(
+        after_help = "Examples:\n  mgw serve                             the only gateway on \
+            USB or an ST-LINK\n  mgw serve --port /dev/ttyACM0\n  \
+            MGW_TOKEN=secret mgw serve --listen 0.0.0.0:7402      for other computers, whose \
+            programs have that MGW_TOKEN"
+    )]
+    Serve(ServeArgs),
 
     /// Show what the gateway is: versions, board, buses, boot reason, who commands, e-stop, enable
     /// output

@@ -82,6 +82,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         // These have no gateway to talk to; they never come here.
         Command::Demo
         | Command::Sim { .. }
+        | Command::Serve(_)
         | Command::Decode(_)
         | Command::Encode(_)
         | Command::Completion { .. }

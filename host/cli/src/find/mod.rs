@@ -4,7 +4,7 @@ mod refused;
 
 use std::io::{self, BufRead, IsTerminal, Write};
 
-use mgw_client::{Transport, open};
+use mgw_client::{Transport, open, server_port};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
@@ -27,11 +27,18 @@ struct Candidate {
     what: String,
 }
 
-/// The port that was named, or the only one that may lead to a gateway, open.
+/// The port that was named, a running server, or the only one that may lead to a gateway, open.
 pub fn open_port(
     named: Option<&str>,
     out: Output,
 ) -> Result<(String, Box<dyn Transport>), Failure> {
+    if named.is_none()
+        && let Some(port) = server_port()
+        && let Ok(transport) = open(&port)
+    {
+        out.aside(format!("through the server at {port}"));
+        return Ok((port, transport));
+    }
     let port = match named {
         Some(port) => port.to_owned(),
         None => {
@@ -48,8 +55,16 @@ pub fn open_port(
     }
 }
 
-/// Says which port leads to no gateway, where nothing answered at all.
-pub use refused::not_a_gateway;
+/// The port that was named, or the only one that may lead to a gateway; nobody is asked.
+pub fn cable_port(named: Option<&str>) -> Result<String, Failure> {
+    match named {
+        Some(port) => Ok(port.to_owned()),
+        None => choose(system_ports(), None::<&[u8]>, &mut io::sink()).map(|one| one.port),
+    }
+}
+
+/// Says which port leads to no gateway, where nothing answered at all; and why one did not open.
+pub use refused::{explain, not_a_gateway};
 
 fn system_ports() -> Vec<SerialPortInfo> {
     #[cfg(target_os = "linux")]

@@ -14,6 +14,8 @@ mod native;
 mod pty;
 mod refusals;
 mod schema;
+#[cfg(unix)]
+mod server;
 mod support;
 mod terminal;
 mod vectors;

@@ -67,6 +67,8 @@ pub fn command(arguments: &[&str]) -> Command {
     command
         .args(arguments)
         .env_remove("MGW_PORT")
+        .env("MGW_SOCKET", "")
+        .env_remove("MGW_TOKEN")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
@@ -76,6 +78,13 @@ pub fn command(arguments: &[&str]) -> Command {
 /// Runs the program to its end.
 pub fn mgw(arguments: &[&str]) -> Outcome {
     outcome(arguments, Running(command(arguments).spawn().expect("the program starts")))
+}
+
+/// Runs the program to its end with these in its environment.
+pub fn outcome_of(arguments: &[&str], environment: &[(&str, &str)]) -> Outcome {
+    let mut command = command(arguments);
+    command.envs(environment.iter().copied());
+    outcome(arguments, Running(command.spawn().expect("the program starts")))
 }
 
 /// Runs the program to its end with this on standard input.
@@ -183,6 +192,12 @@ impl Process {
         let id = self.running.0.id().cast_signed();
         signal::kill(Pid::from_raw(id), signal).expect("it runs");
         // Its output ends when it does.
+        while self.lines.recv_timeout(LIMIT).is_ok() {}
+        self.running.0.wait().expect("it ends").code()
+    }
+
+    /// The exit code once it has ended by itself.
+    pub fn wait(&mut self) -> Option<i32> {
         while self.lines.recv_timeout(LIMIT).is_ok() {}
         self.running.0.wait().expect("it ends").code()
     }

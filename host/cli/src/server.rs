@@ -1,0 +1,101 @@
+//! `mgw serve`: one cable to a gateway for many programs.
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+
+use mgw_client::{check_name, open_halves, server_socket};
+use mgw_serve::Listener;
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::find;
+use crate::output::Output;
+
+/// What `mgw serve` is told.
+#[derive(Debug, clap::Args)]
+pub struct ServeArgs {
+    /// TCP address for programs; port 0 takes a free one
+    #[arg(long, default_value = "127.0.0.1:7402", value_name = "HOST:PORT")]
+    pub listen: SocketAddr,
+    /// Unix socket for programs, by which every `mgw` finds the server by itself
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
+    /// What programs on TCP must show, in their MGW_TOKEN; needed to listen beyond this computer
+    #[arg(long, env = "MGW_TOKEN", hide_env_values = true, value_name = "TEXT")]
+    pub token: Option<String>,
+}
+
+/// Serves until the process is ended.
+pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(), Failure> {
+    let ServeArgs { listen, socket, token } = arguments;
+    let token = token.clone().filter(|token| !token.is_empty());
+    if !listen.ip().is_loopback() && token.is_none() {
+        return Err(Failure::Usage(format!(
+            "{listen} can be reached from other computers: give a --token that programs have to \
+                show, or listen on 127.0.0.1"
+        )));
+    }
+    // What cannot be is told before anything is served.
+    if let Some(port) = port {
+        check_name(port)?;
+    }
+    let failed = |source| Failure::Server { address: listen.to_string(), source };
+    let listener = TcpListener::bind(listen).map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+    let mut listeners = vec![Listener::Tcp(listener, token)];
+    out.event(
+        "listening",
+        format!("listening on tcp:{address}"),
+        json!({ "port": format!("tcp:{address}") }),
+    )?;
+    if let Some(path) = socket.clone().or_else(server_socket) {
+        listeners.push(unix(&path)?);
+        let port = format!("unix:{}", path.display());
+        out.event("listening", format!("listening on {port}"), json!({ "port": port }))?;
+    }
+    out.text("Every `mgw` without --port uses it. Ctrl-C ends it; what is armed then stops.")?;
+
+    let named = port.map(str::to_owned);
+    let open = move || {
+        let port = find::cable_port(named.as_deref()).map_err(|failure| failure.to_string())?;
+        open_halves(&port).map_err(|error| find::explain(error).to_string())
+    };
+    let mut print_failure = None;
+    mgw_serve::serve(listeners, open, |line| {
+        // A log that nobody reads is no reason to stop serving.
+        print_failure = out.event("log", line, json!({ "message": line })).err();
+    })
+    .map_err(failed)?;
+    print_failure.map_or(Ok(()), Err)
+}
+
+#[cfg(unix)]
+fn unix(path: &std::path::Path) -> Result<Listener, Failure> {
+    use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+    use std::os::unix::net::{UnixListener, UnixStream};
+    let failed = |source| Failure::Server { address: path.display().to_string(), source };
+    if UnixStream::connect(path).is_ok() {
+        return Err(Failure::Usage(format!(
+            "a server runs already: {} answers. Give another --socket and --listen for a second \
+                gateway",
+            path.display()
+        )));
+    }
+    // One that has ended leaves its socket behind.
+    let is_left = std::fs::symlink_metadata(path)
+        .is_ok_and(|file| std::os::unix::fs::FileTypeExt::is_socket(&file.file_type()));
+    if is_left {
+        std::fs::remove_file(path).map_err(failed)?;
+    }
+    if let Some(directory) = path.parent().filter(|directory| !directory.exists()) {
+        std::fs::DirBuilder::new().mode(0o700).create(directory).map_err(failed)?;
+    }
+    let listener = UnixListener::bind(path).map_err(failed)?;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600)).map_err(failed)?;
+    Ok(Listener::Unix(listener))
+}
+
+#[cfg(not(unix))]
+fn unix(path: &std::path::Path) -> Result<Listener, Failure> {
+    Err(Failure::Usage(format!("{}: this system has no Unix sockets", path.display())))
+}

@@ -1,0 +1,175 @@
+//! `mgw serve` between a simulated gateway and several programs.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::support::{Outcome, Process, Sim, mgw, outcome_of};
+
+/// No wait is longer.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// A server, and how it is reached.
+struct Server {
+    process: Process,
+    port: String,
+    socket: PathBuf,
+}
+
+impl Server {
+    fn start(cable: &str, arguments: &[&str]) -> Self {
+        let unique = cable.rsplit(':').next().unwrap();
+        let name = format!("mgw-test-{}-{unique}.sock", std::process::id());
+        let socket = std::env::temp_dir().join(name);
+        let path = socket.to_str().unwrap();
+        let line = ["--port", cable, "serve", "--listen", "127.0.0.1:0", "--socket", path];
+        let process = Process::start(&[&line, arguments].concat());
+        let port = process
+            .wait_for("the port", |line| line.strip_prefix("listening on ").map(str::to_owned));
+        assert!(port.starts_with("tcp:127.0.0.1:"), "{port}");
+        process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
+        Self { process, port, socket }
+    }
+
+    /// A program that finds it by itself.
+    fn mgw(&self, arguments: &[&str]) -> Outcome {
+        outcome_of(arguments, &[("MGW_SOCKET", self.socket.to_str().unwrap())])
+    }
+
+    /// A program that runs beside it.
+    fn program(&self, arguments: &[&str]) -> Process {
+        Process::start(&[&["--port", &self.port], arguments].concat())
+    }
+
+    fn await_state(&self, is: impl Fn(&Value) -> bool) -> Value {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let lines = self.mgw(&["--json", "state", "0"]).json_lines();
+            let state = lines[0]["axes"][0].clone();
+            if is(&state) {
+                return state;
+            }
+            assert!(Instant::now() < end, "it stays {state}");
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.socket);
+    }
+}
+
+fn moves(host: &Process) {
+    host.wait_for("motion", |line| {
+        let state: Value = serde_json::from_str(line).ok()?;
+        state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
+    });
+}
+
+#[test]
+fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
+    let sim = Sim::patient();
+    let server = Server::start(&sim.port, &[]);
+    let found = server.mgw(&["info"]);
+    assert!(found.stderr.contains("through the server at unix:"), "{found:?}");
+    assert!(found.success().contains("simulat"));
+    let mut watchers: Vec<_> =
+        (0..6).map(|_| server.program(&["--json", "watch", "0", "--period", "50"])).collect();
+    let mut host = server.program(&["--json", "set", "0", "velocity", "2", "--for", "60"]);
+    moves(&host);
+    for watcher in &watchers {
+        watcher.wait_for("a sample in motion", |line| {
+            let line: Value = serde_json::from_str(line).ok()?;
+            line["velocity_rad_s"]["value"].as_f64().filter(|speed| *speed > 0.5)
+        });
+    }
+    // Another one may not command, and may stop.
+    let refused = server.mgw(&["set", "0", "velocity", "1", "--for", "1"]).failure(1);
+    assert!(refused.contains("is in command"), "{refused}");
+    server.mgw(&["stop", "0"]).success();
+    sim.process.wait_for("the motor's stop", |line| {
+        (line.contains("bus 0  rmd 1") && line.contains("stopped")).then_some(())
+    });
+    assert_ne!(host.wait(), Some(0), "somebody else has stopped it");
+    for watcher in &mut watchers {
+        assert_eq!(watcher.interrupt(), Some(0));
+    }
+}
+
+#[test]
+fn the_axes_of_a_program_that_is_killed_trip_though_others_watch() {
+    let sim = Sim::with_times(10_000_000, 1_500_000);
+    let server = Server::start(&sim.port, &[]);
+    let watcher = server.program(&["--json", "watch", "0", "--period", "20"]);
+    let mut host = server.program(&["--json", "set", "0", "velocity", "2", "--for", "60"]);
+    moves(&host);
+    host.kill();
+    sim.process.wait_for("the motor's stop", |line| {
+        (line.starts_with("t=") && line.contains("bus 0  rmd 1") && line.contains("stopped"))
+            .then_some(())
+    });
+    let state =
+        server.await_state(|state| state["state"] == "tripped" && state["stop_confirmed"] == true);
+    assert_eq!(state["trip"]["reason"], "host_silent");
+    watcher.wait_for("the trip", |line| line.contains("host_silent").then_some(()));
+    // Then somebody else commands.
+    server.mgw(&["clear", "0"]).success();
+    server.mgw(&["set", "0", "velocity", "1", "--for", "0.3"]).success();
+}
+
+#[test]
+fn a_server_without_its_gateway_says_so_and_finds_it_again() {
+    let mut sim = Sim::patient();
+    let address = sim.port.strip_prefix("tcp:").unwrap().to_owned();
+    let server = Server::start(&sim.port, &[]);
+    let mut watcher = server.program(&["watch", "0"]);
+    watcher.wait_for("a sample", |line| line.contains('0').then_some(()));
+    sim.process.kill();
+    server.process.wait_for("the loss", |line| line.contains("gateway lost").then_some(()));
+    assert_eq!(watcher.wait(), Some(1));
+    let end = Instant::now() + LIMIT;
+    loop {
+        let text = server.mgw(&["info"]).failure(1);
+        if text.contains("the server has lost the gateway") {
+            break;
+        }
+        assert!(Instant::now() < end, "{text}");
+    }
+    let _again = Process::start(&["sim", "--listen", &address]);
+    server.process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
+    server.mgw(&["info"]).success();
+}
+
+#[test]
+fn beyond_this_computer_a_token_is_needed() {
+    let text = mgw(&["--port", "tcp:127.0.0.1:9", "serve", "--listen", "0.0.0.0:0"]).failure(2);
+    assert!(text.contains("--token"), "{text}");
+    let sim = Sim::start();
+    let server = Server::start(&sim.port, &["--token", "a secret"]);
+    let arguments = ["--port", &server.port, "info"];
+    let text = mgw(&arguments).failure(1);
+    assert!(text.contains("token"), "{text}");
+    let text = outcome_of(&arguments, &[("MGW_TOKEN", "a secreT")]).failure(1);
+    assert!(text.contains("token"), "{text}");
+    outcome_of(&arguments, &[("MGW_TOKEN", "a secret")]).success();
+    // The socket is this user's own.
+    server.mgw(&["info"]).success();
+}
+
+#[test]
+fn a_second_server_is_refused_and_the_socket_of_a_dead_one_is_not_in_its_way() {
+    let sim = Sim::start();
+    let mut server = Server::start(&sim.port, &[]);
+    let path = server.socket.to_str().unwrap().to_owned();
+    let line = ["--port", &sim.port, "serve", "--listen", "127.0.0.1:0", "--socket", &path];
+    let text = mgw(&line).failure(2);
+    assert!(text.contains("a server runs already"), "{text}");
+    server.process.kill();
+    // Nobody serves there: it is passed over.
+    let without = server.mgw(&["--port", &sim.port, "info"]);
+    without.success();
+    let _again = Server::start(&sim.port, &[]);
+    server.mgw(&["info"]).success();
+}

@@ -1,0 +1,163 @@
+//! What is under way on the cable: under which number, for whom, and how much of it at a time.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use host_protocol::{Call, Kind, MAX_FRAME, encode_body, requests as ask};
+
+use crate::ask::Ask;
+use crate::multiplexer::ProgramId;
+
+/// Requests under way at a time, of who commands and of all who watch: with one stop they are the 8
+/// that a link of the gateway answers.
+const COMMANDS: usize = 3;
+const WATCHES: usize = 4;
+/// Bytes of them under way: 5.5 ms at 921600 bit/s, for which a stop may wait.
+const BYTES: usize = 512;
+/// Stops under way; further ones wait for [`STOP_WAITS`].
+const STOPS: usize = 8;
+const STOP_WAITS: Duration = Duration::from_millis(20);
+/// After this time a request without a result no longer keeps others back.
+const HOLDS_UP: Duration = Duration::from_secs(1);
+/// After this time nothing is known of it any more.
+const FORGOTTEN_AFTER: Duration = Duration::from_secs(10);
+/// Among so many others the gateway no longer knows a repeated request.
+const REMEMBERED: u64 = 8;
+
+/// Who waits for a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Asker {
+    /// This request of a program.
+    Program { id: ProgramId, order: u64 },
+    /// The server itself; nobody, for a stop that is repeated.
+    Server,
+}
+
+/// A request under way.
+#[derive(Debug)]
+pub(crate) struct Asked {
+    pub asker: Asker,
+    pub ask: Ask,
+    /// It went out as a watcher's.
+    pub watches: bool,
+    /// Changes of who commands before it.
+    pub claims: u64,
+    frame: Vec<u8>,
+    /// Requests before it.
+    order: u64,
+    at: Duration,
+}
+
+/// The requests under way.
+#[derive(Debug, Default)]
+pub(crate) struct Cable {
+    asked: HashMap<u16, Asked>,
+    sequence: u16,
+    written: u64,
+}
+
+impl Cable {
+    pub fn starting_at(sequence: u16) -> Self {
+        Self { sequence, ..Self::default() }
+    }
+
+    /// Puts a request under way and returns its number and frame.
+    pub fn ask(
+        &mut self,
+        now: Duration,
+        asker: Asker,
+        ask: Ask,
+        watches: bool,
+        claims: u64,
+    ) -> (u16, Vec<u8>) {
+        while self.asked.contains_key(&self.sequence) {
+            self.sequence = self.sequence.wrapping_add(1);
+        }
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        let kind = if watches { Kind::WatcherRequest } else { Kind::Request };
+        let mut out = [0; MAX_FRAME];
+        // It fits: it came in a frame.
+        let length = encode_body(kind, sequence, ask.number, &ask.body, &mut out).unwrap_or(0);
+        let frame = out.get(..length).unwrap_or_default().to_vec();
+        let order = self.written;
+        self.written += 1;
+        let asked = Asked { asker, ask, watches, claims, frame: frame.clone(), order, at: now };
+        self.asked.insert(sequence, asked);
+        (sequence, frame)
+    }
+
+    /// The request under way under this number.
+    pub fn asked(&self, sequence: u16) -> Option<&Asked> {
+        self.asked.get(&sequence)
+    }
+
+    /// The same bytes once more, unless the gateway could take them for a new request that acts.
+    pub fn again(&mut self, now: Duration, sequence: u16) -> Option<Vec<u8>> {
+        let written = self.written;
+        let asked = self.asked.get_mut(&sequence)?;
+        if written - asked.order >= REMEMBERED && acts_each_time(asked.ask.number) {
+            return None;
+        }
+        asked.at = now;
+        Some(asked.frame.clone())
+    }
+
+    /// The request that a result is for.
+    pub fn take(&mut self, sequence: u16) -> Option<Asked> {
+        self.asked.remove(&sequence)
+    }
+
+    pub fn clear(&mut self) {
+        self.asked.clear();
+    }
+
+    /// What has had no result for long gets none any more.
+    pub fn forget(&mut self, now: Duration) {
+        self.asked.retain(|_, asked| now < asked.at + FORGOTTEN_AFTER);
+    }
+
+    fn under_way(&self, now: Duration) -> impl Iterator<Item = &Asked> {
+        self.asked.values().filter(move |asked| now < asked.at + HOLDS_UP)
+    }
+
+    /// Whether one more request of who commands, or of who watches, may go out.
+    pub fn has_room(&self, now: Duration, watches: bool, ask: &Ask) -> bool {
+        let ordinary = || self.under_way(now).filter(|asked| !asked.ask.stops());
+        let alike = ordinary().filter(|asked| asked.watches == watches).count();
+        let bytes: usize = ordinary().map(|asked| asked.frame.len()).sum();
+        let most = if watches { WATCHES } else { COMMANDS };
+        alike < most && (bytes + ask.body.len() <= BYTES || alike == 0)
+    }
+
+    /// Whether one more stop may go out.
+    pub fn has_room_for_stop(&self, now: Duration) -> bool {
+        let stops = self.asked.values().filter(|asked| asked.ask.stops());
+        stops.filter(|asked| now < asked.at + STOP_WAITS).count() < STOPS
+    }
+}
+
+/// Whether a request that the gateway does not know for a repeated one does something again that
+/// it should do once.
+fn acts_each_time(number: u16) -> bool {
+    ![
+        ask::Ping::NUMBER,
+        ask::Hello::NUMBER,
+        ask::TakeAuthority::NUMBER,
+        ask::ReleaseAuthority::NUMBER,
+        ask::BusStatus::NUMBER,
+        ask::GatewayStatus::NUMBER,
+        ask::ReadGatewayParameter::NUMBER,
+        ask::ReadAxisParameter::NUMBER,
+        ask::ReadAxisSettings::NUMBER,
+        ask::ListAxes::NUMBER,
+        ask::ReadState::NUMBER,
+        ask::Subscribe::NUMBER,
+        ask::ReadIncidents::NUMBER,
+        ask::ReadCrashReport::NUMBER,
+        ask::Disarm::NUMBER,
+        ask::Stop::NUMBER,
+        ask::EStop::NUMBER,
+    ]
+    .contains(&number)
+}
