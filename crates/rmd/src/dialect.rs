@@ -85,16 +85,16 @@ impl Dialects {
     pub const NONE: Dialects = Dialects(0);
     const ALL: Dialects = Dialects::between(Dialect::Unknown, Dialect::V4_4);
     const V3_6: Dialects = Dialects::between(Dialect::V3_6, Dialect::V3_6);
-    const TO_V3_7: Dialects = Dialects::between(Dialect::V3_6, Dialect::V3_7);
-    const TO_V3_9: Dialects = Dialects::between(Dialect::V3_6, Dialect::V3_9);
-    const TO_V4_3: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_3);
+    pub(crate) const TO_V3_7: Dialects = Dialects::between(Dialect::V3_6, Dialect::V3_7);
+    pub(crate) const TO_V3_9: Dialects = Dialects::between(Dialect::V3_6, Dialect::V3_9);
+    pub(crate) const TO_V4_3: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_3);
     const V3_7_TO_V4_3: Dialects = Dialects::between(Dialect::V3_7, Dialect::V4_3);
     const FROM_V3_7: Dialects = Dialects::between(Dialect::V3_7, Dialect::V4_4);
-    const FROM_V3_9: Dialects = Dialects::between(Dialect::V3_9, Dialect::V4_4);
-    const FROM_V4_2: Dialects = Dialects::between(Dialect::V4_2, Dialect::V4_4);
+    pub(crate) const FROM_V3_9: Dialects = Dialects::between(Dialect::V3_9, Dialect::V4_4);
+    pub(crate) const FROM_V4_2: Dialects = Dialects::between(Dialect::V4_2, Dialect::V4_4);
     const FROM_V4_3: Dialects = Dialects::between(Dialect::V4_3, Dialect::V4_4);
-    const V4_4: Dialects = Dialects::between(Dialect::V4_4, Dialect::V4_4);
-    const KNOWN: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_4);
+    pub(crate) const V4_4: Dialects = Dialects::between(Dialect::V4_4, Dialect::V4_4);
+    pub(crate) const KNOWN: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_4);
 
     const fn between(first: Dialect, last: Dialect) -> Dialects {
         Dialects((2 << last as u8) - (1 << first as u8))
@@ -107,6 +107,12 @@ impl Dialects {
     /// Whether a dialect is among them.
     pub const fn contains(self, dialect: Dialect) -> bool {
         self.0 & 1 << dialect as u8 != 0
+    }
+
+    /// Those in both.
+    #[must_use]
+    pub const fn both(self, other: Dialects) -> Dialects {
+        Dialects(self.0 & other.0)
     }
 
     /// Those in it.

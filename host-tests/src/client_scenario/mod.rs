@@ -99,6 +99,11 @@ impl Bench {
                 self.world.borrow_mut().inject(parse(words, 1, "motor")?, Injection::Mute(true));
                 Ok(())
             }
+            Some(&"dialect") => {
+                let dialect = Injection::RmdDialect(parse(words, 2, "dialect")?);
+                self.world.borrow_mut().inject(parse(words, 1, "motor")?, dialect);
+                Ok(())
+            }
             Some(&"ignore-stop") => {
                 self.world
                     .borrow_mut()

@@ -5,8 +5,10 @@ use std::rc::Rc;
 
 use host_protocol::{CanId, Protocol};
 use mgw_client::{Client, Transport};
-use mgw_sim::{SimTransport, Wiring, World};
+use mgw_sim::{Injection, SimTransport, Wiring, World};
+use rmd::Dialect;
 
+use crate::args::FactoryMotor;
 use crate::config::{self, Configuration, Source};
 use crate::failure::Failure;
 
@@ -33,6 +35,25 @@ pub fn world(d5_id: Option<CanId>) -> Rc<RefCell<World>> {
         .filter(|motor| motor.protocol == Protocol::D5)
         .for_each(|d5| d5.can_id = d5_id);
     Rc::new(RefCell::new(World::new(wiring)))
+}
+
+/// A world with an unconfigured gateway and these motors.
+pub fn of(motors: &[FactoryMotor]) -> Result<Rc<RefCell<World>>, Failure> {
+    let mut wiring = Wiring::on(&mgw_sim::BOARD);
+    for motor in motors {
+        wiring = wiring.with(motor.bus, motor.protocol, motor.node);
+        if let (Some(wired), Some(bitrate)) = (wiring.motors.last_mut(), motor.bitrate) {
+            wired.bitrate = bitrate;
+        }
+    }
+    let mut world = World::try_new(wiring).map_err(|error| Failure::Usage(error.to_string()))?;
+    for (index, dialect) in (0..).zip(motors.iter().map(|motor| motor.dialect)) {
+        let number = dialect.and_then(|dialect| Dialect::ALL.iter().position(|of| *of == dialect));
+        if let Some(Ok(number)) = number.map(u8::try_from) {
+            world.inject(index, Injection::RmdDialect(number));
+        }
+    }
+    Ok(Rc::new(RefCell::new(world)))
 }
 
 /// The same with a fifth motor, a D5 on RS485, and the configuration of all five.

@@ -22,6 +22,7 @@ mod native_request;
 mod output;
 mod parameters;
 mod printable;
+mod scan;
 mod serve;
 mod server;
 mod session;
@@ -118,8 +119,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let out = Output::new(cli.json);
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
-        Some(Command::Sim { listen, unconfigured, d5_id }) => {
-            serve::run(*listen, *unconfigured, *d5_id, out)
+        Some(Command::Sim { listen, unconfigured, d5_id, motors }) => {
+            serve::run(*listen, *unconfigured, *d5_id, motors, out)
         }
         Some(Command::Serve(arguments)) => server::run(arguments, cli.port.as_deref(), out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),

@@ -10,6 +10,7 @@ use std::time::Duration;
 use host_protocol::{AxisParameter, CanId, Value};
 use serde_json::json;
 
+use crate::args::FactoryMotor;
 use crate::failure::Failure;
 use crate::four_motors;
 use crate::output::Output;
@@ -22,13 +23,19 @@ pub fn run(
     listen: SocketAddr,
     unconfigured: bool,
     d5_id: Option<CanId>,
+    motors: &[FactoryMotor],
     out: Output,
 ) -> Result<(), Failure> {
+    // What comes from its box is not configured.
+    let unconfigured = unconfigured || !motors.is_empty();
     let failed = |source| Failure::Server { address: listen.to_string(), source };
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
 
-    let world = four_motors::world(d5_id);
+    let world = match motors {
+        [] => four_motors::world(d5_id),
+        motors => four_motors::of(motors)?,
+    };
     if !unconfigured {
         let mut client = four_motors::connect(&world)?;
         four_motors::configure(&mut client, &four_motors::configuration()?)?;
@@ -46,12 +53,16 @@ pub fn run(
         json!({ "port": format!("tcp:{address}") }),
     )?;
     out.text(format!("try: mgw --port tcp:{address} info"))?;
-    if unconfigured {
+    if !motors.is_empty() {
+        out.text(format!("     mgw --port tcp:{address} scan"))?;
+    } else if unconfigured {
         out.text(format!(
             "     mgw --port tcp:{address} config apply host/cli/examples/four-motors.toml"
         ))?;
     }
-    out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;
+    if motors.is_empty() {
+        out.text(format!("     mgw --port tcp:{address} set 0 velocity 2 --for 3"))?;
+    }
     if !address.ip().is_loopback() {
         out.event(
             "warning",

@@ -223,9 +223,18 @@ fn reads_serial(bytes: &[u8]) -> bool {
 }
 
 /// Whether a request reads, and its bytes are those that the manual prints: the codec overlooks
-/// bytes without a meaning.
+/// bytes without a meaning. What motors of an unknown dialect may be asked reads in every one.
 fn reads_by(request: Request, data: &[u8]) -> bool {
-    effect(request, 1.0) == Some(Effect::Asks) && request.encode().is_ok_and(|bytes| bytes == data)
+    let reads = |request: Request| {
+        effect(request, 1.0) == Some(Effect::Asks)
+            && request.encode().is_ok_and(|bytes| bytes == data)
+    };
+    let in_any_dialect = || {
+        // Under an id of their own the bytes mean something else, as in motion mode.
+        let data = data.first_chunk().filter(|data| Request::decode(data) == request)?;
+        Some(Request::decode_in(Dialect::Unknown, data))
+    };
+    reads(request) || in_any_dialect().is_some_and(reads)
 }
 
 fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {

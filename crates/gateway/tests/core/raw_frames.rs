@@ -26,6 +26,16 @@ pub const RMD_ACTS: [u8; 23] = [
     0x20, 0x31, 0x32, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x79, 0x80, 0x81, 0xA1, 0xA2, 0xA3, 0xA4,
     0xA5, 0xA6, 0xA7, 0xA8, 0xB3, 0xB4, 0xF1,
 ];
+/// Reads with an index, which older motors pass over (docs/rmd-dialects.md): a gain from V4.2 on, an
+/// acceleration from V3.9 on, a part of the model's name of V4.4.
+pub const fn reads_by_index(data: [u8; 8]) -> bool {
+    matches!(
+        data,
+        [0x30, 1 | 2 | 4 | 5 | 7..=9, 0, 0, 0, 0, 0, 0]
+            | [0x42, 1..=3, 0, 0, 0, 0, 0, 0]
+            | [0xB5, 1, 1..=3, 0, 0, 0, 0, 0]
+    )
+}
 /// Thruster manual §2 to §4.
 const THRUSTER_READS: [&[u8; 2]; 9] =
     [b"QV", b"QC", b"QP", b"QT", b"EQ", b"EF", b"FR", b"QA", b"QR"];
@@ -51,6 +61,14 @@ pub fn rmd_on_can() -> Vec<Frame> {
             frames.push((text(id, &[command, 0, 0, 0, 0x10, 0x27]), Class::Acts));
         }
         frames.push((text(0x241, &[command, 0, 0, 0, 0, 0, 0, 0]), Class::Acts));
+        for index in [1, 2, 3, 4, 6, 9, 10, 0x80, u8::MAX] {
+            let data = [command, index, 0, 0, 0, 0, 0, 0];
+            let class = if reads_by_index(data) { Class::Reads } else { Class::Acts };
+            frames.push((text(0x141, &data), class));
+            let data = [command, 1, index, 0, 0, 0, 0, 0];
+            let class = if reads_by_index(data) { Class::Reads } else { Class::Acts };
+            frames.push((text(0x141, &data), class));
+        }
     }
     for id in [0x401, 0x407, 0x420, 0x501, 0x520, 0x241, 0x260] {
         for length in 0..=8 {
@@ -156,6 +174,10 @@ pub fn serial_reads(id: u8) -> Vec<Vec<u8>> {
         .into_iter()
         .map(|command| serial_frame(id, [command, 0, 0, 0, 0, 0, 0, 0]))
         .collect();
+    reads.extend(
+        [[0x30, 1, 0], [0x30, 9, 0], [0x42, 3, 0], [0xB5, 1, 1], [0xB5, 1, 3]]
+            .map(|[command, index, part]| serial_frame(id, [command, index, part, 0, 0, 0, 0, 0])),
+    );
     if id == 0xCD {
         reads.push(serial_frame(id, [0x79, 0, 1, 0, 0, 0, 0, 0]));
     }

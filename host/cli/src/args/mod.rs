@@ -1,6 +1,7 @@
 //! The command line.
 
 mod config;
+mod finding;
 mod frames;
 mod motion;
 mod values;
@@ -16,9 +17,11 @@ use host_protocol::{CanId, ClearTarget, StopTarget};
 
 pub use crate::server::ServeArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
+pub use finding::ScanArgs;
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
-use values::{clear_target, seconds, stop_target};
+pub use values::FactoryMotor;
+use values::{clear_target, factory_motor, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
 
 /// Where `mgw sim` listens unless told otherwise.
@@ -75,7 +78,8 @@ pub enum Command {
             e-stop press      bus 0 cut        motor 0 mute       power off      reset\n  \
             e-stop release    bus 0 mend       motor 0 mute off   power on       help\n\n\
             Examples:\n  mgw sim\n  mgw sim --listen 127.0.0.1:0      on a free port, \
-            which is printed"
+            which is printed\n  \
+            mgw sim --motor 0:rmd:1:v4_4 --motor 0:thruster:11 --motor 2:rmd:1@500000"
     )]
     Sim {
         /// Address to listen on; port 0 takes a free one
@@ -88,6 +92,13 @@ pub enum Command {
         /// given
         #[arg(long, value_name = "CAN_ID")]
         d5_id: Option<CanId>,
+        /// A motor instead of the four, unconfigured, as it comes from its box; may be given often.
+        /// RATE where it is not the usual one; DIALECT of an RMD, v3_6 to v4_4
+        #[arg(
+            long = "motor", value_name = "BUS:PROTOCOL:NODE[:DIALECT][@RATE]",
+            value_parser = factory_motor, conflicts_with = "d5_id"
+        )]
+        motors: Vec<FactoryMotor>,
     },
 
     /// Own the cable to a gateway and offer it to any number of local programs
@@ -258,6 +269,19 @@ pub enum Command {
         /// The bus; all of the board without it
         bus: Option<u8>,
     },
+
+    /// Find the motors on the buses; nothing moves, and nothing is written
+    ///
+    /// Asks RMD motors 1 to 32 or D5 motors 1 to 253 of each configured bus by reads that are safe
+    /// whatever the motor's version, and says what they are: model, firmware, dialect with its
+    /// evidence, supply, faults, and whether two seem to have one id. Thrusters are heard; they are
+    /// asked with --thrusters. Refused while an axis on the bus is not idle.
+    #[command(after_help = "Examples:\n  mgw scan\n  mgw scan 0 --thrusters\n  \
+            mgw scan 0 --bitrate 1000000            a bus that is not configured\n  \
+            mgw scan 2 --bitrate 115200,500000,1000000\n\n\
+            On CAN a gateway at a wrong bitrate disturbs what others send there: name only \
+            bitrates that the motors may have, on a bus that nothing else uses.")]
+    Scan(ScanArgs),
 
     /// Send and receive raw frames on a bus whose axes are all idle
     ///

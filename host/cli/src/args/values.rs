@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, StateField, StopTarget};
+use host_protocol::{ClearTarget, Protocol, StateField, StopTarget};
+use rmd::Dialect;
 
 /// Seconds from 0 on.
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -39,4 +40,42 @@ pub fn stop_target(text: &str) -> Result<StopTarget, String> {
 /// An axis, or `gateway`.
 pub fn clear_target(text: &str) -> Result<ClearTarget, String> {
     Ok(axis_or(text, "gateway")?.map_or(ClearTarget::Gateway, ClearTarget::Axis))
+}
+
+/// A simulated motor as it comes from its box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FactoryMotor {
+    pub bus: u8,
+    pub protocol: Protocol,
+    pub node: u8,
+    /// Of an RMD, where it is named.
+    pub dialect: Option<Dialect>,
+    /// Where it is not the usual one, bit/s.
+    pub bitrate: Option<u32>,
+}
+
+/// `0:rmd:1`, `0:rmd:1:v4_4`, `2:rmd:1@500000`
+pub fn factory_motor(text: &str) -> Result<FactoryMotor, String> {
+    let wrong = || "takes BUS:PROTOCOL:NODE[:DIALECT][@RATE], for example 0:rmd:1:v4_4".to_owned();
+    let (motor, rate) = match text.split_once('@') {
+        Some((motor, rate)) => (motor, Some(rate.parse().map_err(|_| wrong())?)),
+        None => (text, None),
+    };
+    let mut words = motor.split(':');
+    let mut word = || words.next().ok_or_else(wrong);
+    let bus = word()?.parse().map_err(|_| wrong())?;
+    let protocol = Protocol::from_name(word()?).ok_or_else(wrong)?;
+    let node = word()?.parse().map_err(|_| wrong())?;
+    let dialect = match words.next() {
+        Some(_) if protocol != Protocol::Rmd => return Err(wrong()),
+        Some(name) => {
+            let known = Dialect::ALL.into_iter().filter(|dialect| *dialect != Dialect::Unknown);
+            Some(known.into_iter().find(|dialect| dialect.name() == name).ok_or_else(wrong)?)
+        }
+        None => None,
+    };
+    if words.next().is_some() {
+        return Err(wrong());
+    }
+    Ok(FactoryMotor { bus, protocol, node, dialect, bitrate: rate })
 }

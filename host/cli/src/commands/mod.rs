@@ -10,6 +10,7 @@ mod limits;
 mod moving;
 mod native;
 mod raw;
+mod scan;
 mod set;
 mod stop;
 mod stop_report;
@@ -64,6 +65,7 @@ pub fn run(
             | Command::Native(_)
             | Command::Clear { .. }
             | Command::OutputOff { .. }
+            | Command::Scan(_)
             | Command::Raw { .. }
     );
     let reachable = match &result {
@@ -107,6 +109,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
             session.print_states(&axes)
         }
         Command::Watch(arguments) => watch::run(session, arguments),
+        Command::Scan(arguments) => scan::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
         Command::Raw { bus, unsafe_access, action } => {
             raw::run(session, *bus, *unsafe_access, action)

@@ -13,6 +13,7 @@ mod native;
 #[cfg(target_os = "linux")]
 mod pty;
 mod refusals;
+mod scan;
 mod schema;
 #[cfg(unix)]
 mod server;

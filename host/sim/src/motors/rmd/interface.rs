@@ -33,13 +33,13 @@ impl Interface {
         rmd::can::decode_any_request(&frame).ok().filter(|_| !frame.is_remote_frame())
     }
 
-    /// Takes the next byte; the request that it completes, and to whom it goes.
+    /// Takes the next byte; the request that it completes, to whom it goes, and its data.
     pub(super) fn push(
         &mut self,
         now: Duration,
         lenient: bool,
         byte: u8,
-    ) -> Option<(Target, Request)> {
+    ) -> Option<(Target, Request, [u8; rmd::DATA_LEN])> {
         let Self::Rs485 { framer, line, last_byte, gap } = self else { return None };
         if now.saturating_sub(*last_byte) > *gap {
             framer.reset();
@@ -47,7 +47,9 @@ impl Interface {
         *last_byte = now;
         let (strictly, leniently) = (framer.push(byte), line.push(byte));
         let frame = if lenient { leniently } else { strictly }?;
-        rmd::rs485::decode_any_request(&frame).ok()
+        let (to, request) = rmd::rs485::decode_any_request(&frame).ok()?;
+        let [_, _, _, data @ .., _, _] = frame;
+        Some((to, request, data))
     }
 
     /// Sends a reply after `delay`.

@@ -262,9 +262,13 @@ impl Model for Rmd {
     }
 
     fn hear_byte(&mut self, cx: &mut Context<'_>, byte: u8) {
-        if let Some((to, request)) = self.interface.push(cx.now, cx.injected.lenient, byte)
+        if let Some((to, request, data)) = self.interface.push(cx.now, cx.injected.lenient, byte)
             && !self.is_restarting(cx.now)
         {
+            let request = match to {
+                Target::Node(_) => self.in_dialect(cx, request, &data),
+                Target::All => request,
+            };
             self.hear_request(cx, to, &request);
         }
     }

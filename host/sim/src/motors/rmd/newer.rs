@@ -24,7 +24,17 @@ impl Rmd {
             Request::MotionMode { .. } | Request::ReadCanId | Request::SetCanId { .. }
         );
         match data.try_into() {
-            Ok(data) if dialect != Dialect::V3_6 && !is_own => Request::decode_in(dialect, data),
+            Ok(data) if dialect != Dialect::V3_6 && !is_own => {
+                match Request::decode_in(dialect, data) {
+                    // The index of a read that it does not know of it passes over.
+                    Request::Unknown { .. }
+                        if request.only_reads() && request.dialects().contains(dialect) =>
+                    {
+                        request
+                    }
+                    known => known,
+                }
+            }
             _ => request,
         }
     }

@@ -1,0 +1,127 @@
+//! D5 motors of a bus: every id is asked, as a query of all is answered by all at once.
+
+use std::collections::BTreeMap;
+
+use d5::serial::Deframer;
+use d5::{Address, Node, Register, Reply, Request, Value, Width};
+use host_protocol::{BusKind, Bytes, CanFrame, Protocol, RawFrame};
+
+use super::open_bus::{Hear, OpenBus};
+use super::{ANSWER_WITHIN, Doubled, Found};
+use crate::failure::Failure;
+
+/// What a motor that answers is asked further; each register is a byte.
+const REGISTERS: [Register; 4] =
+    [Register::VERSION, Register::ACK_LEVEL, Register::TIMEOUT_SWITCH, Register::MOTOR_TEMPERATURE];
+
+/// What has been heard of the motors of one bus.
+pub struct Motors {
+    kind: BusKind,
+    deframer: Deframer,
+    /// The answers to reads, by id: register and value.
+    heard: BTreeMap<u8, Vec<(Register, u8)>>,
+    asked: BTreeMap<u8, usize>,
+}
+
+impl Hear for Motors {
+    fn hear(&mut self, frame: &RawFrame) {
+        match frame {
+            RawFrame::Can(frame) => {
+                if let Ok((node, reply)) = d5::can::decode_reply(frame) {
+                    self.take(node, &reply);
+                }
+            }
+            RawFrame::Serial(bytes) => {
+                for byte in bytes {
+                    let Some(frame) = self.deframer.push(*byte) else { continue };
+                    if let Ok((node, reply)) = d5::decode_reply_frame(&frame) {
+                        self.take(node, &reply);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Motors {
+    pub fn new(kind: BusKind) -> Self {
+        let (heard, asked) = (BTreeMap::new(), BTreeMap::new());
+        Self { kind, deframer: Deframer::new(), heard, asked }
+    }
+
+    fn take(&mut self, node: Node, reply: &Reply) {
+        if let Reply::Read { register, value: Value::Byte(value) } = *reply {
+            self.heard.entry(node.get()).or_default().push((register, value));
+        }
+    }
+
+    /// Asks every id, then those that answer for what they are; `false` where nobody acknowledges.
+    pub fn find(&mut self, bus: &mut OpenBus<'_>) -> Result<bool, Failure> {
+        for node in (Node::MIN..=Node::MAX).filter_map(|node| Node::new(node).ok()) {
+            if !self.ask(bus, node, Register::STATUS)? {
+                return Ok(false);
+            }
+        }
+        bus.listen(ANSWER_WITHIN, self)?;
+        let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
+        for node in nodes {
+            for register in REGISTERS {
+                let before = self.answers_of(node);
+                self.ask(bus, node, register)?;
+                bus.listen_until(ANSWER_WITHIN, self, |all| all.answers_of(node) > before)?;
+            }
+        }
+        Ok(true)
+    }
+
+    fn ask(
+        &mut self,
+        bus: &mut OpenBus<'_>,
+        node: Node,
+        register: Register,
+    ) -> Result<bool, Failure> {
+        let (address, request) =
+            (Address::Node(node), Request::Read { register, width: Width::Byte });
+        let frame = match self.kind {
+            BusKind::Can => {
+                let id = d5::can::default_request_id(node);
+                d5::can::request::<CanFrame>(id, address, &request).ok().map(RawFrame::Can)
+            }
+            BusKind::Rs485 => d5::request_frame(address, &request)
+                .ok()
+                .and_then(|bytes| Bytes::from_slice(&bytes).ok())
+                .map(RawFrame::Serial),
+        };
+        let Some(frame) = frame else { return Ok(true) };
+        *self.asked.entry(node.get()).or_default() += 1;
+        bus.send(&frame, self)
+    }
+
+    fn answers_of(&self, node: Node) -> usize {
+        self.heard.get(&node.get()).map_or(0, Vec::len)
+    }
+
+    /// The motors that answered.
+    pub fn found(&self) -> Vec<Found> {
+        self.heard.iter().map(|(node, answers)| self.one(*node, answers)).collect()
+    }
+
+    fn one(&self, node: u8, answers: &[(Register, u8)]) -> Found {
+        let of = |wanted: Register| {
+            answers.iter().find(|(register, _)| *register == wanted).map(|(_, value)| *value)
+        };
+        let asked = self.asked.get(&node).copied().unwrap_or(0);
+        Found {
+            asked: true,
+            firmware: of(Register::VERSION).map(|version| version.to_string()),
+            temperature_c: of(Register::MOTOR_TEMPERATURE)
+                .map(|raw| d5::decode_temperature(raw).0.into()),
+            faults: of(Register::STATUS).map(u16::from),
+            timeout_on: of(Register::TIMEOUT_SWITCH).map(|switch| switch == 1),
+            ack_level: of(Register::ACK_LEVEL),
+            // A motor answers each read once.
+            doubled: (answers.len() > asked).then_some(Doubled::TwoReplies),
+            ..Found::new(Protocol::D5, node)
+        }
+    }
+}

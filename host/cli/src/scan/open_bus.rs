@@ -1,0 +1,113 @@
+//! A bus that is open for raw frames, which only read.
+
+use std::time::Duration;
+
+use host_protocol::{Error, RawFrame};
+use mgw_client::ClientError;
+
+use crate::failure::Failure;
+use crate::session::Session;
+
+/// Between two looks at what has arrived.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+/// The same while nothing is asked.
+const LISTEN_EVERY: Duration = Duration::from_millis(10);
+/// A frame that the bus does not take for so long is not acknowledged by anybody. A line is kept by
+/// each unanswered read for its reply window, which has at most 200 ms.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// Of the frames that the gateway keeps for us, as many replies as there may be between two looks.
+const SENT_BETWEEN_LOOKS: u32 = 3;
+
+/// What takes in the frames of a bus.
+pub trait Hear {
+    /// A frame has arrived.
+    fn hear(&mut self, frame: &RawFrame);
+}
+
+/// A bus of the gateway, open for raw frames.
+pub struct OpenBus<'a> {
+    session: &'a mut Session,
+    bus: u8,
+    unseen: u32,
+    /// Frames that the gateway could not keep until they were fetched.
+    pub lost: u32,
+}
+
+impl<'a> OpenBus<'a> {
+    /// Opens it. Refused while an axis on it is not idle.
+    pub fn open(session: &'a mut Session, bus: u8) -> Result<Self, Failure> {
+        session.client.raw_open(bus)?;
+        Ok(Self { session, bus, unseen: 0, lost: 0 })
+    }
+
+    /// Closes it: an open bus refuses arming.
+    pub fn close(self) -> Result<(), Failure> {
+        Ok(self.session.client.raw_close(self.bus)?)
+    }
+
+    /// Sends a frame, and takes in what has arrived now and then; `false` where nobody acknowledges
+    /// what is sent.
+    pub fn send(&mut self, frame: &RawFrame, to: &mut dyn Hear) -> Result<bool, Failure> {
+        let end = self.session.client.now() + PATIENCE;
+        loop {
+            match self.session.client.raw_send(self.bus, frame.clone()) {
+                Ok(()) => break,
+                Err(ClientError::Gateway(Error::QueueFull { .. })) => {
+                    if self.session.client.now() >= end {
+                        return Ok(false);
+                    }
+                    self.fetch(to)?;
+                    self.session.client.pause(LOOK_EVERY)?;
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        self.unseen += 1;
+        if self.unseen >= SENT_BETWEEN_LOOKS {
+            self.fetch(to)?;
+        }
+        Ok(true)
+    }
+
+    /// Takes in what arrives, for so long.
+    pub fn listen(&mut self, span: Duration, to: &mut dyn Hear) -> Result<(), Failure> {
+        let end = self.session.client.now() + span;
+        loop {
+            self.fetch(to)?;
+            let left = end.saturating_sub(self.session.client.now());
+            if left.is_zero() {
+                return Ok(());
+            }
+            self.session.client.pause(LISTEN_EVERY.min(left))?;
+        }
+    }
+
+    /// Takes in what arrives until `done`, or for so long.
+    pub fn listen_until<H: Hear>(
+        &mut self,
+        most: Duration,
+        to: &mut H,
+        done: impl Fn(&H) -> bool,
+    ) -> Result<(), Failure> {
+        let end = self.session.client.now() + most;
+        loop {
+            self.fetch(to)?;
+            if done(to) || self.session.client.now() >= end {
+                return Ok(());
+            }
+            self.session.client.pause(LOOK_EVERY)?;
+        }
+    }
+
+    fn fetch(&mut self, to: &mut dyn Hear) -> Result<(), Failure> {
+        self.unseen = 0;
+        loop {
+            let received = self.session.client.raw_receive(self.bus)?;
+            self.lost = self.lost.saturating_add(received.dropped);
+            received.frames.iter().for_each(|received| to.hear(&received.frame));
+            if !received.frames.is_full() {
+                return Ok(());
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! `mgw scan` on motors as they come from their boxes.
+
+use serde_json::Value;
+
+use crate::support::{Sim, mgw};
+
+/// Two RMDs of different dialects with one id, a thruster, two D5 with one id, and an RMD on a line
+/// at another rate.
+const FROM_THE_BOX: [&str; 16] = [
+    "--motor",
+    "0:rmd:1:v4_4",
+    "--motor",
+    "0:rmd:1:v3_6",
+    "--motor",
+    "0:thruster:11",
+    "--motor",
+    "0:rmd:7:v3_9",
+    "--motor",
+    "1:d5:11",
+    "--motor",
+    "1:d5:11",
+    "--motor",
+    "2:rmd:1:v4_2@500000",
+    "--motor",
+    "3:d5:12",
+];
+
+/// What one scan finds.
+fn scan(sim: &Sim, arguments: &[&str]) -> Vec<Value> {
+    let words = [&["--json", "scan", "--listen", "0"], arguments].concat();
+    let lines = sim.mgw_once_in_command(&words).json_lines();
+    lines[0]["scan"].as_array().expect("a list").clone()
+}
+
+/// The motors of its first bus.
+fn motors(scan: &[Value]) -> Vec<(String, u64, String, String)> {
+    let text = |value: &Value| value.as_str().unwrap_or("-").to_owned();
+    let motors = scan[0]["motors"].as_array().expect("a list").iter();
+    motors
+        .map(|motor| {
+            let node = motor["node"].as_u64().expect("a number");
+            (text(&motor["protocol"]), node, text(&motor["rmd_dialect"]), text(&motor["doubled"]))
+        })
+        .collect()
+}
+
+fn found(protocol: &str, node: u64, dialect: &str, doubled: &str) -> (String, u64, String, String) {
+    (protocol.to_owned(), node, dialect.to_owned(), doubled.to_owned())
+}
+
+#[test]
+fn motors_from_the_box_are_found_and_two_with_one_id_suspected() {
+    let mut sim = Sim::with(&FROM_THE_BOX);
+    let text = sim.mgw(&["scan"]).success();
+    assert!(text.contains("`mgw scan 1 --bitrate 1000000,210526` looks there"), "{text}");
+
+    let bus_0 = ["0", "--bitrate", "1000000", "--thrusters"];
+    let doubled = found("rmd", 1, "unknown", "two_replies");
+    let others = [found("rmd", 7, "v3_9", "-"), found("thruster", 11, "-", "-")];
+    assert_eq!(motors(&scan(&sim, &bus_0)), [&[doubled], &others[..]].concat());
+
+    // As the guide says: one of them is unplugged.
+    sim.process.type_line("motor 1 unplugged");
+    sim.process.wait_for("it", |line| line.contains("motor 1 unplugged").then_some(()));
+    let alone = scan(&sim, &bus_0);
+    assert_eq!(motors(&alone), [&[found("rmd", 1, "v4_4", "-")], &others[..]].concat());
+    assert_eq!(alone[0]["motors"][0]["model"], "RMD-X4-P36-36");
+    assert_eq!(alone[0]["motors"][0]["evidence"][1]["answer"], "B50101524D442D58");
+    // The thruster is not asked, and was not heard.
+    assert_eq!(motors(&scan(&sim, &bus_0[..3])).len(), 2);
+
+    let d5 = scan(&sim, &["1", "--bitrate", "1000000,210526"]);
+    assert_eq!(d5[0]["unacknowledged"], true);
+    assert_eq!(motors(&d5[1..]), [found("d5", 11, "-", "two_replies")]);
+
+    let line = scan(&sim, &["2", "--bitrate", "115200,500000"]);
+    assert_eq!(motors(&line), []);
+    assert_eq!(motors(&line[2..]), [found("rmd", 1, "unknown", "-")]);
+    let possible = serde_json::json!(["v4_2", "v4_3"]);
+    assert_eq!(line[2]["motors"][0]["possible_dialects"], possible);
+
+    let line = scan(&sim, &["3", "--bitrate", "115200"]);
+    assert_eq!(motors(&line[1..]), [found("d5", 12, "-", "-")]);
+    // Every bus is as it was.
+    let buses = &sim.mgw(&["--json", "bus"]).json_lines()[0]["buses"];
+    assert!(buses.as_array().unwrap().iter().all(|bus| bus["config"].is_null()), "{buses}");
+}
+
+#[test]
+fn a_stated_dialect_that_the_motor_contradicts_is_named() {
+    let sim = Sim::start();
+    sim.mgw_once_in_command(&["config", "axis", "0", "rmd_dialect=v4_4"]).success();
+    let motor = scan(&sim, &["0"])[0]["motors"][0].clone();
+    assert_eq!((&motor["axis"], &motor["contradicted_dialect"]), (&0.into(), &"v4_4".into()));
+    let text = sim.mgw_once_in_command(&["scan", "0", "--listen", "0"]).success();
+    assert!(text.contains("contradict rmd_dialect = v4_4 of axis 0"), "{text}");
+    sim.mgw_once_in_command(&["config", "axis", "0", "rmd_dialect=v3_6"]).success();
+    assert_eq!(scan(&sim, &["0"])[0]["motors"][0]["contradicted_dialect"], Value::Null);
+}
+
+#[test]
+fn a_bus_of_an_axis_is_scanned_at_its_own_bitrate_only() {
+    let sim = Sim::start();
+    let text = sim.mgw(&["scan", "0", "--bitrate", "500000"]).failure(1);
+    assert!(text.contains("bus 0 belongs to axis 0"), "{text}");
+    sim.mgw(&["scan", "9"]).failure(1);
+    sim.mgw(&["scan", "--bitrate", "500000"]).failure(2);
+    let text = sim.mgw(&["scan", "3", "--bitrate", "123"]).failure(1);
+    assert!(text.contains("123"), "{text}");
+    sim.mgw_once_in_command(&["scan", "3", "--bitrate", "115200", "--listen", "0"]).success();
+}
+
+#[test]
+fn a_simulated_motor_that_cannot_be_is_refused() {
+    for motor in ["0:rmd", "0:servo:1", "0:rmd:1:v9", "0:d5:1:v4_4", "0:rmd:1:v4_4:x", "0:rmd:1@x"]
+    {
+        let text = mgw(&["sim", "--listen", "127.0.0.1:0", "--motor", motor]).failure(2);
+        assert!(text.contains("BUS:PROTOCOL:NODE[:DIALECT][@RATE]"), "{motor}: {text}");
+    }
+    for motor in ["9:rmd:1", "0:rmd:33", "2:thruster:1"] {
+        mgw(&["sim", "--listen", "127.0.0.1:0", "--motor", motor]).failure(2);
+    }
+}
