@@ -45,6 +45,8 @@ pub enum Failure {
     },
     /// A file could not be read.
     File { path: String, source: io::Error },
+    /// A file could not be written.
+    Unwritten { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
     Lost { axes: Vec<u8>, cause: ClientError },
     /// Captured frames that have no meaning.
@@ -81,7 +83,7 @@ impl Failure {
             },
             Self::Differs { .. } => "Differs",
             Self::Refused { name, .. } => name,
-            Self::File { .. } => "File",
+            Self::File { .. } | Self::Unwritten { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
@@ -274,6 +276,12 @@ impl fmt::Display for Failure {
             }
             Self::Differs { path, count } => {
                 write!(f, "the gateway has {count} settings other than {path}")
+            }
+            Self::Unwritten { path, source } if source.kind() == io::ErrorKind::AlreadyExists => {
+                write!(f, "{path} is there already. Name another file, or add --force")
+            }
+            Self::Unwritten { path, source } => {
+                write!(f, "cannot write {path} ({source}). Check the path")
             }
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")

@@ -1,19 +1,38 @@
-//! The arguments of `scan`.
+//! The arguments of `scan` and `adopt`.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use host_protocol::StopAction;
 
-use super::values::seconds;
+use super::values::{scan_target, seconds, stop_action};
+
+/// A bus, and at which bitrates it is scanned.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ScanTarget {
+    pub bus: u8,
+    pub bitrates: Bitrates,
+}
+
+/// At which bitrates a bus is scanned.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Bitrates {
+    /// At that which it is configured for.
+    Configured,
+    /// At these, bit/s.
+    Named(Vec<u32>),
+    /// At all that the board has for it.
+    All,
+}
 
 #[derive(Debug, Args)]
 pub struct ScanArgs {
-    /// The bus; all that are configured without it
-    pub bus: Option<u8>,
-    /// Scan at these bitrates instead of the configured one, on CAN until motors are found; only a
-    /// bus without axes, which is configured as before afterwards
-    #[arg(long = "bitrate", value_name = "BIT/S,…", value_delimiter = ',', requires = "bus")]
-    pub bitrates: Vec<u32>,
+    /// The buses; all that are configured without any. With a bitrate, or `all`, the bus is scanned
+    /// there instead of at its own, on CAN until motors are found; only one without axes, which is
+    /// configured as before afterwards
+    #[arg(value_name = "BUS[@BIT/S,…|@all]", value_parser = scan_target)]
+    pub targets: Vec<ScanTarget>,
     /// Seconds to listen before the first motor is asked: to what motors send by themselves
     #[arg(
         long, default_value = "1.2",
@@ -24,4 +43,20 @@ pub struct ScanArgs {
     /// Ask thrusters too; any command, a read too, may end the timeout that keeps one at rest
     #[arg(long)]
     pub thrusters: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct AdoptArgs {
+    #[command(flatten)]
+    pub scan: ScanArgs,
+    /// The file to write; standard output without it
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write over a file that is there
+    #[arg(long, requires = "output")]
+    pub force: bool,
+    /// The stop action of motors that have a choice: coast, hold or brake. Without it the file
+    /// leaves it to be chosen
+    #[arg(long, value_name = "ACTION", value_parser = stop_action)]
+    pub stop_action: Option<StopAction>,
 }

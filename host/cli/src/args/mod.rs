@@ -17,7 +17,7 @@ use host_protocol::{CanId, ClearTarget, StopTarget};
 
 pub use crate::server::ServeArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
-pub use finding::ScanArgs;
+pub use finding::{AdoptArgs, Bitrates, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
 pub use values::FactoryMotor;
@@ -277,11 +277,19 @@ pub enum Command {
     /// evidence, supply, faults, and whether two seem to have one id. Thrusters are heard; they are
     /// asked with --thrusters. Refused while an axis on the bus is not idle.
     #[command(after_help = "Examples:\n  mgw scan\n  mgw scan 0 --thrusters\n  \
-            mgw scan 0 --bitrate 1000000            a bus that is not configured\n  \
-            mgw scan 2 --bitrate 115200,500000,1000000\n\n\
+            mgw scan 0@1000000 1@210526 2@all       buses that are not configured\n\n\
             On CAN a gateway at a wrong bitrate disturbs what others send there: name only \
             bitrates that the motors may have, on a bus that nothing else uses.")]
     Scan(ScanArgs),
+
+    /// Scan, and write a configuration with an axis for each motor that has none
+    ///
+    /// What is configured already stays as it is. Two motors with one id are left out. Choose what
+    /// a stop does where the file leaves it open, then `mgw config apply FILE`.
+    #[command(after_help = "Examples:\n  \
+            mgw adopt 0@1000000 1@210526 2@115200 --output robot.toml\n  \
+            mgw adopt --stop-action hold --output robot.toml --force")]
+    Adopt(AdoptArgs),
 
     /// Send and receive raw frames on a bus whose axes are all idle
     ///

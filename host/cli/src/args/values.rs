@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, Protocol, StateField, StopTarget};
+use host_protocol::{ClearTarget, Protocol, StateField, StopAction, StopTarget};
 use rmd::Dialect;
+
+use super::finding::{Bitrates, ScanTarget};
 
 /// Seconds from 0 on.
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -40,6 +42,26 @@ pub fn stop_target(text: &str) -> Result<StopTarget, String> {
 /// An axis, or `gateway`.
 pub fn clear_target(text: &str) -> Result<ClearTarget, String> {
     Ok(axis_or(text, "gateway")?.map_or(ClearTarget::Gateway, ClearTarget::Axis))
+}
+
+/// `0`, `0@1000000,500000`, `0@all`
+pub fn scan_target(text: &str) -> Result<ScanTarget, String> {
+    let wrong =
+        || "takes a bus, or a bus with bitrates: 0, 0@1000000, 2@115200,500000 or 2@all".to_owned();
+    let (bus, bitrates) = match text.split_once('@') {
+        None => (text, Bitrates::Configured),
+        Some((bus, "all")) => (bus, Bitrates::All),
+        Some((bus, bitrates)) => {
+            let bitrates = bitrates.split(',').map(str::parse).collect::<Result<_, _>>();
+            (bus, Bitrates::Named(bitrates.map_err(|_| wrong())?))
+        }
+    };
+    Ok(ScanTarget { bus: bus.parse().map_err(|_| wrong())?, bitrates })
+}
+
+/// The name of a stop action.
+pub fn stop_action(text: &str) -> Result<StopAction, String> {
+    StopAction::from_name(text).ok_or_else(|| "must be coast, hold or brake".to_owned())
 }
 
 /// A simulated motor as it comes from its box.

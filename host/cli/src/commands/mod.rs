@@ -1,5 +1,6 @@
 //! The commands that talk to a gateway, one file for each kind.
 
+mod adopt;
 mod arm;
 mod axes;
 mod bus;
@@ -66,6 +67,7 @@ pub fn run(
             | Command::Clear { .. }
             | Command::OutputOff { .. }
             | Command::Scan(_)
+            | Command::Adopt(_)
             | Command::Raw { .. }
     );
     let reachable = match &result {
@@ -110,6 +112,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         }
         Command::Watch(arguments) => watch::run(session, arguments),
         Command::Scan(arguments) => scan::run(session, arguments),
+        Command::Adopt(arguments) => adopt::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
         Command::Raw { bus, unsafe_access, action } => {
             raw::run(session, *bus, *unsafe_access, action)

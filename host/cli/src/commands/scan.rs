@@ -16,13 +16,9 @@ use crate::words::{self, NOTHING};
 
 /// Shows which motors are on the buses.
 pub fn run(session: &mut Session, arguments: &ScanArgs) -> Result<(), Failure> {
-    if arguments.thrusters {
-        session.out.aside(
-            "thrusters are asked too: any command may end the timeout that keeps one at rest",
-        );
-    }
     let mut all = Vec::new();
-    scan(session, &wanted(arguments), |_, scanned| {
+    let wanted = wanted(session, arguments);
+    scan(session, &wanted, |_, scanned| {
         all.push(scanned);
         Ok(())
     })?;
@@ -48,14 +44,15 @@ pub fn run(session: &mut Session, arguments: &ScanArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What these arguments want scanned.
-pub fn wanted(arguments: &ScanArgs) -> Wanted {
-    Wanted {
-        bus: arguments.bus,
-        bitrates: arguments.bitrates.clone(),
-        listen: arguments.listen,
-        thrusters: arguments.thrusters,
+/// What these arguments want scanned, and a warning where that may end the timeout of a motor.
+pub fn wanted(session: &Session, arguments: &ScanArgs) -> Wanted {
+    if arguments.thrusters {
+        session.out.aside(
+            "thrusters are asked too: any command may end the timeout that keeps one at rest",
+        );
     }
+    let ScanArgs { targets, listen, thrusters } = arguments;
+    Wanted { targets: targets.clone(), listen: *listen, thrusters: *thrusters }
 }
 
 fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {
@@ -106,16 +103,14 @@ fn known(dialects: impl Iterator<Item = Dialect>) -> impl Iterator<Item = Dialec
 }
 
 /// What is to be said of a bus.
-fn bus_notes(scanned: &Scanned) -> Vec<String> {
+pub fn bus_notes(scanned: &Scanned) -> Vec<String> {
     let bus = scanned.bus;
     let Some(bitrate) = scanned.bitrate else {
-        let usual = match scanned.kind {
+        let rates = match scanned.kind {
             BusKind::Can => "1000000,210526",
-            BusKind::Rs485 => "115200",
+            BusKind::Rs485 => "all",
         };
-        return vec![format!(
-            "bus {bus} is not configured: `mgw scan {bus} --bitrate {usual}` looks there"
-        )];
+        return vec![format!("bus {bus} is not configured: `mgw scan {bus}@{rates}` looks there")];
     };
     let mut notes = Vec::new();
     if scanned.unacknowledged {
@@ -140,7 +135,7 @@ fn bus_notes(scanned: &Scanned) -> Vec<String> {
 }
 
 /// What is to be said of a motor.
-fn notes(scanned: &Scanned, motor: &Found) -> Vec<String> {
+pub fn notes(scanned: &Scanned, motor: &Found) -> Vec<String> {
     let who = format!("bus {}, {}", scanned.bus, name(motor));
     let mut notes = Vec::new();
     if let Some(doubled) = motor.doubled {

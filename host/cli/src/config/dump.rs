@@ -1,5 +1,6 @@
 //! A configuration as the file that makes it.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use host_protocol::{ParameterInfo, Value};
@@ -15,7 +16,16 @@ const HEADING: &str = "\
 
 /// The text of the file. Read again it is the same configuration.
 pub fn dump(configuration: &Configuration) -> String {
-    let mut text = HEADING.to_owned();
+    dump_with(configuration, HEADING, &BTreeMap::new())
+}
+
+/// The same with another heading, and comments before the axes.
+pub fn dump_with(
+    configuration: &Configuration,
+    heading: &str,
+    comments: &BTreeMap<u8, Vec<String>>,
+) -> String {
+    let mut text = heading.to_owned();
     section(&mut text, "[gateway]");
     for (parameter, value) in &configuration.gateway {
         key(&mut text, parameter.text().name, &written(parameter.info(), *value));
@@ -31,7 +41,9 @@ pub fn dump(configuration: &Configuration) -> String {
         key(&mut text, "reply_window_us", &config.reply_window_us);
     }
     for (axis, values) in &configuration.axes {
-        section(&mut text, "[[axis]]");
+        let comments = comments.get(axis).into_iter().flatten();
+        let comments: String = comments.map(|line| format!("# {line}\n")).collect();
+        section(&mut text, &format!("{comments}[[axis]]"));
         key(&mut text, "axis", axis);
         for (parameter, value) in values {
             key(&mut text, parameter.text().name, &written(parameter.info(), *value));

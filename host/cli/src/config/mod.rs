@@ -24,7 +24,7 @@ use crate::words;
 pub use apply::{read, write_timeouts};
 pub use board::BoardPorts;
 pub use check::{check, check_without_board};
-pub use dump::dump;
+pub use dump::{dump, dump_with};
 pub use file::{Source, parse};
 pub use schema::schema;
 pub use template::dump_like;

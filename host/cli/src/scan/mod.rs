@@ -13,6 +13,7 @@ use host_protocol::{
     Value,
 };
 
+use crate::args::{Bitrates, ScanTarget};
 use crate::config::NEW_BUS;
 use crate::failure::Failure;
 use crate::session::Session;
@@ -25,10 +26,8 @@ const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 /// What is looked for, and how.
 #[derive(Debug, Clone)]
 pub struct Wanted {
-    /// The bus; all that are configured without it.
-    pub bus: Option<u8>,
-    /// At these bitrates instead of the configured one.
-    pub bitrates: Vec<u32>,
+    /// The buses, and at which bitrates; all that are configured where there is none.
+    pub targets: Vec<ScanTarget>,
     /// So long what motors send by themselves is listened to before any is asked.
     pub listen: Duration,
     /// Thrusters are asked too.
@@ -160,41 +159,41 @@ pub fn scan(
 ) -> Result<(), Failure> {
     let axes = session.client.list_axes()?;
     let buses = session.client.hello().buses.clone();
-    let all = (0u8..).zip(&buses).filter(|(bus, _)| wanted.bus.is_none_or(|only| only == *bus));
-    if let Some(bus) = wanted.bus.filter(|bus| usize::from(*bus) >= buses.len()) {
-        // The gateway says which there are.
-        session.client.bus_status(bus)?;
-    }
-    for (bus, capability) in all {
-        let kind = capability.kind;
+    let targets = match wanted.targets.as_slice() {
+        [] => (0u8..)
+            .zip(&buses)
+            .map(|(bus, _)| ScanTarget { bus, bitrates: Bitrates::Configured })
+            .collect(),
+        named => named.to_vec(),
+    };
+    for ScanTarget { bus, bitrates } in targets {
+        // The gateway says which buses there are.
         let config = session.client.bus_status(bus)?.config;
-        if wanted.bitrates.is_empty() {
-            let scanned = match config {
-                Some(config) => {
-                    let protocols = looked_for(kind, config.bitrate);
-                    let protocols = match kind {
-                        BusKind::Can => protocols,
-                        // Its motors understand one form of frames.
-                        BusKind::Rs485 => config.protocols,
-                    };
-                    one(session, wanted, bus, kind, config.bitrate, protocols, &axes)?
-                }
-                None => Scanned::not_configured(bus, kind),
-            };
-            done(session, scanned)?;
-            continue;
-        }
+        let Some(capability) = buses.get(usize::from(bus)) else { continue };
+        let kind = capability.kind;
+        let bitrates = match bitrates {
+            Bitrates::Configured => {
+                let scanned = match config {
+                    Some(config) => at_its_own(session, wanted, (bus, kind), &config, &axes)?,
+                    None => Scanned::not_configured(bus, kind),
+                };
+                done(session, scanned)?;
+                continue;
+            }
+            Bitrates::Named(bitrates) => bitrates,
+            Bitrates::All => capability.bitrates.to_vec(),
+        };
         if let Some(axis) = axes.iter().find(|axis| axis.bus == Some(bus)) {
             return Err(Failure::Explained {
                 error: Error::AxisOnBus { bus, axis: axis.axis },
                 text: format!(
-                    "bus {bus} belongs to axis {}: it is scanned at its own bitrate only. Leave \
-                        --bitrate out, or remove the axis",
+                    "bus {bus} belongs to axis {}: it is scanned at its own bitrate only. Write \
+                        `{bus}` alone, or remove the axis",
                     axis.axis
                 ),
             });
         }
-        let result = at_other_bitrates(session, wanted, bus, kind, &axes, &mut done);
+        let result = at_other_bitrates(session, wanted, (bus, kind), &bitrates, &axes, &mut done);
         // As it was, whatever came of it.
         let restored = configure(session, bus, config);
         result.and(restored)?;
@@ -202,21 +201,37 @@ pub fn scan(
     Ok(())
 }
 
+/// Scans a bus as it is configured.
+fn at_its_own(
+    session: &mut Session,
+    wanted: &Wanted,
+    (bus, kind): (u8, BusKind),
+    config: &BusConfig,
+    axes: &[AxisSummary],
+) -> Result<Scanned, Failure> {
+    let protocols = match kind {
+        BusKind::Can => looked_for(kind, config.bitrate),
+        // Its motors understand one form of frames.
+        BusKind::Rs485 => config.protocols,
+    };
+    one(session, wanted, (bus, kind), config.bitrate, protocols, axes)
+}
+
 /// Runs the bus at each bitrate that was named; on CAN until motors are found, which another one
 /// would only disturb.
 fn at_other_bitrates(
     session: &mut Session,
     wanted: &Wanted,
-    bus: u8,
-    kind: BusKind,
+    (bus, kind): (u8, BusKind),
+    bitrates: &[u32],
     axes: &[AxisSummary],
     done: &mut impl FnMut(&mut Session, Scanned) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    for bitrate in &wanted.bitrates {
+    for bitrate in bitrates {
         for protocols in runs(kind, *bitrate) {
             let config = BusConfig { bitrate: *bitrate, protocols, ..NEW_BUS };
             configure(session, bus, Some(config))?;
-            let scanned = one(session, wanted, bus, kind, *bitrate, protocols, axes)?;
+            let scanned = one(session, wanted, (bus, kind), *bitrate, protocols, axes)?;
             let is_found = kind == BusKind::Can && !scanned.motors.is_empty();
             done(session, scanned)?;
             if is_found {
@@ -256,8 +271,7 @@ fn runs(kind: BusKind, bitrate: u32) -> Vec<ProtocolSet> {
 fn one(
     session: &mut Session,
     wanted: &Wanted,
-    bus: u8,
-    kind: BusKind,
+    (bus, kind): (u8, BusKind),
     bitrate: u32,
     protocols: ProtocolSet,
     axes: &[AxisSummary],

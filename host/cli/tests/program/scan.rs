@@ -52,9 +52,9 @@ fn found(protocol: &str, node: u64, dialect: &str, doubled: &str) -> (String, u6
 fn motors_from_the_box_are_found_and_two_with_one_id_suspected() {
     let mut sim = Sim::with(&FROM_THE_BOX);
     let text = sim.mgw(&["scan"]).success();
-    assert!(text.contains("`mgw scan 1 --bitrate 1000000,210526` looks there"), "{text}");
+    assert!(text.contains("`mgw scan 1@1000000,210526` looks there"), "{text}");
 
-    let bus_0 = ["0", "--bitrate", "1000000", "--thrusters"];
+    let bus_0 = ["0@1000000", "--thrusters"];
     let doubled = found("rmd", 1, "unknown", "two_replies");
     let others = [found("rmd", 7, "v3_9", "-"), found("thruster", 11, "-", "-")];
     assert_eq!(motors(&scan(&sim, &bus_0)), [&[doubled], &others[..]].concat());
@@ -67,19 +67,19 @@ fn motors_from_the_box_are_found_and_two_with_one_id_suspected() {
     assert_eq!(alone[0]["motors"][0]["model"], "RMD-X4-P36-36");
     assert_eq!(alone[0]["motors"][0]["evidence"][1]["answer"], "B50101524D442D58");
     // The thruster is not asked, and was not heard.
-    assert_eq!(motors(&scan(&sim, &bus_0[..3])).len(), 2);
+    assert_eq!(motors(&scan(&sim, &bus_0[..1])).len(), 2);
 
-    let d5 = scan(&sim, &["1", "--bitrate", "1000000,210526"]);
+    let d5 = scan(&sim, &["1@1000000,210526"]);
     assert_eq!(d5[0]["unacknowledged"], true);
     assert_eq!(motors(&d5[1..]), [found("d5", 11, "-", "two_replies")]);
 
-    let line = scan(&sim, &["2", "--bitrate", "115200,500000"]);
+    let line = scan(&sim, &["2@115200,500000"]);
     assert_eq!(motors(&line), []);
     assert_eq!(motors(&line[2..]), [found("rmd", 1, "unknown", "-")]);
     let possible = serde_json::json!(["v4_2", "v4_3"]);
     assert_eq!(line[2]["motors"][0]["possible_dialects"], possible);
 
-    let line = scan(&sim, &["3", "--bitrate", "115200"]);
+    let line = scan(&sim, &["3@115200"]);
     assert_eq!(motors(&line[1..]), [found("d5", 12, "-", "-")]);
     // Every bus is as it was.
     let buses = &sim.mgw(&["--json", "bus"]).json_lines()[0]["buses"];
@@ -101,13 +101,63 @@ fn a_stated_dialect_that_the_motor_contradicts_is_named() {
 #[test]
 fn a_bus_of_an_axis_is_scanned_at_its_own_bitrate_only() {
     let sim = Sim::start();
-    let text = sim.mgw(&["scan", "0", "--bitrate", "500000"]).failure(1);
+    let text = sim.mgw(&["scan", "0@500000"]).failure(1);
     assert!(text.contains("bus 0 belongs to axis 0"), "{text}");
     sim.mgw(&["scan", "9"]).failure(1);
-    sim.mgw(&["scan", "--bitrate", "500000"]).failure(2);
-    let text = sim.mgw(&["scan", "3", "--bitrate", "123"]).failure(1);
+    sim.mgw(&["scan", "0@"]).failure(2);
+    let text = sim.mgw(&["scan", "3@123"]).failure(1);
     assert!(text.contains("123"), "{text}");
-    sim.mgw_once_in_command(&["scan", "3", "--bitrate", "115200", "--listen", "0"]).success();
+    sim.mgw_once_in_command(&["scan", "3@115200", "--listen", "0"]).success();
+}
+
+#[test]
+fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
+    let mut sim = Sim::with(&FROM_THE_BOX);
+    let file = std::env::temp_dir().join(format!("mgw-{}-robot.toml", std::process::id()));
+    let _ = std::fs::remove_file(&file);
+    let file = file.to_str().expect("text");
+    let adopt = |sim: &Sim, more: &[&str]| {
+        let words = ["adopt", "0@1000000", "1@210526", "2@500000", "--listen", "0", "--thrusters"];
+        sim.mgw_once_in_command(&[&words, &["--output", file][..], more].concat())
+    };
+    let told = adopt(&sim, &[]);
+    for doubled in ["bus 0, rmd 1 is left out: two motors", "bus 1, d5 0x0B is left out: two"] {
+        assert!(told.stderr.contains(doubled), "{told:?}");
+    }
+    assert!(told.success().contains("robot.toml: 3 axes, 3 of them new"));
+
+    // What a stop does is left open, and a file that is there is not written over.
+    let text = sim.mgw(&["config", "check", file]).failure(1);
+    assert!(text.contains("axis 0: lacks stop_action; it takes coast, hold, brake"), "{text}");
+    let text = adopt(&sim, &["--stop-action", "hold"]).failure(1);
+    assert!(text.contains("robot.toml is there already") && text.contains("--force"), "{text}");
+
+    // One of each two is unplugged, as the scan says.
+    for motor in ["motor 1 unplugged", "motor 5 unplugged"] {
+        sim.process.type_line(motor);
+        sim.process.wait_for("it", |line| line.contains(motor).then_some(()));
+    }
+    adopt(&sim, &["--stop-action", "hold", "--force"]).success();
+    let written = std::fs::read_to_string(file).unwrap();
+    for line in [
+        "# rmd 1, RMD-X4-P36-36, firmware 20220206, 48.0 V",
+        "rmd_dialect = \"v4_4\"",
+        "motor_timeout_ms = 300",
+        "protocols = [\"rmd\", \"thruster\"]",
+        "stop_action = \"coast\"",
+    ] {
+        assert!(written.contains(line), "{line}: {written}");
+    }
+    sim.mgw_once_in_command(&["config", "apply", file]).success();
+    for axis in ["0", "1", "3", "4"] {
+        sim.mgw_once_in_command(&["set", axis, "velocity", "3", "--for", "0.2"]).success();
+    }
+    // What is an axis already is found as such, and not adopted again.
+    let words = ["--json", "adopt", "2", "--listen", "0"];
+    sim.mgw_once_in_command(&["output-off", "4"]).success();
+    let again = sim.mgw_once_in_command(&words).json_lines();
+    assert_eq!(again[0]["adopted"], serde_json::json!([]));
+    std::fs::remove_file(file).unwrap();
 }
 
 #[test]

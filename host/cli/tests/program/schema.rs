@@ -145,6 +145,7 @@ fn each_command_prints_what_the_schema_says_of_it() {
         ("state 1", "states"),
         ("bus", "buses"),
         ("scan --listen 0 --thrusters", "scan"),
+        ("adopt 0 --listen 0", "adopted"),
         ("config show 0", "parameters"),
         ("config timeout 0 200", "timeout"),
         ("config axis 0 velocity_limit_rad_s=5", "done"),
