@@ -35,6 +35,8 @@ pub enum Failure {
     Configuration { path: String, findings: Vec<Finding> },
     /// The configuration of the gateway is not that of the file.
     Differs { path: String, count: usize },
+    /// `mgw doctor` has found something.
+    Unwell { wrong: usize },
     /// A codec refuses a value.
     Refused {
         name: &'static str,
@@ -82,6 +84,7 @@ impl Failure {
                 _ => "Configuration",
             },
             Self::Differs { .. } => "Differs",
+            Self::Unwell { .. } => "Unwell",
             Self::Refused { name, .. } => name,
             Self::File { .. } | Self::Unwritten { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
@@ -277,6 +280,8 @@ impl fmt::Display for Failure {
             Self::Differs { path, count } => {
                 write!(f, "the gateway has {count} settings other than {path}")
             }
+            Self::Unwell { wrong: 1 } => write!(f, "one thing is wrong"),
+            Self::Unwell { wrong } => write!(f, "{wrong} things are wrong"),
             Self::Unwritten { path, source } if source.kind() == io::ErrorKind::AlreadyExists => {
                 write!(f, "{path} is there already. Name another file, or add --force")
             }

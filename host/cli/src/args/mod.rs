@@ -291,6 +291,11 @@ pub enum Command {
             mgw adopt --stop-action hold --output robot.toml --force")]
     Adopt(AdoptArgs),
 
+    /// Look at link, gateway, buses, motors, timeouts, firmware and clocks, and say what to do
+    ///
+    /// Reads only. Buses whose axes are all idle are scanned. Exit code 1 if something is wrong.
+    Doctor,
+
     /// Send and receive raw frames on a bus whose axes are all idle
     ///
     /// What may do more than read a motor is refused. An e-stop, a stop or a change of the

@@ -5,6 +5,7 @@ mod arm;
 mod axes;
 mod bus;
 pub mod config;
+mod doctor;
 mod drive;
 mod info;
 mod limits;
@@ -68,6 +69,7 @@ pub fn run(
             | Command::OutputOff { .. }
             | Command::Scan(_)
             | Command::Adopt(_)
+            | Command::Doctor
             | Command::Raw { .. }
     );
     let reachable = match &result {
@@ -112,6 +114,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         }
         Command::Watch(arguments) => watch::run(session, arguments),
         Command::Scan(arguments) => scan::run(session, arguments),
+        Command::Doctor => doctor::run(session),
         Command::Adopt(arguments) => adopt::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
         Command::Raw { bus, unsafe_access, action } => {

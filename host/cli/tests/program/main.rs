@@ -4,6 +4,7 @@ mod commands;
 mod config;
 mod decode;
 mod demonstration;
+mod doctor;
 mod encode;
 mod faults;
 mod hostile_text;

@@ -146,6 +146,7 @@ fn each_command_prints_what_the_schema_says_of_it() {
         ("bus", "buses"),
         ("scan --listen 0 --thrusters", "scan"),
         ("adopt 0 --listen 0", "adopted"),
+        ("doctor", "doctor"),
         ("config show 0", "parameters"),
         ("config timeout 0 200", "timeout"),
         ("config axis 0 velocity_limit_rad_s=5", "done"),

@@ -1,0 +1,117 @@
+//! How the buses are, and what their counters did while they were looked at.
+
+use std::time::Duration;
+
+use host_protocol::replies::BusReport;
+use host_protocol::{BusCounters, BusKind, BusState};
+
+use super::{Findings, Grade};
+use crate::failure::Failure;
+use crate::session::Session;
+
+/// Bits of a frame with eight data bytes, stuffed as usual, and of a serial byte with its share of a
+/// pause.
+const CAN_FRAME_BITS: f64 = 125.0;
+const SERIAL_FRAME_BITS: f64 = 130.0;
+/// A bus with more than this part of its time taken delays setpoints.
+const BUSY: f64 = 0.7;
+
+/// Every bus of the board.
+pub fn reports(session: &mut Session) -> Result<Vec<(u8, BusKind, BusReport)>, Failure> {
+    let kinds: Vec<BusKind> = session.client.hello().buses.iter().map(|bus| bus.kind).collect();
+    let mut reports = Vec::new();
+    for (bus, kind) in (0u8..).zip(kinds) {
+        reports.push((bus, kind, session.client.bus_status(bus)?));
+    }
+    Ok(reports)
+}
+
+/// What the reports before and after say.
+pub fn judge(
+    before: &[(u8, BusKind, BusReport)],
+    after: &[(u8, BusKind, BusReport)],
+    span: Duration,
+    findings: &mut Findings,
+) {
+    if after.iter().all(|(_, _, report)| report.config.is_none()) {
+        findings.add("buses", Grade::Wrong, "none is configured: `mgw scan` and `mgw adopt`");
+    }
+    for ((bus, kind, before), (_, _, after)) in before.iter().zip(after) {
+        let Some(config) = after.config else { continue };
+        let of = format!("bus {bus}");
+        let grown =
+            |of: fn(&BusCounters) -> u32| of(&after.counters).saturating_sub(of(&before.counters));
+        let frames = grown(|count| count.transmitted).saturating_add(grown(|count| count.received));
+        let bits = match kind {
+            BusKind::Can => CAN_FRAME_BITS,
+            BusKind::Rs485 => SERIAL_FRAME_BITS,
+        };
+        let load = f64::from(frames) * bits
+            / (f64::from(config.bitrate.max(1)) * span.as_secs_f64().max(0.001));
+        findings.judge(
+            &of,
+            wrong(after, grown, load),
+            format!(
+                "{} bit/s, {frames} frames in {:.1} s, load {:.0} %",
+                config.bitrate,
+                span.as_secs_f64(),
+                load * 100.0
+            ),
+        );
+        let counters = after.counters;
+        let old = [
+            (counters.missed_acknowledgements, "frames without acknowledgement"),
+            (counters.bus_offs, "times bus-off"),
+            (counters.receive_overflows, "frames lost for want of time"),
+        ];
+        let old: Vec<String> = old
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
+        if !old.is_empty() {
+            let text = format!("since it was started: {}", old.join(", "));
+            findings.add(&of, Grade::Note, text);
+        }
+    }
+}
+
+fn wrong(
+    after: &BusReport,
+    grown: impl Fn(fn(&BusCounters) -> u32) -> u32,
+    load: f64,
+) -> Vec<String> {
+    let mut wrong = Vec::new();
+    if after.state == BusState::BusOff {
+        wrong.push("bus-off: look for a short of the two wires, and at the bitrate".to_owned());
+    } else if grown(|count| count.missed_acknowledgements) > 0 {
+        wrong.push(
+            "nobody acknowledges: look at the power of the motors, the cable, the termination \
+                (120 Ω at both ends), and the bitrate"
+                .to_owned(),
+        );
+    } else if matches!(after.state, BusState::Warning | BusState::Passive) {
+        wrong.push(format!(
+            "error counters are high (TEC {}, REC {}): a wrong bitrate, the termination, or a bad \
+                cable",
+            after.transmit_errors, after.receive_errors
+        ));
+    }
+    let rejected = grown(|count| count.rejected);
+    if rejected > 0 {
+        wrong.push(format!(
+            "{rejected} bytes were no frames: noise, the bias of the line, another baud rate, or \
+                two motors with one id"
+        ));
+    }
+    if grown(|count| count.receive_overflows) > 0 {
+        wrong.push("frames are lost: somebody floods the bus".to_owned());
+    }
+    if load > BUSY {
+        wrong.push(format!(
+            "load {:.0} %: poll less often (state_poll_us, refresh_us), or move axes to another bus",
+            load * 100.0
+        ));
+    }
+    wrong
+}

@@ -1,0 +1,147 @@
+//! Whether the motors answer, stop by themselves, and are what the configuration says.
+
+use std::time::Duration;
+
+use host_protocol::{AxisState, AxisSummary, MotorTimeout, Protocol, parameters};
+use mgw_client::ClientError;
+
+use super::{Findings, Grade};
+use crate::args::{Bitrates, ScanTarget};
+use crate::commands::scan::{bus_notes, name};
+use crate::failure::Failure;
+use crate::faults;
+use crate::scan::{Scanned, Wanted};
+use crate::session::Session;
+use crate::words;
+
+/// Looks at every axis.
+pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSummary>, Failure> {
+    let axes = session.client.list_axes()?;
+    if axes.is_empty() {
+        findings.add("axes", Grade::Note, "none is configured: `mgw scan` and `mgw adopt`");
+    }
+    for summary in &axes {
+        let (of, axis) = (format!("axis {}", summary.axis), summary.axis);
+        if let Some(missing) = summary.missing {
+            let missing = parameters::name(missing).unwrap_or("a parameter");
+            let todo = format!("lacks {missing}: `mgw config axis {axis} {missing}=…`");
+            findings.add(of, Grade::Wrong, todo);
+            continue;
+        }
+        match session.client.read_state_when_free(axis) {
+            Ok(report) => {
+                let mut wrong = Vec::new();
+                if let (AxisState::Tripped { .. }, Some(trip)) = (report.state, &report.trip) {
+                    let reason = words::trip_reason(&trip.reason, summary.protocol);
+                    wrong.push(format!("tripped ({reason}): remove the cause, `mgw clear {axis}`"));
+                }
+                let word = report.faults.map_or(0, |faults| faults.word);
+                if word != 0 {
+                    let names = faults::in_words(summary.protocol, word);
+                    wrong.push(format!("its motor reports {names}: `mgw state {axis}` says more"));
+                }
+                wrong.extend(of_timeout(summary, report.motor_timeout));
+                let volts = report.voltage_v.map(|volts| format!(", {:.1} V", volts.value));
+                let state = words::axis_state(report.state);
+                let timeout = words::motor_timeout(report.motor_timeout);
+                let volts = volts.unwrap_or_default();
+                let well = format!("its motor answers, {state}{volts}, own timeout {timeout}");
+                findings.judge(&of, wrong, well);
+                if summary.protocol == Some(Protocol::Thruster)
+                    && report.motor_timeout == MotorTimeout::Unknown
+                {
+                    let text = "it may have lost its own timeout with its power; arming writes it \
+                        again, if `mgw config timeout` has written one";
+                    findings.add(of, Grade::Note, text);
+                }
+            }
+            Err(ClientError::Gateway(error)) => {
+                findings.add(of, Grade::Wrong, error.to_string());
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(axes)
+}
+
+/// What is wrong with the timeout by which the motor stops when the gateway fails.
+fn of_timeout(summary: &AxisSummary, timeout: MotorTimeout) -> Option<String> {
+    let axis = summary.axis;
+    match (timeout, summary.protocol) {
+        // Arming reads the switch of the one, and writes the time of the other again.
+        (MotorTimeout::Unknown, Some(Protocol::D5 | Protocol::Thruster)) => None,
+        (MotorTimeout::Unknown, _) => Some(format!(
+            "nothing is known of its motor's own timeout, so it does not arm: `mgw config timeout \
+                {axis} 300`"
+        )),
+        (MotorTimeout::Off, _) => Some(format!(
+            "its motor's own timeout is off: nothing stops it when the gateway fails. `mgw config \
+                timeout {axis} 300`"
+        )),
+        (MotorTimeout::Written { .. } | MotorTimeout::Verified, _) => None,
+    }
+}
+
+/// Scans the buses that may be: motors without an axis, two with one id, dialects.
+pub fn scan(
+    session: &mut Session,
+    axes: &[AxisSummary],
+    findings: &mut Findings,
+) -> Result<(), Failure> {
+    let buses = session.client.hello().buses.len();
+    for bus in (0u8..).take(buses) {
+        if session.client.bus_status(bus)?.config.is_none() {
+            continue;
+        }
+        let of = format!("bus {bus}");
+        let wanted = Wanted {
+            targets: vec![ScanTarget { bus, bitrates: Bitrates::Configured }],
+            listen: Duration::ZERO,
+            thrusters: false,
+        };
+        let result = crate::scan::scan(session, &wanted, |_, scanned| {
+            judge(&scanned, axes, findings);
+            Ok(())
+        });
+        match result {
+            // Where something may move, the rest is worth knowing all the same.
+            Err(Failure::Client(ClientError::Gateway(error))) => {
+                findings.add(of, Grade::Note, format!("not scanned: {error}"));
+            }
+            result => result?,
+        }
+    }
+    Ok(())
+}
+
+fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
+    let bus = format!("bus {}", scanned.bus);
+    let has_axes = axes.iter().any(|axis| axis.bus == Some(scanned.bus));
+    if scanned.unacknowledged && !has_axes {
+        bus_notes(scanned).into_iter().for_each(|note| findings.add(&bus, Grade::Note, note));
+    }
+    for motor in &scanned.motors {
+        let who = name(motor);
+        if motor.doubled.is_some() {
+            findings.add(
+                &bus,
+                Grade::Wrong,
+                format!("two motors seem to be {who}: unplug one, give the other another id"),
+            );
+        } else if motor.axis.is_none() {
+            findings.add(&bus, Grade::Note, format!("{who} is no axis: `mgw adopt` makes it one"));
+        }
+        if let (Some(axis), Some(stated)) = (motor.axis, motor.contradicted) {
+            findings.add(
+                format!("axis {axis}"),
+                Grade::Wrong,
+                format!(
+                    "its motor's answers contradict rmd_dialect = {}: `mgw scan {}` shows them, \
+                        `mgw config axis {axis} rmd_dialect=unknown` is always safe",
+                    stated.name(),
+                    scanned.bus
+                ),
+            );
+        }
+    }
+}
