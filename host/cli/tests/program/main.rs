@@ -7,6 +7,7 @@ mod demonstration;
 mod doctor;
 mod encode;
 mod faults;
+mod guide;
 mod hostile_text;
 mod killed_host;
 mod moving;
