@@ -7,7 +7,7 @@ use d5::{Address, Node, Register, Reply, Request, Value, Width};
 use host_protocol::{BusKind, Bytes, CanFrame, Protocol, RawFrame};
 
 use super::open_bus::{Hear, OpenBus};
-use super::{ANSWER_WITHIN, Doubled, Found};
+use super::{Doubled, Found};
 use crate::failure::Failure;
 
 /// What a motor that answers is asked further; each register is a byte.
@@ -62,13 +62,13 @@ impl Motors {
                 return Ok(false);
             }
         }
-        bus.listen(ANSWER_WITHIN, self)?;
+        bus.listen(bus.answer_within, self)?;
         let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
         for node in nodes {
             for register in REGISTERS {
                 let before = self.answers_of(node);
                 self.ask(bus, node, register)?;
-                bus.listen_until(ANSWER_WITHIN, self, |all| all.answers_of(node) > before)?;
+                bus.await_answer(self, |all| all.answers_of(node) > before)?;
             }
         }
         Ok(true)

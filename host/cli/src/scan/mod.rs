@@ -19,10 +19,6 @@ use crate::failure::Failure;
 use crate::session::Session;
 use open_bus::{Hear, OpenBus};
 
-/// A motor that has not answered within this does not; on a bus whose motors have longer, see
-/// [`BusConfig::reply_window_us`], the bus itself waits.
-const ANSWER_WITHIN: Duration = Duration::from_millis(30);
-
 /// What is looked for, and how.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -279,7 +275,9 @@ fn one(
     let names: Vec<&str> = protocols.iter().map(Protocol::name).collect();
     session.out.aside(format!("bus {bus} at {bitrate} bit/s: {}", names.join(", ")));
     let before = session.client.bus_status(bus)?;
-    let mut open = OpenBus::open(session, bus)?;
+    let window_us = before.config.map_or(0, |config| config.reply_window_us);
+    let window = Duration::from_micros(window_us.into());
+    let mut open = OpenBus::open(session, bus, window)?;
     let mut motors = Motors {
         rmd: rmd::Motors::new(kind),
         thruster: thruster::Motors::default(),

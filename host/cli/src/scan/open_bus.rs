@@ -15,6 +15,8 @@ const LISTEN_EVERY: Duration = Duration::from_millis(10);
 /// A frame that the bus does not take for so long is not acknowledged by anybody. A line is kept by
 /// each unanswered read for its reply window, which has at most 200 ms.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// An answer is waited for at least so long: this computer and its link take their time too.
+const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 /// Of the frames that the gateway keeps for us, as many replies as there may be between two looks.
 const SENT_BETWEEN_LOOKS: u32 = 3;
 
@@ -29,15 +31,19 @@ pub struct OpenBus<'a> {
     session: &'a mut Session,
     bus: u8,
     unseen: u32,
+    /// How long an answer is waited for.
+    pub answer_within: Duration,
     /// Frames that the gateway could not keep until they were fetched.
     pub lost: u32,
 }
 
 impl<'a> OpenBus<'a> {
     /// Opens it. Refused while an axis on it is not idle.
-    pub fn open(session: &'a mut Session, bus: u8) -> Result<Self, Failure> {
+    pub fn open(session: &'a mut Session, bus: u8, window: Duration) -> Result<Self, Failure> {
         session.client.raw_open(bus)?;
-        Ok(Self { session, bus, unseen: 0, lost: 0 })
+        // Two frames may wait in the gateway, on a line each for the answer to the one before.
+        let answer_within = ANSWER_WITHIN.max(window * 3);
+        Ok(Self { session, bus, unseen: 0, answer_within, lost: 0 })
     }
 
     /// Closes it: an open bus refuses arming.
@@ -82,14 +88,13 @@ impl<'a> OpenBus<'a> {
         }
     }
 
-    /// Takes in what arrives until `done`, or for so long.
-    pub fn listen_until<H: Hear>(
+    /// Takes in what arrives until `done`, or until no answer comes any more.
+    pub fn await_answer<H: Hear>(
         &mut self,
-        most: Duration,
         to: &mut H,
         done: impl Fn(&H) -> bool,
     ) -> Result<(), Failure> {
-        let end = self.session.client.now() + most;
+        let end = self.session.client.now() + self.answer_within;
         loop {
             self.fetch(to)?;
             if done(to) || self.session.client.now() >= end {

@@ -8,7 +8,7 @@ use rmd::rs485::Deframer;
 use rmd::{Dialect, Node, PROBES, Recognised, Reply, Request};
 
 use super::open_bus::{Hear, OpenBus};
-use super::{ANSWER_WITHIN, Doubled, Evidence, Found};
+use super::{Doubled, Evidence, Found};
 use crate::failure::Failure;
 
 /// Data bytes of an answer.
@@ -92,7 +92,7 @@ impl Motors {
                     return Ok(false);
                 }
             }
-            bus.listen(ANSWER_WITHIN, self)?;
+            bus.listen(bus.answer_within, self)?;
         }
         let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
         for node in nodes {
@@ -128,7 +128,7 @@ impl Motors {
     ) -> Result<(), Failure> {
         let before = self.answers_of(node);
         self.ask(bus, node, request)?;
-        bus.listen_until(ANSWER_WITHIN, self, |motors| motors.answers_of(node) > before)
+        bus.await_answer(self, |motors| motors.answers_of(node) > before)
     }
 
     fn ask(

@@ -7,7 +7,7 @@ use host_protocol::{CanFrame, Protocol, RawFrame};
 use thruster::{Node, Reply, Request};
 
 use super::open_bus::{Hear, OpenBus};
-use super::{ANSWER_WITHIN, Doubled, Found};
+use super::{Doubled, Found};
 use crate::failure::Failure;
 
 /// What has been heard of the thrusters of one bus.
@@ -55,13 +55,13 @@ impl Motors {
             }
         }
         self.asked_faults = 1;
-        bus.listen(ANSWER_WITHIN, self)?;
+        bus.listen(bus.answer_within, self)?;
         let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
         for node in nodes {
             self.ask(bus, node, &Request::ReadVoltage)?;
             self.ask(bus, node, &Request::ReadMotorTemperature)?;
         }
-        bus.listen(ANSWER_WITHIN, self)?;
+        bus.listen(bus.answer_within, self)?;
         Ok(true)
     }
 
