@@ -1,10 +1,11 @@
-//! The arguments of `scan` and `adopt`.
+//! The arguments of `scan` and `adopt`, and the motors of `sim` that they find.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use host_protocol::StopAction;
+use host_protocol::{Protocol, StopAction};
+use rmd::Dialect;
 
 use super::values::{scan_target, seconds, stop_action};
 
@@ -59,4 +60,16 @@ pub struct AdoptArgs {
     /// leaves it to be chosen
     #[arg(long, value_name = "ACTION", value_parser = stop_action)]
     pub stop_action: Option<StopAction>,
+}
+
+/// A simulated motor as it comes from its box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FactoryMotor {
+    pub bus: u8,
+    pub protocol: Protocol,
+    pub node: u8,
+    /// Of an RMD, where it is named.
+    pub dialect: Option<Dialect>,
+    /// Where it is not the usual one, bit/s.
+    pub bitrate: Option<u32>,
 }

@@ -17,11 +17,10 @@ use host_protocol::{CanId, ClearTarget, StopTarget};
 
 pub use crate::server::ServeArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
-pub use finding::{AdoptArgs, Bitrates, ScanArgs, ScanTarget};
+pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
-pub use values::FactoryMotor;
-use values::{clear_target, factory_motor, seconds, stop_target};
+use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
 
 /// Where `mgw sim` listens unless told otherwise.
@@ -96,7 +95,7 @@ pub enum Command {
         /// RATE where it is not the usual one; DIALECT of an RMD, v3_6 to v4_4
         #[arg(
             long = "motor", value_name = "BUS:PROTOCOL:NODE[:DIALECT][@RATE]",
-            value_parser = factory_motor, conflicts_with = "d5_id"
+            value_parser = values::factory_motor, conflicts_with = "d5_id"
         )]
         motors: Vec<FactoryMotor>,
     },

@@ -5,7 +5,7 @@ use std::time::Duration;
 use host_protocol::{ClearTarget, Protocol, StateField, StopAction, StopTarget};
 use rmd::Dialect;
 
-use super::finding::{Bitrates, ScanTarget};
+use super::finding::{Bitrates, FactoryMotor, ScanTarget};
 
 /// Seconds from 0 on.
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -62,18 +62,6 @@ pub fn scan_target(text: &str) -> Result<ScanTarget, String> {
 /// The name of a stop action.
 pub fn stop_action(text: &str) -> Result<StopAction, String> {
     StopAction::from_name(text).ok_or_else(|| "must be coast, hold or brake".to_owned())
-}
-
-/// A simulated motor as it comes from its box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FactoryMotor {
-    pub bus: u8,
-    pub protocol: Protocol,
-    pub node: u8,
-    /// Of an RMD, where it is named.
-    pub dialect: Option<Dialect>,
-    /// Where it is not the usual one, bit/s.
-    pub bitrate: Option<u32>,
 }
 
 /// `0:rmd:1`, `0:rmd:1:v4_4`, `2:rmd:1@500000`
