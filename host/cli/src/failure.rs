@@ -35,8 +35,6 @@ pub enum Failure {
     Configuration { path: String, findings: Vec<Finding> },
     /// The configuration of the gateway is not that of the file.
     Differs { path: String, count: usize },
-    /// `mgw doctor` has found something.
-    Unwell { wrong: usize },
     /// A codec refuses a value.
     Refused {
         name: &'static str,
@@ -47,8 +45,6 @@ pub enum Failure {
     },
     /// A file could not be read.
     File { path: String, source: io::Error },
-    /// A file could not be written.
-    Unwritten { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
     Lost { axes: Vec<u8>, cause: ClientError },
     /// Captured frames that have no meaning.
@@ -67,6 +63,10 @@ pub enum Failure {
     Demonstration(String),
     /// The server of the simulation could not start or go on.
     Server { address: String, source: io::Error },
+    /// A file could not be written.
+    Unwritten { path: String, source: io::Error },
+    /// `mgw doctor` has found something.
+    Unwell { wrong: usize },
     /// Nobody reads what is printed.
     Output(io::Error),
 }
@@ -84,9 +84,8 @@ impl Failure {
                 _ => "Configuration",
             },
             Self::Differs { .. } => "Differs",
-            Self::Unwell { .. } => "Unwell",
             Self::Refused { name, .. } => name,
-            Self::File { .. } | Self::Unwritten { .. } => "File",
+            Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
@@ -94,6 +93,8 @@ impl Failure {
             Self::StopNotConfirmed { .. } | Self::StopTaken { .. } => "StopNotConfirmed",
             Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
+            Self::Unwritten { .. } => "Unwritten",
+            Self::Unwell { .. } => "Unwell",
             Self::Output(_) => "Output",
         }
     }

@@ -21,10 +21,11 @@ use crate::json;
 use crate::parameters;
 use crate::words;
 
+pub use self::dump::dump_with;
 pub use apply::{read, write_timeouts};
 pub use board::BoardPorts;
 pub use check::{check, check_without_board};
-pub use dump::{dump, dump_with};
+pub use dump::dump;
 pub use file::{Source, parse};
 pub use schema::schema;
 pub use template::dump_like;
