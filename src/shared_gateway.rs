@@ -261,6 +261,12 @@ impl SharedGateway {
         self.with(|parts, _| parts.storing(|core, store| core.poll_host(link, out, store)))
     }
 
+    /// The rate of a host link on a UART.
+    #[inline(never)]
+    pub fn baud(&self, link: u8) -> u32 {
+        self.with(|parts, _| parts.core.baud(link))
+    }
+
     /// Whether no motor moves and none may.
     #[inline(never)]
     pub fn all_at_rest(&self) -> bool {

@@ -1,7 +1,9 @@
 //! The host links of a board: its UARTs, numbered first, then USB.
 
 use embassy_executor::Spawner;
+use gateway::LinkPort;
 
+use super::serial::HOST_BAUDS;
 use super::{HOST_UARTS, UsbPort};
 use crate::line::{Receiver, Sender};
 use crate::shared_gateway::SharedGateway;
@@ -18,8 +20,12 @@ pub struct HostLinks {
 }
 
 impl HostLinks {
-    /// How many there are.
-    pub const COUNT: u8 = USB_LINK + 1;
+    /// The rates of each.
+    pub const PORTS: [LinkPort; HOST_UARTS + 1] = {
+        let mut ports = [LinkPort { bauds: &HOST_BAUDS }; HOST_UARTS + 1];
+        ports[USB_LINK as usize] = LinkPort { bauds: &[] };
+        ports
+    };
 
     /// Starts the tasks of every host link.
     pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) {

@@ -45,14 +45,12 @@ use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use embassy_usb::driver::{Bus, EndpointAddress};
 use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::{BootReason, BusLimit};
+use host_protocol::{BootReason, BusLimit, DEFAULT_BAUD};
 use static_cell::StaticCell;
 
 use super::clock;
 use super::host_links::HostLinks;
-use super::serial::{
-    self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING,
-};
+use super::serial::{self, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
@@ -131,6 +129,8 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 
 /// From the 168 MHz of APB1: 168 MHz / 1458 = 115226, / 336, / 168, / 112, / 84.
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+/// The UARTs of the host links have the clock of APB1 and APB2, 168 MHz.
+const _: () = assert!(serial::gives_host_bauds(168_000_000));
 
 const CAN_BUS: BusPort =
     BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
@@ -291,7 +291,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     core::mem::forget(Output::new(p.PB0, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
-    let uart = serial::config(HOST_BITS_PER_SECOND);
+    let uart = serial::config(DEFAULT_BAUD);
     let host_0 =
         defmt::unwrap!(Uart::new(p.LPUART1, p.PA3, p.PA2, p.DMA1_CH2, p.DMA1_CH1, Irqs, uart));
     let host_1 =
@@ -428,7 +428,7 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
         enable_output: true,
         buses,
         bus_limit,
-        links: HostLinks::COUNT,
+        links: &HostLinks::PORTS,
     }
 }
 

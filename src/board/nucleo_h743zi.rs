@@ -33,14 +33,12 @@ use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb
 use embassy_time::{Duration, Instant, Timer};
 use embassy_usb::driver::{Bus, Direction, EndpointAddress};
 use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::{BootReason, BusLimit};
+use host_protocol::{BootReason, BusLimit, DEFAULT_BAUD};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::clock;
 use super::host_links::HostLinks;
-use super::serial::{
-    self, HOST_BITS_PER_SECOND, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING,
-};
+use super::serial::{self, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
 use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
 use crate::fdcan::{self, CanPort, FdcanPort, Timing};
@@ -120,6 +118,8 @@ const fn can_timing(bitrate: u32, prescaler: u16) -> Timing {
 
 /// From the 100 MHz of APB1: 100 MHz / 868 = 115207, / 200, / 100, / 67 = 1.493 M (−0.5 %), / 50.
 const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
+/// The UARTs of the host links have the clock of APB1 and APB2, 100 MHz.
+const _: () = assert!(serial::gives_host_bauds(100_000_000));
 
 const CAN_BUS: BusPort =
     BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
@@ -323,7 +323,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     core::mem::forget(Output::new(p.PE9, Level::Low, Speed::Low));
     defmt::assert_eq!(frequency::<FDCAN1>(), Hertz(CAN_KERNEL_HZ));
 
-    let uart = serial::config(HOST_BITS_PER_SECOND);
+    let uart = serial::config(DEFAULT_BAUD);
     let host_0 =
         defmt::unwrap!(Uart::new(p.USART3, p.PD9, p.PD8, p.DMA1_CH1, p.DMA1_CH0, Irqs, uart));
     let host_1 =
@@ -465,7 +465,7 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
         enable_output: true,
         buses,
         bus_limit,
-        links: HostLinks::COUNT,
+        links: &HostLinks::PORTS,
     }
 }
 

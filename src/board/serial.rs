@@ -3,14 +3,18 @@
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::{self, Uart};
+use host_protocol::DEFAULT_BAUD;
 
 use crate::dma_memory::Buffer;
 use crate::line::{self, Receiver, Sender};
 
-/// Bitrate of the host links.
-pub const HOST_BITS_PER_SECOND: u32 = 921_600;
-/// Bytes of each host link's DMA ring: 2.8 ms at 921600 baud.
-pub const HOST_RING: usize = 256;
+/// The rates of the host links.
+pub const HOST_BAUDS: [u32; 5] = [DEFAULT_BAUD, 1_000_000, 1_500_000, 2_000_000, 3_000_000];
+/// How far a rate may be off, per mille: two ends together stay below 2 per cent where the other is
+/// as good. A receiver bears 3.3 per cent (RM0433 and RM0440, "Tolerance of the USART receiver").
+const MOST_OFF: u32 = 11;
+/// Bytes of each host link's DMA ring: 3.4 ms at 3 Mbaud.
+pub const HOST_RING: usize = 1024;
 /// Bytes of an RS485 bus's DMA ring: 1.28 ms at 2 Mbaud.
 pub const RS485_RING: usize = 256;
 /// The longest message to a host, and on an RS485 bus, bytes.
@@ -19,6 +23,19 @@ pub const RS485_MESSAGE: usize = gateway::port::MAX_SERIAL;
 /// Lead and tail of the RS485 driver-enable in sixteenths of a bit: one bit each. The driver uses
 /// one value for both.
 const DRIVER_ENABLE_SIXTEENTHS: u8 = 16;
+
+/// Whether this clock of a UART, divided by whole numbers, gives all [`HOST_BAUDS`].
+pub const fn gives_host_bauds(clock_hz: u32) -> bool {
+    let mut rest = HOST_BAUDS.as_slice();
+    while let [baud, others @ ..] = rest {
+        let given = clock_hz / ((clock_hz + *baud / 2) / *baud);
+        if given.abs_diff(*baud) > *baud / 1_000 * MOST_OFF {
+            return false;
+        }
+        rest = others;
+    }
+    true
+}
 
 /// 8N1 at a bitrate.
 pub fn config(bits_per_second: u32) -> usart::Config {
@@ -39,7 +56,7 @@ pub fn host_line<T: line::Instance>(
     message: Buffer,
 ) -> (Receiver, Sender) {
     let (sender, receiver) = uart.split();
-    let sender = Sender::new::<T>(sender, message, HOST_BITS_PER_SECOND);
+    let sender = Sender::new::<T>(sender, message, DEFAULT_BAUD);
     (Receiver::with_delimiters::<T>(receiver, ring), sender)
 }
 

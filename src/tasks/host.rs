@@ -1,7 +1,7 @@
 //! One host link on a UART: bytes in, frames out.
 
 use gateway::Event;
-use host_protocol::MAX_FRAME;
+use host_protocol::{DEFAULT_BAUD, MAX_FRAME};
 
 use crate::board;
 use crate::line::{LineErrors, Overflow, Receiver, Sender};
@@ -30,6 +30,10 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
         let new_errors = line.events.take_errors();
         if let Some(so_far) = errors.add(new_errors) {
             defmt::warn!("host link {=u8}: {=u32} line errors so far", link, so_far);
+        }
+        // Perhaps the host has lost the rate: the core judges that.
+        if new_errors > 0 && gateway.baud(link) != DEFAULT_BAUD {
+            gateway.handle(Event::HostLineError { link });
         }
         let before = core::mem::replace(&mut heard, line.events.heard());
         silent_errors = if heard == before { silent_errors + new_errors } else { 0 };
@@ -60,12 +64,23 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
     }
 }
 
-/// For ever: frames from the core to the host.
+/// For ever: frames from the core to the host, at the rate that the core wants when the last has
+/// left.
 #[embassy_executor::task(pool_size = board::HOST_UARTS)]
 pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -> ! {
     let watch = Watch::new(TaskId::link_sender(link));
+    let mut baud = DEFAULT_BAUD;
     loop {
         watch.check_in();
+        let before = core::mem::replace(&mut baud, gateway.baud(link));
+        if baud != before {
+            match line.set_bits_per_second(baud) {
+                Ok(()) => defmt::info!("host link {=u8}: {=u32} baud", link, baud),
+                Err(error) => {
+                    defmt::warn!("host link {=u8}: {=u32} baud: {}", link, baud, error);
+                }
+            }
+        }
         gateway.save().await;
         let room = line.message().first_chunk_mut::<MAX_FRAME>();
         let Some(length) = room.and_then(|frame| gateway.poll_host(link, frame)) else {

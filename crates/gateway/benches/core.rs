@@ -7,7 +7,8 @@ use std::hint::black_box;
 
 use criterion::Criterion;
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Transmit,
+    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, Outgoing, RETAINED_WORDS,
+    Transmit,
 };
 use host_protocol::{
     AxisParameter, BootReason, BusState, CanFrame, Deframer, Kind, MAX_FRAME, Protocol,
@@ -35,7 +36,7 @@ static BOARD: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
     ],
     bus_limit: None,
-    links: 1,
+    links: &[LinkPort { bauds: &[] }],
 };
 
 /// A gateway with its motors.

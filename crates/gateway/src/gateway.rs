@@ -18,7 +18,7 @@ use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{Error, Incident, Kind, MAX_FRAME, Request, TripReason};
+use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
 use requests::{Arming, Authority, Cycle, Draft, Together};
 use retained::Retention;
 
@@ -116,6 +116,9 @@ impl Gateway {
         while !self.links.is_full() {
             let _ = self.links.push(const { Link::new() });
         }
+        for (link, port) in self.links.iter_mut().zip(self.board.links) {
+            link.offer(port.bauds);
+        }
     }
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
@@ -129,6 +132,12 @@ impl Gateway {
         self.supervise(now);
         match event {
             Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
+            Event::HostLineError { link } => {
+                if let Some(port) = self.links.get_mut(usize::from(link)) {
+                    port.line_error(now.as_micros());
+                }
+                self.links.touch(link);
+            }
             Event::CanReceived { bus: index, frame } => {
                 let waits_for_quiet = self.with_bus(now, index, |bus, axes, out| {
                     bus.can_received(now, frame, axes, out);
@@ -296,6 +305,12 @@ impl Gateway {
     /// The next entry of the log, in order. Who takes none loses nothing else.
     pub fn take_log(&mut self) -> Option<LogEntry> {
         self.links.take_entry()
+    }
+
+    /// The rate of a host link that is a UART: it has changed when a reply to `SetBaud` has been
+    /// taken, and when [`Changes`] names the link because nothing valid was heard.
+    pub fn baud(&self, link: u8) -> u32 {
+        self.links.get(usize::from(link)).map_or(DEFAULT_BAUD, Link::baud)
     }
 
     /// How the bus must be running; `None` while it is not configured.

@@ -30,7 +30,8 @@ pub use bus_rules::check_bus_config;
 pub use gateway::{Gateway, RETAINED_WORDS};
 pub use log::LogEntry;
 pub use port::{
-    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, Outgoing, Store, Transmit,
+    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, LinkPort, Outgoing, Store,
+    Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

@@ -13,6 +13,8 @@
 //!   [`Event::BusState`]. It does not recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops
 //!   what it holds and starts the bus again with that setup, then reports [`Event::BusState`].
+//! - It sets a host link to [`Gateway::baud`](crate::Gateway::baud) where that has changed: asked
+//!   when a frame to that host has left, and when [`Changes`] names the link.
 //! - After every call of `handle` it polls what [`Changes`] names, each until nothing is left, and
 //!   after polling a bus what [`Gateway::take_changes`](crate::Gateway::take_changes) names. After
 //!   a start it polls everything once.
@@ -53,6 +55,12 @@ pub enum Event<'a> {
         link: u8,
         /// The bytes, in order of arrival.
         bytes: &'a [u8],
+    },
+    /// What came on a host link was no bytes: framing errors, noise. To be told where the link does
+    /// not run at [`DEFAULT_BAUD`](host_protocol::DEFAULT_BAUD).
+    HostLineError {
+        /// Index of the host link.
+        link: u8,
     },
     /// A frame arrived on a CAN bus.
     CanReceived {
@@ -192,6 +200,14 @@ pub enum BusPortKind {
     },
 }
 
+/// One host link of a board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LinkPort {
+    /// Rates that it can run at, [`DEFAULT_BAUD`](host_protocol::DEFAULT_BAUD) among them; none
+    /// where it is no UART. At most [`MAX_BITRATES`](host_protocol::MAX_BITRATES).
+    pub bauds: &'static [u32],
+}
+
 /// What the core must know of the board that it runs on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Board {
@@ -214,6 +230,6 @@ pub struct Board {
     pub buses: &'static [BusPort],
     /// Why one of them has no bitrates, if one has none.
     pub bus_limit: Option<host_protocol::BusLimit>,
-    /// How many host links it has, at most [`MAX_LINKS`](crate::MAX_LINKS).
-    pub links: u8,
+    /// Its host links, at most [`MAX_LINKS`](crate::MAX_LINKS).
+    pub links: &'static [LinkPort],
 }

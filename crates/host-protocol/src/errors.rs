@@ -379,6 +379,12 @@ errors! {
     76 OutputStaysOn { axis: u8 }
         "the motor of axis {axis} stores this only while its output is off, which a stop by hold \
         leaves on; set stop_action=coast, or brake, first";
+    /// The link cannot run at this rate.
+    89 BaudNotOffered { baud: u32, offered: [u32; MAX_BITRATES] }
+        "this host link cannot run at {baud} baud; it offers{}", Offered(offered);
+    /// The link is no UART.
+    90 LinkHasNoBaud {}
+        "this host link is USB, which has no baud rate: leave it out";
     /// A request of a watcher takes authority, which nobody has: a watcher does not take it.
     96 NobodyInCommand {}
         "nobody is in command, and who only watches does not take it; send it as a request";

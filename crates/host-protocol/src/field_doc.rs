@@ -15,6 +15,7 @@ macro_rules! field_docs {
 field_docs! { $
     available_permille "What is available, 1/1000 of the bitrate.";
     axis "Number of the axis, from 0.";
+    baud "The rate that was asked for.";
     bitrate "bit/s.";
     bus "Number of the bus, from 0.";
     buses "Buses are numbered from 0 to one less than this.";

@@ -86,5 +86,8 @@ pub use value::{Quantity, Value};
 /// one than theirs.
 pub const PROTOCOL_MAJOR: u16 = 1;
 
+/// Baud of a host link on a UART after a start, and when it hears nothing valid at another rate.
+pub const DEFAULT_BAUD: u32 = 921_600;
+
 /// Grows when messages are added.
 pub const PROTOCOL_MINOR: u16 = 0;

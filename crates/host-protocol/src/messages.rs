@@ -230,6 +230,7 @@ messages! {
     0x0002 Ping -> Pong
     0x0003 TakeAuthority -> Done
     0x0004 ReleaseAuthority -> Done
+    0x0005 SetBaud -> Done
 
     0x0010 ConfigureGateway -> Done
     0x0011 ConfigureBus -> Done

@@ -45,6 +45,15 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct ReleaseAuthority {}
 
+    /// Has this link, a UART, run at another rate: the reply still comes at the present one, what
+    /// follows at the new one. The link goes back to [`DEFAULT_BAUD`](crate::DEFAULT_BAUD) when it
+    /// hears nothing valid.
+    #[derive(Copy, Eq)]
+    pub struct SetBaud {
+        /// Baud, one that the link offers; the error names them.
+        pub baud: u32,
+    }
+
     /// Sets a parameter of the gateway.
     #[derive(Copy)]
     pub struct ConfigureGateway {

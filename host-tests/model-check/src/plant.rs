@@ -1,7 +1,7 @@
 //! The board, its buses, and the motors on them.
 
-use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::{BootReason, Protocol, StopAction};
+use gateway::{Board, BusPort, BusPortKind, LinkPort};
+use host_protocol::{BootReason, DEFAULT_BAUD, Protocol, StopAction};
 use promise_model::{BusKind, EXTENDED};
 
 /// Host links.
@@ -32,7 +32,7 @@ const BOARD_OF_A_START: Board = Board {
         BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
     ],
     bus_limit: None,
-    links: LINKS,
+    links: &[LinkPort { bauds: &[DEFAULT_BAUD, 2_000_000] }; LINKS as usize],
     crash_report: "",
     e_stop_input: true,
     enable_output: true,

@@ -39,6 +39,10 @@ pub enum Action {
     OtherStops(u8),
     /// Another host sends an e-stop.
     OtherEStops,
+    /// The board of the gateway is reset.
+    Reset,
+    /// The program's adapter takes a rate and keeps the one that it has.
+    StuckBaud,
 }
 
 /// The directions that a fault is in.
@@ -107,6 +111,8 @@ impl Action {
             Some(&"interrupt") => Self::Interrupt,
             Some(&"cut") => Self::Cut(ways(words, 1)?),
             Some(&"clean") => Self::Clean,
+            Some(&"reset") => Self::Reset,
+            Some(&"stuck-baud") => Self::StuckBaud,
             Some(&"close") => Self::Close(duration(words, 1)?),
             Some(&"lose") => Self::Lose(percent()?, ways(words, 3)?),
             Some(&"lose-next") => Self::LoseNext(parse(words, 1, "number")?, ways(words, 2)?),
@@ -138,6 +144,8 @@ impl Action {
         match self {
             Self::Interrupt => "interrupt",
             Self::Cut(_) => "cut",
+            Self::Reset => "reset",
+            Self::StuckBaud => "stuck-baud",
             Self::Clean => "clean",
             Self::Close(_) => "close",
             Self::Lose(..) => "lose",

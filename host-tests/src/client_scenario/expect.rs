@@ -34,6 +34,12 @@ impl Bench {
                     format!("{failure:?}")
                 })
             }
+            "baud" => {
+                let baud = self.line.borrow().baud();
+                hold(baud == parse::<u32>(words, 1, "rate")?, || {
+                    format!("the gateway is at {baud} baud")
+                })
+            }
             "took" => {
                 let (took, most) = (self.outcome()?.1, duration(words, 1)?);
                 hold(took <= most, || format!("it took {took:?}"))

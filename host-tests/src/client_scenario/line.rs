@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use host_protocol::messages::request_name;
 use host_protocol::requests::{EStop, ReadState, Stop};
-use host_protocol::{Call, Deframer, Kind, MAX_FRAME, StopTarget, encode};
+use host_protocol::{
+    BootReason, Call, DEFAULT_BAUD, Deframer, Kind, MAX_FRAME, StopTarget, encode,
+};
 use mgw_client::{Interrupt, Transport};
 use mgw_sim::World;
 
@@ -63,6 +65,9 @@ pub struct Line {
     partial: Vec<u8>,
     /// Arrived at the program, not yet read.
     unread: Vec<u8>,
+    /// The rate that the program's port is opened with.
+    pub wanted_baud: Option<u32>,
+    has_stuck_baud: bool,
     hostile: Option<Hostile>,
     next_flood: Duration,
     closed: bool,
@@ -87,6 +92,8 @@ impl Line {
             to_host: Channel::default(),
             partial: Vec::new(),
             unread: Vec::new(),
+            wanted_baud: None,
+            has_stuck_baud: false,
             hostile: None,
             next_flood: Duration::ZERO,
             closed: false,
@@ -123,6 +130,8 @@ impl Line {
         self.marks.clear();
         self.unread.clear();
         self.partial.clear();
+        // A program begins with the default, whatever the one before it left.
+        self.world.borrow_mut().set_host_baud(LINK, DEFAULT_BAUD);
         for (at, moment, _) in &mut self.to_come {
             if let Moment::At(time) = moment {
                 *at = Some(self.began + *time + HESITATION.mul_f64(self.random.f64()));
@@ -133,6 +142,11 @@ impl Line {
     /// Something is to happen in the next command.
     pub fn plan(&mut self, moment: Moment, action: Action) {
         self.to_come.push((None, moment, action));
+    }
+
+    /// The rate of the gateway's end.
+    pub fn baud(&self) -> u32 {
+        self.world.borrow().baud(LINK)
     }
 
     /// What has not happened.
@@ -171,6 +185,8 @@ impl Line {
             }
             Action::OtherStops(axis) => self.other_says(&Stop { target: StopTarget::Axis(axis) }),
             Action::OtherEStops => self.other_says(&EStop {}),
+            Action::StuckBaud => self.has_stuck_baud = true,
+            Action::Reset => self.world.borrow_mut().reset(BootReason::Pin, ""),
         }
     }
 
@@ -344,6 +360,19 @@ impl Transport for Wire {
         line.unread.clear();
         line.to_gateway.clear();
         line.to_host.clear();
+        line.world.borrow_mut().set_host_baud(LINK, DEFAULT_BAUD);
         Ok(())
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        let line = self.0.borrow();
+        if !line.has_stuck_baud {
+            line.world.borrow_mut().set_host_baud(LINK, baud);
+        }
+        Ok(())
+    }
+
+    fn wanted_baud(&self) -> Option<u32> {
+        self.0.borrow().wanted_baud
     }
 }

@@ -115,6 +115,10 @@ impl Bench {
                 self.line.borrow_mut().plan(moment, Action::parse(rest)?);
                 Ok(())
             }
+            Some(&"baud") => {
+                self.line.borrow_mut().wanted_baud = Some(parse(words, 1, "rate")?);
+                Ok(())
+            }
             Some(&"expect") => self.expect(rest),
             _ => {
                 self.line.borrow_mut().happen(&Action::parse(words)?);

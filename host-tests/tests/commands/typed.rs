@@ -26,7 +26,8 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
 /// as `Arm` does, and `Cycle` moves as `Setpoint` does. What `Native` and raw frames send is not
 /// typed.
-pub const NOT_TRIED: [&str; 30] = [
+pub const NOT_TRIED: [&str; 31] = [
+    "SetBaud",
     "BeginChanges",
     "AddChanges",
     "ApplyChanges",

@@ -188,6 +188,7 @@ fn client_name(error: &ClientError) -> &'static str {
         ClientError::UnreadableReply { .. } => "UnreadableReply",
         ClientError::NamedTwice { .. } => "NamedTwice",
         ClientError::TooLong { .. } => "TooLong",
+        ClientError::BaudFailed { .. } => "BaudFailed",
         ClientError::LinksTaken => "LinksTaken",
         ClientError::Connect(error) if is_no_port(error) => "Usage",
         ClientError::Connect(_) => "NoConnection",

@@ -11,6 +11,7 @@ use host_protocol::{
     BootReason, Call, Error, EventMessage, PROTOCOL_MAJOR, PROTOCOL_MINOR, StopTarget, Text,
 };
 
+use crate::baud::Baud;
 use crate::clock::Clock;
 use crate::error::ClientError;
 use crate::inbox::{Inbox, Losses};
@@ -57,7 +58,8 @@ const READS_WITHOUT_WAITING: usize = 16;
 /// armed here; setpoints that are due; the request under way. Events that arrive meanwhile wait in
 /// a queue for [`poll_event`](Self::poll_event).
 pub struct Client<T: Transport> {
-    transport: T,
+    pub(crate) transport: T,
+    pub(crate) baud: Baud,
     inbox: Inbox,
     clock: Clock,
     hello: HelloReply,
@@ -122,6 +124,7 @@ impl<T: Transport> Client<T> {
         let (high, low) = spread(transport.now());
         let mut client = Self {
             inbox: Inbox::new(),
+            baud: Baud::default(),
             clock: Clock::default(),
             hello: no_hello(),
             sequence: first_sequence.wrapping_add(low),
@@ -136,6 +139,7 @@ impl<T: Transport> Client<T> {
             transport,
         };
         client.say_hello_as(session.wrapping_add(high)).map_err(name_refusal)?;
+        client.negotiate()?;
         client.measure_clock()?;
         Ok(client)
     }
@@ -148,8 +152,10 @@ impl<T: Transport> Client<T> {
     pub fn reconnect(&mut self) -> Result<(), ClientError> {
         self.transport.reconnect()?;
         self.inbox.restart();
+        self.baud.restart();
         self.clock.reset();
         self.say_hello()?;
+        self.negotiate()?;
         self.measure_clock()
     }
 
@@ -221,8 +227,8 @@ impl<T: Transport> Client<T> {
             return Ok(());
         }
         self.has_stopped = true;
-        let Self { transport, inbox, sequence, .. } = self;
-        if until_answered(transport, inbox, sequence, &requests)? {
+        let Self { transport, inbox, baud, sequence, .. } = self;
+        if until_answered(transport, inbox, baud, sequence, &requests)? {
             // To the gateway this may be another link: what it says by itself comes after a hello.
             self.clock.reset();
             self.say_hello()?;
@@ -252,7 +258,11 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request_within`](Self::request_within).
     pub fn ping(&mut self) -> Result<(), ClientError> {
-        let (pong, sent) = self.exchange(&Ping {}, DEADLINE, REPEAT_AFTER)?;
+        self.ping_within(DEADLINE)
+    }
+
+    pub(crate) fn ping_within(&mut self, deadline: Duration) -> Result<(), ClientError> {
+        let (pong, sent) = self.exchange(&Ping {}, deadline, REPEAT_AFTER)?;
         self.clock.measure(sent, self.transport.now(), pong.time_us);
         Ok(())
     }

@@ -56,6 +56,14 @@ pub enum ClientError {
         /// Name of the request.
         request: &'static str,
     },
+    /// The gateway was not heard at another rate of the line, or the port cannot run at it. The line
+    /// runs at the default.
+    BaudFailed {
+        /// The rate.
+        baud: u32,
+        /// What the system says of it.
+        source: Option<io::Error>,
+    },
     /// The gateway is there and closes the connection at once: other programs have all its host
     /// links.
     LinksTaken,
@@ -121,6 +129,14 @@ impl fmt::Display for ClientError {
                 in_words(request),
                 host_protocol::MAX_MESSAGE
             ),
+            Self::BaudFailed { baud, source: Some(source) } => {
+                write!(f, "this port cannot run at {baud} baud ({source}). Leave the rate out")
+            }
+            Self::BaudFailed { baud, source: None } => write!(
+                f,
+                "the gateway was not heard at {baud} baud, though it offers that. Check the cable \
+                    and what its adapter can do, or leave the rate out"
+            ),
             Self::LinksTaken => write!(
                 f,
                 "the gateway refuses the connection: all host links are taken. End another program \
@@ -153,6 +169,7 @@ impl std::error::Error for ClientError {
             Self::Gateway(error) => Some(error),
             Self::Connect(error) => Some(error),
             Self::Transport(error) => Some(error),
+            Self::BaudFailed { source, .. } => source.as_ref().map(|source| source as _),
             _ => None,
         }
     }

@@ -88,8 +88,9 @@ pub(crate) struct Inbox {
     /// The sequence number of the hello that was answered last.
     hello: Option<u16>,
     losses: Losses,
-    /// How many bytes have arrived.
+    /// How many bytes have arrived, and how many whole frames.
     bytes: u64,
+    frames: u64,
 }
 
 impl Inbox {
@@ -101,13 +102,14 @@ impl Inbox {
             hello: None,
             losses: Losses::default(),
             bytes: 0,
+            frames: 0,
         }
     }
 
     /// Takes in bytes and returns the answers among them.
     pub(crate) fn take_in(&mut self, bytes: &[u8]) -> Vec<Arrived> {
         self.bytes = self.bytes.saturating_add(bytes.len() as u64);
-        let Self { deframer, events, next_event, hello, losses, .. } = self;
+        let Self { deframer, events, next_event, hello, losses, frames, .. } = self;
         let mut answers = Vec::new();
         for byte in bytes {
             let frame = match deframer.push(*byte) {
@@ -118,6 +120,7 @@ impl Inbox {
                 }
                 Some(Ok(frame)) => frame,
             };
+            *frames += u64::from(frame.kind != Kind::Request);
             match frame.kind {
                 Kind::Event if is_new(next_event, frame.sequence, losses) => {
                     keep_event(events, losses, &frame);
@@ -150,6 +153,11 @@ impl Inbox {
     /// How many bytes have arrived.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// How many whole frames have arrived.
+    pub(crate) fn frames(&self) -> u64 {
+        self.frames
     }
 
     pub(crate) fn losses(&self) -> Losses {

@@ -31,6 +31,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod baud;
 mod client;
 mod clock;
 mod commands;
@@ -63,7 +64,7 @@ pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;
 pub use interrupt::Interrupt;
 pub use port::{ConnectError, Halves, check_name, open, open_halves};
-pub use serial::{DEFAULT_BAUD, SerialTransport};
+pub use serial::SerialTransport;
 pub use server::{server_port, server_socket};
 pub use stopping::{REPEAT_STOP_AFTER, STOP_PATIENCE, StopRequest, stop_before_hello};
 pub use tcp::TcpTransport;

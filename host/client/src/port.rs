@@ -5,7 +5,9 @@ use std::io;
 use std::net::IpAddr;
 use std::time::Duration;
 
-use crate::serial::{DEFAULT_BAUD, SerialTransport};
+use host_protocol::DEFAULT_BAUD;
+
+use crate::serial::SerialTransport;
 use crate::tcp::TcpTransport;
 use crate::transport::Transport;
 
@@ -21,8 +23,8 @@ const SERIAL_WAIT: Duration = Duration::from_millis(100);
 const BAUD_SEPARATOR: char = '@';
 
 /// Opens the port of that name: `tcp:HOST:PORT`, also without `tcp:`, `unix:PATH` of a server, or a
-/// serial device such as `/dev/ttyACM0` or `COM5`, which runs at 921600 bit/s unless the name ends in `@` and another
-/// rate.
+/// serial device such as `/dev/ttyACM0` or `COM5`, which runs at 921600 baud unless the name ends in
+/// `@` and another rate, which a [`Client`](crate::Client) then asks the gateway for.
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.
@@ -81,8 +83,14 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
                 let (reader, writer) = both.map_err(|source| no_server(path, source))?;
                 (Box::new(reader), Box::new(writer))
             }
+            // Only a client asks the gateway for another rate.
+            Port::Serial(device, baud) if baud != DEFAULT_BAUD => {
+                let alone = "only one program alone can ask for another rate";
+                let source = io::Error::new(io::ErrorKind::Unsupported, alone);
+                return Err(no_serial(device, baud, source));
+            }
             Port::Serial(device, baud) => {
-                let opened = crate::serial::open(device, baud).and_then(|mut port| {
+                let opened = crate::serial::open(device).and_then(|mut port| {
                     port.set_timeout(SERIAL_WAIT)?;
                     Ok((port.try_clone()?, port))
                 });
@@ -222,8 +230,8 @@ impl fmt::Display for ConnectError {
             Self::BadBaud { port } => {
                 write!(
                     f,
-                    "`{port}` names no bit rate. Write DEVICE or DEVICE@RATE, for example \
-                        /dev/ttyACM0@921600"
+                    "`{port}` names no baud rate. Write DEVICE or DEVICE@RATE, for example \
+                        /dev/ttyACM0@2000000"
                 )
             }
             Self::Tcp { address, source } => {

@@ -3,13 +3,12 @@
 use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
+use host_protocol::DEFAULT_BAUD;
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits};
 
 use crate::tcp::nothing_came;
 use crate::transport::Transport;
 
-/// Bits per second of a gateway's host UARTs.
-pub const DEFAULT_BAUD: u32 = 921_600;
 /// Read timeout a port is opened with; each `receive` sets its own.
 const OPENING_TIMEOUT: Duration = Duration::from_millis(10);
 /// Shortest read timeout that the operating system is asked for; below its clock's tick it may not
@@ -19,19 +18,20 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// A serial port, 8 data bits, no parity, 1 stop bit, no flow control, in wall-clock time.
 pub struct SerialTransport {
     device: String,
-    baud: u32,
+    wanted_baud: u32,
     port: Option<Box<dyn SerialPort>>,
     start: Instant,
 }
 
 impl SerialTransport {
-    /// Opens `device` at `baud` bits per second.
+    /// Opens `device`, at first with [`DEFAULT_BAUD`]; a client then asks the gateway for
+    /// `wanted_baud`.
     ///
     /// # Errors
     /// When there is no such device, it may not be opened, or it cannot run at that rate.
-    pub fn open(device: &str, baud: u32) -> io::Result<Self> {
-        let port = open(device, baud)?;
-        Ok(Self { device: device.to_owned(), baud, port: Some(port), start: Instant::now() })
+    pub fn open(device: &str, wanted_baud: u32) -> io::Result<Self> {
+        let port = open(device)?;
+        Ok(Self { device: device.to_owned(), wanted_baud, port: Some(port), start: Instant::now() })
     }
 
     fn port(&mut self) -> io::Result<&mut Box<dyn SerialPort>> {
@@ -45,7 +45,7 @@ impl std::fmt::Debug for SerialTransport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("SerialTransport")
             .field("device", &self.device)
-            .field("baud", &self.baud)
+            .field("wanted_baud", &self.wanted_baud)
             .field("open", &self.port.is_some())
             .finish_non_exhaustive()
     }
@@ -77,14 +77,22 @@ impl Transport for SerialTransport {
     fn reconnect(&mut self) -> io::Result<()> {
         // Closed first: the device is opened for one user only.
         self.port = None;
-        self.port = Some(open(&self.device, self.baud)?);
+        self.port = Some(open(&self.device)?);
         Ok(())
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        Ok(self.port()?.set_baud_rate(baud)?)
+    }
+
+    fn wanted_baud(&self) -> Option<u32> {
+        (self.wanted_baud != DEFAULT_BAUD).then_some(self.wanted_baud)
     }
 }
 
 /// Opens a device, what it had received before forgotten.
-pub(crate) fn open(device: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
-    let port = serialport::new(device, baud)
+pub(crate) fn open(device: &str) -> io::Result<Box<dyn SerialPort>> {
+    let port = serialport::new(device, DEFAULT_BAUD)
         .data_bits(DataBits::Eight)
         .parity(Parity::None)
         .stop_bits(StopBits::One)

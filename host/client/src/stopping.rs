@@ -6,6 +6,7 @@ use std::time::Duration;
 use host_protocol::{Call, Error};
 use host_protocol::{Kind, MAX_FRAME, StopTarget, requests as ask};
 
+use crate::baud::Baud;
 use crate::error::ClientError;
 use crate::inbox::{Answer, Inbox};
 use crate::transport::Transport;
@@ -14,6 +15,8 @@ use crate::transport::Transport;
 pub const REPEAT_STOP_AFTER: Duration = Duration::from_millis(25);
 /// How long a stop is written again and again while nothing answers.
 pub const STOP_PATIENCE: Duration = Duration::from_secs(3);
+/// How often a stop is written at another rate than the default before it is written at that.
+const TURNS_AT_ANOTHER_RATE: u32 = 2;
 /// Between two attempts to open a connection again that has failed.
 const REOPEN_EVERY: Duration = Duration::from_millis(50);
 /// Bytes taken from the transport at once.
@@ -132,6 +135,7 @@ impl Stops {
 pub(crate) fn until_answered<T: Transport>(
     transport: &mut T,
     inbox: &mut Inbox,
+    baud: &mut Baud,
     sequence: &mut u16,
     requests: &[StopRequest],
 ) -> Result<bool, ClientError> {
@@ -140,6 +144,7 @@ pub(crate) fn until_answered<T: Transport>(
     let mut stops = Stops { pending: pending.collect(), refusal: None, written: false };
     let (mut reopened, mut last_error) = (false, None::<io::Error>);
     let end = transport.now().saturating_add(STOP_PATIENCE);
+    let mut turns = 0;
     while !stops.pending.is_empty() {
         if transport.now() >= end {
             return Err(match last_error {
@@ -154,9 +159,14 @@ pub(crate) fn until_answered<T: Transport>(
                 _ => ClientError::StopUnanswered { after: STOP_PATIENCE },
             });
         }
+        if turns == TURNS_AT_ANOTHER_RATE {
+            baud.give_up(transport)?;
+        }
+        turns += 1;
         if let Err(error) = stops.turn(transport, inbox, sequence) {
             last_error = Some(error);
             let before = transport.now();
+            baud.restart();
             match transport.reconnect() {
                 Ok(()) if !reopened => inbox.restart(),
                 Ok(()) | Err(_) => {
@@ -180,5 +190,6 @@ pub fn stop_before_hello<T: Transport>(
     request: StopRequest,
 ) -> Result<(), ClientError> {
     let mut sequence = fastrand::u16(..);
-    until_answered(transport, &mut Inbox::new(), &mut sequence, &[request]).map(drop)
+    let (mut inbox, mut baud) = (Inbox::new(), Baud::default());
+    until_answered(transport, &mut inbox, &mut baud, &mut sequence, &[request]).map(drop)
 }

@@ -39,6 +39,20 @@ pub trait Transport {
     /// # Errors
     /// When it cannot be opened now; it may be tried again later.
     fn reconnect(&mut self) -> io::Result<()>;
+
+    /// Runs at another rate from now on, baud. It starts at
+    /// [`DEFAULT_BAUD`](host_protocol::DEFAULT_BAUD), also after [`reconnect`](Self::reconnect).
+    ///
+    /// # Errors
+    /// When it has no rate, or cannot run at this one.
+    fn set_baud(&mut self, _baud: u32) -> io::Result<()> {
+        Err(io::Error::new(io::ErrorKind::Unsupported, "this port has no baud rate"))
+    }
+
+    /// The rate that its user wants, if it is not the default: a client asks the gateway for it.
+    fn wanted_baud(&self) -> Option<u32> {
+        None
+    }
 }
 
 impl<T: Transport + ?Sized> Transport for Box<T> {
@@ -60,5 +74,13 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
 
     fn reconnect(&mut self) -> io::Result<()> {
         (**self).reconnect()
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        (**self).set_baud(baud)
+    }
+
+    fn wanted_baud(&self) -> Option<u32> {
+        (**self).wanted_baud()
     }
 }

@@ -5,6 +5,7 @@ use std::io;
 use std::rc::Rc;
 use std::time::Duration;
 
+use host_protocol::DEFAULT_BAUD;
 use mgw_client::Transport;
 
 use crate::world::World;
@@ -24,6 +25,7 @@ pub struct SimTransport {
 impl SimTransport {
     /// The host link `link` of `world`.
     pub fn new(world: Rc<RefCell<World>>, link: u8) -> Self {
+        world.borrow_mut().set_host_baud(link, DEFAULT_BAUD);
         Self { world, link, unread: Vec::new() }
     }
 
@@ -70,6 +72,11 @@ impl Transport for SimTransport {
     fn reconnect(&mut self) -> io::Result<()> {
         self.unread.clear();
         self.world.borrow_mut().host_reset(self.link);
+        self.set_baud(DEFAULT_BAUD)
+    }
+
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        self.world.borrow_mut().set_host_baud(self.link, baud);
         Ok(())
     }
 }

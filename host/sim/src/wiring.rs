@@ -3,8 +3,8 @@
 use std::error::Error;
 use std::fmt;
 
-use gateway::{Board, BusPort, BusPortKind, MAX_LINKS};
-use host_protocol::{BootReason, CanId, Protocol};
+use gateway::{Board, BusPort, BusPortKind, LinkPort, MAX_LINKS};
+use host_protocol::{BootReason, CanId, DEFAULT_BAUD, Protocol};
 
 /// Bitrate of RMD and thruster motors on CAN.
 const MBIT: u32 = 1_000_000;
@@ -14,9 +14,9 @@ const D5_BITRATE: u32 = 210_526;
 /// motors have the same is an assumption.
 const BAUD: u32 = 115_200;
 
-/// As many host links as the core takes.
-#[allow(clippy::cast_possible_truncation)]
-const LINKS: u8 = MAX_LINKS as u8;
+/// A host link: the rates of both boards.
+const UART: LinkPort =
+    LinkPort { bauds: &[DEFAULT_BAUD, 1_000_000, 1_500_000, 2_000_000, 3_000_000] };
 
 const LINE: BusPort = BusPort {
     kind: BusPortKind::Rs485 { local_echo: true },
@@ -40,7 +40,7 @@ pub static BOARD: Board = Board {
         LINE,
     ],
     bus_limit: None,
-    links: LINKS,
+    links: &[UART; MAX_LINKS],
 };
 
 /// One motor and where it is connected.

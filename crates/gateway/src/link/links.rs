@@ -95,9 +95,10 @@ impl Links {
         }
     }
 
-    /// A link may have something to send.
+    /// A link may have something to send, or another rate.
     pub fn touch(&mut self, link: u8) {
-        if self.links.get(usize::from(link)).is_some_and(|link| link.has_output(&self.ring)) {
+        let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+        if port.take_changed_baud() || port.has_output(&self.ring) {
             self.changed.add(Set::of(link));
         }
     }

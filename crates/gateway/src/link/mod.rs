@@ -4,6 +4,7 @@
 //! and has one result, that a reply has its place before its request is executed, and that a host
 //! that does not read costs nothing but its own events.
 
+mod baud;
 mod events;
 mod links;
 mod replies;
@@ -17,6 +18,7 @@ pub(crate) use links::Links;
 pub use replies::{Identity, Slot};
 use ring::{Cursor, Ring};
 
+use baud::Baud;
 use events::Events;
 use host_protocol::{
     Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields,
@@ -24,6 +26,10 @@ use host_protocol::{
 };
 use replies::{Replies, Reserved};
 use subscription::Subscription;
+
+/// A host that has sent nothing valid for so long is told no samples any more, and its link runs at
+/// the default rate again, µs.
+const SILENCE_US: u64 = 5_000_000;
 
 /// What one link may cost in RAM, bytes.
 const MEMORY_BUDGET: usize = 7 * 1024;
@@ -38,6 +44,7 @@ pub struct Link {
     events: Events,
     last_valid_us: Option<u64>,
     subscription: Option<Subscription>,
+    baud: Baud,
 }
 
 impl Default for Link {
@@ -56,7 +63,36 @@ impl Link {
             events: Events::new(),
             last_valid_us: None,
             subscription: None,
+            baud: Baud::new(&[]),
         }
+    }
+
+    /// The rates that its port offers.
+    pub(crate) fn offer(&mut self, bauds: &'static [u32]) {
+        self.baud = Baud::new(bauds);
+    }
+
+    /// The rate that it runs at, where it is a UART.
+    pub(crate) fn baud(&self) -> u32 {
+        self.baud.now()
+    }
+
+    /// The host asks for another rate, which begins when the replies have left.
+    ///
+    /// # Errors
+    /// [`Error::BaudNotOffered`] or [`Error::LinkHasNoBaud`].
+    pub(crate) fn set_baud(&mut self, baud: u32) -> Result<(), Error> {
+        self.baud.ask(baud)
+    }
+
+    /// Whether the rate has changed since this was last asked.
+    pub(crate) fn take_changed_baud(&mut self) -> bool {
+        self.baud.take_changed()
+    }
+
+    /// What came was no bytes.
+    pub(crate) fn line_error(&mut self, now_us: u64) {
+        self.baud.unreadable(now_us);
     }
 
     /// Takes `bytes` of the host off their front, as far as the end of a frame or all. The frame is
@@ -65,6 +101,7 @@ impl Link {
         match self.deframer.take(bytes)? {
             Ok(frame) if matches!(frame.kind, Kind::Request | Kind::WatcherRequest) => {
                 self.last_valid_us = Some(now_us);
+                self.baud.heard();
                 Some(frame)
             }
             // A frame of ours that comes back is no request and no fault: reporting it would go
@@ -72,6 +109,7 @@ impl Link {
             Ok(_) => None,
             Err(error) => {
                 self.events.frame_rejected(now_us, &error);
+                self.baud.unreadable(now_us);
                 None
             }
         }
@@ -100,6 +138,7 @@ impl Link {
             self.replies.clear();
             self.events.start_session(speaks_our_version(hello), end);
             self.subscription = None;
+            self.baud.forget_next();
         }
         let unanswered =
             |executes: fn(&Request) -> bool| request.as_ref().is_ok_and(executes).then_some(None);
@@ -151,10 +190,11 @@ impl Link {
         self.subscription.as_ref().is_some_and(|subscription| subscription.watches(axis))
     }
 
-    /// Begins the subscription's next period, or ends it when the host is silent. Returns whether
-    /// it has ended.
+    /// Begins the subscription's next period, or ends it when the host is silent, as its rate does.
+    /// Returns whether it has ended.
     pub fn tick(&mut self, now_us: u64) -> bool {
         let last_valid_us = self.last_valid_us.unwrap_or(0);
+        self.baud.tick(now_us, last_valid_us);
         let Some(subscription) = &mut self.subscription else { return false };
         if subscription.has_lapsed(now_us, last_valid_us) {
             self.subscription = None;
@@ -168,7 +208,8 @@ impl Link {
     #[must_use]
     pub fn deadline(&self) -> Option<u64> {
         let last_valid_us = self.last_valid_us.unwrap_or(0);
-        self.subscription.as_ref().map(|subscription| subscription.deadline(last_valid_us))
+        let subscription = self.subscription.as_ref().map(|kept| kept.deadline(last_valid_us));
+        subscription.into_iter().chain(self.baud.deadline(last_valid_us)).min()
     }
 
     /// The next axis to tell of, and what of it. To be followed by [`sample`](Self::sample).
@@ -198,15 +239,19 @@ impl Link {
         ring: &Ring,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
-        self.replies.poll_transmit(out).or_else(|| self.events.poll_transmit(ring, out))
+        let reply = self.replies.poll_transmit(out);
+        if !self.replies.has_output() {
+            self.baud.replies_have_left();
+        }
+        reply.or_else(|| self.events.poll_transmit(ring, out))
     }
 
     /// Writes what can influence the link from now on (see `Gateway::write_state`).
     #[cfg(feature = "state-text")]
     pub(crate) fn write_state(&self, to: &mut impl core::fmt::Write) -> core::fmt::Result {
-        let Self { deframer: _, replies, events, last_valid_us, subscription } = self;
+        let Self { deframer: _, replies, events, last_valid_us, subscription, baud } = self;
         let owed = replies.owed().count();
-        write!(to, "{owed} {} {last_valid_us:?} {subscription:?}", events.is_open())?;
+        write!(to, "{owed} {} {last_valid_us:?} {subscription:?} {baud:?}", events.is_open())?;
         replies.owed().try_for_each(|slot| write!(to, "{slot:?}"))
     }
 

@@ -1,11 +1,10 @@
 //! What a host has subscribed to: which axes are due to be told of, and which were not in time.
 
+use super::SILENCE_US;
 use crate::set::Set;
 use host_protocol::requests::{self, SUBSCRIPTION_PERIOD_US};
 use host_protocol::{Error, Quantity, StateFields};
 
-/// A host that has sent nothing valid for so long is not told any more, µs.
-const SILENCE_US: u64 = 5_000_000;
 
 /// A subscription in force.
 #[derive(Debug, Clone)]

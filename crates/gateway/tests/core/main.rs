@@ -3,6 +3,7 @@
 mod addresses;
 mod after_reset;
 mod bad_input;
+mod baud;
 mod bench;
 mod bitrates;
 mod brake;

@@ -3,7 +3,8 @@
 
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, Outgoing, RETAINED_WORDS, Set, Transmit,
+    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, Outgoing, RETAINED_WORDS, Set,
+    Transmit,
 };
 use host_protocol::{
     BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage,
@@ -11,6 +12,8 @@ use host_protocol::{
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
+/// A host link on a UART.
+const UART: LinkPort = LinkPort { bauds: &[921_600, 2_000_000, 3_000_000] };
 const BAUDS: &[u32] = &[115_200, 2_000_000];
 
 /// Buses 0 and 1 are CAN, bus 2 is RS485 with echo.
@@ -29,7 +32,7 @@ const BOARD_VALUES: Board = Board {
         BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
     ],
     bus_limit: None,
-    links: 3,
+    links: &[UART, UART, LinkPort { bauds: &[] }],
 };
 
 /// The same board after its watchdog has reset it.

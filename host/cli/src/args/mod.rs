@@ -37,7 +37,7 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     after_help = EXAMPLES
 )]
 pub struct Cli {
-    /// The gateway: a serial device (921600 bit/s; another rate as DEVICE@RATE), tcp:HOST:PORT or
+    /// The gateway: a serial device (921600 baud; to 3000000 as DEVICE@RATE), tcp:HOST:PORT or
     /// unix:PATH; without it a running `mgw serve`, else the only one on USB or an ST-LINK
     #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
     pub port: Option<String>,

@@ -1,7 +1,7 @@
 //! What a gateway would refuse of a configuration: asked of the gateway's own core, which runs here
 //! on a board like the one that it is for. It is asked row by row, so that all errors are found.
 
-use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant};
+use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort};
 use host_protocol::{
     AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
     PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Value, requests,
@@ -210,7 +210,7 @@ impl Core {
             enable_output: false,
             buses: board.ports.iter().map(port).collect::<Vec<_>>().leak(),
             bus_limit: None,
-            links: 1,
+            links: &[LinkPort { bauds: &[] }],
         };
         let gateway = Box::new(Gateway::new(Box::leak(Box::new(board)), Some(0)));
         let mut core = Self { gateway, sequence: 0 };

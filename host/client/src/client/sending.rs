@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use host_protocol::messages::request_name;
 use host_protocol::requests::{self as ask, Ping};
-use host_protocol::{Call, Kind, MAX_FRAME};
+use host_protocol::{Call, DEFAULT_BAUD, Kind, MAX_FRAME};
 
 use super::Client;
 use crate::error::ClientError;
@@ -59,11 +59,17 @@ impl<T: Transport> Client<T> {
             };
             // Among so many others the gateway would take it for a new one.
             let is_known = self.written - order < REMEMBERED || !acts_each_time(C::NUMBER);
-            if now >= next_sending && is_known {
-                self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
+            if now >= next_sending {
+                if is_known {
+                    self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
+                }
+                if self.baud.is_in_doubt(now) {
+                    self.post(&Ping {})?;
+                }
                 next_sending = now + repeat_after;
             }
-            let until = if is_known { next_sending.min(end) } else { end };
+            let until =
+                if is_known || self.baud() != DEFAULT_BAUD { next_sending.min(end) } else { end };
             match self.listen(until, Some((sequence, C::NUMBER)))? {
                 None => {}
                 Some(answer) => return answer.read::<C>().map(|reply| (reply, sent)),
@@ -83,6 +89,7 @@ impl<T: Transport> Client<T> {
         // Right before each frame: it may have come since the loop looked, and among several frames
         // that are due.
         self.heed_interrupt(number)?;
+        self.heed_baud()?;
         self.transport.send(frame)?;
         self.written += 1;
         self.last_sent = self.transport.now();
@@ -115,7 +122,12 @@ impl<T: Transport> Client<T> {
         let count = self.transport.receive(&mut buffer, wait)?;
         let now = self.transport.now();
         let mut found = None;
-        for arrived in self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
+        let frames = self.inbox.frames();
+        let answers = self.inbox.take_in(buffer.get(..count).unwrap_or(&buffer));
+        if self.inbox.frames() != frames {
+            self.baud.heard();
+        }
+        for arrived in answers {
             let is_awaited =
                 awaited.is_some_and(|(sequence, number)| arrived.answers(sequence, number));
             if is_awaited && found.is_none() {

@@ -1,12 +1,12 @@
-//! One host link: a UART at 921600 baud between a host program and the gateway.
+//! One host link: a UART between a host program and the gateway, each end with its own rate.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use host_protocol::DEFAULT_BAUD;
+
 use crate::bus::bit_time;
 
-/// Speed of the host links.
-const BAUD: u32 = 921_600;
 /// Start bit, eight data bits, stop bit.
 const BITS_PER_BYTE: u64 = 10;
 /// The gateway takes in at most this many bytes at once.
@@ -17,8 +17,12 @@ const DELIMITER: u8 = 0;
 const HOST_BUFFER: usize = 1 << 20;
 
 /// Both directions of one link.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct HostLink {
+    /// The rate of the gateway's end.
+    baud: u32,
+    /// That of the host's end; none follows the gateway.
+    host_baud: Option<u32>,
     /// Bytes on their way to the gateway.
     inbound: VecDeque<u8>,
     /// Since when bytes have followed each other without a pause.
@@ -33,10 +37,48 @@ pub(super) struct HostLink {
     is_blocked: bool,
 }
 
+impl Default for HostLink {
+    fn default() -> Self {
+        Self {
+            baud: DEFAULT_BAUD,
+            host_baud: None,
+            inbound: VecDeque::new(),
+            run_start: Duration::ZERO,
+            run_arrived: 0,
+            outbound: None,
+            received: VecDeque::new(),
+            is_blocked: false,
+        }
+    }
+}
+
 impl HostLink {
+    /// Sets the rate of the gateway's end, for what begins now.
+    pub(super) fn set_baud(&mut self, now: Duration, baud: u32) {
+        if self.baud != baud {
+            self.baud = baud;
+            self.begin_run(now);
+        }
+    }
+
+    /// Sets the rate of the host's end.
+    pub(super) fn set_host_baud(&mut self, now: Duration, baud: u32) {
+        self.host_baud = Some(baud);
+        self.begin_run(now);
+    }
+
+    /// Whether both ends have one rate.
+    pub(super) fn is_readable(&self) -> bool {
+        self.host_baud.is_none_or(|baud| baud == self.baud)
+    }
+
+    fn begin_run(&mut self, now: Duration) {
+        (self.run_start, self.run_arrived) = (now, 0);
+    }
+
     pub(super) fn send(&mut self, now: Duration, bytes: &[u8]) {
         if self.inbound.is_empty() && self.arrival(0) < now {
-            (self.run_start, self.run_arrived) = (now, 0);
+            self.begin_run(now);
         }
         self.inbound.extend(bytes);
     }
@@ -72,7 +114,8 @@ impl HostLink {
             return None;
         }
         self.run_arrived += len as u64;
-        Some(self.inbound.drain(..len).collect())
+        let is_readable = self.is_readable();
+        Some(self.inbound.drain(..len).map(|byte| as_read(byte, is_readable)).collect())
     }
 
     /// Whether the host takes what the gateway sends.
@@ -85,10 +128,11 @@ impl HostLink {
         if self.is_blocked {
             return;
         }
+        let is_readable = self.is_readable();
         if let Some((_, bytes)) = self.outbound.take_if(|(end, _)| *end <= now)
             && self.received.len() + bytes.len() <= HOST_BUFFER
         {
-            self.received.extend(bytes);
+            self.received.extend(bytes.iter().map(|byte| as_read(*byte, is_readable)));
         }
     }
 
@@ -98,19 +142,25 @@ impl HostLink {
     }
 
     pub(super) fn begin(&mut self, now: Duration, frame: &[u8]) {
-        let end = now + bit_time(frame.len() as u64 * BITS_PER_BYTE, BAUD);
+        let end = now + bit_time(frame.len() as u64 * BITS_PER_BYTE, self.baud);
         self.outbound = Some((end, frame.to_vec()));
     }
 
     /// When the first `len` waiting bytes have arrived.
     fn arrival(&self, len: usize) -> Duration {
-        self.run_start + bit_time((self.run_arrived + len as u64) * BITS_PER_BYTE, BAUD)
+        let baud = self.host_baud.unwrap_or(self.baud);
+        self.run_start + bit_time((self.run_arrived + len as u64) * BITS_PER_BYTE, baud)
     }
 
     fn chunk_len(&self) -> usize {
         let end = self.inbound.iter().take(CHUNK).position(|byte| *byte == DELIMITER);
         end.map_or_else(|| self.inbound.len().min(CHUNK), |at| at + 1)
     }
+}
+
+/// A byte as an end of another rate reads it: as another one.
+fn as_read(byte: u8, is_readable: bool) -> u8 {
+    if is_readable { byte } else { byte.reverse_bits() | 0xC0 }
 }
 
 #[cfg(test)]

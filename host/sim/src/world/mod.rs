@@ -73,8 +73,7 @@ impl World {
             let is_serial = matches!(port.medium, Medium::Serial { .. });
             motors.push(Motor::new(motor, is_serial, seed.wrapping_add(index as u64))?);
         }
-        let links =
-            (0..usize::from(board.links).min(MAX_LINKS)).map(|_| HostLink::default()).collect();
+        let links = board.links.iter().take(MAX_LINKS).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
         let gateway = Box::new(Gateway::new(board, life.take_random_number()));
         let (strangers, trace, not_before) =
@@ -123,6 +122,20 @@ impl World {
     /// How many bytes are still on their way to the gateway over a host link.
     pub fn host_backlog(&self, link: u8) -> usize {
         self.links.get(usize::from(link)).map_or(0, HostLink::backlog)
+    }
+
+    /// Sets the rate of the host's end of a link. Before that it has whatever rate the gateway has,
+    /// as a connection that has none.
+    pub fn set_host_baud(&mut self, link: u8, baud: u32) {
+        let now = self.now;
+        if let Some(link) = self.links.get_mut(usize::from(link)) {
+            link.set_host_baud(now, baud);
+        }
+    }
+
+    /// The rate that the gateway's end of a host link runs at.
+    pub fn baud(&self, link: u8) -> u32 {
+        self.gateway.baud(link)
     }
 
     /// Forgets what is on its way over a host link in either direction, as when its cable is
@@ -257,7 +270,11 @@ impl World {
             link.finish(now);
         }
         let is_open = self.links_are_open();
-        while let Some(bytes) = self.links.get_mut(index).and_then(|link| link.arrived(now)) {
+        while let Some(link) = self.links.get_mut(index) {
+            let Some(bytes) = link.arrived(now) else { break };
+            if is_open && !link.is_readable() {
+                self.tell(Event::HostLineError { link: number });
+            }
             if is_open {
                 self.tell(Event::HostBytes { link: number, bytes: &bytes });
             }
@@ -312,6 +329,7 @@ impl World {
         let Some(link) = self.links.get_mut(index).filter(|link| link.is_free()) else { return };
         let mut frame = [0; MAX_FRAME];
         let number = u8::try_from(index).unwrap_or(u8::MAX);
+        link.set_baud(self.now, self.gateway.baud(number));
         let length = self.gateway.poll_host(number, &mut frame, &mut self.life.store());
         if let Some(bytes) = length.and_then(|length| frame.get(..length)) {
             link.begin(self.now, bytes);

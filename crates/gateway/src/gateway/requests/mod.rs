@@ -72,6 +72,12 @@ impl Gateway {
                 }
                 Reply::ReleaseAuthority(done)
             }
+            Request::SetBaud(request) => {
+                self.links
+                    .get_mut(usize::from(ticket.link))
+                    .map_or(Ok(()), |link| link.set_baud(request.baud))?;
+                Reply::SetBaud(done)
+            }
             Request::ConfigureGateway(request) => {
                 self.configure_gateway(now, request)?;
                 Reply::ConfigureGateway(done)
@@ -538,6 +544,7 @@ fn needs_authority(request: &Request) -> bool {
         Request::Hello(_)
         | Request::Ping(_)
         | Request::ReleaseAuthority(_)
+        | Request::SetBaud(_)
         | Request::BusStatus(_)
         | Request::GatewayStatus(_)
         | Request::ReadGatewayParameter(_)

@@ -1,0 +1,99 @@
+//! The rate of a host link on a UART: what its host has asked for, until nothing valid is heard.
+
+use super::SILENCE_US;
+use host_protocol::{DEFAULT_BAUD, Error, MAX_BITRATES};
+
+/// So often in a row something unreadable comes before the host counts as lost at this rate.
+const UNREADABLE: u8 = 3;
+/// What is unreadable within so long is one thing, a frame at another rate for example, µs.
+const ONE_FRAME_US: u64 = 5_000;
+
+/// The rate of a link.
+#[derive(Debug, Clone)]
+pub struct Baud {
+    offered: &'static [u32],
+    now: u32,
+    /// It is next, when the replies that wait have left.
+    next: Option<u32>,
+    /// How much was unreadable since the last valid frame, and when the last of it came, µs.
+    unreadable: u8,
+    unreadable_us: u64,
+    /// It has changed since its port was last told.
+    has_changed: bool,
+}
+
+impl Baud {
+    /// The rate after a start, on a link that offers these; one that offers none has none.
+    pub const fn new(offered: &'static [u32]) -> Self {
+        let (next, unreadable, unreadable_us) = (None, 0, 0);
+        Self { offered, now: DEFAULT_BAUD, next, unreadable, unreadable_us, has_changed: false }
+    }
+
+    pub fn now(&self) -> u32 {
+        self.now
+    }
+
+    /// The host asks for a rate.
+    pub fn ask(&mut self, baud: u32) -> Result<(), Error> {
+        if self.offered.is_empty() {
+            return Err(Error::LinkHasNoBaud {});
+        }
+        if !self.offered.contains(&baud) {
+            let mut offered = [0; MAX_BITRATES];
+            offered.iter_mut().zip(self.offered).for_each(|(to, offer)| *to = *offer);
+            return Err(Error::BaudNotOffered { baud, offered });
+        }
+        self.next = Some(baud);
+        Ok(())
+    }
+
+    /// The reply to what was asked is forgotten.
+    pub fn forget_next(&mut self) {
+        self.next = None;
+    }
+
+    /// No reply waits any more.
+    pub fn replies_have_left(&mut self) {
+        if let Some(baud) = self.next.take() {
+            self.change(baud);
+        }
+    }
+
+    pub fn heard(&mut self) {
+        self.unreadable = 0;
+    }
+
+    /// Something came that is no frame. Bytes of a host at another rate are like that.
+    pub fn unreadable(&mut self, now_us: u64) {
+        if self.unreadable > 0 && now_us < self.unreadable_us + ONE_FRAME_US {
+            return;
+        }
+        self.unreadable_us = now_us;
+        self.unreadable = self.unreadable.saturating_add(1);
+        if self.unreadable >= UNREADABLE {
+            self.change(DEFAULT_BAUD);
+        }
+    }
+
+    /// When the host has been silent for too long.
+    pub fn deadline(&self, last_valid_us: u64) -> Option<u64> {
+        (self.now != DEFAULT_BAUD).then_some(last_valid_us + SILENCE_US)
+    }
+
+    pub fn tick(&mut self, now_us: u64, last_valid_us: u64) {
+        if self.deadline(last_valid_us).is_some_and(|at| at <= now_us) {
+            self.change(DEFAULT_BAUD);
+        }
+    }
+
+    fn change(&mut self, baud: u32) {
+        self.unreadable = 0;
+        self.has_changed |= self.now != baud;
+        self.now = baud;
+    }
+
+    /// Whether it has changed since this was last asked.
+    pub fn take_changed(&mut self) -> bool {
+        core::mem::take(&mut self.has_changed)
+    }
+}
