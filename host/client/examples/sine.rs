@@ -9,14 +9,11 @@
 
 use std::error::Error;
 use std::f32::consts::TAU;
-use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use mgw_client::host_protocol::{StateField, StateFields, StopTarget};
-use mgw_client::{AxisSetpoint, Client, make_velocity, open};
+use mgw_client::{AxisSetpoint, Client, Transport, make_velocity, open};
 
-/// How long it lasts.
-const LASTS: Duration = Duration::from_secs(2);
 /// rad/s.
 const AMPLITUDE: f32 = 2.0;
 /// One turn of the sine.
@@ -24,28 +21,27 @@ const PERIOD_S: f32 = 1.0;
 /// The setpoints are valid for so long: what hangs here stops the motors.
 const TTL: Duration = Duration::from_millis(100);
 
-fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn run() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let port = arguments.next().ok_or("usage: sine PORT AXIS…")?;
     let axes = arguments.map(|axis| axis.parse()).collect::<Result<Vec<u8>, _>>()?;
-    let fields = StateFields::of(&[StateField::Position, StateField::Velocity]);
-
     let mut gateway = Client::connect(open(&port)?)?;
-    let epoch = gateway.arm_together(&axes)?;
-    let (begin, mut rounds) = (Instant::now(), Vec::new());
-    while begin.elapsed() < LASTS {
-        let round = Instant::now();
-        let phase = TAU * begin.elapsed().as_secs_f32() / PERIOD_S;
+    println!("{}", run(&mut gateway, &axes, Duration::from_secs(2))?);
+    Ok(())
+}
+
+/// Turns the axes for so long, stops them, and says how long the rounds took.
+pub fn run(
+    gateway: &mut Client<impl Transport>,
+    axes: &[u8],
+    lasts: Duration,
+) -> Result<String, Box<dyn Error>> {
+    let fields = StateFields::of(&[StateField::Position, StateField::Velocity]);
+    let epoch = gateway.arm_together(axes)?;
+    let (begin, mut rounds) = (gateway.now(), Vec::new());
+    while gateway.now() < begin + lasts || rounds.is_empty() {
+        let round = gateway.now();
+        let phase = TAU * (round - begin).as_secs_f32() / PERIOD_S;
         let setpoints: Vec<AxisSetpoint> =
             axes.iter().map(|axis| make_velocity(*axis, AMPLITUDE * phase.sin())).collect();
         let states = gateway.cycle(epoch, &setpoints, fields, TTL)?;
@@ -53,13 +49,20 @@ fn run() -> Result<(), Box<dyn Error>> {
             gateway.stop(StopTarget::All)?;
             return Err(format!("axis {}: {}, {}", lost.axis, lost.result, lost.state).into());
         }
-        rounds.push(round.elapsed());
+        rounds.push(gateway.now() - round);
     }
     gateway.stop(StopTarget::All)?;
 
     rounds.sort();
     let at = |permille: usize| rounds[(rounds.len() - 1) * permille / 1_000];
-    println!("{} rounds of {} axes in {:?}", rounds.len(), axes.len(), begin.elapsed());
-    println!("p50 {:?}, p99 {:?}, p99.9 {:?}, max {:?}", at(500), at(990), at(999), at(1_000));
-    Ok(())
+    Ok(format!(
+        "{} rounds of {} axes in {:?}\np50 {:?}, p99 {:?}, p99.9 {:?}, max {:?}",
+        rounds.len(),
+        axes.len(),
+        gateway.now() - begin,
+        at(500),
+        at(990),
+        at(999),
+        at(1_000)
+    ))
 }

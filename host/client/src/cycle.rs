@@ -44,6 +44,27 @@ pub fn make_position(axis: u8, position_rad: f32, speed_limit_rad_s: f32) -> Axi
     AxisSetpoint { axis, setpoint: Setpoint::Position { position_rad, speed_limit_rad_s } }
 }
 
+/// A spring to `position_rad` and a damper to `velocity_rad_s`, in N·m/rad and N·m·s/rad, and a
+/// torque of its own, N·m: RMD on CAN.
+#[must_use]
+pub fn make_impedance(
+    axis: u8,
+    position_rad: f32,
+    velocity_rad_s: f32,
+    stiffness_nm_per_rad: f32,
+    damping_nm_s_per_rad: f32,
+    torque_nm: f32,
+) -> AxisSetpoint {
+    let setpoint = Setpoint::Impedance {
+        position_rad,
+        velocity_rad_s,
+        stiffness_nm_per_rad,
+        damping_nm_s_per_rad,
+        torque_nm,
+    };
+    AxisSetpoint { axis, setpoint }
+}
+
 impl<T: Transport> Client<T> {
     /// Arms several axes in one epoch, all of them or none. The epoch goes into every
     /// [`cycle`](Self::cycle) and every [setpoint](Self::set) of them.

@@ -31,6 +31,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod asynchronous;
 mod baud;
 mod client;
 mod clock;
@@ -53,12 +54,15 @@ mod unix;
 
 pub use host_protocol;
 
+pub use asynchronous::{AsyncClient, Inner};
 pub use client::{
     CLOCK_VALID_FOR, Client, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER, KEEP_SUBSCRIPTION_AFTER,
     REPEAT_AFTER,
 };
 pub use commands::MOTOR_DEADLINE;
-pub use cycle::{AxisSetpoint, make_current, make_position, make_signal, make_velocity};
+pub use cycle::{
+    AxisSetpoint, make_current, make_impedance, make_position, make_signal, make_velocity,
+};
 pub use error::ClientError;
 pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;

@@ -1,0 +1,131 @@
+//! The examples of the client library, each for a moment on the simulated gateway, in virtual time.
+
+#[path = "../../../host/client/examples/impedance.rs"]
+#[allow(dead_code, reason = "its main is the program")]
+mod impedance;
+#[path = "../../../host/client/examples/jitter.rs"]
+#[allow(dead_code, reason = "its main is the program")]
+mod jitter;
+#[path = "../../../host/client/examples/sine.rs"]
+#[allow(dead_code, reason = "its main is the program")]
+mod sine;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use host_protocol::{AxisState, Event, StopTarget};
+use mgw_cli::run_on;
+use mgw_client::{AsyncClient, Client, ClientError, Interrupt};
+use mgw_sim::{SimTransport, Wiring, World};
+
+const CONFIGURATION: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../host/cli/examples/four-motors.toml");
+/// Axes of that configuration that turn at any velocity: RMD, D5, and RMD on RS485. A thruster has a
+/// lowest.
+const RMD: u8 = 0;
+const AXES: [u8; 3] = [RMD, 2, 3];
+const LASTS: Duration = Duration::from_millis(500);
+
+/// A gateway with four motors, configured.
+fn world() -> Rc<RefCell<World>> {
+    let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
+    let transport = Box::new(SimTransport::new(world.clone(), 1));
+    let outcome = run_on(transport, Interrupt::default(), &["config", "apply", CONFIGURATION]);
+    assert_eq!(outcome.exit_code, 0, "{outcome:?}");
+    world
+}
+
+fn client() -> Client<SimTransport> {
+    Client::connect(SimTransport::new(world(), 0)).unwrap()
+}
+
+fn connect() -> AsyncClient {
+    let make = || Ok(Box::new(SimTransport::new(world(), 0)) as _);
+    pollster::block_on(AsyncClient::connect(make)).unwrap()
+}
+
+/// Whether they come to rest.
+fn rest(gateway: &mut Client<SimTransport>, axes: &[u8]) -> bool {
+    gateway.pause(Duration::from_secs(2)).unwrap();
+    axes.iter().all(|axis| {
+        let state = gateway.read_state(*axis).unwrap().state;
+        matches!(state, AxisState::Idle | AxisState::Holding)
+    })
+}
+
+#[test]
+fn the_sine_turns_its_axes_and_stops_them() {
+    let mut gateway = client();
+    let said = sine::run(&mut gateway, &AXES, LASTS).unwrap();
+    assert!(said.contains("rounds of 3 axes"), "{said}");
+    assert!(rest(&mut gateway, &AXES));
+    let world = gateway.transport().world().borrow();
+    let moved = |axis: &u8| world.motor(usize::from(*axis)).position_rad().abs() > 0.01;
+    assert!(AXES.iter().all(moved));
+}
+
+/// In virtual time nothing is late, and at 3 Mbaud every answer is back within its period.
+#[test]
+fn the_loop_at_1_khz_keeps_its_grid() {
+    let mut gateway = client();
+    gateway.set_baud(3_000_000).unwrap();
+    let said = jitter::run(&mut gateway, &[RMD], LASTS).unwrap();
+    assert!(said.starts_with("500 rounds of 1ms, 0 left out"), "{said}");
+    assert!(rest(&mut gateway, &[RMD]));
+}
+
+#[test]
+fn the_impedance_loop_follows_its_point_and_stops() {
+    let gateway = connect();
+    let said = pollster::block_on(impedance::run(&gateway, RMD, LASTS)).unwrap();
+    assert!(said.contains("rounds, at most 0."), "{said}");
+}
+
+/// What was asked for is done in its turn, events come meanwhile, and errors come back.
+#[test]
+fn an_async_client_arms_cycles_stops_and_tells_events() {
+    let gateway = connect();
+    pollster::block_on(async {
+        assert_eq!(gateway.hello().board.as_str(), "simulated");
+        gateway.arm_together(&[RMD]).await.unwrap();
+        gateway.stop(StopTarget::All).await.unwrap();
+        loop {
+            if let Event::StateChanged { axis: RMD, state: AxisState::Stopping } =
+                gateway.event().await.unwrap().event
+            {
+                break;
+            }
+        }
+        let refused = gateway.arm(99).await;
+        assert!(matches!(refused, Err(ClientError::Gateway(_))), "{refused:?}");
+    });
+}
+
+/// It does not wait for its turn: what moves stops, and nothing that moves is sent any more.
+#[test]
+fn an_interrupt_ends_what_an_async_client_does() {
+    let gateway = connect();
+    pollster::block_on(async {
+        gateway.arm(RMD).await.unwrap();
+        gateway.interrupt().raise();
+        let refused = gateway.arm(RMD).await;
+        assert!(matches!(refused, Err(ClientError::Interrupted { armed: true })), "{refused:?}");
+    });
+}
+
+#[test]
+fn a_task_that_panics_ends_the_client_with_an_error() {
+    let gateway = connect();
+    pollster::block_on(async {
+        let failed = gateway.with(|_| -> Result<(), ClientError> { panic!("on purpose") }).await;
+        assert!(matches!(failed, Err(ClientError::Transport(_))), "{failed:?}");
+        assert!(matches!(gateway.estop().await, Err(ClientError::Transport(_))));
+    });
+}
+
+#[test]
+fn a_port_that_cannot_be_opened_is_an_error() {
+    let failed = pollster::block_on(AsyncClient::open("/dev/no-such-gateway"));
+    assert!(matches!(failed, Err(ClientError::Connect(_))), "{failed:?}");
+}
