@@ -75,27 +75,33 @@ impl<T: Transport> Client<T> {
     /// [`ClientError::BaudFailed`] where the gateway is not heard at the new rate, or the port
     /// cannot run at it: the line then runs at the default.
     pub fn set_baud(&mut self, baud: u32) -> Result<(), ClientError> {
+        let mut failure = ClientError::BaudFailed { baud, source: None };
         for _ in 0..TRIES {
             match self.request_within(&SetBaud { baud }, REPLY) {
                 // The gateway may have changed: it does not understand what is repeated.
-                Err(ClientError::NoAnswer { .. }) => continue,
+                Err(error @ ClientError::NoAnswer { .. }) => {
+                    failure = error;
+                    continue;
+                }
                 other => other?,
             };
-            let run = self.transport_mut().set_baud(baud);
-            if let Err(source) = run {
-                self.transport_mut().set_baud(DEFAULT_BAUD)?;
+            if let Err(source) = self.transport.set_baud(baud) {
+                self.transport.set_baud(DEFAULT_BAUD)?;
                 return Err(ClientError::BaudFailed { baud, source: Some(source) });
             }
             self.baud.restart();
             self.baud.other = Some(baud).filter(|baud| *baud != DEFAULT_BAUD);
             self.pause(CHANGE)?;
-            if self.ping_within(CONFIRMATION).is_ok() && self.baud() == baud {
-                return Ok(());
+            match self.ping_within(CONFIRMATION) {
+                Ok(()) if self.baud() == baud => return Ok(()),
+                Ok(()) | Err(ClientError::NoAnswer { .. }) => {}
+                Err(error) => return Err(error),
             }
+            failure = ClientError::BaudFailed { baud, source: None };
             let Self { baud, transport, .. } = self;
             baud.give_up(transport)?;
         }
-        Err(ClientError::BaudFailed { baud, source: None })
+        Err(failure)
     }
 
     /// The rate of the line, as far as it has one.
