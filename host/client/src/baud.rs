@@ -75,6 +75,10 @@ impl<T: Transport> Client<T> {
     /// [`ClientError::BaudFailed`] where the gateway is not heard at the new rate, or the port
     /// cannot run at it: the line then runs at the default.
     pub fn set_baud(&mut self, baud: u32) -> Result<(), ClientError> {
+        // A port that has no rate is not asked for one.
+        if let Err(source) = self.transport.set_baud(self.baud()) {
+            return Err(ClientError::BaudFailed { baud, source: Some(source) });
+        }
         let mut failure = ClientError::BaudFailed { baud, source: None };
         for _ in 0..TRIES {
             match self.request_within(&SetBaud { baud }, REPLY) {

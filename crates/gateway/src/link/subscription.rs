@@ -5,7 +5,6 @@ use crate::set::Set;
 use host_protocol::requests::{self, SUBSCRIPTION_PERIOD_US};
 use host_protocol::{Error, Quantity, StateFields};
 
-
 /// A subscription in force.
 #[derive(Debug, Clone)]
 pub struct Subscription {
