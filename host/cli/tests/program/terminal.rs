@@ -62,7 +62,7 @@ fn the_manual_has_a_page_for_each_command() {
     assert!(page.contains(".TH mgw") && page.contains("Exit codes"), "{page}");
     let page = mgw(&["man", "move"]).success();
     assert!(page.contains("Arm an axis, move it by a distance") && page.contains("tolerance"));
-    assert!(mgw(&["man", "fly"]).failure(2).contains("There are: demo, sim, info"));
+    assert!(mgw(&["man", "fly"]).failure(2).contains("There are: demo, sim, serve, info"));
     let dir = std::env::temp_dir().join(format!("mgw-{}-man", std::process::id()));
     std::fs::create_dir(&dir).unwrap();
     mgw(&["man", "--dir", dir.to_str().unwrap()]).success();
