@@ -8,7 +8,7 @@ pub use retained::RETAINED_WORDS;
 
 use crate::axes::Axes;
 use crate::axis::{Axis, Is};
-use crate::bus::Bus;
+use crate::bus::{Assumptions, Bus, BusPlan};
 use crate::history::History;
 use crate::link::{Identity, Link, Links, stops_each_time};
 use crate::log::LogEntry;
@@ -185,6 +185,12 @@ impl Gateway {
         self.settle(now);
         self.check_kept(now);
         self.take_changes()
+    }
+
+    /// How often the axes of a bus can be given setpoints together, and within what time its stops
+    /// leave, if what is assumed is so; `None` where the bus is not configured.
+    pub fn plan_bus(&self, bus: u8, assumed: &Assumptions) -> Option<BusPlan> {
+        self.buses.get(usize::from(bus))?.plan(&self.axes, assumed)
     }
 
     /// Works out anew what is kept of the axes that may have changed, and what of it their buses

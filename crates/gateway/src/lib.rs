@@ -26,6 +26,7 @@ mod state_text;
 pub mod time;
 mod transaction;
 
+pub use bus::{Assumptions, AxisPlan, BusPlan};
 pub use bus_rules::check_bus_config;
 pub use gateway::{Gateway, RETAINED_WORDS};
 pub use log::LogEntry;

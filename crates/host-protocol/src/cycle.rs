@@ -4,12 +4,12 @@ use core::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::MaxSize;
 use crate::axis::AxisState;
 use crate::errors::ERRORS;
 use crate::protocol::{StateField, StateFields};
 use crate::replies::CycleReport;
 use crate::text::Bytes;
+use crate::{MAX_FRAME, MaxSize, Reply, Request, Setpoint};
 
 /// Axes of one cycle.
 pub const MAX_CYCLE_AXES: usize = 16;
@@ -292,10 +292,45 @@ impl CycleReport {
     }
 }
 
+/// Bytes of a [`Cycle`](crate::requests::Cycle) of velocities for these axes on the wire, bit 0
+/// being axis 0, and of its report at most, each with its framing. Of more axes than a cycle can
+/// have: as of as many as it can.
+pub fn cycle_frame_bytes(axes: u32, fields: StateFields) -> (usize, usize) {
+    let setpoint = Setpoint::Velocity { velocity_rad_s: 0.0 };
+    let (epoch, expires_at_us) = (FixedU32(u32::MAX), FixedU32(u32::MAX));
+    let mut report =
+        CycleReport { time_us: FixedU32(u32::MAX), fields, axes: 0, states: Bytes::new() };
+    let mut setpoints = crate::Vec::new();
+    let wanted = (0..32_u8).filter(|axis| axes >> *axis & 1 != 0).take(MAX_CYCLE_AXES);
+    for axis in wanted {
+        let _ = setpoints.push(setpoint);
+        // What is not known is told by the longest number.
+        report.push(CycleState {
+            axis,
+            state: AxisState::Active,
+            result: CycleResult::Answered,
+            age_us: u32::MAX,
+            position_rad: None,
+            velocity_rad_s: None,
+            current_a: None,
+            voltage_v: None,
+            motor_temperature_c: None,
+            driver_temperature_c: None,
+            faults: Some(u16::MAX),
+        });
+    }
+    let cycle =
+        Request::Cycle(crate::requests::Cycle { epoch, expires_at_us, fields, axes, setpoints });
+    let mut frame = [0; MAX_FRAME];
+    let out = cycle.encode_frame(u16::MAX, &mut frame).unwrap_or(0);
+    let back = Reply::Cycle(report).encode_frame(u16::MAX, &mut frame).unwrap_or(0);
+    (out, back)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{MAX_FRAME, Reply, Request, Setpoint, Vec, requests};
+    use crate::{Vec, requests};
 
     const STATE: CycleState = CycleState {
         axis: 3,
@@ -405,5 +440,16 @@ mod tests {
         let reply = Reply::Cycle(report(fields, &states));
         let length = reply.encode_frame(u16::MAX, &mut out).unwrap();
         assert!(length <= 128, "{length}");
+        // A speed above 1048 rad/s, or none, takes a byte more.
+        assert_eq!(cycle_frame_bytes(0xFF, fields), (64, 132));
+    }
+
+    #[test]
+    fn the_bytes_of_every_cycle_fit_a_message() {
+        let all = StateFields::of(StateField::ALL);
+        for axes in [0x1_u32, 0xFFFF, u32::MAX] {
+            let (out, back) = cycle_frame_bytes(axes, all);
+            assert!((20..=MAX_FRAME).contains(&out) && (20..=MAX_FRAME).contains(&back));
+        }
     }
 }

@@ -43,6 +43,8 @@ pub enum Failure {
         range: Option<(f64, f64)>,
         message: String,
     },
+    /// What was planned cannot be.
+    DoesNotHold { text: String },
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
@@ -85,6 +87,7 @@ impl Failure {
             },
             Self::Differs { .. } => "Differs",
             Self::Refused { name, .. } => name,
+            Self::DoesNotHold { .. } => "DoesNotHold",
             Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
@@ -269,6 +272,7 @@ impl fmt::Display for Failure {
             }
             Self::Usage(text)
             | Self::Demonstration(text)
+            | Self::DoesNotHold { text }
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),

@@ -21,6 +21,7 @@ mod manual;
 mod native_request;
 mod output;
 mod parameters;
+mod plan;
 mod printable;
 mod scan;
 mod serve;
@@ -125,6 +126,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Serve(arguments)) => server::run(arguments, cli.port.as_deref(), out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
+        Some(Command::Plan(arguments)) => plan::run(arguments, out),
         Some(Command::Completion { shell }) => manual::completion(*shell),
         Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
         Some(Command::Config { action })

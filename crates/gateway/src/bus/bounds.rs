@@ -17,7 +17,7 @@ use host_protocol::{BusKind, Event, TripReason};
 /// [`MAX_OUTSTANDING`] as a divisor.
 const OUTSTANDING: NonZeroU64 = NonZeroU64::new(MAX_OUTSTANDING as u64).unwrap();
 /// What our software takes, g of the bounds.
-const SOFTWARE: Duration = Duration::from_micros(100);
+pub(super) const SOFTWARE: Duration = Duration::from_micros(100);
 /// What is allowed beyond the bound before a stop counts as delayed: error frames, and that the
 /// port has to report the frame.
 const ALLOWANCE: Duration = Duration::from_millis(1);
@@ -38,7 +38,7 @@ pub(super) struct Bounds {
     /// The frames that motors may send by themselves one behind the other.
     pub streamed_at_once: u64,
     /// The share of the bus's time that these take.
-    streamed_permille: u64,
+    pub streamed_permille: u64,
     /// [`Bus::ordinary_bound`].
     ordinary: Duration,
 }
@@ -52,22 +52,36 @@ impl Bounds {
         streamed_permille: 0,
         ordinary: Duration::ZERO,
     };
+
+    /// These, beside frames of others that take such a part of the bus's time, one at once.
+    pub fn beside_foreign(self, permille: u64) -> Self {
+        if permille == 0 {
+            return self;
+        }
+        Self {
+            streamed_at_once: self.streamed_at_once + 1,
+            streamed_permille: self.streamed_permille + permille,
+            ..self
+        }
+    }
 }
 
 impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else
     /// talks.
     fn bound(&self, stops: u64, axes: &Axes) -> Duration {
+        self.bound_beside(&self.bounds, stops, axes)
+    }
+
+    /// The same with these bounds of the bus.
+    pub(super) fn bound_beside(&self, bounds: &Bounds, stops: u64, axes: &Axes) -> Duration {
         match self.kind() {
             // F(2k − 1 + m) until it starts, and one F more until it has left; it waits for a reply
             // that has its id.
             BusKind::Can => {
-                let replies = self.bounds.outranking_replies + self.bounds.further_replies;
-                let wait = if self.bounds.shares_ids {
-                    self.line_times().stop_delay()
-                } else {
-                    Duration::ZERO
-                };
+                let replies = bounds.outranking_replies + bounds.further_replies;
+                let wait =
+                    if bounds.shares_ids { self.line_times().stop_delay() } else { Duration::ZERO };
                 let frame = self.frame_time(1);
                 // Behind each stop those motors have their say that answer what was for others, and
                 // are waited for.
@@ -78,7 +92,7 @@ impl Bus {
                 };
                 let alone =
                     SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
-                self.beside_streams(alone)
+                self.beside_streams(bounds, alone)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
@@ -86,8 +100,8 @@ impl Bus {
 
     /// What takes so long on a bus to itself, beside the frames that motors here send by
     /// themselves: those that are due when it begins, and those that come due meanwhile.
-    fn beside_streams(&self, alone: Duration) -> Duration {
-        let Bounds { streamed_at_once, streamed_permille, .. } = self.bounds;
+    fn beside_streams(&self, bounds: &Bounds, alone: Duration) -> Duration {
+        let Bounds { streamed_at_once, streamed_permille, .. } = *bounds;
         if streamed_at_once == 0 {
             return alone;
         }
@@ -140,7 +154,8 @@ impl Bus {
         };
         let further = self.frame_time(2 * self.bounds.further_replies);
         self.bound(axes, all)
-            + self.beside_streams(window.times(2) + exchange.times(2 * axes) + further)
+            + self
+                .beside_streams(&self.bounds, window.times(2) + exchange.times(2 * axes) + further)
     }
 
     /// Within what time a setpoint that is due must have left; at once where nothing carries it.

@@ -12,7 +12,7 @@ use host_protocol::{BusConfig, BusKind, Error};
 /// retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
 /// What a motor on RS485 takes to begin its reply.
-const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
+pub(super) const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
 
 /// Refuses axes whose refresh and polls cannot be scheduled on the bus.
 pub(crate) fn check<'a>(
@@ -74,6 +74,7 @@ pub(super) fn streamed_permille(axis: &Axis, frame: Duration) -> u64 {
         .map_or(0, |stream| share(frame.times(stream.frames), stream.interval))
 }
 
-fn share(time: Duration, period: Duration) -> u64 {
+/// The part of each period that so much time is, permille, rounded up.
+pub(super) fn share(time: Duration, period: Duration) -> u64 {
     (time.as_micros() * 1_000).div_ceil(period.as_micros().max(1))
 }

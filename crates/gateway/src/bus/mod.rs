@@ -4,12 +4,14 @@ mod bounds;
 mod frame_bits;
 mod line;
 mod load;
+mod plan;
 mod raw;
 mod receive;
 mod schedule;
 mod transmit;
 
 pub(crate) use load::check as check_load;
+pub use plan::{Assumptions, AxisPlan, BusPlan};
 pub(crate) use raw::Raw;
 
 use crate::axes::Axes;

@@ -52,3 +52,8 @@ pub(crate) fn has_extended_request_id(config: &AxisConfig) -> bool {
 pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
     (Info::of_axis(config)?.request_id)(config.node()?, config).map(|CanId(id)| id)
 }
+
+/// The id on CAN of the motor's replies.
+pub(crate) fn reply_id(config: &AxisConfig) -> Option<Id> {
+    Ids::of(config)?.replies.into_iter().flatten().next().map(|CanId(id)| id)
+}

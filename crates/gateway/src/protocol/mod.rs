@@ -16,7 +16,9 @@ mod thruster;
 
 pub(crate) use d5::{accepts_id, at_once, to_wait};
 pub(crate) use exchange::Exchange;
-pub(crate) use ids::{Ids, has_extended_ids, has_extended_request_id, sent_on_an_id_of, stop_id};
+pub(crate) use ids::{
+    Ids, has_extended_ids, has_extended_request_id, reply_id, sent_on_an_id_of, stop_id,
+};
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
 pub(crate) use rmd::{slow_reply, tracks};

@@ -34,6 +34,7 @@ mod motors;
 mod natives;
 mod obedience;
 mod pins;
+mod plan;
 mod raw_access;
 mod raw_frames;
 mod raw_matrix;

@@ -4,6 +4,7 @@ mod config;
 mod finding;
 mod frames;
 mod motion;
+mod plan;
 mod values;
 mod watching;
 
@@ -20,6 +21,7 @@ pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
+pub use plan::{HostLine, PlanArgs};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
 
@@ -334,6 +336,18 @@ pub enum Command {
             mgw encode --protocol thruster --node 11 speed --speed_rpm -1500\n  \
             mgw encode --protocol d5 --node 11 write --register speed --value 600")]
     Encode(EncodeArgs),
+
+    /// Work out from a configuration alone how often its axes can take setpoints together
+    ///
+    /// The cycle rate of each bus and of the whole, how long a cycle takes, and within what time
+    /// each axis's stop has left: computed by the gateway's own code, with each frame as long as
+    /// its unknown bits can make it. Needs no gateway. What it assumes it prints.
+    #[command(after_help = "Examples:\n  \
+            mgw plan host/cli/examples/four-motors.toml\n  \
+            mgw plan arm.toml --rate 500                  exit code 1 if that does not hold\n  \
+            mgw plan arm.toml --host usb --reply-delay 120 --reply-delay 3=400\n  \
+            mgw plan arm.toml --foreign 0=200 --json")]
+    Plan(PlanArgs),
 
     /// Print a script that completes command lines of mgw in a shell
     #[command(after_help = "Examples:\n  \

@@ -91,6 +91,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         | Command::Serve(_)
         | Command::Decode(_)
         | Command::Encode(_)
+        | Command::Plan(_)
         | Command::Completion { .. }
         | Command::Man { .. } => Ok(()),
         Command::Info => info::run(session),

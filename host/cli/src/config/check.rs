@@ -40,6 +40,13 @@ pub fn check_without_board(file: &File, configuration: &Configuration) -> Vec<Fi
     findings.min_by_key(Vec::len).unwrap_or_default()
 }
 
+/// A gateway's core with this configuration, on a board with these buses.
+pub fn core_of(configuration: &Configuration, board: &BoardPorts) -> Result<Box<Gateway>, Error> {
+    let mut core = Core::new(board);
+    core.change(&Configuration::default().changes_to(configuration))?;
+    Ok(core.gateway)
+}
+
 struct Check<'a> {
     file: &'a File,
     core: Core,

@@ -24,7 +24,7 @@ use crate::words;
 pub use self::dump::dump_with;
 pub use apply::{read, write_timeouts};
 pub use board::BoardPorts;
-pub use check::{check, check_without_board};
+pub use check::{check, check_without_board, core_of};
 pub use dump::dump;
 pub use file::{Source, parse};
 pub use schema::schema;

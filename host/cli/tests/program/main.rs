@@ -13,6 +13,7 @@ mod killed_host;
 mod moving;
 mod native;
 #[cfg(target_os = "linux")]
+mod plan;
 mod pty;
 mod refusals;
 mod scan;

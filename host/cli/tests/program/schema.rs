@@ -163,6 +163,7 @@ fn each_command_prints_what_the_schema_says_of_it() {
             concat!("config diff ", env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml"),
             "differences",
         ),
+        (concat!("plan ", env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml"), "planned"),
         ("raw 0 send 141#9A00000000000000", "event"),
         ("arm 1 --for 0.1", "event"),
         ("set 0 velocity 1 --for 0.1", "event"),

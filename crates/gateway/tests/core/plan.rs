@@ -1,0 +1,109 @@
+//! What a bus is planned to carry, from its configuration alone.
+
+use crate::bench::{self, configure_axis};
+use crate::rig::Rig;
+use gateway::{Assumptions, BusPlan, Duration, Set};
+use host_protocol::{Protocol, StopAction};
+
+/// RMD axes with nodes from 1 on CAN bus 0 at 1 Mbit/s.
+fn rmd(axes: u8) -> Rig {
+    let mut rig = Rig::new();
+    bench::hello(&mut rig);
+    bench::configure_bus(&mut rig, 0, 1_000_000, &[Protocol::Rmd]);
+    for axis in 0..axes {
+        configure_axis(&mut rig, axis, 0, Protocol::Rmd, axis + 1, StopAction::Hold);
+    }
+    rig
+}
+
+fn us(us: u64) -> Duration {
+    Duration::from_micros(us)
+}
+
+fn assumed(delay_us: u64, software_us: u64) -> Assumptions {
+    let reply_delay = [us(delay_us); gateway::MAX_AXES];
+    Assumptions { reply_delay, software: us(software_us), ..Assumptions::DEFAULT }
+}
+
+fn plan(rig: &Rig, assumed: &Assumptions) -> BusPlan {
+    rig.gateway.plan_bus(0, assumed).expect("bus 0 is configured")
+}
+
+/// A2 with three zeros behind it and a speed; any reply of eight bytes.
+const REQUEST: u64 = 128;
+const REPLY: u64 = 132;
+
+#[test]
+fn frames_are_as_long_as_what_is_known_of_them_allows() {
+    let rig = rmd(1);
+    let axis = plan(&rig, &Assumptions::DEFAULT).axes[0];
+    assert_eq!((axis.request_bits, axis.reply_bits, axis.replies), (REQUEST, REPLY, 1));
+    // g + 2F: GUARANTEES G5 with F of 135 bits.
+    assert_eq!((axis.stop_alone, axis.stop_together), (us(370), us(370)));
+}
+
+/// Without delays the wire is never idle; with one of 200 µs two axes still answer while others
+/// are asked, and one waits.
+#[test]
+fn replies_come_while_others_are_asked() {
+    type Cycle = fn(u64, u64) -> u64;
+    let cases: [(u8, u64, Cycle); 4] = [
+        (1, 0, |requests, replies| requests + replies),
+        (4, 0, |requests, replies| requests + replies),
+        (1, 200, |requests, replies| requests + 200 + replies),
+        // The second request leaves while the first motor makes up its reply.
+        (2, 200, |_, replies| REQUEST + 200 + replies),
+    ];
+    for (axes, delay, cycle) in cases {
+        let plan = plan(&rmd(axes), &assumed(delay, 0));
+        let requests = plan.axes.iter().map(|axis| axis.request_bits).sum();
+        let replies = plan.axes.iter().map(|axis| axis.reply_bits).sum();
+        assert_eq!(plan.cycle.as_micros(), cycle(requests, replies), "{axes} {delay}");
+        assert_eq!(plan.wire.as_micros(), requests + replies);
+        assert!(plan.period > Some(plan.cycle) && plan.longest > plan.period);
+        assert_eq!(plan.axes.last().map(|axis| axis.answered), Some(plan.cycle));
+    }
+    // Each request leaves 100 µs behind the one before, where no reply comes between.
+    let gaps = plan(&rmd(3), &assumed(1_000, 100));
+    let frames: u64 = gaps.axes.iter().map(|axis| axis.request_bits).sum();
+    assert_eq!(gaps.cycle.as_micros(), frames + 200 + 1_000 + gaps.axes[2].reply_bits);
+}
+
+#[test]
+fn foreign_frames_take_their_part_of_everything() {
+    let rig = rmd(2);
+    let quiet = plan(&rig, &Assumptions::DEFAULT);
+    let busy = plan(&rig, &Assumptions { foreign_frames_s: 2_000, ..Assumptions::DEFAULT });
+    assert_eq!((quiet.foreign_permille, busy.foreign_permille), (0, 270));
+    assert!(busy.period > quiet.period && busy.longest > quiet.longest);
+    // (100 + 2 · 135 + 135) / (1 − 0.27), rounded down as the bound of the core is.
+    assert_eq!(busy.axes[0].stop_alone, us(505_000 / 730));
+    let full = plan(&rig, &Assumptions { foreign_frames_s: 8_000, ..Assumptions::DEFAULT });
+    assert_eq!((full.period, full.longest), (None, None));
+}
+
+#[test]
+fn only_the_axes_that_take_part_are_planned() {
+    let rig = rmd(4);
+    let one = plan(&rig, &Assumptions { axes: Set::of(2_u8), ..Assumptions::DEFAULT });
+    assert_eq!(one.axes.iter().map(|axis| axis.axis).collect::<Vec<_>>(), [2]);
+    // But all stop.
+    assert_eq!(one.axes[0].stop_together, us(100 + 4 * 270));
+    assert_eq!(rig.gateway.plan_bus(1, &Assumptions::DEFAULT), None);
+    assert_eq!(rig.gateway.plan_bus(9, &Assumptions::DEFAULT), None);
+}
+
+/// A line is asked in turn: 2C, the delay, and a pause of 20 bits before either.
+#[test]
+fn a_line_is_asked_in_turn() {
+    let mut rig = Rig::new();
+    bench::hello(&mut rig);
+    bench::configure_bus(&mut rig, 2, 2_000_000, &[Protocol::Rmd]);
+    for axis in 0..2 {
+        configure_axis(&mut rig, axis, 2, Protocol::Rmd, axis + 1, StopAction::Hold);
+    }
+    let plan = rig.gateway.plan_bus(2, &assumed(50, 0)).unwrap();
+    // 13 bytes of 10 bits.
+    assert_eq!(plan.axes[0].request_bits, 130);
+    assert_eq!(plan.cycle, us(2 * (65 + 10 + 50 + 65 + 10)));
+}

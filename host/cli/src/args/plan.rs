@@ -1,0 +1,91 @@
+//! The arguments of `plan`.
+
+use clap::Args;
+use host_protocol::StateField;
+
+use super::values::state_field;
+use crate::config::Source;
+
+/// What carries the host's bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HostLine {
+    /// A line of so many baud, ten bits a byte.
+    Baud(u32),
+    /// One whose time counts for nothing.
+    Usb,
+}
+
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// The configuration, as `mgw config apply` takes it; `-` is standard input
+    #[arg(value_name = "FILE", value_parser = Source::read)]
+    pub source: Source,
+    /// The rate that must hold, Hz; if it does not, the exit code is 1 and the changes that would
+    /// make it hold are told
+    #[arg(long, value_name = "HZ", value_parser = hertz)]
+    pub rate: Option<f64>,
+    /// How long motors take to begin their reply, µs: all of them, or one axis; 250 unless given
+    #[arg(long = "reply-delay", value_name = "US|AXIS=US", value_parser = reply_delay)]
+    pub reply_delays: Vec<(Option<u8>, u32)>,
+    /// Reply delays as `mgw bench --delays` has written them; --reply-delay goes before
+    #[arg(long, value_name = "FILE", value_parser = Source::read)]
+    pub delays: Option<Source>,
+    /// Frames of others on a CAN bus in a second, each counted as the longest
+    #[arg(long, value_name = "BUS=FRAMES_S", value_parser = foreign)]
+    pub foreign: Vec<(u8, u32)>,
+    /// The host's line: a baud rate, or `usb`, whose time counts for nothing
+    #[arg(long, value_name = "BAUD|usb", default_value = "921600", value_parser = host_line)]
+    pub host: HostLine,
+    /// What a cycle tells of each axis
+    #[arg(
+        long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field,
+        default_value = "position,velocity,current"
+    )]
+    pub fields: Vec<StateField>,
+    /// What the gateway's software takes: host to bus, between two requests, bus to host, µs
+    #[arg(
+        long, value_name = "US", default_value_t = 100,
+        value_parser = clap::value_parser!(u32).range(0..=100_000)
+    )]
+    pub gateway_us: u32,
+    /// Buses that are RS485 although their bitrate could be one of CAN: more than 1 Mbit/s or a
+    /// multiple of 9600 is taken for RS485, everything else for CAN
+    #[arg(long, value_name = "BUS")]
+    pub rs485: Vec<u8>,
+}
+
+fn hertz(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate| (0.001..=1_000_000.0).contains(rate));
+    rate.ok_or_else(|| "takes Hz, 0.001 to 1000000".to_owned())
+}
+
+/// The longest delay that is taken for one, µs.
+const LONGEST_DELAY_US: u32 = 1_000_000;
+
+fn reply_delay(text: &str) -> Result<(Option<u8>, u32), String> {
+    let (axis, us) = text.split_once('=').map_or((None, text), |(axis, us)| (Some(axis), us));
+    let axis = axis.map(str::parse).transpose().ok();
+    let axis = axis.filter(|axis| axis.is_none_or(|axis| usize::from(axis) < gateway::MAX_AXES));
+    let us = us.parse().ok().filter(|us| *us <= LONGEST_DELAY_US);
+    axis.zip(us).ok_or_else(|| {
+        format!(
+            "takes microseconds, 0 to {LONGEST_DELAY_US}, or AXIS=MICROSECONDS with axes 0 to 31"
+        )
+    })
+}
+
+fn foreign(text: &str) -> Result<(u8, u32), String> {
+    let parts = text.split_once('=');
+    let parsed = parts.and_then(|(bus, frames)| Some((bus.parse().ok()?, frames.parse().ok()?)));
+    parsed
+        .filter(|(bus, frames)| usize::from(*bus) < gateway::MAX_BUSES && *frames <= 100_000)
+        .ok_or_else(|| "takes BUS=FRAMES_S, bus 0 to 3, 0 to 100000 frames a second".to_owned())
+}
+
+fn host_line(text: &str) -> Result<HostLine, String> {
+    if text == "usb" {
+        return Ok(HostLine::Usb);
+    }
+    let baud = text.parse().ok().filter(|baud| (1_200..=20_000_000).contains(baud));
+    baud.map(HostLine::Baud).ok_or_else(|| "takes 1200 to 20000000 baud, or usb".to_owned())
+}

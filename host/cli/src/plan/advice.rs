@@ -1,0 +1,103 @@
+//! Which single change would make a rate hold: each is tried by planning anew.
+
+use host_protocol::{AxisParameter, BusKind, MAX_CYCLE_AXES, StateField, StateFields, Value};
+
+use super::{Plan, Premises};
+use crate::args::HostLine;
+use crate::config::Configuration;
+
+/// Faster lines to the host.
+const HOST_LINES: [HostLine; 4] =
+    [HostLine::Baud(921_600), HostLine::Baud(2_000_000), HostLine::Baud(3_000_000), HostLine::Usb];
+/// Faster buses, bit/s.
+const CAN_BITRATES: [u32; 3] = [250_000, 500_000, 1_000_000];
+const RS485_BITRATES: [u32; 5] = [230_400, 460_800, 921_600, 2_000_000, 2_500_000];
+
+/// The single changes with which the rate holds, in words.
+pub fn changes(configuration: &Configuration, premises: &Premises, rate: f64) -> Vec<String> {
+    let holds = |configuration: &Configuration, premises: &Premises| {
+        Plan::of_configuration(configuration, premises).is_some_and(|plan| plan.holds(rate))
+    };
+    let mut found = Vec::new();
+    let faster = HOST_LINES.into_iter().filter(|line| is_faster(*line, premises.host));
+    let with_line = |host| Premises { host, ..premises.clone() };
+    if let Some(line) = faster.into_iter().find(|line| holds(configuration, &with_line(*line))) {
+        found.push(match line {
+            HostLine::Baud(baud) => format!("a host line of {baud} baud"),
+            HostLine::Usb => "USB to the host".to_owned(),
+        });
+    }
+    // The fields that take the most bytes are not needed by every loop.
+    let fewer = [StateField::Position, StateField::Velocity].into_iter().find(|field| {
+        let fields = StateFields::of(&[*field]);
+        fields != premises.fields && holds(configuration, &Premises { fields, ..premises.clone() })
+    });
+    found.extend(fewer.map(|field| format!("fewer fields, for example only {}", field.name())));
+    for (bus, config) in &configuration.buses {
+        let rates: &[u32] = match premises.kinds.get(usize::from(*bus)) {
+            Some(BusKind::Can) => &CAN_BITRATES,
+            _ => &RS485_BITRATES,
+        };
+        let faster = rates.iter().filter(|rate| **rate > config.bitrate).find(|rate| {
+            let mut changed = configuration.clone();
+            changed.buses.entry(*bus).and_modify(|config| config.bitrate = **rate);
+            holds(&changed, premises)
+        });
+        found.extend(faster.map(|rate| format!("{rate} bit/s on bus {bus}")));
+        found.extend(fewer_axes(configuration, *bus, &|changed| holds(changed, premises)));
+    }
+    found
+}
+
+/// How many axes of a bus may stay.
+fn fewer_axes(
+    configuration: &Configuration,
+    bus: u8,
+    holds: &dyn Fn(&Configuration) -> bool,
+) -> Option<String> {
+    let is_here = |values: &std::collections::BTreeMap<AxisParameter, Value>| {
+        values.get(&AxisParameter::Bus) == Some(&Value::Unsigned(bus.into()))
+    };
+    let here = configuration.axes.iter().filter(|(_, values)| is_here(values));
+    let here: Vec<u8> = here.map(|(axis, _)| *axis).collect();
+    (0..here.len()).rev().find_map(|left| {
+        let mut changed = configuration.clone();
+        changed.axes.retain(|axis, _| !here[left..].contains(axis));
+        (!changed.axes.is_empty() && holds(&changed)).then(|| {
+            format!(
+                "at most {left} instead of {} axes on bus {bus}, the others on another bus",
+                here.len()
+            )
+        })
+    })
+}
+
+fn is_faster(line: HostLine, than: HostLine) -> bool {
+    match (line, than) {
+        (_, HostLine::Usb) => false,
+        (HostLine::Usb, _) => true,
+        (HostLine::Baud(line), HostLine::Baud(than)) => line > than,
+    }
+}
+
+/// Why a rate does not hold, and what would make it.
+pub fn refusal(plan: &Plan, wanted: f64, changes: &[String]) -> String {
+    let reached = plan.rate().map_or("a bus has no time left for cycles".to_owned(), |rate| {
+        format!("{rate:.1} Hz can be reached")
+    });
+    let reached = match plan.axes() {
+        axes if axes > MAX_CYCLE_AXES => {
+            format!("one cycle has at most {MAX_CYCLE_AXES} axes, and these are {axes}")
+        }
+        _ => reached,
+    };
+    let would = match changes {
+        [] => {
+            "No single change of the host's line, a bitrate, the fields or the number of axes on \
+               one bus makes it hold"
+                .to_owned()
+        }
+        changes => format!("It would hold with: {}", changes.join("; or ")),
+    };
+    format!("{wanted} Hz do not hold: {reached}. {would}")
+}

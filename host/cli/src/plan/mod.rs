@@ -1,0 +1,208 @@
+//! `mgw plan`: how often the axes of a configuration can be given setpoints together. The core
+//! computes it for each bus; here the host's line is added.
+
+mod advice;
+mod delays;
+mod print;
+
+use std::time::Duration;
+
+use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, Set};
+use host_protocol::{BusKind, MAX_CYCLE_AXES, StateFields, cycle_frame_bytes};
+
+use crate::args::{HostLine, PlanArgs};
+use crate::config::{self, BoardPorts, Configuration};
+use crate::failure::Failure;
+use crate::output::Output;
+
+/// Bits of a byte on the host's line, with start and stop bit.
+const BYTE_BITS: u64 = 10;
+/// Above this a bus is no CAN bus, bit/s.
+const FASTEST_CAN: u32 = 1_000_000;
+/// Bitrates of serial lines are multiples of it.
+const BAUD_STEP: u32 = 9_600;
+
+/// What is planned for, beside the configuration.
+#[derive(Debug, Clone)]
+pub struct Premises {
+    pub assumed: Assumptions,
+    /// The axes whose reply delay somebody has stated.
+    pub stated_delays: Set,
+    /// Frames of others in a second, by bus.
+    pub foreign: [u32; MAX_BUSES],
+    pub host: HostLine,
+    pub fields: StateFields,
+    pub kinds: [BusKind; MAX_BUSES],
+}
+
+/// A whole gateway, as planned.
+#[derive(Debug)]
+pub struct Plan {
+    /// Each bus with axes that take part, and its number.
+    pub buses: Vec<(u8, BusPlan)>,
+    /// Bytes of a cycle from the host, and back to it.
+    pub bytes: (usize, usize),
+    /// What these take on the host's line.
+    pub line: (Duration, Duration),
+    /// From the host's first byte to the last one back, one cycle after the other; nothing where a
+    /// bus has no time left.
+    pub round: Option<Duration>,
+    /// The same, for the longest single one.
+    pub longest: Option<Duration>,
+}
+
+impl Plan {
+    /// Plans the buses of a gateway's core.
+    pub fn of(core: &Gateway, premises: &Premises) -> Self {
+        let mut buses = Vec::new();
+        for (bus, foreign) in (0..).zip(premises.foreign) {
+            let assumed = Assumptions { foreign_frames_s: foreign, ..premises.assumed.clone() };
+            let plan = core.plan_bus(bus, &assumed).filter(|plan| !plan.axes.is_empty());
+            buses.extend(plan.map(|plan| (bus, plan)));
+        }
+        let axes = buses.iter().flat_map(|(_, plan)| &plan.axes);
+        let mask = axes.fold(Set::NONE, |mask, axis| mask.with(Set::of(axis.axis))).bits();
+        let bytes = cycle_frame_bytes(mask, premises.fields);
+        let line = (premises.host.time(bytes.0), premises.host.time(bytes.1));
+        let software = std_time(premises.assumed.software);
+        let round = |of: fn(&BusPlan) -> Option<gateway::Duration>| {
+            let slowest = buses.iter().map(|(_, plan)| of(plan)).collect::<Option<Vec<_>>>()?;
+            let bus = std_time(slowest.into_iter().max()?);
+            Some(line.0 + software + bus + software + line.1)
+        };
+        let (round, longest) = (round(|plan| plan.period), round(|plan| plan.longest));
+        Self { buses, bytes, line, round, longest }
+    }
+
+    /// The plan of a configuration; nothing where no gateway would take it.
+    pub fn of_configuration(configuration: &Configuration, premises: &Premises) -> Option<Self> {
+        let board = board_for(configuration, premises);
+        let core = config::core_of(configuration, &board).ok()?;
+        Some(Self::of(&core, premises))
+    }
+
+    /// Cycles in a second.
+    pub fn rate(&self) -> Option<f64> {
+        self.round.map(rate)
+    }
+
+    /// Whether so many cycles in a second hold.
+    pub fn holds(&self, hertz: f64) -> bool {
+        self.rate().is_some_and(|rate| rate >= hertz) && self.axes() <= MAX_CYCLE_AXES
+    }
+
+    /// How many axes take part.
+    pub fn axes(&self) -> usize {
+        self.buses.iter().map(|(_, plan)| plan.axes.len()).sum()
+    }
+}
+
+impl HostLine {
+    fn time(self, bytes: usize) -> Duration {
+        match self {
+            Self::Usb => Duration::ZERO,
+            Self::Baud(baud) => {
+                let bits = BYTE_BITS * bytes as u64;
+                Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(baud.max(1))))
+            }
+        }
+    }
+}
+
+/// How often something that takes so long can be in a second.
+pub fn rate(time: Duration) -> f64 {
+    1.0 / time.as_secs_f64()
+}
+
+/// A span of the core.
+pub fn std_time(span: gateway::Duration) -> Duration {
+    Duration::from_micros(span.as_micros())
+}
+
+/// The board that has what the configuration asks for.
+fn board_for(configuration: &Configuration, premises: &Premises) -> BoardPorts {
+    let port = |(bus, kind): (u8, BusKind)| {
+        let rates = configuration.buses.get(&bus).map(|bus| bus.bitrate).into_iter().collect();
+        (kind, rates)
+    };
+    let ports = (0..).zip(premises.kinds).map(port).collect();
+    BoardPorts { ports, max_axes: u8::try_from(MAX_AXES).unwrap_or(u8::MAX) }
+}
+
+/// `mgw plan`
+pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
+    let file = config::parse(&arguments.source);
+    let configuration = file.onto(Configuration::default());
+    let premises = premises(arguments, &configuration)?;
+    let findings = config::check(&file, &configuration, &board_for(&configuration, &premises));
+    if !findings.is_empty() {
+        let path = arguments.source.path.clone();
+        return Err(Failure::Configuration { path, findings });
+    }
+    let plan = Plan::of_configuration(&configuration, &premises).filter(|plan| plan.axes() > 0);
+    let plan = plan.ok_or_else(|| Failure::DoesNotHold {
+        text: format!("{} has no axis to plan for", arguments.source.path),
+    })?;
+    let wanted = arguments.rate.filter(|rate| !plan.holds(*rate));
+    let changes =
+        wanted.map(|rate| advice::changes(&configuration, &premises, rate)).unwrap_or_default();
+    print::plan(out, &plan, &premises, arguments.rate, &changes)?;
+    match wanted {
+        None => Ok(()),
+        Some(wanted) => {
+            Err(Failure::DoesNotHold { text: advice::refusal(&plan, wanted, &changes) })
+        }
+    }
+}
+
+fn premises(arguments: &PlanArgs, configuration: &Configuration) -> Result<Premises, Failure> {
+    let mut kinds = [BusKind::Can; MAX_BUSES];
+    for (bus, kind) in (0..).zip(&mut kinds) {
+        let bitrate = configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
+        let is_serial = bitrate > FASTEST_CAN || bitrate > 0 && bitrate.is_multiple_of(BAUD_STEP);
+        if is_serial || arguments.rs485.contains(&bus) {
+            *kind = BusKind::Rs485;
+        }
+    }
+    let named = arguments.rs485.iter().chain(arguments.foreign.iter().map(|(bus, _)| bus));
+    if let Some(bus) = named.copied().find(|bus| !configuration.buses.contains_key(bus)) {
+        let path = &arguments.source.path;
+        return Err(Failure::Usage(format!("bus {bus} is named, and {path} does not have it")));
+    }
+    let mut foreign = [0; MAX_BUSES];
+    for (bus, frames) in arguments.foreign.iter().copied() {
+        if kinds.get(usize::from(bus)) != Some(&BusKind::Can) {
+            let text = format!("bus {bus} is RS485: there nobody else talks. --foreign is for CAN");
+            return Err(Failure::Usage(text));
+        }
+        foreign[usize::from(bus)] = frames;
+    }
+    let mut assumed = Assumptions {
+        software: gateway::Duration::from_micros(arguments.gateway_us.into()),
+        ..Assumptions::DEFAULT
+    };
+    let mut stated = Set::NONE;
+    let measured = arguments.delays.as_ref().map(delays::read).transpose()?.unwrap_or_default();
+    let measured = measured.into_iter().map(|(axis, us)| (Some(axis), us));
+    let mut given: Vec<(Option<u8>, u32)> = arguments.reply_delays.clone();
+    // What is said of all goes before what is said of one.
+    given.sort_by_key(|(axis, _)| axis.is_some());
+    let (of_all, of_one): (Vec<_>, Vec<_>) =
+        given.into_iter().partition(|(axis, _)| axis.is_none());
+    for (axis, us) in of_all.into_iter().chain(measured).chain(of_one) {
+        for (place, delay) in (0_u8..).zip(&mut assumed.reply_delay) {
+            if axis.is_none_or(|axis| axis == place) {
+                *delay = gateway::Duration::from_micros(us.into());
+                stated = stated.with(Set::of(place));
+            }
+        }
+    }
+    Ok(Premises {
+        assumed,
+        stated_delays: stated,
+        foreign,
+        host: arguments.host,
+        fields: StateFields::of(&arguments.fields),
+        kinds,
+    })
+}

@@ -1,0 +1,181 @@
+//! A plan as tables and as JSON.
+
+use std::time::Duration;
+
+use gateway::BusPlan;
+use serde_json::{Value, json};
+
+use super::{Plan, Premises, rate, std_time};
+use crate::args::HostLine;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::table::Table;
+use crate::words;
+
+/// Prints a plan, and what would make the wanted rate hold.
+pub fn plan(
+    out: Output,
+    plan: &Plan,
+    premises: &Premises,
+    wanted: Option<f64>,
+    changes: &[String],
+) -> Result<(), Failure> {
+    out.table(&buses(plan, premises))?;
+    out.text("")?;
+    out.table(&axes(plan, premises))?;
+    out.text("")?;
+    let (there, back) = plan.bytes;
+    let line = match premises.host {
+        HostLine::Usb => "USB, whose time counts for nothing".to_owned(),
+        HostLine::Baud(baud) => format!("{baud} baud"),
+    };
+    out.text(format!(
+        "host: {there} bytes out and {back} back, {} and {} µs, on {line}",
+        plan.line.0.as_micros(),
+        plan.line.1.as_micros()
+    ))?;
+    match (plan.round, plan.longest) {
+        (Some(round), Some(longest)) => out.text(format!(
+            "Cycle: {:.1} Hz, a round in {} µs, the longest in {} µs",
+            rate(round),
+            round.as_micros(),
+            longest.as_micros()
+        ))?,
+        _ => out.text("Cycle: none, a bus has no time left")?,
+    }
+    out.text(format!(
+        "assumed: {} µs of the gateway's software to the bus, between requests and back; every \
+         frame as long as its unknown bits can make it; a reply delay of {} µs where * stands",
+        premises.assumed.software.as_micros(),
+        gateway::Assumptions::REPLY_DELAY.as_micros()
+    ))?;
+    out.object(&json!({
+        "plan": to_json(plan, premises), "wanted_hz": wanted,
+        "holds": wanted.map(|wanted| plan.holds(wanted)), "changes": changes,
+    }))
+}
+
+fn buses(plan: &Plan, premises: &Premises) -> Table {
+    let mut table = Table::new(&[
+        ">bus",
+        "kind",
+        ">axes",
+        ">wire µs",
+        ">cycle µs",
+        ">period µs",
+        ">longest µs",
+        ">rate Hz",
+        ">polls %",
+        ">streams %",
+        ">foreign %",
+    ]);
+    for (bus, plan) in &plan.buses {
+        let or_none = |time: Option<gateway::Duration>| {
+            time.map_or(words::NOTHING.to_owned(), |time| time.as_micros().to_string())
+        };
+        table.row([
+            bus.to_string(),
+            kind(*bus, premises).to_owned(),
+            plan.axes.len().to_string(),
+            plan.wire.as_micros().to_string(),
+            plan.cycle.as_micros().to_string(),
+            or_none(plan.period),
+            or_none(plan.longest),
+            bus_rate(plan).map_or(words::NOTHING.to_owned(), |rate| format!("{rate:.1}")),
+            percent(plan.polls_permille),
+            percent(plan.streams_permille),
+            percent(plan.foreign_permille),
+        ]);
+    }
+    table
+}
+
+fn axes(plan: &Plan, premises: &Premises) -> Table {
+    let mut table = Table::new(&[
+        ">axis",
+        ">bus",
+        ">request bits",
+        ">reply bits",
+        ">replies",
+        ">reply delay µs",
+        ">answered µs",
+        ">stop alone µs",
+        ">stop with all µs",
+    ]);
+    let all =
+        plan.buses.iter().flat_map(|(bus, plan)| plan.axes.iter().map(move |axis| (bus, axis)));
+    for (bus, axis) in all {
+        let mark = if premises.stated_delays.has(axis.axis) { "" } else { "*" };
+        table.row([
+            axis.axis.to_string(),
+            bus.to_string(),
+            axis.request_bits.to_string(),
+            axis.reply_bits.to_string(),
+            axis.replies.to_string(),
+            format!("{}{mark}", axis.reply_delay.as_micros()),
+            axis.answered.as_micros().to_string(),
+            axis.stop_alone.as_micros().to_string(),
+            axis.stop_together.as_micros().to_string(),
+        ]);
+    }
+    table
+}
+
+/// Cycles of one bus in a second, whatever the host.
+fn bus_rate(plan: &BusPlan) -> Option<f64> {
+    plan.period.filter(|period| *period > gateway::Duration::ZERO).map(|p| rate(std_time(p)))
+}
+
+fn kind(bus: u8, premises: &Premises) -> &'static str {
+    match premises.kinds.get(usize::from(bus)) {
+        Some(host_protocol::BusKind::Rs485) => "rs485",
+        _ => "can",
+    }
+}
+
+fn percent(permille: u64) -> String {
+    format!("{}.{}", permille / 10, permille % 10)
+}
+
+fn rounded(hertz: f64) -> f64 {
+    (hertz * 10.0).round() / 10.0
+}
+
+/// The plan for programs.
+pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
+    let us = |time: gateway::Duration| time.as_micros();
+    let whole_us = |time: Duration| time.as_micros();
+    let buses = plan.buses.iter().map(|(bus, plan)| {
+        let axes = plan.axes.iter().map(|axis| {
+            json!({
+                "axis": axis.axis, "request_bits": axis.request_bits,
+                "reply_bits": axis.reply_bits, "replies": axis.replies,
+                "reply_delay_us": us(axis.reply_delay),
+                "reply_delay_stated": premises.stated_delays.has(axis.axis),
+                "answered_us": us(axis.answered), "stop_alone_us": us(axis.stop_alone),
+                "stop_together_us": us(axis.stop_together),
+            })
+        });
+        json!({
+            "bus": bus, "kind": kind(*bus, premises), "wire_us": us(plan.wire),
+            "cycle_us": us(plan.cycle), "period_us": plan.period.map(us),
+            "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
+            "polls_permille": plan.polls_permille, "streams_permille": plan.streams_permille,
+            "foreign_permille": plan.foreign_permille, "axes": axes.collect::<Value>(),
+        })
+    });
+    let baud = match premises.host {
+        HostLine::Baud(baud) => Some(baud),
+        HostLine::Usb => None,
+    };
+    json!({
+        "buses": buses.collect::<Value>(),
+        "host": {
+            "baud": baud, "out_bytes": plan.bytes.0, "back_bytes": plan.bytes.1,
+            "out_us": plan.line.0.as_micros(), "back_us": plan.line.1.as_micros(),
+        },
+        "software_us": us(premises.assumed.software),
+        "round_us": plan.round.map(whole_us), "longest_us": plan.longest.map(whole_us),
+        "rate_hz": plan.rate().map(rounded),
+    })
+}

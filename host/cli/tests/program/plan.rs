@@ -1,0 +1,146 @@
+//! `mgw plan`: what it computes, what it refuses, and what would make it hold.
+
+use serde_json::Value;
+
+use crate::support::{json, mgw, mgw_reading};
+
+const EIGHT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/eight-motors.toml");
+const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+
+/// The plan of a file, which is printed even if it does not hold.
+fn plan(arguments: &[&str]) -> (Option<i32>, Value) {
+    let words: Vec<&str> = ["--json", "plan"].iter().chain(arguments).copied().collect();
+    let outcome = mgw(&words);
+    (outcome.code, json(&outcome.stdout))
+}
+
+fn rate(arguments: &[&str]) -> f64 {
+    plan(arguments).1["plan"]["rate_hz"].as_f64().expect("a rate")
+}
+
+/// Four requests of 127 or 128 bits and replies of 131 or 132 at 1 Mbit/s, beside polls that take
+/// 36 of 1000: 1036 / 0.964.
+#[test]
+fn eight_axes_on_two_buses_are_as_fast_as_four_on_one() {
+    let ideal = [EIGHT, "--host", "usb", "--reply-delay", "0", "--gateway-us", "0"];
+    let (code, planned) = plan(&ideal);
+    assert_eq!(code, Some(0));
+    for bus in [0, 1] {
+        let bus = &planned["plan"]["buses"][bus];
+        assert_eq!((&bus["wire_us"], &bus["cycle_us"]), (&1036.into(), &1036.into()));
+        assert_eq!((&bus["polls_permille"], &bus["period_us"]), (&36.into(), &1075.into()));
+        // G5: 100 + (2 · 4 − 1 + 1) · 135 where all four stop.
+        assert_eq!(bus["axes"][3]["stop_together_us"], 1180);
+    }
+    assert_eq!(planned["plan"]["round_us"], 1075);
+    // Eight axes: 64 bytes out and up to 132 back, ten bits each.
+    let line = &plan(&[EIGHT, "--host", "1000000"]).1["plan"]["host"];
+    assert_eq!((&line["out_us"], &line["back_us"]), (&640.into(), &1320.into()));
+}
+
+#[test]
+fn whatever_makes_it_harder_makes_it_slower() {
+    let before = rate(&[EIGHT]);
+    for harder in [
+        ["--host", "460800"],
+        ["--reply-delay", "400"],
+        ["--reply-delay", "3=900"],
+        ["--foreign", "0=500"],
+        ["--gateway-us", "200"],
+        ["--fields", "position,velocity,current,voltage,faults"],
+    ] {
+        let after = rate(&[&[EIGHT], &harder[..]].concat());
+        assert!(after < before, "{harder:?}: {after} of {before}");
+    }
+}
+
+#[test]
+fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
+    let refused = mgw(&["plan", EIGHT, "--rate", "350"]);
+    let said = refused.failure(1);
+    assert!(said.contains("350 Hz do not hold: 273.7 Hz can be reached"), "{said}");
+    assert!(said.contains("a host line of 2000000 baud"), "{said}");
+    let (code, held) = plan(&[EIGHT, "--rate", "350", "--host", "2000000"]);
+    assert_eq!((code, &held["holds"]), (Some(0), &true.into()));
+
+    // The bus is the limit: fewer axes on it, or nothing.
+    let usb = [EIGHT, "--host", "usb", "--foreign", "1=3000", "--rate", "600"];
+    let (code, held) = plan(&usb);
+    assert_eq!((code, &held["holds"]), (Some(1), &false.into()));
+    let said = held["changes"].to_string();
+    assert!(said.contains("at most 2 instead of 4 axes on bus 1"), "{said}");
+
+    let (_, hopeless) = plan(&[EIGHT, "--rate", "5000"]);
+    assert_eq!(hopeless["changes"], serde_json::json!([]));
+    let (_, full) = plan(&[EIGHT, "--foreign", "0=9000"]);
+    assert_eq!(full["plan"]["rate_hz"], Value::Null);
+}
+
+#[test]
+fn a_slow_bus_is_told_which_bitrate_it_needs() {
+    let text = std::fs::read_to_string(EIGHT).unwrap().replace("1_000_000", "250_000");
+    let words = ["--json", "plan", "-", "--host", "usb", "--rate", "250"];
+    let one_bus = text.replace("bus = 1\nprotocol", "bus = 0\nprotocol");
+    let same_nodes = (4..8).fold(one_bus, |text, axis| {
+        let old = format!("axis = {axis}\nbus = 0\nprotocol = \"rmd\"\nnode = {}\n", axis - 3);
+        text.replace(&old, &old.replace("node = ", "node = 1"))
+    });
+    let outcome = mgw_reading(&words, same_nodes);
+    assert_eq!(outcome.code, Some(1), "{outcome:?}");
+    let said = json(&outcome.stdout)["changes"].to_string();
+    assert!(said.contains("1000000 bit/s on bus 0"), "{said}");
+    assert!(json(&outcome.stderr)["error"]["name"] == "does_not_hold");
+}
+
+#[test]
+fn stated_delays_are_told_from_assumed_ones() {
+    let file = std::env::temp_dir().join(format!("mgw-delays-{}.toml", std::process::id()));
+    std::fs::write(&file, "[reply_delay_us]\n0 = 111\n1 = 222\n").unwrap();
+    let path = file.to_str().unwrap();
+    let (_, planned) = plan(&[FOUR, "--delays", path, "--reply-delay", "1=333"]);
+    let axes = |bus: usize| &planned["plan"]["buses"][bus]["axes"];
+    let delay = |axis: &Value| (axis["reply_delay_us"].clone(), axis["reply_delay_stated"].clone());
+    assert_eq!(delay(&axes(0)[0]), (111.into(), true.into()));
+    assert_eq!(delay(&axes(0)[1]), (333.into(), true.into()));
+    assert_eq!(delay(&axes(1)[0]), (250.into(), false.into()));
+    assert_eq!(planned["plan"]["buses"][2]["kind"], "rs485");
+    for (text, said) in [
+        ("[reply_delay_us]\n40 = 1\n", "40 is no axis, 0 to 31"),
+        ("[reply_delay_us]\n1 = 2000000\n", "0 to 1000000"),
+        ("[reply_delay_us]\n1 = -4\n", "AXIS = MICROSECONDS"),
+        ("[delays]\n1 = 4\n", "AXIS = MICROSECONDS"),
+        ("nonsense", "AXIS = MICROSECONDS"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let error = mgw(&["plan", FOUR, "--delays", path]).failure(2);
+        assert!(error.contains(said), "{text}: {error}");
+    }
+    std::fs::remove_file(&file).unwrap();
+}
+
+#[test]
+fn bad_input_is_told_from_a_plan_that_does_not_hold() {
+    for (arguments, said) in [
+        (&["/nowhere"][..], "/nowhere"),
+        (&[EIGHT, "--rate", "0"], "0.001 to 1000000"),
+        (&[EIGHT, "--rate", "nan"], "0.001 to 1000000"),
+        (&[EIGHT, "--reply-delay", "32=5"], "axes 0 to 31"),
+        (&[EIGHT, "--reply-delay=-1"], "0 to 1000000"),
+        (&[EIGHT, "--reply-delay", "x=5"], "AXIS=MICROSECONDS"),
+        (&[EIGHT, "--foreign", "5"], "BUS=FRAMES_S"),
+        (&[EIGHT, "--foreign", "3=5"], "bus 3 is named"),
+        (&[FOUR, "--foreign", "2=5"], "bus 2 is RS485"),
+        (&[EIGHT, "--rs485", "7"], "bus 7 is named"),
+        (&[EIGHT, "--host", "0"], "1200 to 20000000 baud"),
+        (&[EIGHT, "--fields", "speed"], "must be one of"),
+        (&[EIGHT, "--gateway-us", "9999999"], "100000"),
+    ] {
+        let words: Vec<&str> = ["plan"].iter().chain(arguments).copied().collect();
+        let error = mgw(&words).failure(2);
+        assert!(error.contains(said), "{arguments:?}: {error}");
+    }
+    let error = mgw_reading(&["plan", "-"], "[[bus]]\nbus = 0\nbitrate = 1\n").failure(1);
+    assert!(error.contains("standard input: line"), "{error}");
+    let error = mgw_reading(&["plan", "-"], "").failure(1);
+    assert!(error.contains("no axis to plan for"), "{error}");
+}
