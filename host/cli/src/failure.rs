@@ -45,6 +45,8 @@ pub enum Failure {
     },
     /// What was planned cannot be.
     DoesNotHold { text: String },
+    /// A measurement could not go on.
+    NotMeasured { text: String },
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
@@ -88,6 +90,7 @@ impl Failure {
             Self::Differs { .. } => "Differs",
             Self::Refused { name, .. } => name,
             Self::DoesNotHold { .. } => "DoesNotHold",
+            Self::NotMeasured { .. } => "NotMeasured",
             Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
@@ -273,6 +276,7 @@ impl fmt::Display for Failure {
             Self::Usage(text)
             | Self::Demonstration(text)
             | Self::DoesNotHold { text }
+            | Self::NotMeasured { text }
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),

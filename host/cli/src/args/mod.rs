@@ -1,5 +1,6 @@
 //! The command line.
 
+mod bench;
 mod config;
 mod finding;
 mod frames;
@@ -17,6 +18,7 @@ use clap_complete::Shell;
 use host_protocol::{CanId, ClearTarget, StopTarget};
 
 pub use crate::server::ServeArgs;
+pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
@@ -348,6 +350,15 @@ pub enum Command {
             mgw plan arm.toml --host usb --reply-delay 120 --reply-delay 3=400\n  \
             mgw plan arm.toml --foreign 0=200 --json")]
     Plan(PlanArgs),
+
+    /// Measure how fast a gateway answers and takes setpoints, beside what is planned for it
+    ///
+    /// Round trips of Ping and ReadState, then Cycle of 1, 2, 4, … axes, armed together and given
+    /// velocity 0 unless told otherwise. It asks before it arms. Ctrl-C stops the motors.
+    #[command(after_help = "Examples:\n  mgw bench --yes\n  \
+            mgw bench 0 1 2 3 --rounds 5000 --svg rates.svg\n  \
+            mgw bench --yes --delays delays.toml && mgw plan arm.toml --delays delays.toml")]
+    Bench(BenchArgs),
 
     /// Print a script that completes command lines of mgw in a shell
     #[command(after_help = "Examples:\n  \

@@ -82,7 +82,7 @@ fn foreign(text: &str) -> Result<(u8, u32), String> {
         .ok_or_else(|| "takes BUS=FRAMES_S, bus 0 to 3, 0 to 100000 frames a second".to_owned())
 }
 
-fn host_line(text: &str) -> Result<HostLine, String> {
+pub fn host_line(text: &str) -> Result<HostLine, String> {
     if text == "usb" {
         return Ok(HostLine::Usb);
     }

@@ -25,6 +25,7 @@ pub use drive::state_line;
 use mgw_client::{Interrupt, Transport};
 
 use crate::args::Command;
+use crate::bench;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::Session;
@@ -118,6 +119,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Doctor => doctor::run(session),
         Command::Adopt(arguments) => adopt::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
+        Command::Bench(arguments) => bench::run(session, arguments),
         Command::Raw { bus, unsafe_access, action } => {
             raw::run(session, *bus, *unsafe_access, action)
         }

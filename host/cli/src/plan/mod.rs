@@ -14,6 +14,7 @@ use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
 use crate::failure::Failure;
 use crate::output::Output;
+pub use print::to_json as plan_to_json;
 
 /// Bits of a byte on the host's line, with start and stop bit.
 const BYTE_BITS: u64 = 10;

@@ -1,5 +1,6 @@
 //! The program `mgw` as a user runs it.
 
+mod bench;
 mod commands;
 mod config;
 mod decode;

@@ -170,6 +170,7 @@ fn each_command_prints_what_the_schema_says_of_it() {
         ("move 0 0.1 --speed-limit 2 --tolerance 1", "event"),
         ("native 0 9C00000000000000", "event"),
         ("watch --count 2 --period 10", "event"),
+        ("bench --yes --rounds 10", "benched"),
         ("output-off 0", "done"),
         ("stop", "stops"),
         ("estop", "stops"),

@@ -1,0 +1,273 @@
+//! `mgw bench`: how fast a gateway answers and takes setpoints, beside what is planned for it.
+
+mod figure;
+mod print;
+mod spread;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use gateway::{Assumptions, Gateway, MAX_BUSES, Set};
+use host_protocol::{
+    AxisParameter, AxisState, BusKind, CycleResult, MAX_CYCLE_AXES, Protocol, StateFields, Value,
+};
+use mgw_client::{AxisSetpoint, ClientError, make_signal, make_velocity};
+
+use crate::args::BenchArgs;
+use crate::config::{self, BoardPorts, Configuration};
+use crate::failure::Failure;
+use crate::plan::{Plan, Premises};
+use crate::session::Session;
+use spread::Spread;
+
+/// What was measured.
+pub struct Measured {
+    pub ping: Spread,
+    pub read_state: Spread,
+    pub cycles: Vec<Cycles>,
+    pub delays: Vec<(u8, u32)>,
+}
+
+/// Cycles of some axes.
+pub struct Cycles {
+    pub axes: Vec<u8>,
+    pub spread: Spread,
+    /// Setpoints of them that no motor has answered.
+    pub unanswered: u32,
+    pub plan: Plan,
+}
+
+/// What is needed beside the session.
+struct Bench<'a> {
+    arguments: &'a BenchArgs,
+    configuration: Configuration,
+    core: Box<Gateway>,
+    premises: Premises,
+    /// How long a setpoint is valid.
+    ttl: Duration,
+}
+
+/// Measures, and prints.
+pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> {
+    let axes = axes(session, arguments)?;
+    ask(session, arguments, &axes)?;
+    let bench = Bench::new(session, arguments, &axes)?;
+    let rounds = arguments.rounds;
+    let ping = measure(session, rounds, |session| Ok(session.client.ping()?))?;
+    let read_state = measure(session, rounds, |session| {
+        session.client.read_state_when_free(axes[0]).map(drop).map_err(Failure::from)
+    })?;
+    let mut cycles = Vec::new();
+    for count in counts(axes.len()) {
+        cycles.push(bench.cycles(session, &axes[..count])?);
+    }
+    let delays = match &arguments.delays {
+        Some(path) => {
+            let delays = bench.reply_delays(session, &axes, &ping)?;
+            write(path, &delays_file(&delays))?;
+            delays
+        }
+        None => Vec::new(),
+    };
+    let measured = Measured { ping, read_state, cycles, delays };
+    if let Some(path) = &arguments.svg {
+        write(path, &figure::svg(&measured.cycles)?)?;
+    }
+    print::measured(session, arguments, &bench.premises, &measured)
+}
+
+/// 1, 2, 4, … and all.
+fn counts(axes: usize) -> impl Iterator<Item = usize> {
+    let powers = (0..usize::BITS).map(|power| 1 << power).take_while(move |count| *count < axes);
+    powers.chain([axes])
+}
+
+/// The axes to measure, each once.
+fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure> {
+    let axes = session.axes_or_all(&arguments.axes)?;
+    session.refuse_unconfigured(&axes, "it cannot be measured")?;
+    if !arguments.velocity.is_finite() {
+        return Err(Failure::Usage("--velocity takes a number of rad/s".to_owned()));
+    }
+    for (place, axis) in axes.iter().enumerate() {
+        if axes[..place].contains(axis) {
+            return Err(Failure::Usage(format!("axis {axis} is named twice")));
+        }
+    }
+    match axes.len() {
+        0 => Err(Failure::NotMeasured { text: "no axis is configured".to_owned() }),
+        count if count > MAX_CYCLE_AXES => Err(Failure::Usage(format!(
+            "one cycle has at most {MAX_CYCLE_AXES} axes, and these are {count}; name those to \
+             measure"
+        ))),
+        _ => Ok(axes),
+    }
+}
+
+/// Asks whether to arm, unless that is said already.
+fn ask(session: &Session, arguments: &BenchArgs, axes: &[u8]) -> Result<(), Failure> {
+    if arguments.yes {
+        return Ok(());
+    }
+    let what = format!(
+        "bench arms axes {axes:?} and gives them {} rad/s, thrusters signal 0",
+        arguments.velocity
+    );
+    let no = || Failure::Usage(format!("{what}. Add --yes"));
+    if session.out.is_json() || !io::stdin().is_terminal() {
+        return Err(no());
+    }
+    let _ = write!(io::stderr(), "{what}. Go on? [y/N] ");
+    let mut answer = String::new();
+    io::stdin().read_line(&mut answer).map_err(|_| no())?;
+    if matches!(answer.trim(), "y" | "Y" | "yes") { Ok(()) } else { Err(no()) }
+}
+
+/// How long each of so many rounds takes, in the time of the transport.
+fn measure(
+    session: &mut Session,
+    rounds: u32,
+    mut round: impl FnMut(&mut Session) -> Result<(), Failure>,
+) -> Result<Spread, Failure> {
+    let mut times = Vec::new();
+    let begin = session.client.now();
+    for _ in 0..rounds {
+        let before = session.client.now();
+        round(session)?;
+        times.push(session.client.now().saturating_sub(before));
+    }
+    let all = session.client.now().saturating_sub(begin);
+    Ok(Spread::of(times, all))
+}
+
+impl<'a> Bench<'a> {
+    fn new(session: &mut Session, arguments: &'a BenchArgs, axes: &[u8]) -> Result<Self, Failure> {
+        let configuration = config::read(&mut session.client)?;
+        let board = BoardPorts::of(session.client.hello());
+        let core = config::core_of(&configuration, &board).map_err(Failure::would_be_refused)?;
+        let mut kinds = [BusKind::Can; MAX_BUSES];
+        for (bus, kind) in kinds.iter_mut().enumerate() {
+            *kind = board.kind(bus).unwrap_or(BusKind::Can);
+        }
+        let premises = Premises {
+            assumed: Assumptions {
+                software: gateway::Duration::from_micros(arguments.gateway_us.into()),
+                ..Assumptions::DEFAULT
+            },
+            stated_delays: Set::NONE,
+            foreign: [0; MAX_BUSES],
+            host: arguments.host,
+            fields: StateFields::of(&arguments.fields),
+            kinds,
+        };
+        let ttls = axes.iter().map(|axis| session.client.axis_ttl(*axis));
+        let ttl = ttls.collect::<Result<Vec<_>, _>>()?.into_iter().min().unwrap_or_default();
+        Ok(Self { arguments, configuration, core, premises, ttl })
+    }
+
+    fn setpoint(&self, axis: u8) -> AxisSetpoint {
+        let thruster = Some(Value::Unsigned(Protocol::Thruster.number().into()));
+        let values = self.configuration.axes.get(&axis);
+        let protocol = values.and_then(|values| values.get(&AxisParameter::Protocol)).copied();
+        if protocol == thruster {
+            make_signal(axis, 0.0)
+        } else {
+            make_velocity(axis, self.arguments.velocity)
+        }
+    }
+
+    /// Arms axes together, gives them setpoints round after round, and stops them.
+    fn cycles(&self, session: &mut Session, axes: &[u8]) -> Result<Cycles, Failure> {
+        let setpoints: Vec<AxisSetpoint> = axes.iter().map(|axis| self.setpoint(*axis)).collect();
+        let mut unanswered = 0;
+        let armed = session.client.arm_together(axes).map_err(Failure::from);
+        let measured = armed.and_then(|epoch| {
+            measure(session, self.arguments.rounds, |session| {
+                let states =
+                    session.client.cycle(epoch, &setpoints, self.premises.fields, self.ttl)?;
+                for state in states {
+                    match state.result {
+                        CycleResult::Answered => {}
+                        CycleResult::NoReply => unanswered += 1,
+                        result => {
+                            let text = format!("axis {}: {result}", state.axis);
+                            return Err(Failure::NotMeasured { text });
+                        }
+                    }
+                }
+                Ok(())
+            })
+        });
+        // Whatever happened above: the next frames are the stops of what was armed here.
+        session.client.stop_armed().map_err(|error| Failure::lost(axes, error))?;
+        if let Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) = measured {
+            return Err(Failure::lost(axes, error));
+        }
+        let mut tripped = None;
+        for axis in axes {
+            let report = session.await_stop(*axis)?;
+            if let (AxisState::Tripped { .. }, Some(trip)) = (report.state, report.trip) {
+                tripped = tripped.or(Some(Failure::tripped(*axis, &trip, session.out.motors)));
+            }
+        }
+        match (measured, tripped) {
+            (_, Some(tripped)) => Err(tripped),
+            (Err(failure), None) => Err(failure),
+            (Ok(spread), None) => {
+                let plan = self.plan(axes, &self.premises);
+                Ok(Cycles { axes: axes.to_vec(), spread, unanswered, plan })
+            }
+        }
+    }
+
+    fn plan(&self, axes: &[u8], premises: &Premises) -> Plan {
+        let axes = axes.iter().fold(Set::NONE, |set, axis| set.with(Set::of(*axis)));
+        let assumed = Assumptions { axes, ..premises.assumed.clone() };
+        Plan::of(&self.core, &Premises { assumed, ..premises.clone() })
+    }
+
+    /// How long each motor takes to begin its reply, estimated: the median of its cycles less that
+    /// of a ping, and less the rest of what is planned for it alone. What the ping does not have,
+    /// the gateway's work for the bus, counts as the motor's.
+    fn reply_delays(
+        &self,
+        session: &mut Session,
+        axes: &[u8],
+        ping: &Spread,
+    ) -> Result<Vec<(u8, u32)>, Failure> {
+        let mut delays = Vec::new();
+        for axis in axes {
+            let alone = self.cycles(session, &[*axis])?;
+            let beside: u64 = alone.plan.buses.iter().map(|(_, plan)| frames_us(plan)).sum();
+            let rest = alone.spread.at(500).saturating_sub(ping.at(500));
+            let delay = rest.saturating_sub(Duration::from_micros(beside));
+            delays.push((*axis, u32::try_from(delay.as_micros()).unwrap_or(u32::MAX)));
+        }
+        Ok(delays)
+    }
+}
+
+/// What the frames of a planned cycle of one axis take, without its motor's delay, µs.
+fn frames_us(plan: &gateway::BusPlan) -> u64 {
+    let delay = plan.axes.first().map_or(0, |axis| axis.reply_delay.as_micros());
+    plan.cycle.as_micros().saturating_sub(delay)
+}
+
+fn delays_file(delays: &[(u8, u32)]) -> String {
+    let lines: BTreeMap<u8, u32> = delays.iter().copied().collect();
+    let lines = lines.iter().map(|(axis, us)| format!("{axis} = {us}\n"));
+    format!(
+        "# Written by `mgw bench --delays`: estimated from the times of cycles, so each has what \
+         the gateway\n# and the host's line take in it. For `mgw plan --delays`.\n\
+         [reply_delay_us]\n{}",
+        lines.collect::<String>()
+    )
+}
+
+fn write(path: &std::path::Path, text: &str) -> Result<(), Failure> {
+    fs::write(path, text).map_err(|error| Failure::NotMeasured {
+        text: format!("cannot write {} ({error}). Check the path", path.display()),
+    })
+}
