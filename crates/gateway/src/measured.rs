@@ -10,6 +10,9 @@ pub(crate) struct Observation {
     pub position_rad: Option<f32>,
     /// The same as the motor counts it, in its own unit and sense of rotation.
     pub position_count: Option<i32>,
+    /// The same as far as a reply with few bits tells it: in whole steps, and it starts again at
+    /// the end of its range ([`AngleForm`](crate::protocol::AngleForm)).
+    pub angle_count: Option<i32>,
     pub velocity_rad_s: Option<f32>,
     pub current_a: Option<f32>,
     /// Compared with the limit, not kept.
@@ -85,6 +88,14 @@ impl Measured {
         }
         if seen.fault_record.is_some() {
             self.fault_record = seen.fault_record;
+        }
+    }
+
+    /// The position is this.
+    pub fn place(&mut self, at: Instant, position_rad: f32) {
+        if let Some(place) = self.numbers.get_mut(index(StateField::Position)) {
+            *place = position_rad;
+            self.note(StateField::Position, at);
         }
     }
 

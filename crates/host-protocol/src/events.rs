@@ -224,6 +224,15 @@ events! {
         /// What the brake was told: locked, or freed.
         locked: bool,
     }
+    /// RMD: the angle in the replies to setpoints is not the position that 0x92 tells. Told once,
+    /// until they agree again; positions come from 0x92 alone meanwhile.
+    0x8012 AngleMismatch {
+        axis: u8,
+        /// The angle of the replies, which starts again after 65 536°, rad.
+        angle_rad: f32,
+        /// The position from 0x92, rad.
+        position_rad: f32,
+    }
 }
 
 impl Event {

@@ -15,6 +15,6 @@ codec::fields! {
     current: Centiamps = 2 as "current_a";
     /// Measured speed of the output shaft.
     speed: DegreesPerSecond = 4 as "speed_dps";
-    /// Angle of the output shaft from the zero point; −32768 is not in the manual's range.
-    angle: Degrees = 6 as "angle_deg" in (-32767, 32767);
+    /// Angle of the output shaft from the zero point.
+    angle: Degrees = 6 as "angle_deg";
 }

@@ -135,6 +135,10 @@ fn event_in_words(event: &Event, motors: &Protocols) -> String {
             let told = if *locked { "locked" } else { "freed" };
             format!("axis {axis}: the brake was {told}, and the motor does not show it")
         }
+        Event::AngleMismatch { axis, angle_rad, position_rad } => format!(
+            "axis {axis}: the replies to setpoints tell {angle_rad} rad, 0x92 tells {position_rad} rad; \
+             positions come from 0x92 alone"
+        ),
         Event::FrameRejected { reason, count } => {
             let why = frame_error(*reason).map(|name| json::snake(name).replace('_', " "));
             format!(

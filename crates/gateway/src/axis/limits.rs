@@ -19,6 +19,7 @@ impl Axis {
     /// Takes in what a reply tells, and trips an armed axis on a fault or a limit.
     pub(super) fn observe(&mut self, now: Instant, seen: &Observation, out: &mut Outbox<'_>) {
         self.measured.update(now, seen);
+        self.track_angle(now, seen, out);
         if seen.faults.is_some() {
             self.faults_unread = 0;
         }

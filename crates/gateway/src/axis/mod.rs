@@ -3,6 +3,7 @@
 //! An axis never sends by itself. Its bus asks for the [next request](Axis::next_request), takes
 //! it, and reports what became of it (`outcome.rs`); a stop preempts every other request.
 
+mod angle;
 mod arming;
 mod cycle;
 mod job;
@@ -34,6 +35,7 @@ use crate::outbox::Outbox;
 use crate::protocol;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
+use angle::Angle;
 use core::num::NonZeroU64;
 use cycle::Cycling;
 use host_protocol::replies::{AxisReport, AxisSettings, MAX_SETTINGS};
@@ -71,6 +73,7 @@ pub(crate) struct Axis {
     /// A host has subscribed to the axis.
     watched: bool,
     pub measured: Measured,
+    angle: Angle,
     motor_timeout: MotorTimeout,
     /// The timeout last written to the motor, ms; 0 where none was, it was switched off, or
     /// something may have changed it since. It outlives a reset of the gateway, and arming
@@ -106,6 +109,7 @@ impl Axis {
             poll_index: 0,
             watched: false,
             measured: Measured::new(),
+            angle: Angle::UNKNOWN,
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
             heard_at: Instant::from_micros(0),
@@ -137,6 +141,7 @@ impl Axis {
             self.forget_motor_timeout();
             self.run_time = RunTime::UNKNOWN;
             self.measured = Measured::new();
+            self.angle = Angle::UNKNOWN;
         }
         let state = match self.state {
             _ if self.config.missing().is_some() => State::Unconfigured,

@@ -277,6 +277,8 @@ impl Axis {
                 armed.echo.was_echoed &= seen.may_be_thrown_back;
                 if seen.may_be_thrown_back {
                     self.state_poll_at = FIRST_OF_ALL;
+                } else if seen.velocity_rad_s.is_some() && !request.once {
+                    self.save_poll(now);
                 }
             }
             (Exchange::Velocity, Some(still)) if armed.echo.is_doubtful => {

@@ -201,6 +201,17 @@ impl Axis {
         self.cyclic(info.polls, self.poll_index - round)
     }
 
+    /// The reply to a setpoint has told the speed: a poll for it that is due before the next reply
+    /// is not sent.
+    pub(super) fn save_poll(&mut self, now: Instant) {
+        if self.state_poll_at <= now + self.refresh()
+            && self.armed_poll() == Some(Exchange::Velocity)
+        {
+            self.state_poll_at = self.state_poll_at.max(now) + self.state_poll();
+            self.poll_index = self.poll_index.wrapping_add(1);
+        }
+    }
+
     fn run_time_every(&self) -> usize {
         let every = RUN_TIME_WITHIN.as_micros() / self.config.state_poll().as_micros().max(1);
         usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)

@@ -42,6 +42,7 @@ pub(super) static INFO: Info = Info {
     sensor_faults: 0,
     speed: &DEGREES,
     position: &DEGREES,
+    angle: None,
     own_parameters: &[
         AxisParameter::D5AckLevel,
         AxisParameter::D5RequestId,

@@ -102,6 +102,18 @@ pub(crate) enum Sets {
 /// What a motor has for something, if it has it, or why it is refused.
 pub(crate) type Found<T> = Result<Option<T>, Error>;
 
+/// A position told with few bits, in counts of [`Info::position`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AngleForm {
+    /// One step.
+    pub step: i32,
+    /// After so many counts it starts again, or stays: the last step to both sides of 0 tells
+    /// nothing.
+    pub span: i32,
+    /// The hardest acceleration that a motor can be set to.
+    pub acceleration_rad_s2: f32,
+}
+
 /// What the core must know of a protocol. A step for which a motor has no command is passed over.
 pub(crate) struct Info {
     /// Nodes are 1 to this one.
@@ -134,6 +146,8 @@ pub(crate) struct Info {
     /// The units in which its motors tell their speed and their position.
     pub(in crate::protocol) speed: &'static Scale,
     pub(in crate::protocol) position: &'static Scale,
+    /// How replies to setpoints tell the position, where they do.
+    pub angle: Option<AngleForm>,
     /// The parameters that only its motors have, beside limits.
     pub own_parameters: &'static [AxisParameter],
     /// Before motion is allowed.
@@ -316,6 +330,13 @@ pub(crate) fn further(
     let moved = target.and_then(|target| Some(((info.at)(command, target)?, target)));
     let (command, target) = moved.ok_or(beyond(start_rad + distance_rad, unit.to_si(i32::MAX)))?;
     Ok(Further { command, start_rad, target_rad: sign * unit.to_si(target) })
+}
+
+impl Info {
+    /// What so many counts of the motor's are in its sense of rotation, rad.
+    pub fn position_rad(&self, count: i32) -> f32 {
+        self.position.to_si(count)
+    }
 }
 
 /// Whether the motor answers this command at all.

@@ -2,8 +2,8 @@
 
 use super::convert::{CENTIDEGREES, DEGREES, HUNDREDTHS, TENTHS, from_span, position, to_span};
 use super::{
-    Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Serial,
-    SerialFrame, Sets, Unasked, Verdict,
+    AngleForm, Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received,
+    Serial, SerialFrame, Sets, Unasked, Verdict,
 };
 use crate::config::AxisConfig;
 use crate::measured::Observation;
@@ -18,6 +18,9 @@ use rmd::{
     Milliseconds, Motion, MotionCommand, MotionFeedback, Node, Reply, Request, SpeedLimit,
     TorqueCap, can,
 };
+
+/// Hundredths of a degree in the degree of the replies' angle.
+const CENTI: i32 = 100;
 
 pub(super) static INFO: Info = Info {
     last_node: Node::MAX,
@@ -43,6 +46,8 @@ pub(super) static INFO: Info = Info {
     sensor_faults: 0,
     speed: &DEGREES,
     position: &CENTIDEGREES,
+    // Whole degrees in 16 bits (RMD V3.6 §2.13.3); 60 000 °/s² (§2.4).
+    angle: Some(AngleForm { step: CENTI, span: 65_536 * CENTI, acceleration_rad_s2: 1_047.2 }),
     own_parameters: &[
         AxisParameter::ReleaseBrakeWhenArming,
         AxisParameter::AllowUnverifiedBrake,
@@ -516,7 +521,6 @@ fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
             seen.faults = Some(faults.bits());
         }
         Reply::RunTime { time } => seen.run_time_ms = Some(time.0),
-        // The angle ends at ±32767° and is left out: positions come from 0x92 (PROTOCOL-NOTES R35).
         Reply::Status2 { motion }
         | Reply::TorqueCurrent { motion }
         | Reply::Velocity { motion }
@@ -526,6 +530,7 @@ fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
         | Reply::LimitedPositionTracking { motion }
         | Reply::IncrementalPosition { motion } => {
             seen.motor_temperature_c = Some(f32::from(motion.temperature.0));
+            seen.angle_count = Some(i32::from(motion.angle.0) * CENTI);
             seen.current_a = Some(sign * HUNDREDTHS.to_si(motion.current.0));
             seen.velocity_rad_s = Some(sign * DEGREES.to_si(motion.speed.0));
         }

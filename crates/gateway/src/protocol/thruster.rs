@@ -34,6 +34,7 @@ pub(super) static INFO: Info = Info {
     sensor_faults: Faults::TEMPERATURE_SENSORS.bits(),
     speed: &RPM,
     position: &DECIDEGREES,
+    angle: None,
     own_parameters: &[
         AxisParameter::PositionDevice,
         AxisParameter::WarningsAreFaults,

@@ -41,5 +41,5 @@ fn raw_access_hears_the_motor_and_not_our_own_bytes() {
     };
     let [received] = received.frames.as_slice() else { panic!("{:?}", received.frames) };
     let RawFrame::Serial(bytes) = &received.frame else { panic!("{received:?}") };
-    assert_eq!(crate::text::hex(&bytes[..11]), "3E01089C32640000002D00");
+    assert_eq!(crate::text::hex(&bytes[..11]), "3E01089C32640000006801");
 }

@@ -2,6 +2,7 @@
 
 mod addresses;
 mod after_reset;
+mod angles;
 mod bad_input;
 mod baud;
 mod bench;

@@ -43,7 +43,7 @@ pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
             // It has run for as long as the gateway.
             "B1" => format!("B1000000{:08X}", u32::try_from(now_us / 1_000).ok()?.swap_bytes()),
             "A1" | "A2" | "A4" if play.refuses => data.into(),
-            command @ ("9C" | "A1" | "A2" | "A4") => format!("{command}326400{speed}2D00"),
+            command @ ("9C" | "A1" | "A2" | "A4") => format!("{command}326400{speed}6801"),
             command => {
                 match command {
                     "78" => locked.push(node),

@@ -45,7 +45,7 @@ fn the_direction_of_the_axis_turns_the_limits_and_not_the_bytes() {
     let epoch = arm(&mut rig);
     // 360° of the motor is −2π of the axis; −360° would be beyond its limit.
     let request = native(&rig, epoch, "A400F401A08C0000");
-    assert_eq!(answered(rig.ask(request)), "A432640000002D00");
+    assert_eq!(answered(rig.ask(request)), "A432640000006801");
     let request = native(&rig, epoch, "A400F4016073FFFF");
     let refused = rig.ask(request);
     assert!(

@@ -84,6 +84,9 @@ pub fn event(message: &EventMessage, motors: &Protocols) -> Value {
             json!({ "bus": bus, "axis": axis, "waiting_us": waiting_us })
         }
         Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
+        Event::AngleMismatch { axis, angle_rad, position_rad } => {
+            json!({ "axis": axis, "angle_rad": angle_rad, "position_rad": position_rad })
+        }
         Event::FrameRejected { reason, count } => {
             json!({ "reason": words::frame_error(*reason).map(snake), "count": count })
         }

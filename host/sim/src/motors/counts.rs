@@ -14,6 +14,11 @@ pub(super) fn to_i16(value: f64) -> i16 {
     value.round() as i16
 }
 
+/// Starts again at the other end.
+pub(super) fn to_wrapped_i16(value: f64) -> i16 {
+    value.round() as i64 as i16
+}
+
 pub(super) fn to_u16(value: f64) -> u16 {
     value.round() as u16
 }
@@ -30,5 +35,6 @@ mod tests {
     fn values_are_rounded_and_saturate() {
         assert_eq!((to_i16(1.5), to_i16(-1.4), to_i16(1e9)), (2, -1, i16::MAX));
         assert_eq!((to_u16(-3.0), to_i8(-200.0), to_i32(2.0e10)), (0, i8::MIN, i32::MAX));
+        assert_eq!((to_wrapped_i16(32_768.0), to_wrapped_i16(-65_537.0)), (i16::MIN, -1));
     }
 }

@@ -1,6 +1,6 @@
 //! What an RMD motor tells of itself.
 
-use super::super::counts::{to_i8, to_i16, to_i32, to_u16};
+use super::super::counts::{to_i8, to_i16, to_i32, to_u16, to_wrapped_i16};
 use super::super::dynamics::Drive;
 use super::{NM_PER_AMPERE, Rmd};
 use rmd::{
@@ -32,8 +32,8 @@ impl Rmd {
             temperature: self.temperature(),
             current: Centiamps(to_i16(self.plant.current_a() * 100.0)),
             speed: DegreesPerSecond(to_i16(self.plant.speed_rad_s().to_degrees())),
-            // The manual's range is symmetric.
-            angle: Degrees(to_i16(self.angle_rad().to_degrees()).max(-i16::MAX)),
+            // It starts again after 65 536°, which no manual says.
+            angle: Degrees(to_wrapped_i16(self.angle_rad().to_degrees())),
         }
     }
 
