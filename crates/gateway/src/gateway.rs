@@ -19,7 +19,7 @@ use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
-use requests::{Arming, Authority, Cycle, Draft, Together};
+use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
 
 /// A gateway: everything between the host links and the buses of one board.
@@ -46,6 +46,7 @@ pub struct Gateway {
     pub(crate) together: Option<Together>,
     pub(crate) arming: Option<Arming>,
     pub(crate) cycle: Option<Cycle>,
+    pub(crate) running: Option<Running>,
     pub(crate) history: History,
     pub(crate) retention: Retention,
     /// Changes of the configuration that the host in command has not made yet.
@@ -89,6 +90,7 @@ impl Gateway {
             together: None,
             arming: None,
             cycle: None,
+            running: None,
             history: History::new(),
             retention: Retention::new(),
             draft: Draft::new(),
@@ -177,6 +179,7 @@ impl Gateway {
         self.go_on_together(now);
         self.go_on_arming(now);
         self.go_on_cycle(now);
+        self.go_on_running(now);
         self.close_barred_raw(now);
         self.settle(now);
         self.watch_enable_output(now);
@@ -293,10 +296,13 @@ impl Gateway {
         store: Store<'_>,
     ) -> Option<usize> {
         while !self.save_some(store) {}
-        let Self { links, axes, now, .. } = self;
-        if let Some(length) = links.poll_transmit(link, out) {
+        if let Some(length) = self.links.poll_transmit(link, out) {
             return Some(length);
         }
+        if let Some(length) = self.poll_cycle_event(self.now, link, out) {
+            return Some(length);
+        }
+        let Self { links, axes, now, .. } = self;
         let link = links.get_mut(usize::from(link))?;
         // Samples are made when there is room for them, so that they wait nowhere and push nothing
         // out.
@@ -353,6 +359,7 @@ impl Gateway {
             .chain(links)
             .chain(self.authority.deadline())
             .chain(together)
+            .chain(self.running.as_ref().map(Running::deadline))
             .min()
     }
 
@@ -362,6 +369,7 @@ impl Gateway {
             self.lose_authority(now);
         }
         self.tick_links(now);
+        self.tick_running(now);
         self.settle(now);
         let due = self.axes.due(now);
         if !due.is_empty() {

@@ -32,6 +32,7 @@ impl Gateway {
             together,
             arming,
             cycle,
+            running,
             history,
             retention,
             draft,
@@ -52,7 +53,7 @@ impl Gateway {
         }
         write!(
             to,
-            "{authority:?}{together:?}{arming:?}{cycle:?}{history:?}{retention:?}{draft:?}"
+            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}"
         )?;
         write!(
             to,

@@ -62,7 +62,10 @@ pub use bus::{
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
 pub use changes::{Change, Setting};
-pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, cycle_frame_bytes};
+pub use cycle::{
+    CycleEvent, CycleMessage, CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, Overruns,
+    SlowState, cycle_frame_bytes,
+};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode, encode_body};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};

@@ -265,6 +265,7 @@ messages! {
     0x0044 Subscribe -> Done
     0x0045 StartTogether -> Done
     0x0046 Cycle -> CycleReport
+    0x0047 RunCycle -> Done
 
     0x0050 RawOpen -> Done
     0x0051 RawSend -> Done

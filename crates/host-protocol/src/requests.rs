@@ -276,6 +276,20 @@ wire! {
         pub setpoints: Vec<SetpointValue, MAX_CYCLE_AXES>,
     }
 
+    /// Has the gateway refresh and poll the armed ones of these axes in each period and send one
+    /// [`CycleEvent`](crate::CycleEvent) for it on this link, until the host has no authority any
+    /// more. It replaces the cycle before.
+    #[derive(Copy, Eq)]
+    pub struct RunCycle {
+        /// The axes: bit 0 is axis 0. None ends the cycle.
+        pub axes: u32,
+        /// What to tell: of position, velocity and current those of every axis, of the others
+        /// those of one axis in a period, in turns.
+        pub fields: StateFields,
+        /// µs, 250 to 20 000.
+        pub period_us: u32,
+    }
+
     /// Has the gateway send [`Sample`](crate::Event::Sample) events on this link, one for each axis
     /// in each period. A new subscription replaces the one before; it ends 5 s after the last valid
     /// frame of the host.

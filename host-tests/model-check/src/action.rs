@@ -203,6 +203,11 @@ pub enum Ask {
         epoch: i32,
         members: Vec<(u8, Goal)>,
     },
+    /// The gateway's own cycle.
+    RunCycle {
+        axes: u32,
+        period_us: u32,
+    },
     Read {
         axis: u8,
     },

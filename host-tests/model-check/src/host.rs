@@ -161,6 +161,10 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
                 setpoints: members.iter().take(16).map(|(_, goal)| setpoint(*goal)).collect(),
             })
         }
+        Ask::RunCycle { axes, period_us } => {
+            let fields = StateFields::from_bits(u8::MAX);
+            Request::RunCycle(requests::RunCycle { axes, fields, period_us })
+        }
         Ask::Read { axis } => Request::ReadState(requests::ReadState { axis }),
         Ask::Subscribe { axes, period_us } => {
             let fields = StateFields::from_bits(u8::MAX);

@@ -24,9 +24,9 @@ const POLLS: &str = "polls";
 
 /// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
-/// as `Arm` does, and `Cycle` moves as `Setpoint` does. What `Native` and raw frames send is not
-/// typed.
-pub const NOT_TRIED: [&str; 31] = [
+/// as `Arm` does, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
+/// send is not typed.
+pub const NOT_TRIED: [&str; 32] = [
     "SetBaud",
     "BeginChanges",
     "AddChanges",
@@ -35,6 +35,7 @@ pub const NOT_TRIED: [&str; 31] = [
     "ReadAxisSettings",
     "ArmTogether",
     "Cycle",
+    "RunCycle",
     "Hello",
     "Ping",
     "TakeAuthority",

@@ -8,7 +8,8 @@ use std::time::Duration;
 use host_protocol::replies::HelloReply;
 use host_protocol::requests::{Hello, Ping, Subscribe};
 use host_protocol::{
-    BootReason, Call, Error, EventMessage, PROTOCOL_MAJOR, PROTOCOL_MINOR, StopTarget, Text,
+    BootReason, Call, CycleMessage, Error, EventMessage, PROTOCOL_MAJOR, PROTOCOL_MINOR,
+    StopTarget, Text,
 };
 
 use crate::baud::Baud;
@@ -320,10 +321,29 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// [`ClientError::Interrupted`], or the failure of the transport.
     pub fn poll_event(&mut self, timeout: Duration) -> Result<Option<EventMessage>, ClientError> {
+        self.listen_until(timeout, Inbox::has_event)?;
+        Ok(self.inbox.next_event())
+    }
+
+    /// What is told of the next period of the cycle that this host [runs](Self::run_cycle), as
+    /// [`poll_event`](Self::poll_event).
+    ///
+    /// # Errors
+    /// As [`poll_event`](Self::poll_event).
+    pub fn poll_cycle(&mut self, timeout: Duration) -> Result<Option<CycleMessage>, ClientError> {
+        self.listen_until(timeout, Inbox::has_cycle)?;
+        Ok(self.inbox.next_cycle())
+    }
+
+    fn listen_until(
+        &mut self,
+        timeout: Duration,
+        has: impl Fn(&Inbox) -> bool,
+    ) -> Result<(), ClientError> {
         let end = self.transport.now().saturating_add(timeout);
         // Also with no time to wait: what has already arrived is read.
         let mut reads = 0;
-        while !self.inbox.has_event() && reads < READS_WITHOUT_WAITING {
+        while !has(&self.inbox) && reads < READS_WITHOUT_WAITING {
             self.heed_interrupt(Ping::NUMBER)?;
             self.send_due()?;
             let before = self.inbox.bytes();
@@ -335,7 +355,7 @@ impl<T: Transport> Client<T> {
                 reads += 1;
             }
         }
-        Ok(self.inbox.next_event())
+        Ok(())
     }
 
     /// The best guess of the gateway's time now, µs since it started.

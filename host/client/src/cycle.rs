@@ -119,6 +119,27 @@ impl<T: Transport> Client<T> {
         let report = self.request_within(&request, ttl)?;
         Ok(report.states().collect())
     }
+
+    /// Has the gateway send the setpoints in force of these axes in each period, and tell of each
+    /// by [`poll_cycle`](Self::poll_cycle): position, velocity and current of all of them, other
+    /// fields of one in turns. Setpoints come by [`set`](Self::set) and [`cycle`](Self::cycle) as
+    /// ever and expire as ever. No axis ends it.
+    ///
+    /// # Errors
+    /// [`ClientError::NamedTwice`] before anything is sent, else as [`request`](Self::request):
+    /// `OutOfRange` for a period beyond 250 µs to 20 ms, `BusOverloaded` for one that no bus could
+    /// keep.
+    pub fn run_cycle(
+        &mut self,
+        axes: &[u8],
+        fields: StateFields,
+        period: Duration,
+    ) -> Result<(), ClientError> {
+        let axes = mask(axes.iter().copied())?;
+        // Too long for the field is too long for the gateway, which then names the limits.
+        let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
+        self.request(&ask::RunCycle { axes, fields, period_us }).map(drop)
+    }
 }
 
 /// A bit for each axis.

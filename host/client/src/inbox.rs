@@ -3,8 +3,10 @@
 
 use std::collections::VecDeque;
 
-use host_protocol::messages::request_name;
-use host_protocol::{Call, Deframer, Error, EventMessage, Frame, Kind, requests::Hello};
+use host_protocol::messages::{DecodeError, request_name};
+use host_protocol::{
+    Call, CycleEvent, CycleMessage, Deframer, Error, EventMessage, Frame, Kind, requests::Hello,
+};
 
 use crate::error::ClientError;
 
@@ -83,6 +85,7 @@ pub struct Losses {
 pub(crate) struct Inbox {
     deframer: Deframer,
     events: VecDeque<EventMessage>,
+    cycles: VecDeque<CycleMessage>,
     /// The number that the next event has if none gets lost; `None` before the first.
     next_event: Option<u16>,
     /// The sequence number of the hello that was answered last.
@@ -98,6 +101,7 @@ impl Inbox {
         Self {
             deframer: Deframer::new(),
             events: VecDeque::new(),
+            cycles: VecDeque::new(),
             next_event: None,
             hello: None,
             losses: Losses::default(),
@@ -109,7 +113,7 @@ impl Inbox {
     /// Takes in bytes and returns the answers among them.
     pub(crate) fn take_in(&mut self, bytes: &[u8]) -> Vec<Arrived> {
         self.bytes = self.bytes.saturating_add(bytes.len() as u64);
-        let Self { deframer, events, next_event, hello, losses, frames, .. } = self;
+        let Self { deframer, events, cycles, next_event, hello, losses, frames, .. } = self;
         let mut answers = Vec::new();
         for byte in bytes {
             let frame = match deframer.push(*byte) {
@@ -123,7 +127,12 @@ impl Inbox {
             *frames += u64::from(frame.kind != Kind::Request);
             match frame.kind {
                 Kind::Event if is_new(next_event, frame.sequence, losses) => {
-                    keep_event(events, losses, &frame);
+                    let is_cycle = frame.number == CycleEvent::NUMBER;
+                    if is_cycle {
+                        keep(cycles, losses, CycleMessage::decode(frame.body));
+                    } else {
+                        keep(events, losses, EventMessage::decode(frame.number, frame.body));
+                    }
                 }
                 Kind::Event => losses.late += 1,
                 Kind::Reply | Kind::Error => {
@@ -144,6 +153,14 @@ impl Inbox {
 
     pub(crate) fn next_event(&mut self) -> Option<EventMessage> {
         self.events.pop_front()
+    }
+
+    pub(crate) fn next_cycle(&mut self) -> Option<CycleMessage> {
+        self.cycles.pop_front()
+    }
+
+    pub(crate) fn has_cycle(&self) -> bool {
+        !self.cycles.is_empty()
     }
 
     pub(crate) fn has_event(&self) -> bool {
@@ -194,8 +211,8 @@ fn is_new(next_event: &mut Option<u16>, sequence: u16, losses: &mut Losses) -> b
     true
 }
 
-fn keep_event(events: &mut VecDeque<EventMessage>, losses: &mut Losses, frame: &Frame<'_>) {
-    match EventMessage::decode(frame.number, frame.body) {
+fn keep<E>(events: &mut VecDeque<E>, losses: &mut Losses, event: Result<E, DecodeError>) {
+    match event {
         Ok(_) if events.len() >= MAX_EVENTS => losses.events_dropped += 1,
         Ok(event) => events.push_back(event),
         Err(_) => losses.unreadable += 1,

@@ -25,6 +25,8 @@ pub(crate) enum Is {
     Objecting,
     /// Its setpoint of a cycle is still to be answered.
     Cycling,
+    /// It has still to do its part in a period of the free-running cycle.
+    InPeriod,
     /// It moves by a setpoint.
     Active,
     /// Arming, armed, active, stopping or tripped.
@@ -40,7 +42,7 @@ pub(crate) enum Is {
 }
 
 impl Is {
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Configured,
         Self::Stopping,
         Self::FirstStop,
@@ -50,6 +52,7 @@ impl Is {
         Self::OwedOurId,
         Self::Objecting,
         Self::Cycling,
+        Self::InPeriod,
         Self::Active,
         Self::Moving,
         Self::Tripped,
@@ -59,8 +62,8 @@ impl Is {
         Self::Unsaved,
     ];
 
-    const fn bit(self) -> u16 {
-        1 << self as u16
+    const fn bit(self) -> u32 {
+        1 << self as u32
     }
 }
 
@@ -68,7 +71,7 @@ impl Is {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Look {
     /// What is so of it, a bit for each [`Is`].
-    pub flags: u16,
+    pub flags: u32,
     /// When the axis must be looked at again; [`Instant::NEVER`] where time alone changes nothing.
     pub due: Instant,
     /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
@@ -104,6 +107,7 @@ impl Look {
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
         look.note(Is::Objecting, transactions.objects());
         look.note(Is::Cycling, axis.is_cycling());
+        look.note(Is::InPeriod, axis.has_part());
         let [former, current] = transactions.deadlines();
         for at in [former, current, over, axis.job_stalls_at()] {
             look.ends(at, now, after);

@@ -10,6 +10,7 @@ mod job;
 mod limits;
 mod look;
 mod outcome;
+mod part;
 mod polls;
 mod restart;
 mod sequence;
@@ -24,6 +25,7 @@ mod together;
 pub(crate) use job::{Job, JobKind};
 pub(crate) use look::{Is, Look};
 pub(crate) use outcome::Reception;
+pub(crate) use part::{PERIOD, Waits};
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
 pub(crate) use setpoint::{NativeMotion, Permit};
@@ -44,6 +46,7 @@ use host_protocol::{
     StateField, StateFields,
 };
 use outcome::Silence;
+use part::Part;
 use restart::RunTime;
 use state::State;
 use telemetry::Telemetry;
@@ -61,6 +64,7 @@ pub(crate) struct Axis {
     pub config: AxisConfig,
     state: State,
     cycling: Cycling,
+    part: Part,
     job: Option<Job>,
     pub transactions: Transactions,
     silence: Silence,
@@ -100,6 +104,7 @@ impl Axis {
             config: AxisConfig::new(),
             state: State::Unconfigured,
             cycling: Cycling::Over(CycleResult::Superseded),
+            part: Part::NONE,
             job: None,
             transactions: Transactions::new(),
             silence: Silence::NONE,

@@ -200,6 +200,7 @@ impl Axis {
     fn unanswered(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
         self.not_delivered(request);
         self.motion_over(request, CycleResult::NoReply);
+        self.part_over(request, CycleResult::NoReply);
         let enough = self.config.missed_replies();
         let mut silent = self.silence.goes_on(now, request.window(), enough);
         // A motor that answers polls and no motion may be doing anything.
@@ -252,6 +253,7 @@ impl Axis {
             self.note_run_time(now, asked, run_time_ms, out);
         }
         self.motion_over(request, result);
+        self.part_over(request, result);
         self.judge_motion(now, request, &seen, out);
         if self.stop().is_some() {
             self.stop_goes_on(now, request, &Outcome::Answered(seen), out);

@@ -103,6 +103,7 @@ impl Axis {
         }
         match &self.state {
             State::Stopping(_) | State::Tripped(..) => Instant::default(),
+            _ if self.part_read().is_some() => Instant::default(),
             State::Armed(armed) => armed.fault_poll_at.min(self.state_poll_at),
             State::Active(armed, motion) => {
                 let polls = armed.fault_poll_at.min(self.state_poll_at);
@@ -142,7 +143,8 @@ impl Axis {
                     motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
                 let faults = Some((Next::This(Exchange::Faults), armed.fault_poll_at));
                 let poll = Some((Next::Poll, self.state_poll_at));
-                let other = self.earliest(&[faults, poll, job]);
+                let read = self.part_read().map(|(read, since)| (Next::This(read), since));
+                let other = self.earliest(&[faults, poll, read, job]);
                 choose(now, armed.motion_was_last, self.earliest(&[motion]), other)
             }
             State::Idle | State::Holding => {

@@ -185,10 +185,11 @@ impl Axis {
     ) {
         let is_in_force = self.is_in_force(&command);
         self.end_cycle(CycleResult::Superseded);
+        let due = self.motion_due(now);
         let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful &= is_in_force;
         armed.motions = armed.motions.wrapping_add(1);
-        let motion = Motion { command, number: armed.motions, expires, due: Some(now), once };
+        let motion = Motion { command, number: armed.motions, expires, due: Some(due), once };
         match &mut self.state {
             State::Active(armed, before) => {
                 armed.undelivered_since = armed.undelivered_since.min(now);
@@ -261,6 +262,7 @@ impl Axis {
             job.note_handed(exchange);
         }
         let is_of_job = self.job_step() == Some(exchange);
+        let is_of_part = self.part_read().is_some_and(|(read, _)| read == exchange);
         if exchange == Exchange::Motion {
             let refresh = self.refresh();
             if let State::Active(armed, motion) = &mut self.state {
@@ -276,6 +278,10 @@ impl Axis {
                 // The fault word has a rhythm of its own.
                 if exchange == Exchange::Faults {
                     armed.fault_poll_at = now + self.config.fault_poll();
+                    return;
+                }
+                // So has what a cycle reads.
+                if is_of_part {
                     return;
                 }
             }

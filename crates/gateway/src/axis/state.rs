@@ -254,6 +254,9 @@ impl Axis {
         if self.motion().is_none() {
             self.end_cycle(CycleResult::Stopped);
         }
+        if !self.is_armed() {
+            self.stop_part();
+        }
     }
 
     /// Tells the hosts of a state that is another one than before.

@@ -58,6 +58,17 @@ fn exchange_time(kind: BusKind, frame_bits: u64, config: &BusConfig) -> Duration
     }
 }
 
+/// Time that no exchange is shorter than: on CAN four bytes out and eight back without a stuff bit,
+/// which is what the shortest motors take; on RS485 the bytes of both frames.
+pub(crate) fn shortest_exchange(kind: BusKind, config: &BusConfig) -> Duration {
+    const CAN_BITS: u64 = 79 + 111;
+    let bits = match kind {
+        BusKind::Can => CAN_BITS,
+        BusKind::Rs485 => 2 * serial_frame_bits(serial_of(config.protocols)),
+    };
+    bits_at(bits, config.bitrate)
+}
+
 /// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to
 /// a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {

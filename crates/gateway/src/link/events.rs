@@ -3,7 +3,7 @@
 use core::mem::take;
 
 use super::ring::{Cursor, Ring};
-use host_protocol::{Event, FrameError, MAX_FRAME};
+use host_protocol::{CycleEvent, Event, FrameError, MAX_FRAME};
 
 /// Reasons of [`FrameError`], numbered from 1 without gaps.
 const REASONS: usize = FrameError::ALL.len();
@@ -99,10 +99,26 @@ impl Events {
         event: &Event,
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
-        let dropped = take(&mut self.dropped);
+        let (sequence, dropped) = self.next_numbers();
+        event.encode_frame(sequence, dropped, time_us, out).ok()
+    }
+
+    /// Writes what is told of a period of the cycle.
+    pub fn write_cycle(
+        &mut self,
+        time_us: u64,
+        event: &CycleEvent,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<usize> {
+        let (sequence, dropped) = self.next_numbers();
+        event.encode_frame(sequence, dropped, time_us, out).ok()
+    }
+
+    /// Those of the next event: its sequence, and how many were lost before it.
+    fn next_numbers(&mut self) -> (u16, u32) {
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
-        event.encode_frame(sequence, dropped, time_us, out).ok()
+        (sequence, take(&mut self.dropped))
     }
 
     pub fn has_output(&self, ring: &Ring) -> bool {

@@ -95,6 +95,13 @@ impl Links {
         }
     }
 
+    /// The host on a link is to be told of a period of the cycle, if it has said hello.
+    pub fn changed_by_cycle(&mut self, link: u8) {
+        if self.links.get(usize::from(link)).is_some_and(Link::is_told) {
+            self.changed.add(Set::of(link));
+        }
+    }
+
     /// A link may have something to send, or another rate.
     pub fn touch(&mut self, link: u8) {
         let Some(port) = self.links.get_mut(usize::from(link)) else { return };

@@ -21,8 +21,8 @@ use ring::{Cursor, Ring};
 use baud::Baud;
 use events::Events;
 use host_protocol::{
-    Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request, StateFields,
-    requests::Hello, requests::Subscribe,
+    CycleEvent, Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request,
+    StateFields, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
 use subscription::Subscription;
@@ -230,6 +230,16 @@ impl Link {
         out: &mut [u8; MAX_FRAME],
     ) -> Option<usize> {
         self.events.write(now_us, event, out)
+    }
+
+    /// Writes what is told of a period of the cycle to `out` and returns its length.
+    pub fn cycle_event(
+        &mut self,
+        now_us: u64,
+        event: &CycleEvent,
+        out: &mut [u8; MAX_FRAME],
+    ) -> Option<usize> {
+        self.events.is_open().then(|| self.events.write_cycle(now_us, event, out)).flatten()
     }
 
     /// Writes the next frame for the host to `out` and returns its length: replies first, then

@@ -44,6 +44,7 @@ mod rest;
 mod restart;
 mod rig;
 mod rules;
+mod running;
 mod stop_again;
 mod stops;
 mod subscriptions;

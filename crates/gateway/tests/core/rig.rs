@@ -7,8 +7,8 @@ use gateway::{
     Transmit,
 };
 use host_protocol::{
-    BootReason, BusLimit, BusState, CanFrame, Deframer, Error, Event as HostEvent, EventMessage,
-    Kind, MAX_FRAME, Reply, Request,
+    BootReason, BusLimit, BusState, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
+    Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -59,6 +59,7 @@ pub enum Said {
     Reply(u16, Box<Reply>),
     Error(u16, Error),
     Event(HostEvent),
+    Cycle(Box<CycleMessage>),
 }
 
 /// A motor's part: the bytes it answers to a request on a bus, as `ID#HEX` on CAN and as hex on
@@ -458,6 +459,9 @@ impl Rig {
                         frame.sequence,
                         Error::decode(frame.number, frame.body).unwrap(),
                     ),
+                    Kind::Event if frame.number == CycleEvent::NUMBER => {
+                        Said::Cycle(Box::new(CycleMessage::decode(frame.body).unwrap()))
+                    }
                     Kind::Event => {
                         Said::Event(EventMessage::decode(frame.number, frame.body).unwrap().event)
                     }

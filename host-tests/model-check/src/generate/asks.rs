@@ -59,6 +59,10 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
             Ask::Set { axis, parameter, value: Number::Unsigned(dice.pick(&RETURN_MODES).into()) }
         }
         24 => Ask::Remove { axis: 31 },
+        25 if dice.one_in(2) => Ask::RunCycle {
+            axes: dice.pick(&[0, 1, 0b111, 0xFFFF]),
+            period_us: dice.pick(&[1_000, 2_000, 10_000, 20_000]),
+        },
         25 => Ask::Subscribe { axes: dice.pick(&[0, 1, ALL_AXES]), period_us: 50_000 },
         26..28 => Ask::Read { axis },
         28 => dice.pick(&[Ask::Status, Ask::List]),

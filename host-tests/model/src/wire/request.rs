@@ -54,6 +54,8 @@ pub enum Request {
     StartTogether { expires_at_us: u32, members: Vec<(u8, u32)> },
     /// 0x0046: a bit for each axis.
     Cycle { axes: u32, epoch: u32, expires_at_us: u32 },
+    /// 0x0047
+    RunCycle,
     /// 0x0050
     RawOpen { bus: u8, unsafe_access: bool },
     /// 0x0051: an arbitration id with its flags and data, or bytes.
@@ -195,6 +197,10 @@ impl Request {
                 }
                 Self::Cycle { axes, epoch, expires_at_us }
             }
+            0x0047 => {
+                let _axes_fields_period = (b.u32()?, b.byte()?, b.u32()?);
+                Self::RunCycle
+            }
             0x0042 => {
                 let (axis, epoch, expires_at_us) = (b.byte()?, b.u32()?, b.u32()?);
                 let _distance_and_speed = (b.f32()?, b.f32()?);
@@ -263,6 +269,7 @@ impl Request {
             | Self::MoveRelative { .. }
             | Self::StartTogether { .. }
             | Self::Cycle { .. }
+            | Self::RunCycle
             | Self::RawOpen { .. }
             | Self::RawSend { .. }
             | Self::RawClose(_) => true,

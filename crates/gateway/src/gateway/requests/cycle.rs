@@ -11,7 +11,9 @@ use crate::gateway::Gateway;
 use crate::outbox::Ticket;
 use crate::set::Set;
 use crate::time::Instant;
-use host_protocol::{Bytes, Error, FixedU32, Reply, Request, StateFields, replies, requests};
+use host_protocol::{
+    Bytes, Error, FixedU32, MAX_CYCLE_AXES, Reply, Request, StateFields, replies, requests,
+};
 
 /// Axes that are being armed in one epoch.
 #[derive(Debug, Clone, Copy)]
@@ -36,13 +38,14 @@ pub(super) fn check_body(request: &Request) -> Result<()> {
         Request::Cycle(request) => {
             request.axes != 0 && request.axes.count_ones() as usize == request.setpoints.len()
         }
+        Request::RunCycle(request) => request.axes.count_ones() as usize <= MAX_CYCLE_AXES,
         _ => true,
     };
     if is_whole { Ok(()) } else { Err(Error::BadBody { number: request.number() }) }
 }
 
 /// The axes of a mask.
-fn axes_of(mask: u32) -> Result<Set> {
+pub(super) fn axes_of(mask: u32) -> Result<Set> {
     let axes = Set::from_bits(mask);
     match axes.numbers().find(|axis| *axis >= MAX_AXES_WIRE) {
         Some(axis) => Err(Error::UnknownAxis { axis, max_axes: MAX_AXES_WIRE }),

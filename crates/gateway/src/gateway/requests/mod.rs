@@ -6,11 +6,13 @@ mod cycle;
 mod draft;
 mod native;
 mod raw;
+mod running;
 mod together;
 
 pub(crate) use authority::Authority;
 pub(crate) use cycle::{Arming, Cycle};
 pub(crate) use draft::Draft;
+pub(crate) use running::Running;
 pub(crate) use together::Together;
 
 use crate::MAX_AXES_WIRE;
@@ -165,6 +167,10 @@ impl Gateway {
             Request::Native(request) => return self.native(now, request, ticket),
             Request::StartTogether(request) => return self.start_together(now, request, ticket),
             Request::Cycle(request) => return self.cycle(now, request, ticket),
+            Request::RunCycle(request) => {
+                self.run_cycle(now, request, ticket.link)?;
+                Reply::RunCycle(done)
+            }
             Request::Subscribe(request) => {
                 if let Some(link) = self.links.get_mut(usize::from(ticket.link)) {
                     link.subscribe(now.as_micros(), request)?;
@@ -480,6 +486,7 @@ impl Gateway {
     fn release_authority(&mut self, now: Instant) {
         self.authority.release();
         self.draft.close();
+        self.stop_running();
         self.close_all_raw(now);
         self.each_axis(now, |axis, out| axis.disarm(now, out));
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
@@ -489,6 +496,7 @@ impl Gateway {
     pub(crate) fn lose_authority(&mut self, now: Instant) {
         self.authority.release();
         self.draft.close();
+        self.stop_running();
         self.close_all_raw(now);
         self.each_axis(now, |axis, out| {
             if axis.state() == AxisState::Active {
@@ -537,6 +545,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::MoveRelative(_)
         | Request::StartTogether(_)
         | Request::Cycle(_)
+        | Request::RunCycle(_)
         | Request::RawOpen(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)

@@ -1,0 +1,188 @@
+//! The part of an axis in a period of the free-running cycle.
+//!
+//! In each period the setpoint in force is sent anew, and what its reply does not tell is read. Its
+//! expiry is what it was: a period extends no permission to move (GUARANTEES G2).
+
+use super::Axis;
+use super::state::State;
+use crate::protocol::{Exchange, Info};
+use crate::time::{Duration, Instant};
+use crate::transaction::Transaction;
+use host_protocol::{CycleResult, CycleState, Error, SlowState, StateField, StateFields};
+
+/// What reads the fields that are told of every axis.
+const READS: [(Exchange, StateField); 3] = [
+    (Exchange::Position, StateField::Position),
+    (Exchange::Velocity, StateField::Velocity),
+    (Exchange::Current, StateField::Current),
+];
+
+/// What the axis has to do in the period under way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part {
+    /// When the period began; what left before belongs to the one before.
+    since: Instant,
+    /// When the next one begins.
+    next: Instant,
+    /// The motor has yet to answer the setpoint.
+    motion: bool,
+    /// What has still to be read, a bit for each of [`READS`].
+    reads: u8,
+    result: CycleResult,
+    /// That of the period before.
+    before: CycleResult,
+}
+
+impl Part {
+    pub const NONE: Self = Self {
+        since: Instant::from_micros(0),
+        next: Instant::from_micros(0),
+        motion: false,
+        reads: 0,
+        result: CycleResult::Superseded,
+        before: CycleResult::Superseded,
+    };
+
+    /// What is told of it when its period is over.
+    fn told(&self) -> CycleResult {
+        if self.is_open() { CycleResult::Superseded } else { self.result }
+    }
+
+    /// Whether it has still to end.
+    pub fn is_open(&self) -> bool {
+        self.motion || self.reads != 0
+    }
+}
+
+/// What keeps a part from its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Waits {
+    /// A motor has not answered.
+    ForMotor,
+    /// A request has not left its bus.
+    ForBus,
+}
+
+impl Axis {
+    /// A period begins now, and the next one at `next`. What is not armed has no part in it.
+    pub fn begin_part(&mut self, now: Instant, next: Instant, fields: StateFields) {
+        let refused = Error::NotArmed { axis: self.index, state: self.state() }.number();
+        let mut part = Part {
+            since: now,
+            next,
+            motion: false,
+            reads: 0,
+            result: CycleResult::Answered,
+            before: self.part.told(),
+        };
+        match &mut self.state {
+            State::Active(_, motion) => {
+                // One that must not be sent twice is not.
+                part.motion = motion.due.is_some();
+                motion.due = motion.due.map(|due| due.min(now));
+            }
+            State::Armed(_) => {}
+            _ => {
+                let result = CycleResult::Refused { error: refused };
+                self.part = Part { result, before: part.before, ..Part::NONE };
+                return;
+            }
+        }
+        part.reads = self.reads_for(fields, part.motion);
+        self.part = part;
+    }
+
+    /// The cycle has ended: the axis goes on in its own rhythm.
+    pub fn leave_cycle(&mut self) {
+        self.part = Part::NONE;
+    }
+
+    /// What is read in a period beside the setpoint: what its reply does not tell.
+    fn reads_for(&self, fields: StateFields, moves: bool) -> u8 {
+        let Some(info) = Info::of_axis(&self.config) else { return 0 };
+        let wanted = |(exchange, field): (Exchange, StateField)| match info.angle {
+            // Every reply tells all of them.
+            Some(_) => exchange == Exchange::Velocity && !moves,
+            None => fields.contains(field) && self.can(exchange),
+        };
+        (0..)
+            .zip(READS)
+            .filter(|(_, read)| wanted(*read))
+            .fold(0, |reads, (bit, _)| reads | 1 << bit)
+    }
+
+    /// What is to be read next in the period, and since when.
+    pub(super) fn part_read(&self) -> Option<(Exchange, Instant)> {
+        let (exchange, _) = READS.get(self.part.reads.trailing_zeros() as usize)?;
+        Some((*exchange, self.part.since))
+    }
+
+    /// What keeps the part of the axis from its end; nothing where it has ended.
+    pub fn part_waits(&self, now: Instant) -> Option<Waits> {
+        // A late reply is let pass before the next request.
+        let is_held_off = self.transactions.not_before(true, now) > now;
+        let is_awaited = self.transactions.is_awaited() || is_held_off;
+        self.has_part().then_some(if is_awaited { Waits::ForMotor } else { Waits::ForBus })
+    }
+
+    /// Whether the axis has still to end its part of the period.
+    pub fn has_part(&self) -> bool {
+        self.part.is_open()
+    }
+
+    /// A request has ended so.
+    pub(super) fn part_over(&mut self, request: &Transaction, result: CycleResult) {
+        let part = &mut self.part;
+        let is_earlier = request.transmitted_at().is_some_and(|at| at < part.since);
+        // The answer to one of the period before is not that of this one; a silence is told when
+        // it is known.
+        if !part.is_open() || is_earlier && result != CycleResult::NoReply {
+            return;
+        }
+        let bit = READS.iter().position(|(exchange, _)| *exchange == request.exchange);
+        let is_of_part = match request.exchange {
+            Exchange::Motion => core::mem::take(&mut part.motion),
+            _ => bit.is_some_and(|bit| part.reads & 1 << bit != 0),
+        };
+        part.reads &= !bit.map_or(0, |bit| 1 << bit);
+        if is_of_part && part.result == CycleResult::Answered {
+            part.result = result;
+        }
+    }
+
+    /// The axis stops: its part has ended.
+    pub(super) fn stop_part(&mut self) {
+        if self.part.is_open() {
+            self.part = Part { motion: false, reads: 0, result: CycleResult::Stopped, ..self.part };
+        }
+    }
+
+    /// From when on a new setpoint is to be sent: from the next period on, which is well within its
+    /// refresh time; at once where that is not so, or there is no cycle.
+    pub(super) fn motion_due(&self, now: Instant) -> Instant {
+        let next = self.part.next;
+        if next > now && next.since(now).times(2) <= self.refresh() { next } else { now }
+    }
+
+    /// The axis at the end of the period under way, or of the one before.
+    pub fn part_state(&self, now: Instant, fields: StateFields, is_before: bool) -> CycleState {
+        let result = if is_before { self.part.before } else { self.part.told() };
+        CycleState { result, ..self.cycle_state(now, fields) }
+    }
+
+    /// What is told in turns.
+    pub fn slow_state(&self, now: Instant, fields: StateFields) -> SlowState {
+        let wanted = |field| self.measured.reading(now, field).filter(|_| fields.contains(field));
+        SlowState {
+            axis: self.index,
+            voltage_v: wanted(StateField::Voltage),
+            motor_temperature_c: wanted(StateField::MotorTemperature),
+            driver_temperature_c: wanted(StateField::DriverTemperature),
+            faults: self.faults(now).filter(|_| fields.contains(StateField::Faults)),
+        }
+    }
+}
+
+/// Shortest and longest period.
+pub(crate) const PERIOD: (Duration, Duration) =
+    (Duration::from_micros(250), Duration::from_millis(20));
