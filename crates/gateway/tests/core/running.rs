@@ -229,9 +229,10 @@ fn a_reply_that_is_lost_in_mid_cycle_is_one_period_late() {
     rig.said.clear();
     rig.run(30_000);
     let of_second: Vec<_> = events(&rig).iter().map(|event| results(event)[1]).collect();
-    let missed = |result: &&CycleResult| **result != CycleResult::Answered;
+    let missed = |result: &&CycleResult| !result.is_answered();
     assert_eq!(of_second.iter().filter(missed).count(), 1, "{of_second:?}");
-    assert_eq!(of_second.last(), Some(&CycleResult::Answered));
+    // It may be the late one to the setpoint before.
+    assert_eq!(of_second.last(), Some(&CycleResult::Ambiguous));
 }
 
 #[test]
