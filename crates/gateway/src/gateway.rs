@@ -3,8 +3,10 @@
 mod pins;
 mod requests;
 mod retained;
+mod stored;
 
 pub use retained::RETAINED_WORDS;
+pub use stored::{MAX_STORED_ROW, NextRow, STORED_ROWS};
 
 use crate::axes::Axes;
 use crate::axis::{Axis, Is};
@@ -21,6 +23,7 @@ use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
+use stored::Stored;
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone)]
@@ -51,6 +54,7 @@ pub struct Gateway {
     pub(crate) retention: Retention,
     /// Changes of the configuration that the host in command has not made yet.
     pub(crate) draft: Draft,
+    pub(crate) stored: Stored,
     pub(crate) now: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
@@ -94,6 +98,7 @@ impl Gateway {
             history: History::new(),
             retention: Retention::new(),
             draft: Draft::new(),
+            stored: Stored::new(),
             now: Instant::from_micros(0),
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,
@@ -172,6 +177,7 @@ impl Gateway {
                 self.on_bus(now, bus, |bus, _, _| bus.receive_overflow(lost));
             }
             Event::EStopInput { open } => self.e_stop_input(now, open),
+            Event::Saved { result } => self.saved(now, result),
             Event::Tick => {}
         }
         self.settle(now);
@@ -228,7 +234,8 @@ impl Gateway {
     pub fn take_changes(&mut self) -> Changes {
         let (links, log) = self.links.take_changed();
         let history = !self.retention.is_complete();
-        Changes { buses: self.changed_buses.take(), links, log, history }
+        let save = self.stored.is_due();
+        Changes { buses: self.changed_buses.take(), links, log, history, save }
     }
 
     /// Records new trips in the history, one call later: the stop frames go first.

@@ -28,11 +28,11 @@ mod transaction;
 
 pub use bus::{Assumptions, AxisPlan, BusPlan};
 pub use bus_rules::check_bus_config;
-pub use gateway::{Gateway, RETAINED_WORDS};
+pub use gateway::{Gateway, MAX_STORED_ROW, NextRow, RETAINED_WORDS, STORED_ROWS};
 pub use log::LogEntry;
 pub use port::{
-    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Light, LinkPort, Outgoing, Store,
-    Transmit,
+    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Found, Light, LinkPort, Outgoing, Save,
+    SaveError, Store, Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

@@ -28,6 +28,9 @@
 //!   they return. So what must outlive a reset is stored after an event and before any frame that
 //!   follows from it, the rest before a host is told. A program that has nothing to outlive stores
 //!   nothing.
+//! - Where it can store the configuration, it calls [`Gateway::load`](crate::Gateway::load) once,
+//!   before `restore`, and carries out what [`Gateway::take_save`](crate::Gateway::take_save) gives
+//!   when [`Changes`] says so; then it reports [`Event::Saved`].
 //! - After every call of `handle` it sets its enable output to
 //!   [`Gateway::enable_output`](crate::Gateway::enable_output).
 
@@ -115,6 +118,11 @@ pub enum Event<'a> {
         /// Open: the button is pressed or its cable cut. Closed is the normal state.
         open: bool,
     },
+    /// What [`take_save`](crate::Gateway::take_save) asked for is done, or cannot be.
+    Saved {
+        /// What became of it. After an error the storage holds what it held before.
+        result: Result<(), SaveError>,
+    },
     /// Nothing but time has passed: the deadline of `next_deadline` is due.
     Tick,
 }
@@ -130,6 +138,53 @@ pub struct Changes {
     pub log: bool,
     /// A part of the history has still to be stored.
     pub history: bool,
+    /// [`Gateway::take_save`](crate::Gateway::take_save) has something.
+    pub save: bool,
+}
+
+/// What becomes of the stored configuration, whole or not at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Save {
+    /// It becomes the rows that [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this
+    /// number with them, by which the core knows them again.
+    Rows {
+        /// That number.
+        digest: u32,
+    },
+    /// There is none any more.
+    Nothing,
+}
+
+/// What a start finds where the configuration is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// There is nowhere to store it.
+    NoStorage,
+    /// Nothing is stored.
+    Nothing,
+    /// Rows, and the number that was stored with them.
+    Rows {
+        /// That number.
+        digest: u32,
+    },
+    /// What is stored cannot be read.
+    Damaged,
+    /// It is stored in a layout that this firmware does not know.
+    OtherLayout {
+        /// The version of that layout.
+        layout: u8,
+    },
+    /// It is not to be read: start after start has failed.
+    NotRead,
+}
+
+/// Why the configuration could not be stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SaveError {
+    /// It is too long for the storage.
+    Full,
+    /// The memory did not take it.
+    Failed,
 }
 
 /// What the light of a board shows.

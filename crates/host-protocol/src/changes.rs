@@ -33,6 +33,36 @@ wire! {
         },
     }
 
+    /// What is stored of the configuration.
+    #[derive(Copy, Eq)]
+    pub enum StoredState {
+        /// The board has nowhere to store it.
+        NoStorage,
+        /// Nothing is stored.
+        Nothing,
+        /// A configuration.
+        Kept {
+            /// The running one is another.
+            differs: bool,
+        },
+        /// It cannot be read whole, so nothing of it runs.
+        Damaged,
+        /// Another firmware has stored it in a layout that this one does not know, so nothing of it
+        /// runs.
+        OtherLayout {
+            /// The version of that layout.
+            layout: u8,
+        },
+        /// This firmware, or this board, refuses it as it would refuse it from a host, so nothing of
+        /// it runs.
+        Refused {
+            /// Number of the error.
+            error: u16,
+        },
+        /// It was left alone, as start after start had failed.
+        NotRead,
+    }
+
     /// A parameter that is set.
     #[derive(Copy)]
     pub struct Setting {

@@ -379,6 +379,19 @@ errors! {
     76 OutputStaysOn { axis: u8 }
         "the motor of axis {axis} stores this only while its output is off, which a stop by hold \
         leaves on; set stop_action=coast, or brake, first";
+    /// There is nowhere to store the configuration.
+    80 NoStorage {}
+        "this gateway has nowhere to store its configuration: keep the file, and apply it after each \
+        loss of power";
+    /// The configuration is being stored: until then it does not change and nothing is armed.
+    81 Saving {}
+        "the configuration is being stored just now, which takes up to some seconds; ask again then";
+    /// The configuration could not be stored; what was stored before still is.
+    82 SaveFailed {}
+        "the flash did not take the configuration; what was stored before still is, see mgw info";
+    /// The configuration is longer than what there is to store it in.
+    83 StorageFull {}
+        "the configuration is too long to be stored; what was stored before still is";
     /// The link cannot run at this rate.
     89 BaudNotOffered { baud: u32, offered: [u32; MAX_BITRATES] }
         "this host link cannot run at {baud} baud; it offers{}", Offered(offered);

@@ -61,7 +61,7 @@ pub use bus::{
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
-pub use changes::{Change, Setting};
+pub use changes::{Change, Setting, StoredState};
 pub use cycle::{
     CycleEvent, CycleMessage, CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, Overruns,
     SlowState, cycle_frame_bytes,

@@ -240,6 +240,9 @@ messages! {
     0x0015 AddChanges -> Done
     0x0016 ApplyChanges -> Done
     0x0017 ReadGatewayParameter -> ParameterValue
+    0x0018 SaveConfiguration -> Done
+    0x0019 ForgetStored -> Done
+    0x001A ReadStored -> StoredReport
 
     0x0020 ConfigureAxis -> Done
     0x0021 ReadAxisParameter -> ParameterValue

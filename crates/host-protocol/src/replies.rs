@@ -4,7 +4,7 @@
 use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
-use crate::changes::Setting;
+use crate::changes::{Setting, StoredState};
 use crate::cycle::{FixedU32, MAX_STATES};
 use crate::incident::{BootReason, Incident};
 use crate::protocol::StateFields;
@@ -107,6 +107,15 @@ wire! {
         pub memory_damaged: bool,
         /// Why the board offers a bus without bitrates, if it does.
         pub bus_limit: Option<BusLimit>,
+    }
+
+    /// What is stored of the configuration.
+    #[derive(Copy, Eq)]
+    pub struct StoredReport {
+        /// What is stored.
+        pub state: StoredState,
+        /// Whether it is being written just now.
+        pub saving: bool,
     }
 
     /// The value of a parameter.

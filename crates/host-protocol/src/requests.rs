@@ -108,6 +108,20 @@ wire! {
         pub parameter: u16,
     }
 
+    /// Stores the running configuration, so that it runs again after a loss of power. Only while all
+    /// axes are at rest; answered when it is stored, or is not.
+    #[derive(Copy, Eq)]
+    pub struct SaveConfiguration {}
+
+    /// Forgets the stored configuration: after a loss of power nothing is configured. The running
+    /// one stays.
+    #[derive(Copy, Eq)]
+    pub struct ForgetStored {}
+
+    /// Asks what is stored of the configuration.
+    #[derive(Copy, Eq)]
+    pub struct ReadStored {}
+
     /// Asks which parameters of an axis are set.
     #[derive(Copy, Eq)]
     pub struct ReadAxisSettings {

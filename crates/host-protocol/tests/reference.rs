@@ -203,7 +203,8 @@ fn types_are_those_of_the_code() {
         NoReplyHint,
         TogetherBar,
         AuthorityLossReason,
-        Quantity
+        Quantity,
+        StoredState
     );
 
     macro_rules! structs {

@@ -26,7 +26,10 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
 /// as `Arm` does, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
 /// send is not typed.
-pub const NOT_TRIED: [&str; 32] = [
+pub const NOT_TRIED: [&str; 35] = [
+    "SaveConfiguration",
+    "ForgetStored",
+    "ReadStored",
     "SetBaud",
     "BeginChanges",
     "AddChanges",

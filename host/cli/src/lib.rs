@@ -121,8 +121,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let out = Output::new(cli.json);
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
-        Some(Command::Sim { listen, unconfigured, d5_id, motors }) => {
-            serve::run(*listen, *unconfigured, *d5_id, motors, out)
+        Some(Command::Sim { listen, unconfigured, d5_id, motors, storage }) => {
+            serve::run(*listen, *unconfigured, *d5_id, motors, storage.as_deref(), out)
         }
         Some(Command::Serve(arguments)) => server::run(arguments, cli.port.as_deref(), out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),

@@ -2,12 +2,13 @@
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, CanId, Value};
+use host_protocol::{AxisParameter, CanId, StoredState, Value};
 use serde_json::json;
 
 use crate::args::FactoryMotor;
@@ -24,6 +25,7 @@ pub fn run(
     unconfigured: bool,
     d5_id: Option<CanId>,
     motors: &[FactoryMotor],
+    storage: Option<&Path>,
     out: Output,
 ) -> Result<(), Failure> {
     // What comes from its box is not configured.
@@ -36,7 +38,16 @@ pub fn run(
         [] => four_motors::world(d5_id),
         motors => four_motors::of(motors)?,
     };
-    if !unconfigured {
+    let stored = mgw_sim::flash::storage(storage).map_err(|source| {
+        let path = storage.unwrap_or(Path::new("")).display().to_string();
+        Failure::Usage(format!("{path} cannot be the storage: {source}"))
+    })?;
+    world.borrow_mut().set_storage(stored);
+    let is_stored = {
+        let state = four_motors::connect(&world)?.read_stored()?.state;
+        !matches!(state, StoredState::Nothing)
+    };
+    if !unconfigured && !is_stored {
         let mut client = four_motors::connect(&world)?;
         four_motors::configure(&mut client, &four_motors::configuration()?)?;
         if let Some(id) = d5_id {

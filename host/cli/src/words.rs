@@ -1,7 +1,8 @@
 //! States, reasons and events in words.
 
+use host_protocol::replies::StoredReport;
 use host_protocol::{
-    AxisState, Event, EventMessage, MotorTimeout, Protocol, ProtocolSet, TripReason,
+    AxisState, Event, EventMessage, MotorTimeout, Protocol, ProtocolSet, StoredState, TripReason,
 };
 use serde::Serialize;
 
@@ -70,6 +71,35 @@ pub fn motor_timeout(timeout: MotorTimeout) -> String {
 pub fn protocols(set: ProtocolSet) -> String {
     let names: Vec<&str> = set.iter().map(|protocol| protocol.name()).collect();
     if names.is_empty() { NOTHING.to_owned() } else { names.join(", ") }
+}
+
+/// What is stored of the configuration.
+pub fn stored(report: &StoredReport) -> String {
+    let text = match report.state {
+        StoredState::NoStorage => "this gateway cannot store its configuration".to_owned(),
+        StoredState::Nothing => "no configuration; mgw config save stores what runs".to_owned(),
+        StoredState::Kept { differs: false } => "the configuration that runs".to_owned(),
+        StoredState::Kept { differs: true } => {
+            "another configuration than the one that runs; mgw config save replaces it".to_owned()
+        }
+        StoredState::Damaged => {
+            "a configuration that is damaged, so none of it was loaded; configure, then mgw config \
+             save"
+                .to_owned()
+        }
+        StoredState::OtherLayout { layout } => format!(
+            "a configuration in layout {layout}, which this firmware does not know, so none of it \
+             was loaded; mgw config save replaces it"
+        ),
+        StoredState::Refused { error } => format!(
+            "a configuration that this gateway refuses (error {error}), so none of it was loaded; \
+             mgw config save replaces it"
+        ),
+        StoredState::NotRead => {
+            "not read, as start after start had failed; reset the board to try again".to_owned()
+        }
+    };
+    if report.saving { format!("{text}; it is being written") } else { text }
 }
 
 /// Gateway time in seconds.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use host_protocol::replies::{
-    Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames,
+    Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames, StoredReport,
 };
 use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
@@ -20,6 +20,9 @@ use crate::transport::Transport;
 /// Arming, provisioning and native commands talk with the motor, brake release and its confirmation
 /// included.
 pub const MOTOR_DEADLINE: Duration = Duration::from_secs(5);
+
+/// A sector of 128 KiB takes up to some seconds to be erased.
+const SAVE_DEADLINE: Duration = Duration::from_secs(20);
 
 /// How often an axis that is busy is asked in all, and how long after each time.
 const BUSY_TRIES: u32 = 5;
@@ -83,6 +86,9 @@ plain_requests! {
 
     /// Makes all changes of the list, or none.
     fn apply_changes() = ask::ApplyChanges {};
+
+    /// What is stored of the configuration.
+    fn read_stored() -> StoredReport = ask::ReadStored {};
 
     /// Forgets an axis and its parameters.
     fn remove_axis(axis: u8) = ask::RemoveAxis { axis };
@@ -150,6 +156,22 @@ impl<T: Transport> Client<T> {
         let reply_window_us = u32::try_from(reply_window.as_micros()).unwrap_or(u32::MAX);
         self.request(&ask::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us })
             .map(drop)
+    }
+
+    /// Stores the running configuration, so that it runs again after a loss of power.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn save_configuration(&mut self) -> Result<(), ClientError> {
+        self.request_within(&ask::SaveConfiguration {}, SAVE_DEADLINE).map(drop)
+    }
+
+    /// Forgets the stored configuration; the running one stays.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn forget_stored(&mut self) -> Result<(), ClientError> {
+        self.request_within(&ask::ForgetStored {}, SAVE_DEADLINE).map(drop)
     }
 
     /// Adds changes to the list that was begun: nothing changes yet.

@@ -22,6 +22,7 @@
 
 mod bus;
 mod can;
+pub mod flash;
 mod motors;
 mod random;
 mod rs485;

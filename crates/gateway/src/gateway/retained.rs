@@ -16,6 +16,7 @@ mod slot;
 mod states;
 
 pub use layout::RETAINED_WORDS;
+pub(super) use slot::CHECKSUM;
 
 use crate::axis::{Axis, Is};
 use crate::bus::Bus;
@@ -288,6 +289,7 @@ impl Gateway {
             boot,
             has_crash_report: !self.board.crash_report.is_empty(),
         });
+        self.measure_configuration();
         self.stop_after_reset(now, states);
         self.remember_trips();
     }
@@ -370,6 +372,11 @@ impl Gateway {
     pub fn stops_under_way(&self) -> bool {
         !self.axes.which(Is::FirstStop).is_empty()
     }
+}
+
+/// Whether these words tell what a run before has left.
+pub(super) fn is_remembered(words: &[u32]) -> bool {
+    layout::is_ours(words)
 }
 
 /// The words of an axis: its configuration, and the timeout last written to its motor.

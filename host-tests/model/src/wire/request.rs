@@ -158,6 +158,7 @@ impl Request {
                 Self::AddChanges((0..count).map(|_| change(b)).collect::<Option<_>>()?)
             }
             0x0016 => Self::ApplyChanges,
+            0x0018 | 0x0019 => Self::Takes,
             0x0020 => {
                 Self::ConfigureAxis { axis: b.byte()?, parameter: b.u16()?, value: value(b)? }
             }

@@ -30,8 +30,16 @@ pub enum ConfigAction {
         #[arg(long, value_name = "FILE", value_parser = Source::read)]
         template: Option<Source>,
     },
+    /// Store the running configuration in the gateway, so that it runs again after a loss of power
+    ///
+    /// Only while every axis is at rest; nothing is armed and nothing changes until it is stored.
+    Save,
     /// Configure nothing: no bus, no axis
-    Reset,
+    Reset {
+        /// Forget what is stored, and leave what runs as it is
+        #[arg(long)]
+        stored: bool,
+    },
     /// Give parameters their default again
     Unset {
         #[command(subcommand)]

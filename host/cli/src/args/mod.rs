@@ -102,6 +102,9 @@ pub enum Command {
             value_parser = values::factory_motor, conflicts_with = "d5_id"
         )]
         motors: Vec<FactoryMotor>,
+        /// Keep what `config save` stores in this file; what it holds runs at the start
+        #[arg(long, value_name = "FILE")]
+        storage: Option<PathBuf>,
     },
 
     /// Own the cable to a gateway and offer it to any number of local programs
@@ -145,7 +148,8 @@ pub enum Command {
             velocity_limit_rad_s=20\n  \
             mgw config unset axis 0 velocity_limit_rad_s\n  \
             mgw config timeout 0 200\n  \
-            mgw config show 0"
+            mgw config show 0\n  \
+            mgw config save                             it runs again after a loss of power"
     )]
     Config {
         #[command(subcommand)]

@@ -81,7 +81,18 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
         ConfigAction::Apply { file, .. } | ConfigAction::Check { file } => check(session, file),
         ConfigAction::Diff { file } => diff(session, file),
         ConfigAction::Dump { template } => dump(session, template.as_ref()),
-        ConfigAction::Reset => {
+        ConfigAction::Save => {
+            session.client.take_authority()?;
+            session.client.save_configuration()?;
+            done(session, "saved: it runs again after a loss of power".to_owned(), 0)
+        }
+        ConfigAction::Reset { stored: true } => {
+            session.client.take_authority()?;
+            session.client.forget_stored()?;
+            let line = "nothing is stored any more; what runs stays until the power is lost";
+            done(session, line.to_owned(), 0)
+        }
+        ConfigAction::Reset { stored: false } => {
             let running = begin(session)?;
             let changes = running.changes_to(&Configuration::default());
             make(session, &changes)?;

@@ -14,7 +14,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let out = session.out;
     let status = session.client.gateway_status()?;
-    out.object(&json::gateway::info(&hello, &status))?;
+    let stored = session.client.read_stored()?;
+    out.object(&json::gateway::info(&hello, &status, &stored))?;
 
     let lines = [
         ("board", hello.board.to_string()),
@@ -33,6 +34,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         ),
         ("command", status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"))),
         ("e-stop", e_stop(&status)),
+        ("stored", words::stored(&stored)),
         (
             "enable",
             match status.enable_output {

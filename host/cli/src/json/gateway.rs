@@ -1,7 +1,7 @@
 //! The gateway: what it is, its buses, what it remembers.
 
-use host_protocol::replies::{BusReport, GatewayReport, HelloReply};
-use host_protocol::{BusConfig, Incident};
+use host_protocol::replies::{BusReport, GatewayReport, HelloReply, StoredReport};
+use host_protocol::{BusConfig, Incident, StoredState};
 use serde_json::{Value, json};
 
 use super::{axis, extend, name, protocols};
@@ -9,7 +9,7 @@ use crate::faults::Protocols;
 use crate::output::to_json;
 
 /// What it is, and how.
-pub fn info(hello: &HelloReply, status: &GatewayReport) -> Value {
+pub fn info(hello: &HelloReply, status: &GatewayReport, stored: &StoredReport) -> Value {
     let buses = hello.buses.iter().map(|bus| {
         json!({
             "kind": name(&bus.kind),
@@ -22,12 +22,27 @@ pub fn info(hello: &HelloReply, status: &GatewayReport) -> Value {
     value["buses"] = buses.collect();
     value["status"] = to_json(status);
     value["status"]["bus_limit"] = json!(status.bus_limit.as_ref().map(name));
+    value["stored"] = stored_state(stored);
     if let Some(fields) = value.as_object_mut()
         && let Some(longest) = fields.remove("max_message")
     {
         fields.insert("max_message_bytes".to_owned(), longest);
     }
     value
+}
+
+/// What is stored of the configuration.
+fn stored_state(stored: &StoredReport) -> Value {
+    let (differs, layout, error) = match stored.state {
+        StoredState::Kept { differs } => (Some(differs), None, None),
+        StoredState::OtherLayout { layout } => (None, Some(layout), None),
+        StoredState::Refused { error } => (None, None, Some(error)),
+        _ => (None, None, None),
+    };
+    json!({
+        "state": name(&stored.state), "differs": differs, "layout": layout, "error_number": error,
+        "saving": stored.saving,
+    })
 }
 
 /// How a bus is configured.

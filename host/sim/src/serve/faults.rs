@@ -13,7 +13,7 @@ bus BUS cut|short|mend          the cable of a bus
 motor N FAULT [off]             a fault of the motor of axis N, or its end; see below
 motor N faults WORD             its fault word, as 0x0002; 0 takes the cause away
 motor N power off|on            its supply: without it the motor coasts and hears nothing
-power off, power on             the board's supply; it forgets its configuration
+power off, power on             the board's supply; it forgets what was not saved
 reset                           the board's reset button; what it remembers stays";
 
 /// Does to the world what a line says, and returns that in words.

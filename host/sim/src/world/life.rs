@@ -3,11 +3,12 @@
 
 use std::time::Duration;
 
-use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS, Set};
+use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS, Save, Set};
 use host_protocol::BootReason;
 
 use super::trace::micros;
 use super::{HostLink, World};
+use crate::flash::{Storage, at_once};
 
 /// The host links are opened when the stops after a start have left, or after this time.
 const LINKS_OPEN_AFTER: Duration = Duration::from_millis(100);
@@ -27,13 +28,23 @@ pub(super) struct Life {
     random_number: Option<u32>,
     links_are_open: bool,
     e_stop_input_open: bool,
+    storage: Option<Storage>,
 }
 
 impl Life {
     pub(super) fn new(board: &'static Board, random_number: Option<u32>) -> Self {
         let (started, words) = (Duration::ZERO, Vec::new());
         let (hangs, links_are_open, e_stop_input_open) = (false, false, false);
-        Self { board, started, hangs, words, random_number, links_are_open, e_stop_input_open }
+        Self {
+            board,
+            started,
+            hangs,
+            words,
+            random_number,
+            links_are_open,
+            e_stop_input_open,
+            storage: None,
+        }
     }
 
     /// What the random generator gives.
@@ -91,6 +102,47 @@ impl World {
         self.settle();
     }
 
+    /// Gives the board a storage for its configuration, and starts it anew as after a loss of power.
+    pub fn set_storage(&mut self, storage: Storage) {
+        self.life.storage = Some(storage);
+        self.life.words.clear();
+        self.reset(BootReason::Simulated, "");
+    }
+
+    /// The storage of the board.
+    pub fn storage(&mut self) -> Option<&mut Storage> {
+        self.life.storage.as_mut()
+    }
+
+    /// What is stored becomes the configuration, unless a reset has left one.
+    fn load(&mut self) {
+        let now = self.gateway_now();
+        let Some(storage) = &mut self.life.storage else { return };
+        let found = at_once(storage.find());
+        let mut from = 0;
+        self.gateway.load(now, &self.life.words, found, &mut |bytes| {
+            let row = at_once(storage.next_row(from, bytes)).transpose()?;
+            Some(row.map(|(row, length)| {
+                from = row + 1;
+                length
+            }))
+        });
+    }
+
+    /// Stores what the gateway wants stored.
+    pub(super) fn save(&mut self) {
+        let Some(save) = self.gateway.take_save() else { return };
+        let Some(storage) = &mut self.life.storage else { return };
+        let gateway = &self.gateway;
+        let result = match save {
+            Save::Rows { digest } => {
+                at_once(storage.save(digest, &mut |row, out| gateway.stored_row(row, out)))
+            }
+            Save::Nothing => at_once(storage.forget()),
+        };
+        self.tell(Event::Saved { result });
+    }
+
     /// The level of the enable output.
     pub fn enable_output(&self) -> bool {
         self.gateway.enable_output()
@@ -99,6 +151,7 @@ impl World {
     /// First what is remembered, then the pins, then everything else.
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
+        self.load();
         self.gateway.restore(now, &self.life.words);
         self.named = Set::ALL;
         self.life.words.resize(RETAINED_WORDS, 0);

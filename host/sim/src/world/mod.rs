@@ -286,6 +286,7 @@ impl World {
     fn tell(&mut self, event: Event<'_>) {
         self.handle(event);
         self.poll_gateway();
+        self.save();
     }
 
     fn poll_gateway(&mut self) {

@@ -129,6 +129,7 @@ impl Gateway {
             return Err(Error::NoChangesBegun {});
         }
         let reach = self.check_states()?;
+        let before = self.digest_of_changed();
         let Self { draft, axes, buses, .. } = self;
         draft.exchange(axes, buses);
         if let Err(error) = self.check_changed() {
@@ -137,6 +138,8 @@ impl Gateway {
             return Err(error);
         }
         self.take_changes_over(now, &reach);
+        let after = self.digest_of_changed();
+        self.stored.changed(before, after);
         Ok(())
     }
 

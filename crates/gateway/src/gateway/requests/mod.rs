@@ -63,6 +63,7 @@ impl Gateway {
         if needs_authority(request) {
             self.authority.take(now, ticket)?;
         }
+        self.refuse_while_saving(request)?;
         let done = replies::Done {};
         let reply = match request {
             Request::Hello(hello) => Reply::Hello(self.hello(now, ticket, hello)?),
@@ -102,6 +103,9 @@ impl Gateway {
                 self.apply_changes(now)?;
                 Reply::ApplyChanges(done)
             }
+            Request::SaveConfiguration(_) => return self.save_configuration(true, ticket),
+            Request::ForgetStored(_) => return self.save_configuration(false, ticket),
+            Request::ReadStored(_) => Reply::ReadStored(self.stored_report()),
             Request::ReadGatewayParameter(request) => {
                 let value = self.gateway_parameter(request.parameter)?;
                 Reply::ReadGatewayParameter(replies::ParameterValue { value: Some(value) })
@@ -532,6 +536,8 @@ fn needs_authority(request: &Request) -> bool {
         | Request::BeginChanges(_)
         | Request::AddChanges(_)
         | Request::ApplyChanges(_)
+        | Request::SaveConfiguration(_)
+        | Request::ForgetStored(_)
         | Request::ConfigureAxis(_)
         | Request::RemoveAxis(_)
         | Request::ProvisionMotorTimeout(_)
@@ -556,6 +562,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::SetBaud(_)
         | Request::BusStatus(_)
         | Request::GatewayStatus(_)
+        | Request::ReadStored(_)
         | Request::ReadGatewayParameter(_)
         | Request::ReadAxisParameter(_)
         | Request::ReadAxisSettings(_)

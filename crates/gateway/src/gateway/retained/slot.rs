@@ -25,7 +25,7 @@ use crc::{CRC_32_ISCSI, Crc};
 const FRAME_WORDS: usize = 2;
 const COPIES: usize = 2;
 
-static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+pub(in crate::gateway) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Where a slot is and how many words it holds.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,271 @@
+//! The configuration that outlives a loss of power: its rows as bytes, and what is stored of them.
+//!
+//! A row is a sequence of changes, as a host would send them: those that make it of nothing. Whoever
+//! runs the core keeps the bytes; the core does not know where.
+
+use super::Gateway;
+use super::requests::{Authority, Result};
+use super::retained::{CHECKSUM, is_remembered};
+use crate::outbox::Ticket;
+use crate::port::{Found, Save, SaveError};
+use crate::set::Set;
+use crate::time::Instant;
+use crate::{MAX_AXES, MAX_BUSES};
+use host_protocol::{
+    AxisParameter, Change, Error, GatewayParameter, Reply, Request, StoredState, replies,
+};
+
+/// Rows of a configuration: the gateway, its buses, its axes.
+pub const STORED_ROWS: usize = FIRST_AXIS + MAX_AXES;
+/// Longest row, bytes.
+pub const MAX_STORED_ROW: usize = 512;
+
+const FIRST_BUS: usize = 1;
+const FIRST_AXIS: usize = FIRST_BUS + MAX_BUSES;
+/// The kinds of change, the axis, the parameter, a value: its place and 5 bytes.
+const CHANGE_BYTES: usize = 10;
+const _: () = assert!(AxisParameter::ALL.len() * CHANGE_BYTES <= MAX_STORED_ROW, "a row fits");
+
+/// Writes the next row that is stored and returns its bytes; nothing after the last.
+pub type NextRow<'a> = &'a mut dyn FnMut(&mut [u8; MAX_STORED_ROW]) -> Option<Result<usize, ()>>;
+
+/// What is stored, as far as the core knows.
+#[derive(Debug, Clone)]
+pub(crate) struct Stored {
+    state: State,
+    /// The digest of the running configuration: the sum of the checksums of its rows. So a row that
+    /// changes costs a look at that row.
+    running: u32,
+    /// Who waits for what is being stored.
+    saving: Option<Saving>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum State {
+    Found(Found),
+    Refused { error: u16 },
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Saving {
+    save: Save,
+    ticket: Ticket,
+    is_taken: bool,
+}
+
+impl Stored {
+    pub const fn new() -> Self {
+        Self { state: State::Found(Found::NoStorage), running: 0, saving: None }
+    }
+
+    /// Whether something is to be stored that nobody has taken yet.
+    pub fn is_due(&self) -> bool {
+        self.saving.is_some_and(|saving| !saving.is_taken)
+    }
+
+    /// The digests of the same rows before and after a change.
+    pub fn changed(&mut self, before: u32, after: u32) {
+        self.running = self.running.wrapping_sub(before).wrapping_add(after);
+    }
+}
+
+impl Gateway {
+    /// Takes over the configuration that is stored, unless a reset has left the running one in
+    /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
+    /// stopped first. `next` writes one row after the other, in the order of their numbers, and
+    /// returns the bytes of each; nothing after the last; `Err` where a row cannot be read.
+    ///
+    /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
+    /// [`ReadStored`](Request::ReadStored) says so.
+    pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
+        self.stored.running = self.digest_of(Set::ALL, Set::ALL, true);
+        self.stored.state = State::Found(found);
+        let Found::Rows { digest } = found else { return };
+        if is_remembered(words) {
+            return;
+        }
+        let mut row = [0; MAX_STORED_ROW];
+        let mut state = State::Found(found);
+        while let (State::Found(Found::Rows { .. }), Some(length)) = (state, next(&mut row)) {
+            state = match length.ok().and_then(|length| row.get(..length)) {
+                Some(row) => self.load_row(now, row).unwrap_or(state),
+                None => State::Found(Found::Damaged),
+            };
+        }
+        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.running != digest {
+            state = State::Found(Found::Damaged);
+        }
+        if !matches!(state, State::Found(Found::Rows { .. })) {
+            self.forget_configuration(now);
+        }
+        self.stored.state = state;
+        self.retention.changed_together();
+    }
+
+    /// Makes the changes of a row. Returns why not.
+    fn load_row(&mut self, now: Instant, mut row: &[u8]) -> Option<State> {
+        let refused = |error: Error| Some(State::Refused { error: error.number() });
+        self.draft.open();
+        while !row.is_empty() {
+            let Ok((change, rest)) = postcard::take_from_bytes::<Change>(row) else {
+                return Some(State::Found(Found::Damaged));
+            };
+            if let Err(error) = self.add_changes(&[change]) {
+                return refused(error);
+            }
+            row = rest;
+        }
+        self.apply_changes(now).err().and_then(refused)
+    }
+
+    fn forget_configuration(&mut self, now: Instant) {
+        for axis in 0..crate::MAX_AXES_WIRE {
+            let _ = self.remove_axis(now, axis);
+        }
+        self.draft.open();
+        (0u8..).take(self.buses.len()).for_each(|bus| self.draft.set_bus(bus, None));
+        self.draft.set_silence(Authority::new().silence());
+        let _ = self.apply_changes(now);
+    }
+
+    /// What is to be stored, once. [`Event::Saved`](crate::Event::Saved) says that it has been; until
+    /// then the configuration stays as it is, and nothing is armed.
+    pub fn take_save(&mut self) -> Option<Save> {
+        let saving = self.stored.saving.as_mut().filter(|saving| !saving.is_taken)?;
+        saving.is_taken = true;
+        Some(saving.save)
+    }
+
+    /// Writes a row of the running configuration, below [`STORED_ROWS`], and returns its bytes: 0
+    /// where nothing is set.
+    pub fn stored_row(&self, row: usize, out: &mut [u8; MAX_STORED_ROW]) -> usize {
+        let mut length = 0;
+        let mut add = |change: Change| {
+            let rest = out.get_mut(length..).unwrap_or_default();
+            length += postcard::to_slice(&change, rest).map_or(0, |bytes| bytes.len());
+        };
+        if row < FIRST_BUS {
+            let parameter = GatewayParameter::LinkSilenceUs.number();
+            if let Ok(value) = self.gateway_parameter(parameter) {
+                add(Change::Gateway { parameter, value });
+            }
+        } else if row < FIRST_AXIS {
+            if let Some(bus) = self.buses.get(row - FIRST_BUS)
+                && let Some(config) = bus.config()
+            {
+                add(Change::Bus { bus: bus.index(), config: Some(*config) });
+            }
+        } else if let Some(axis) = self.axes.get(row - FIRST_AXIS) {
+            let set = AxisParameter::ALL.iter().filter(|parameter| axis.config.is_set(**parameter));
+            for parameter in set {
+                let value = axis.config.get(*parameter);
+                add(Change::Axis { axis: axis.index, parameter: parameter.number(), value });
+            }
+        }
+        length
+    }
+
+    /// The sum of the checksums of rows.
+    fn digest_of(&self, buses: Set, axes: Set, gateway: bool) -> u32 {
+        let mut bytes = [0; MAX_STORED_ROW];
+        let of_row = |row: usize| {
+            let length = self.stored_row(row, &mut bytes);
+            let row = bytes.get(..length).filter(|row| !row.is_empty());
+            row.map_or(0, |row| CHECKSUM.checksum(row))
+        };
+        let gateway = gateway.then_some(0).into_iter();
+        let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + FIRST_BUS);
+        let axes = (0..MAX_AXES).filter(|axis| axes.has(*axis)).map(|axis| axis + FIRST_AXIS);
+        gateway.chain(buses).chain(axes).map(of_row).fold(0, u32::wrapping_add)
+    }
+
+    /// The same of the rows that the open list of changes changes.
+    pub(crate) fn digest_of_changed(&self) -> u32 {
+        let draft = &self.draft;
+        self.digest_of(draft.buses(), draft.axes(), draft.silence().is_some())
+    }
+
+    /// The digest of what runs, from the beginning: what a reset has left came another way.
+    pub(crate) fn measure_configuration(&mut self) {
+        self.stored.running = self.digest_of(Set::ALL, Set::ALL, true);
+    }
+
+    /// Has the running configuration stored, or what is stored forgotten.
+    pub(crate) fn save_configuration(&mut self, keep: bool, ticket: Ticket) -> Result<()> {
+        if matches!(self.stored.state, State::Found(Found::NoStorage)) {
+            return Err(Error::NoStorage {});
+        }
+        for axis in self.axes.iter().filter(|axis| axis.is_configured()) {
+            if axis.is_busy() {
+                return Err(Error::Busy { axis: axis.index });
+            }
+            if !axis.is_idle_or_holding() || axis.is_kept_holding() {
+                return Err(Error::NotIdle { axis: axis.index, state: axis.state() });
+            }
+        }
+        if let Some(bus) = self.buses.iter().find(|bus| bus.raw.is_some()) {
+            return Err(Error::RawOpen { bus: bus.index() });
+        }
+        debug_assert_eq!(self.stored.running, self.digest_of(Set::ALL, Set::ALL, true));
+        let save = if keep { Save::Rows { digest: self.stored.running } } else { Save::Nothing };
+        self.stored.saving = Some(Saving { save, ticket, is_taken: false });
+        Ok(())
+    }
+
+    /// While it is stored the configuration stays as it is, and nothing begins to move: the flash may
+    /// hold the processor up.
+    pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
+        let waits = matches!(
+            request,
+            Request::ConfigureGateway(_)
+                | Request::ConfigureBus(_)
+                | Request::BeginChanges(_)
+                | Request::AddChanges(_)
+                | Request::ApplyChanges(_)
+                | Request::SaveConfiguration(_)
+                | Request::ForgetStored(_)
+                | Request::ConfigureAxis(_)
+                | Request::RemoveAxis(_)
+                | Request::ProvisionMotorTimeout(_)
+                | Request::Arm(_)
+                | Request::ArmTogether(_)
+                | Request::RawOpen(_)
+        );
+        if waits && self.stored.saving.is_some() { Err(Error::Saving {}) } else { Ok(()) }
+    }
+
+    /// What was to be stored is, or could not be.
+    pub(crate) fn saved(&mut self, now: Instant, result: Result<(), SaveError>) {
+        let Some(Saving { save, ticket, is_taken: true }) = self.stored.saving else { return };
+        self.stored.saving = None;
+        let done = replies::Done {};
+        let (reply, found) = match save {
+            Save::Rows { digest } => (Reply::SaveConfiguration(done), Found::Rows { digest }),
+            Save::Nothing => (Reply::ForgetStored(done), Found::Nothing),
+        };
+        let result = match result {
+            Ok(()) => {
+                self.stored.state = State::Found(found);
+                Ok(&reply)
+            }
+            Err(SaveError::Full) => Err(Error::StorageFull {}),
+            Err(SaveError::Failed) => Err(Error::SaveFailed {}),
+        };
+        self.outbox(now).answer(ticket, result);
+    }
+
+    pub(crate) fn stored_report(&self) -> replies::StoredReport {
+        let state = match self.stored.state {
+            State::Refused { error } => StoredState::Refused { error },
+            State::Found(Found::NoStorage) => StoredState::NoStorage,
+            State::Found(Found::Nothing) => StoredState::Nothing,
+            State::Found(Found::Rows { digest }) => {
+                StoredState::Kept { differs: digest != self.stored.running }
+            }
+            State::Found(Found::Damaged) => StoredState::Damaged,
+            State::Found(Found::OtherLayout { layout }) => StoredState::OtherLayout { layout },
+            State::Found(Found::NotRead) => StoredState::NotRead,
+        };
+        replies::StoredReport { state, saving: self.stored.saving.is_some() }
+    }
+}
