@@ -36,6 +36,7 @@ impl Gateway {
             history,
             retention,
             draft,
+            stored,
             now,
             // Functions of the others, or of who has asked since.
             touched_buses: _,
@@ -53,7 +54,7 @@ impl Gateway {
         }
         write!(
             to,
-            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}"
+            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}"
         )?;
         write!(
             to,
