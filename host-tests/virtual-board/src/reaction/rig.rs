@@ -483,7 +483,8 @@ mod tests {
             let frames = machine.can(CanPort::Bus0).log();
             let ours = frames.iter().filter(|record| record.sender == Sender::Controller).count();
             match load {
-                Load::Own => assert!(ours > 50 && frames.len() > 100, "{ours} of {}", frames.len()),
+                // A motor whose setpoints are answered is not asked for its speed beside them.
+                Load::Own => assert!(ours > 30 && frames.len() > 60, "{ours} of {}", frames.len()),
                 _ => assert!(frames.len() > 140, "{} frames of others", frames.len()),
             }
         }
