@@ -13,7 +13,7 @@ use crate::wire;
 /// Pings of one round of the flood, after an e-stop.
 const PINGS: u16 = 9;
 /// The core does nothing else for 4.2 million instructions: `MOVW r3, #0xFFFF`, `LSLS r3, r3, #5`,
-/// `SUBS r3, #1`, `BNE` to it, `BX lr`. The rings hold 2.8 ms.
+/// `SUBS r3, #1`, `BNE` to it, `BX lr`. The rings hold 11 ms.
 const STALL: [u16; 6] = [0xF64F, 0x73FF, 0x015B, 0x3B01, 0xD1FD, 0x4770];
 /// At 250 and 168 million a second 17 and 25 ms.
 fn stalled() -> Duration {
@@ -78,7 +78,7 @@ fn what_comes_after_an_overflow_is_received_right() {
     let mut second = lab.second_client();
     {
         let mut machine = lab.machine.borrow_mut();
-        machine.line(lab.outside.hosts[1]).send(&pings(100));
+        machine.line(lab.outside.hosts[1]).send(&pings(200));
         machine.run_for(Duration::from_millis(5));
         stall(&mut machine);
         machine.run_for(Duration::from_millis(30));
