@@ -205,10 +205,15 @@ impl Encode<Payload> for Function {
         let highest =
             if index == Function::CLEAR_MULTI_TURN { Function::OFF } else { Function::ON };
         check_range("value", i64::from(value), i64::from(Function::OFF), i64::from(highest))?;
+        let has_function = index <= Function::NEXT_CAN_ID || index == Function::FAULT_RECOVERY;
         Err(EncodeError::Forbidden {
             field: "function_index",
             value: i64::from(index),
-            reason: "this function has a variant of its own",
+            reason: if has_function {
+                "this function has a variant of its own"
+            } else {
+                "no version of the protocol has this function"
+            },
         })
     }
 }

@@ -96,6 +96,21 @@ fn reply_meaning(data: [u8; 8]) -> [u8; 8] {
     kept
 }
 
+/// What a random run found: functions 6 and 7 of 0x20 exist in no version.
+#[test]
+fn a_function_without_meaning_is_refused_as_such() {
+    for index in [6, 7] {
+        let refused = Request::decode(&[0x20, index, 0, 0, 1, 0, 0, 0]).encode();
+        let Err(EncodeError::Forbidden { field, reason, .. }) = refused else {
+            panic!("{refused:?}")
+        };
+        assert_eq!(
+            (field, reason),
+            ("function_index", "no version of the protocol has this function")
+        );
+    }
+}
+
 /// Eight bytes that begin with a command more often than not.
 fn data() -> impl Strategy<Value = [u8; 8]> {
     let commands =
@@ -155,6 +170,8 @@ proptest! {
                 prop_assert_eq!(Request::decode(&again), request);
             }
             Err(EncodeError::OutOfRange { .. }) => {}
+            // Two indexes between those of functions have none.
+            Err(EncodeError::Forbidden { field: "function_index", value: 6 | 7, .. }) => {}
             Err(error) => prop_assert!(matches!(request, Request::Unknown { .. }), "{}", error),
         }
         let is_unknown = Request::dialects_of(&data) == Dialects::NONE;
@@ -176,6 +193,7 @@ proptest! {
                 prop_assert_eq!(again, reply_meaning(data));
                 prop_assert_eq!(Reply::decode(&again), Ok(reply));
             }
+            Err(EncodeError::Forbidden { field: "function_index", value: 6 | 7, .. }) => {}
             Err(error) => prop_assert!(matches!(error, EncodeError::OutOfRange { .. }), "{}", error),
         }
         let is_unknown = matches!(reply, Reply::Unknown { .. });
