@@ -96,7 +96,7 @@ fn reply_meaning(data: [u8; 8]) -> [u8; 8] {
     kept
 }
 
-/// What a random run found: functions 6 and 7 of 0x20 exist in no version.
+/// Functions 6 and 7 of 0x20 exist in no version.
 #[test]
 fn a_function_without_meaning_is_refused_as_such() {
     for index in [6, 7] {
