@@ -18,6 +18,7 @@ mod four_motors;
 mod frames;
 mod interrupt;
 mod json;
+mod keys;
 mod manual;
 mod native_request;
 mod output;

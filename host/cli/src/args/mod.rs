@@ -22,7 +22,7 @@ pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
-pub use motion::{Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
+pub use motion::{JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
 pub use plan::{HostLine, PlanArgs};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
@@ -179,6 +179,16 @@ pub enum Command {
             mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --for 4"
     )]
     Set(SetArgs),
+
+    /// Turn an axis slowly while a key is held down; letting go stops it
+    ///
+    /// Arrow right or + turns counter-clockwise, arrow left or - clockwise, from the keyboard's
+    /// second repetition on: a tap moves nothing. Letting go, or any other key, stops the axis and
+    /// disarms it; q ends. Meanwhile position, velocity, current and temperature are shown. Needs
+    /// a terminal.
+    #[command(after_help = "Examples:\n  mgw jog 0                            0.3 rad/s, a \
+        thruster 5 % of its signal\n  mgw jog 0 --velocity 0.1\n  mgw jog 1 --signal 0.1")]
+    Jog(JogArgs),
 
     /// Arm an axis, move it by a distance, then stop it and wait for the confirmed stop
     #[command(

@@ -1,4 +1,4 @@
-//! The arguments of what moves motors: `native`, `move`, `together`, `set`.
+//! The arguments of what moves motors: `jog`, `native`, `move`, `together`, `set`.
 
 use std::time::Duration;
 
@@ -27,6 +27,18 @@ pub struct NativeArgs {
     /// Move: seconds to keep the command up
     #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
     pub seconds: Option<Duration>,
+}
+
+#[derive(Debug, Args)]
+pub struct JogArgs {
+    /// The axis
+    pub axis: u8,
+    /// How fast, rad/s; 0.3 without it
+    #[arg(long, value_name = "RAD_S", conflicts_with = "signal")]
+    pub velocity: Option<f32>,
+    /// Fraction of the full signal instead, 0 to 1; of a thruster 0.05 without it
+    #[arg(long, value_name = "FRACTION")]
+    pub signal: Option<f32>,
 }
 
 #[derive(Debug, Args)]

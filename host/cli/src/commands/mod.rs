@@ -8,6 +8,7 @@ pub mod config;
 mod doctor;
 mod drive;
 mod info;
+mod jog;
 mod limits;
 mod moving;
 mod native;
@@ -54,7 +55,9 @@ pub fn run(
     let session = &mut session;
     let _waiting = match command {
         // These wait for what the user wants.
-        Command::Arm { .. } | Command::Watch(_) | Command::Raw { .. } => Progress::none(),
+        Command::Arm { .. } | Command::Jog(_) | Command::Watch(_) | Command::Raw { .. } => {
+            Progress::none()
+        }
         _ => out.waiting_for("waiting for the motors"),
     };
     let result = dispatch(session, command);
@@ -63,6 +66,7 @@ pub fn run(
         Command::Config { .. }
             | Command::Arm { .. }
             | Command::Set(_)
+            | Command::Jog(_)
             | Command::Move(_)
             | Command::Together(_)
             | Command::Native(_)
@@ -101,6 +105,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Config { action } => config::run(session, action),
         Command::Arm { axes, seconds } => arm::run(session, axes, *seconds),
         Command::Set(arguments) => set::run(session, arguments),
+        Command::Jog(arguments) => jog::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),
         Command::Together(arguments) => together::run(session, arguments),
         Command::Native(arguments) => native::run(session, arguments),

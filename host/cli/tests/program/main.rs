@@ -10,6 +10,8 @@ mod encode;
 mod faults;
 mod guide;
 mod hostile_text;
+#[cfg(unix)]
+mod jog;
 mod killed_host;
 mod moving;
 mod native;

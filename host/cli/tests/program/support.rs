@@ -140,25 +140,44 @@ impl Drop for Running {
     }
 }
 
+fn lines_of(pipe: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    thread::spawn(move || {
+        BufReader::new(pipe).lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+    });
+    lines
+}
+
 /// A process whose lines are read while it runs.
 pub struct Process {
     running: Running,
-    stdin: ChildStdin,
+    stdin: Option<ChildStdin>,
     lines: Receiver<String>,
 }
 
 impl Process {
     pub fn start(arguments: &[&str]) -> Self {
         let mut command = command(arguments);
-        let command = command.stdin(Stdio::piped()).stderr(Stdio::inherit());
+        command.stdin(Stdio::piped()).stderr(Stdio::inherit());
         let mut child = command.spawn().expect("the program starts");
-        let stdin = child.stdin.take().unwrap();
-        let stdout = BufReader::new(child.stdout.take().unwrap());
-        let (sender, lines) = channel();
-        thread::spawn(move || {
-            stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
-        });
+        let stdin = child.stdin.take();
+        let lines = lines_of(child.stdout.take().unwrap());
         Self { running: Running(child), stdin, lines }
+    }
+
+    /// One that tells on standard error, too, when it is ready; the line of that for which `find`
+    /// finds something.
+    pub fn start_until<T>(
+        mut command: Command,
+        what: &str,
+        find: impl Fn(&str) -> Option<T>,
+    ) -> (Self, T) {
+        let mut child = command.stderr(Stdio::piped()).spawn().expect("the program starts");
+        let said = lines_of(child.stderr.take().unwrap());
+        let mut process = Self { running: Running(child), stdin: None, lines: said };
+        let found = process.wait_for(what, find);
+        process.lines = lines_of(process.running.0.stdout.take().unwrap());
+        (process, found)
     }
 
     /// The next line for which `find` finds something, and that.
@@ -177,9 +196,15 @@ impl Process {
         }
     }
 
+    /// The first line of those printed by now for which `find` finds something, and that.
+    pub fn line_that<T>(&self, find: impl Fn(&str) -> Option<T>) -> Option<T> {
+        self.lines.try_iter().find_map(|line| find(&line))
+    }
+
     /// A line that is typed.
     pub fn type_line(&mut self, line: &str) {
-        writeln!(self.stdin, "{line}").expect("it is read");
+        let stdin = self.stdin.as_mut().expect("its standard input is a pipe");
+        writeln!(stdin, "{line}").expect("it is read");
     }
 
     /// SIGINT, as Ctrl-C sends it, and the exit code that follows.
