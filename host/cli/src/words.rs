@@ -12,6 +12,11 @@ use crate::json;
 /// What stands in a table where nothing is known.
 pub const NOTHING: &str = "-";
 
+/// So many of something: `1 axis`, `2 axes`.
+pub fn count(count: usize, one: &str, more: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { more })
+}
+
 const MICROSECONDS_PER_SECOND: f64 = 1e6;
 const MICROSECONDS_PER_MILLISECOND: f64 = 1e3;
 

@@ -15,6 +15,7 @@ use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
 use crate::scan::{Found, Scanned};
 use crate::session::Session;
+use crate::words;
 
 /// What the file says of itself.
 const HEADING: &str = "\
@@ -81,9 +82,9 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
     };
     write(path, &text, arguments.force)?;
     session.out.text(format!(
-        "{}: {} axes, {} of them new. Read it, then `mgw config check {0}`",
+        "{}: {}, {} of them new. Read it, then `mgw config check {0}`",
         path.display(),
-        wanted.axes.len(),
+        words::count(wanted.axes.len(), "axis", "axes"),
         adopted.len()
     ))
 }

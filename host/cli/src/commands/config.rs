@@ -163,9 +163,10 @@ fn apply(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     make(session, &changes)?;
     let timeouts = config::write_timeouts(&mut session.client, &wanted)?;
     let line = format!(
-        "configured: {}; {} changes, {timeouts} motor timeouts written",
+        "configured: {}; {}, {} written",
         counted(&wanted),
-        changes.len()
+        changed(changes.len()),
+        words::count(timeouts, "motor timeout", "motor timeouts")
     );
     session.out.either(
         line,
@@ -181,7 +182,7 @@ fn check(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     let wanted = wanted(session, file, &running)?;
     let changes = running.changes_to(&wanted).len();
     let board = session.client.hello().board.as_str().to_owned();
-    let line = format!("{}: {}; {changes} changes", file.source.path, counted(&wanted));
+    let line = format!("{}: {}; {}", file.source.path, counted(&wanted), changed(changes));
     session
         .out
         .either(line, &json!({ "checked": counts(&wanted), "board": board, "changes": changes }))
@@ -268,7 +269,12 @@ fn done(session: &Session, line: String, changes: usize) -> Result<(), Failure> 
 }
 
 fn counted(configuration: &Configuration) -> String {
-    format!("{} buses and {} axes", configuration.buses.len(), configuration.axes.len())
+    let buses = words::count(configuration.buses.len(), "bus", "buses");
+    format!("{buses} and {}", words::count(configuration.axes.len(), "axis", "axes"))
+}
+
+fn changed(changes: usize) -> String {
+    words::count(changes, "change", "changes")
 }
 
 fn counts(configuration: &Configuration) -> Json {

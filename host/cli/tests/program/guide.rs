@@ -1,10 +1,15 @@
-//! The commands of docs/first-turn.md, typed as printed, with what is printed below each.
+//! The commands of docs/first-turn, typed as printed, with what is printed below each.
 
-use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::support::Sim;
 
-const GUIDE: &str = include_str!("../../../../docs/first-turn.md");
+/// A guide of that folder.
+macro_rules! guide {
+    ($name:literal) => {
+        include_str!(concat!("../../../../docs/first-turn/", $name))
+    };
+}
 
 /// What the guide has typed.
 enum Typed {
@@ -14,10 +19,10 @@ enum Typed {
     Simulator(&'static str),
 }
 
-fn all_typed() -> Vec<Typed> {
+fn all_typed(guide: &'static str) -> Vec<Typed> {
     let mut all = Vec::new();
     let mut is_console = false;
-    for line in GUIDE.lines() {
+    for line in guide.lines() {
         if line.starts_with("```") {
             is_console = line == "```console";
         } else if is_console {
@@ -44,21 +49,26 @@ fn is_printed(wanted: &str, printed: &str) -> bool {
     })
 }
 
-#[test]
-fn the_guide_turns_motors_from_the_box() {
-    let directory = std::env::temp_dir().join(format!("mgw-guide-{}", std::process::id()));
+/// Types a guide; the motors that it turns before it cuts their power, in its order.
+fn follow(guide: &'static str, turned: &[&str]) {
+    static STARTED: AtomicUsize = AtomicUsize::new(0);
+    let number = STARTED.fetch_add(1, Ordering::Relaxed);
+    let directory = std::env::temp_dir().join(format!("mgw-guide-{}-{number}", std::process::id()));
     std::fs::create_dir_all(&directory).unwrap();
-    let file: PathBuf = directory.join("robot.toml");
-    let path = file.to_str().expect("text");
-    let mut all = all_typed().into_iter();
+    let files = ["robot.toml", "board.flash"]
+        .map(|name| (name, directory.join(name).to_str().expect("text").to_owned()));
+    let in_directory = |word: &str| {
+        let file = files.iter().find(|(name, _)| *name == word);
+        file.map_or(word.to_owned(), |(_, path)| path.clone())
+    };
+    let mut all = all_typed(guide).into_iter();
     let Some(Typed::Command(sim, _)) = all.next() else { panic!("the simulation comes first") };
     assert_eq!(sim[0], "sim");
-    let mut sim = Sim::with(&sim[1..]);
+    let sim: Vec<String> = sim[1..].iter().map(|word| in_directory(word)).collect();
+    let mut sim = Sim::with(&sim.iter().map(String::as_str).collect::<Vec<_>>());
     // So that a machine that is busy with other things ends no scan.
     sim.mgw(&["config", "gateway", "link_silence_us=10000000"]).success();
-    // In the order in which the guide turns them, before it cuts their power.
-    let mut moving =
-        ["bus 0  rmd 1", "bus 0  thruster 0x0B", "bus 1  d5 0x0B", "bus 2  rmd 1"].into_iter();
+    let mut moving = turned.iter();
     let mut count = 0;
     for typed in all {
         let (words, wanted) = match typed {
@@ -73,16 +83,34 @@ fn the_guide_turns_motors_from_the_box() {
                 continue;
             }
         };
-        let typed: Vec<&str> =
-            words.iter().map(|word| if *word == "robot.toml" { path } else { word }).collect();
-        let printed = sim.mgw_once_in_command(&typed).success().replace(path, "robot.toml");
+        let typed: Vec<String> = words.iter().map(|word| in_directory(word)).collect();
+        let typed: Vec<&str> = typed.iter().map(String::as_str).collect();
+        let mut printed = sim.mgw_once_in_command(&typed).success();
+        for (name, path) in &files {
+            printed = printed.replace(path, name);
+        }
         for line in wanted {
             assert!(is_printed(line, &printed), "`mgw {}`:\n{line}\n{printed}", words.join(" "));
         }
         count += 1;
     }
-    assert!(count > 12 && moving.next().is_none(), "{count} commands");
+    assert!(count > 7 && moving.next().is_none(), "{count} commands");
     std::fs::remove_dir_all(&directory).unwrap();
+}
+
+#[test]
+fn the_guide_turns_motors_from_the_box() {
+    follow(
+        guide!("README.md"),
+        &["bus 0  rmd 1", "bus 0  thruster 0x0B", "bus 1  d5 0x0B", "bus 2  rmd 1"],
+    );
+}
+
+#[test]
+fn the_guide_of_each_family_turns_its_motor_and_again_after_a_loss_of_power() {
+    follow(guide!("rmd.md"), &["bus 0  rmd 1"]);
+    follow(guide!("thruster.md"), &["bus 0  thruster 0x0B"]);
+    follow(guide!("d5.md"), &["bus 1  d5 0x0B"]);
 }
 
 #[test]
