@@ -176,7 +176,7 @@ pub enum Command {
         after_help = "Examples:\n  mgw set 0 velocity 2 --for 3          2 rad/s for 3 s\n  \
             mgw set 1 signal -0.05                -5 % until Ctrl-C\n  \
             mgw set 0 position 1.57 --speed-limit 0.5 --for 4\n  \
-            mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --for 4"
+            mgw set 0 impedance 0.5 --stiffness 20 --damping 1 --torque-limit 5 --for 4"
     )]
     Set(SetArgs),
 

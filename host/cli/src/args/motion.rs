@@ -129,6 +129,9 @@ pub struct SetArgs {
     /// Torque of an impedance in addition, N·m; 0 without it
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque: Option<f32>,
+    /// Most torque with which an impedance may begin, N·m; nothing is armed for more
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub torque_limit: Option<f32>,
     /// Seconds to hold it; without it until Ctrl-C
     #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
     pub seconds: Option<Duration>,
@@ -144,6 +147,7 @@ pub enum Mode {
     Velocity,
     /// Shaft angle, rad; needs --speed-limit
     Position,
-    /// A spring and a damper about a shaft angle, rad; needs --stiffness and --damping
+    /// A spring and a damper about a shaft angle, rad; needs --stiffness, --damping and
+    /// --torque-limit
     Impedance,
 }

@@ -1,5 +1,6 @@
 //! `mgw set`
 
+use std::fmt;
 use std::time::Duration;
 
 use host_protocol::Setpoint;
@@ -15,7 +16,12 @@ use crate::session::Session;
 pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     let setpoint = setpoint(arguments)?;
     limits::check_setpoint(session, arguments.axis, setpoint)?;
+    if let Some(pull) = pull(session, arguments, setpoint)? {
+        session.out.aside(pull.to_string());
+    }
     drive(session, arguments.axis, |session, armed| {
+        // Arming may have freed a brake.
+        pull(session, arguments, setpoint)?;
         let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
@@ -33,6 +39,7 @@ fn setpoint(arguments: &SetArgs) -> Result<Setpoint, Failure> {
         ("--damping", arguments.damping, Mode::Impedance),
         ("--velocity", arguments.velocity, Mode::Impedance),
         ("--torque", arguments.torque, Mode::Impedance),
+        ("--torque-limit", arguments.torque_limit, Mode::Impedance),
     ];
     for (option, given, mode) in options {
         if given.is_some() && mode != arguments.mode {
@@ -66,5 +73,72 @@ fn setpoint(arguments: &SetArgs) -> Result<Setpoint, Failure> {
                 torque_nm: arguments.torque.unwrap_or(0.0),
             }
         }
+    })
+}
+
+/// What an impedance would do from where the axis stands.
+struct Pull {
+    axis: u8,
+    position_rad: f32,
+    target_rad: f32,
+    torque_nm: f32,
+    limit_nm: f32,
+}
+
+impl fmt::Display for Pull {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { axis, position_rad, target_rad, torque_nm, .. } = *self;
+        let distance = target_rad - position_rad;
+        write!(
+            f,
+            "axis {axis} stands at {position_rad:.3} rad, {:.3} rad from its target: it is pulled \
+             with {:.2} N·m",
+            distance.abs(),
+            torque_nm.abs()
+        )
+    }
+}
+
+/// Refuses an impedance that would begin with more torque than `--torque-limit` allows; `None` of
+/// any other setpoint.
+fn pull(
+    session: &mut Session,
+    arguments: &SetArgs,
+    setpoint: Setpoint,
+) -> Result<Option<Pull>, Failure> {
+    let Setpoint::Impedance {
+        position_rad: target_rad,
+        velocity_rad_s: target_rad_s,
+        stiffness_nm_per_rad,
+        damping_nm_s_per_rad,
+        torque_nm,
+    } = setpoint
+    else {
+        return Ok(None);
+    };
+    let axis = arguments.axis;
+    let limit_nm = arguments.torque_limit.filter(|limit| *limit >= 0.0).ok_or_else(|| {
+        let needed = "an impedance pulls the harder the farther its target is: add --torque-limit \
+            NM, 0 or more, beyond which nothing is armed";
+        Failure::Usage(needed.to_owned())
+    })?;
+    let report = session.client.read_state_when_free(axis)?;
+    let (Some(position), Some(velocity)) = (report.position_rad, report.velocity_rad_s) else {
+        let text = format!("axis {axis} does not tell where it stands, so its pull is not known");
+        return Err(Failure::Usage(text));
+    };
+    let spring = stiffness_nm_per_rad * (target_rad - position.value);
+    let damper = damping_nm_s_per_rad * (target_rad_s - velocity.value);
+    let torque_nm = spring + damper + torque_nm;
+    let pull = Pull { axis, position_rad: position.value, target_rad, torque_nm, limit_nm };
+    if torque_nm.abs() <= limit_nm {
+        return Ok(Some(pull));
+    }
+    Err(Failure::Refused {
+        name: "OutOfRange",
+        field: "torque_nm",
+        value: torque_nm.into(),
+        range: Some((-f64::from(limit_nm), limit_nm.into())),
+        message: format!("{pull}, and --torque-limit allows {} N·m", pull.limit_nm),
     })
 }

@@ -180,6 +180,8 @@ fn set_moves_each_axis_and_stops_it() {
                 "0.5",
                 "--torque",
                 "-1",
+                "--torque-limit",
+                "40",
             ],
             "velocity_rad_s",
         ),

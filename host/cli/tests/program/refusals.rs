@@ -335,23 +335,36 @@ fn no_setpoint_that_would_be_refused_arms_the_axis() {
         ("0 position 1 --speed-limit 0", "speed_limit_zero"),
         ("0 position 1 --speed-limit -1", "out_of_range"),
         ("0 position 1e9 --speed-limit 1", "out_of_range"),
-        ("0 impedance 50 --stiffness 1 --damping 1", "out_of_range"),
-        ("0 impedance 1 --stiffness -1 --damping 1", "out_of_range"),
-        ("0 impedance 1 --stiffness 1 --damping 6", "out_of_range"),
-        ("0 impedance 1 --stiffness 1 --damping 1 --torque 2", "out_of_range"),
+        ("0 impedance 50 --stiffness 1 --damping 1 --torque-limit 9", "out_of_range"),
+        ("0 impedance 1 --stiffness -1 --damping 1 --torque-limit 9", "out_of_range"),
+        ("0 impedance 1 --stiffness 1 --damping 6 --torque-limit 9", "out_of_range"),
+        ("0 impedance 1 --stiffness 1 --damping 1 --torque 2 --torque-limit 9", "out_of_range"),
+        ("0 impedance 0.5 --stiffness 20 --damping 1 --torque-limit 9", "out_of_range"),
+        ("0 impedance 0.5 --stiffness 20 --damping 1", "usage"),
+        ("0 impedance 0.5 --stiffness 20 --damping 1 --torque-limit -1", "usage"),
         ("1 signal 0.6", "out_of_range"),
         ("1 velocity 1", "out_of_range"),
         ("1 current 1", "unsupported"),
         ("2 position 1 --speed-limit 1", "unsupported"),
-        ("3 impedance 1 --stiffness 1 --damping 1", "unsupported"),
+        ("3 impedance 1 --stiffness 1 --damping 1 --torque-limit 9", "unsupported"),
     ] {
         let words = words.split_whitespace().collect::<Vec<_>>();
         let outcome = sim.mgw_once_in_command(&[&["--json", "set"], words.as_slice()].concat());
         assert_eq!(outcome.stdout, "", "{words:?}");
-        assert_eq!(error(outcome, 1)["name"], name, "{words:?}");
+        let code = if name == "usage" { 2 } else { 1 };
+        assert_eq!(error(outcome, code)["name"], name, "{words:?}");
     }
-    let text =
-        sim.mgw(&["set", "3", "impedance", "1", "--stiffness", "1", "--damping", "1"]).failure(1);
+    let impedance = |axis, target| {
+        let spring = ["--stiffness", "20", "--damping", "1", "--torque-limit", "9"];
+        sim.mgw(&[&["set", axis, "impedance", target, "--for", "0.1"], &spring[..]].concat())
+    };
+    let text = impedance("0", "0.5").failure(1);
+    let wanted = "0.500 rad from its target: it is pulled with 10.00 N·m, and --torque-limit";
+    assert!(text.contains(wanted), "{text}");
+    let outcome = impedance("0", "0.04");
+    assert!(outcome.stderr.contains("it is pulled with 0.80 N·m"), "{outcome:?}");
+    outcome.success();
+    let text = impedance("3", "1").failure(1);
     assert!(text.contains("axis 3 is on RS485; impedance needs CAN"), "{text}");
 }
 
