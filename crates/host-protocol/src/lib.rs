@@ -32,6 +32,7 @@ mod can_frame;
 mod can_id;
 mod changes;
 mod cycle;
+mod cycle_event;
 mod deframer;
 mod encode;
 mod error_text;
@@ -62,10 +63,8 @@ pub use bus::{
 pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
 pub use changes::{Change, Setting, StoredState};
-pub use cycle::{
-    CycleEvent, CycleMessage, CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, Overruns,
-    SlowState, cycle_frame_bytes,
-};
+pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, cycle_frame_bytes};
+pub use cycle_event::{CycleEvent, CycleMessage, Overruns, SlowState};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode, encode_body};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
