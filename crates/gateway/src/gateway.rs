@@ -388,16 +388,14 @@ impl Gateway {
             self.settle(now);
         }
         // What of these is due may not have been worked out yet.
-        let mut due = self.unwatched_buses.take();
-        for (index, bus) in self.buses.iter().enumerate() {
-            due.put(Set::of(index), due.has(index) || bus.due().is_some_and(|at| at <= now));
-        }
+        let unwatched = self.unwatched_buses.take();
+        let mut due = self.touched_buses;
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        for index in due {
-            if let Some(bus) = buses.get_mut(index) {
-                bus.expire(now, axes, &mut out);
-            }
+        for (index, bus) in buses.iter_mut().enumerate() {
+            let is_due = due.has(index) || bus.due().is_some_and(|at| at <= now);
+            let has_acted = (is_due || unwatched.has(index)) && bus.expire(now, axes, &mut out);
+            due.put(Set::of(index), is_due || has_acted);
         }
         self.touched_buses.add(due);
         self.changed_buses.add(due);

@@ -2,7 +2,9 @@
 //! buses.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{Bytes, Call, CycleState, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint};
+use host_protocol::{
+    Bytes, Call, CycleEvent, CycleState, Error, Event, EventMessage, MAX_CAN_DATA, Setpoint,
+};
 use mgw_client::{Client, ClientError, MOTOR_DEADLINE, Transport};
 use mgw_sim::{Injection, SimTransport, TraceEntry, Wiring, World};
 use std::cell::RefCell;
@@ -50,6 +52,8 @@ pub struct Bench {
     pub native_reply: Bytes<MAX_CAN_DATA>,
     /// The states at the end of the last cycle.
     pub cycled: Vec<CycleState>,
+    /// The periods of the free-running cycle that this host was told of, and when, µs.
+    pub periods: Vec<(u64, CycleEvent)>,
     /// The last error that a step was refused with.
     pub refusal: Option<Error>,
     /// Where the last relative move goes, rad.
@@ -92,6 +96,7 @@ impl Bench {
             samples: Vec::new(),
             native_reply: Bytes::new(),
             cycled: Vec::new(),
+            periods: Vec::new(),
             refusal: None,
             move_target_rad: None,
             patience: None,
@@ -200,6 +205,9 @@ impl Bench {
                 Event::Sample { .. } => self.samples.push(told),
                 _ => self.events.push(told),
             }
+        }
+        while let Ok(Some(message)) = self.client.poll_cycle(Duration::ZERO) {
+            self.periods.push((started_us + message.time_us, message.event));
         }
     }
 }

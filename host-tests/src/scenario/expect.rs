@@ -28,6 +28,7 @@ impl Bench {
             "position" => self.expect_position(rest),
             "turned" => self.expect_turned(rest),
             "cycled" => self.expect_cycled(rest),
+            "period" | "periods" | "overruns" => self.expect_of_cycle(what, rest),
             "native-reply" => self.expect_native_reply(rest),
             "move-target" => self.expect_move_target(rest),
             "sample" => self.expect_sample(rest),

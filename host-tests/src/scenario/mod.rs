@@ -6,6 +6,7 @@
 
 mod bench;
 mod expect;
+mod expect_cycle;
 mod expect_gateway;
 mod expect_stop;
 mod expect_wire;

@@ -26,6 +26,7 @@ impl Bench {
             "apply-changes" => self.client.apply_changes()?,
             "together" => self.start_together(rest)?,
             "arm-together" | "cycle" => self.cycle(verb, rest)?,
+            "run-cycle" => self.run_cycle(rest)?,
             "set" | "set-for" | "set-epoch" | "set-expired" | "move" => {
                 self.set_motion(verb, rest)?
             }
@@ -82,9 +83,7 @@ impl Bench {
             }
             "reconnect" => self.client.reconnect()?,
             "subscribe" => {
-                let axes: Result<Vec<u8>, _> =
-                    rest.first().copied().unwrap_or_default().split(',').map(str::parse).collect();
-                let axes = axes.map_err(|e| format!("{e}: axes are numbers with commas"))?;
+                let axes = axes(rest)?;
                 let fields = fields(rest.get(1).copied().unwrap_or_default())?;
                 self.client.subscribe(&axes, fields, duration(rest, 2)?)?;
             }
@@ -209,6 +208,16 @@ impl Bench {
         Ok(())
     }
 
+    /// `run-cycle AXIS,… TIME`, `run-cycle none`
+    fn run_cycle(&mut self, words: &[&str]) -> Result<(), StepError> {
+        let (axes, period) = match words {
+            ["none"] => (Vec::new(), Duration::ZERO),
+            _ => (axes(words)?, duration(words, 1)?),
+        };
+        self.client.run_cycle(&axes, StateFields::of(StateField::ALL), period)?;
+        Ok(())
+    }
+
     fn natively(&mut self, verb: &str, words: &[&str]) -> Result<(), StepError> {
         let axis: u8 = parse(words, 0, "axis")?;
         let (epoch, data_at) = match verb {
@@ -305,6 +314,13 @@ fn changes(words: &[&str]) -> Result<Vec<Change>, String> {
 fn data_field(words: &[&str], at: usize) -> Result<Bytes<MAX_CAN_DATA>, String> {
     let bytes = hex(words.get(at).ok_or("the data field is missing")?)?;
     Bytes::from_slice(&bytes).map_err(|_| "too many bytes".to_string())
+}
+
+/// Axes with commas between them.
+fn axes(words: &[&str]) -> Result<Vec<u8>, String> {
+    let numbers = words.first().copied().unwrap_or_default().split(',');
+    let axes: Result<Vec<u8>, _> = numbers.map(str::parse).collect();
+    axes.map_err(|e| format!("{e}: axes are numbers with commas"))
 }
 
 /// A raw frame as candump or hex text.

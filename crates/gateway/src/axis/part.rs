@@ -157,11 +157,14 @@ impl Axis {
         }
     }
 
-    /// From when on a new setpoint is to be sent: from the next period on, which is well within its
-    /// refresh time; at once where that is not so, or there is no cycle.
+    /// From when on a new setpoint is to be sent: in the place of one that this period still owes;
+    /// else from the next period on, which is well within its refresh time; at once where that is
+    /// not so, or there is no cycle.
     pub(super) fn motion_due(&self, now: Instant) -> Instant {
         let next = self.part.next;
-        if next > now && next.since(now).times(2) <= self.refresh() { next } else { now }
+        let is_owed = self.motion().and_then(|motion| motion.due).is_some_and(|due| due <= now);
+        let may_wait = next > now && next.since(now).times(2) <= self.refresh() && !is_owed;
+        if may_wait { next } else { now }
     }
 
     /// The axis at the end of the period under way, or of the one before.

@@ -162,23 +162,25 @@ impl Bus {
         assert_eq!(self.next_deadline(after, axes), self.due);
     }
 
-    /// Everything that time alone brings about.
-    pub fn expire(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+    /// Everything that time alone brings about. Returns whether the bus is to be polled again: it
+    /// has changed, or stops are under way, which wait for more than one thing.
+    pub fn expire(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) -> bool {
         let stops = !self.which(Is::Stopping, axes).is_empty();
         if stops {
             self.report_unsent_stops(now, axes, out);
         }
         if self.config.is_none() {
-            return;
+            return false;
         }
-        self.recover(now, axes, out);
-        self.expire_in_flight(now, axes, out);
+        let is_restarted = self.recover(now, axes, out);
+        let is_overdue = self.expire_in_flight(now, axes, out);
         if axes.first_delivery_due(self.which(Is::Active, axes)).is_some_and(|due| due <= now) {
             self.expire_deliveries(now, axes, out);
         }
         if stops {
             self.report_delayed_stops(now, axes, out);
         }
+        stops || is_restarted || is_overdue
     }
 
     pub fn port(&self) -> &BusPort {
@@ -287,10 +289,12 @@ impl Bus {
     }
 
     /// Starts a bus again that has been off for long enough.
-    pub fn recover(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
-        if self.restart_at.is_some_and(|at| at <= now) {
+    pub fn recover(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) -> bool {
+        let is_due = self.restart_at.is_some_and(|at| at <= now);
+        if is_due {
             self.restart(now, axes, out);
         }
+        is_due
     }
 
     /// The pause before the next start: it grows as long as each start leads to nothing (GUARANTEES

@@ -134,18 +134,24 @@ impl Bus {
     }
 
     /// Looks for frames that nobody has acknowledged, or that the controller has not cancelled, in
-    /// time.
-    pub fn expire_in_flight(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+    /// time. Returns whether there is one.
+    pub fn expire_in_flight(
+        &mut self,
+        now: Instant,
+        axes: &mut Axes,
+        out: &mut Outbox<'_>,
+    ) -> bool {
         if self.in_flight.iter().flatten().filter_map(|f| f.cancel_by).any(|by| by <= now) {
             self.restart(now, axes, out);
-            return;
+            return true;
         }
+        let mut is_overdue = false;
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
             let Some(in_flight) = in_flight.as_mut().filter(|f| !f.overdue && f.deadline <= now)
             else {
                 continue;
             };
-            in_flight.overdue = true;
+            (in_flight.overdue, is_overdue) = (true, true);
             self.carried_deadline = None;
             self.counters.missed_acknowledgements =
                 self.counters.missed_acknowledgements.saturating_add(1);
@@ -164,6 +170,7 @@ impl Bus {
         if self.kind() == BusKind::Rs485 && self.in_flight.iter().flatten().any(|f| f.overdue) {
             self.restart(now, axes, out);
         }
+        is_overdue
     }
 
     /// Earliest time after `after` at which the bus must be looked at again.

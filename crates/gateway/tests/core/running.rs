@@ -169,6 +169,30 @@ fn a_setpoint_waits_for_the_next_period_and_no_longer() {
     assert!(at > since && (at - due).is_multiple_of(u64::from(PERIOD_US)), "{at} {due}");
 }
 
+/// One that comes when the period has begun, and before the one in force has left, takes its place
+/// in this period: no period goes without.
+#[test]
+fn a_setpoint_that_comes_as_a_period_begins_misses_none() {
+    let (mut rig, epoch) = armed(3);
+    run_cycle(&mut rig, 0b111, FIELDS, PERIOD_US).unwrap();
+    set(&mut rig, epoch, 0b111, 80_000);
+    rig.run(7_000);
+    let due = u64::from(events(&rig).last().unwrap().due_us.0) + u64::from(PERIOD_US);
+    // The first frame of the period is on the bus, the others wait behind it.
+    rig.run(due + 50 - rig.now_us);
+    assert_eq!(rig.now_us, due + 50);
+    set(&mut rig, epoch, 0b111, 80_000);
+    rig.said.clear();
+    rig.run(10_000);
+    for event in events(&rig) {
+        assert_eq!(results(event), [CycleResult::Answered; 3], "{event:?}");
+    }
+    for node in 1..=3 {
+        let motion = format!("14{node}#A2");
+        assert!(rig.longest_gap_us(0, due - 4_000, &motion) <= 2_500);
+    }
+}
+
 /// A period longer than half the time in which a setpoint is due on the wire holds up none.
 #[test]
 fn a_long_period_holds_up_no_setpoint() {
