@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use host_protocol::DEFAULT_BAUD;
 use rigless::chip::Timeline;
 use rigless::chip::uart::Peer;
 use rigless::snapshot::store;
@@ -11,6 +12,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::nodes::since_start;
 use virtual_stm32::serial_port::{FarEnd, Settings};
+
+/// Of how many parts the rates of two ends may differ by one, and a byte survives: its last bit is
+/// looked at in its midst, 9.5 bits behind its first edge.
+const TOLERATED_PART: u64 = 40;
 
 /// A byte from the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,11 +33,15 @@ struct Unsent {
     damaged: bool,
 }
 
-/// A USB-to-serial adapter with room for everything: it sends what it is given at the pace of the
-/// port, without a pause between bytes, and keeps what the board sends until somebody takes it. It
-/// runs at the port's own rate.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+/// A USB-to-serial adapter with room for everything: it sends what it is given without a pause
+/// between bytes, and keeps what the board sends until somebody takes it.
+///
+/// At another rate than the port every byte arrives as another one, at the board with a framing
+/// error. It is sent at the pace of the port all the same: how many bytes such noise is, is no
+/// matter.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct HostUart {
+    baud: u32,
     unsent: VecDeque<Unsent>,
     /// The byte on its way to the board has a framing error.
     damages: bool,
@@ -43,9 +52,26 @@ pub struct HostUart {
 store!(HostUart);
 
 impl HostUart {
-    /// An adapter with nothing to send.
+    /// An adapter at the rate of a start, with nothing to send.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            baud: DEFAULT_BAUD,
+            unsent: VecDeque::new(),
+            damages: false,
+            received: Vec::new(),
+            settings: Settings::default(),
+        }
+    }
+
+    /// Runs at another rate from now on, the byte under way included.
+    pub fn set_baud(&mut self, baud: u32) {
+        self.baud = baud;
+    }
+
+    /// Whether a byte survives: the port runs at the same rate.
+    fn is_understood(&self) -> bool {
+        let baud = u64::from(self.baud);
+        self.settings.bits_per_second().abs_diff(baud) * TOLERATED_PART <= baud
     }
 
     /// Sends bytes after those that it still has to send.
@@ -90,15 +116,22 @@ impl HostUart {
     }
 }
 
+impl Default for HostUart {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Peer for HostUart {
     fn receive(&mut self, word: u16, timeline: &mut Timeline<'_, '_>) {
         let [byte, _] = word.to_le_bytes();
+        let byte = if self.is_understood() { byte } else { !byte.rotate_left(3) };
         self.received.push(Received { at: since_start(timeline.now()), byte });
     }
 
     fn transmit(&mut self, _now: VirtualNanos) -> Option<u16> {
         let Unsent { byte, damaged } = self.unsent.pop_front()?;
-        self.damages = damaged;
+        self.damages = damaged || !self.is_understood();
         Some(u16::from(byte))
     }
 }

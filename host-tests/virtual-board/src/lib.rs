@@ -3,6 +3,7 @@
 
 pub mod board;
 pub mod can_motors;
+pub mod cycle_rates;
 pub mod host_uart;
 pub mod machine;
 pub mod measure;

@@ -6,6 +6,7 @@ use std::io;
 use std::rc::Rc;
 use std::time::Duration;
 
+use host_protocol::DEFAULT_BAUD;
 use mgw_client::Transport;
 
 use crate::host_uart::HostUart;
@@ -96,11 +97,23 @@ impl Transport for BoardTransport {
         self.machine.borrow_mut().run_for(duration);
     }
 
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        match self.link {
+            Link::Uart(line) => self.machine.borrow_mut().line(line).set_baud(baud),
+            Link::Usb => return Err(io::ErrorKind::Unsupported.into()),
+        }
+        Ok(())
+    }
+
     fn reconnect(&mut self) -> io::Result<()> {
         self.unread.clear();
         let mut machine = self.machine.borrow_mut();
         match self.link {
-            Link::Uart(line) => machine.line(line).clear(),
+            Link::Uart(line) => {
+                let host = machine.line(line);
+                host.clear();
+                host.set_baud(DEFAULT_BAUD);
+            }
             Link::Usb => machine.usb().clear(),
         }
         Ok(())

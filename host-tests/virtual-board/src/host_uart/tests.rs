@@ -76,3 +76,24 @@ fn a_cut_line_loses_both_directions() {
     bench.run(BYTE_NS);
     assert_eq!(bench.take_words(), [3]);
 }
+
+/// At another rate nothing is understood, either way, until the rates are one again.
+#[test]
+fn another_rate_is_noise_at_both_ends() {
+    let mut bench = bench();
+    // The port's own is 0.5 % off, which is none.
+    host(&mut bench).set_baud(2_000_000);
+    host(&mut bench).send(&[2]);
+    bench.write(Register::Tdr, 0xA5);
+    bench.run(BYTE_NS);
+    assert!(isr::FE.is_set(bench.read(Register::Isr)));
+    bench.write(Register::Icr, icr::FECF.mask());
+    assert_ne!(bench.take_words(), [2]);
+    assert_ne!(host(&mut bench).take(), [0xA5]);
+    host(&mut bench).set_baud(DEFAULT_BAUD);
+    host(&mut bench).send(&[3]);
+    bench.write(Register::Tdr, 0xA5);
+    bench.run(BYTE_NS);
+    assert!(!isr::FE.is_set(bench.read(Register::Isr)));
+    assert_eq!((bench.take_words(), host(&mut bench).take()), (vec![3], vec![0xA5]));
+}

@@ -2,6 +2,7 @@
 //! library, what comes out is read on the virtual wires and in the motors' own logs. All of it in
 //! virtual time.
 
+mod baud;
 mod bench;
 mod can;
 mod checkers;

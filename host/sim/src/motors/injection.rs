@@ -154,6 +154,8 @@ injections! {
     /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends
     /// on the motor.
     FaultBits fault_bits: u16;
+    /// It begins its answers so long after a request; nothing: as long as its make takes.
+    ReplyTime reply_time: Option<Duration>;
     /// It answers later than usual by this much.
     LateReply late_reply: Duration;
     /// So many of its next answers get lost on the way.

@@ -84,8 +84,9 @@ impl Context<'_> {
 
     /// Sends after `delay`, unless and as the injections say. `has_checksum`: the last byte is one.
     pub(super) fn send(&mut self, delay: Duration, mut wire: Wire, has_checksum: bool) {
-        let Injections { mute, late_reply, reply_jitter, garbage, wrong_checksum, .. } =
-            *self.injected;
+        let Injections {
+            mute, reply_time, late_reply, reply_jitter, garbage, wrong_checksum, ..
+        } = *self.injected;
         let data = match &wire {
             Wire::Can(frame) => frame.data(),
             Wire::Serial(bytes) => bytes,
@@ -116,6 +117,7 @@ impl Context<'_> {
                 if at == last { !byte } else { byte }
             });
         }
+        let delay = reply_time.unwrap_or(delay);
         self.outbox.push(Outgoing { at: self.now + delay + late_reply + jitter, wire, corrupt });
         self.outbox.sort_by_key(|message| message.at);
     }
