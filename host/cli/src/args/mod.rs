@@ -22,7 +22,9 @@ pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
-pub use motion::{JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs};
+pub use motion::{
+    CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,
+};
 pub use plan::{HostLine, PlanArgs};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
@@ -207,6 +209,17 @@ pub enum Command {
             mgw together 3 velocity 10.47 4 velocity -10.47 --for 2\n  \
             mgw together 3 velocity 2 4 velocity 2 5 velocity 2            until Ctrl-C")]
     Together(TogetherArgs),
+
+    /// Arm axes, have the gateway send their setpoints in a period of its own, and stop them at the
+    /// end
+    ///
+    /// Each setpoint leaves once in each period, of every protocol. Prints five times a second how
+    /// the axes are, and at the end how many periods were late or longer than they should be, and
+    /// why. `mgw plan` says what rate a configuration bears. Ctrl-C stops the motors.
+    #[command(after_help = "Examples:\n  \
+            mgw cycle 0 velocity 2 1 signal 0.05 --rate 500 --for 3\n  \
+            mgw cycle 0 velocity 2 1 velocity -2 --rate 1000        until Ctrl-C")]
+    Cycle(CycleArgs),
 
     /// Have the motor of an axis carry out a command of its own manual, and decode its reply
     ///

@@ -1,10 +1,11 @@
-//! The arguments of what moves motors: `jog`, `native`, `move`, `together`, `set`.
+//! The arguments of what moves motors: `jog`, `native`, `move`, `together`, `cycle`, `set`.
 
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
+use host_protocol::{Setpoint, StateField};
 
-use super::values::some_seconds;
+use super::values::{some_seconds, state_field};
 
 #[derive(Debug, Args)]
 pub struct NativeArgs {
@@ -102,6 +103,64 @@ impl Target {
             return Err(format!("one motor does not start together with others: {wanted}"));
         }
         Ok(targets)
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct CycleArgs {
+    /// An axis, `signal`, `current` or `velocity`, and its value: fraction -1 to 1, A, rad/s; as
+    /// many as wanted
+    #[arg(required = true, value_name = "AXIS MODE VALUE", allow_negative_numbers = true)]
+    pub words: Vec<String>,
+    /// How often each setpoint is sent, Hz
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    pub rate: f64,
+    /// What is told of every axis
+    #[arg(
+        long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field,
+        default_value = "position,velocity,current"
+    )]
+    pub fields: Vec<StateField>,
+    /// Seconds to go on; without it until Ctrl-C
+    #[arg(long = "for", value_parser = some_seconds, allow_negative_numbers = true)]
+    pub seconds: Option<Duration>,
+}
+
+/// One of the axes of a cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CycleTarget {
+    /// The axis.
+    pub axis: u8,
+    /// What it does.
+    pub setpoint: Setpoint,
+}
+
+impl CycleTarget {
+    /// Reads `AXIS MODE VALUE` once or more; otherwise what is wrong.
+    pub fn all(words: &[String]) -> Result<Vec<Self>, String> {
+        let wanted = "write AXIS MODE VALUE for each, for example `0 velocity 2 1 signal 0.1`";
+        let target = |words: &[String]| {
+            let [axis, mode, value] = words else {
+                return Err(format!("`{}` is not complete: {wanted}", words.join(" ")));
+            };
+            let axis = axis
+                .parse()
+                .map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
+            let value =
+                value.parse().map_err(|_| format!("`{value}` is not a number: {wanted}"))?;
+            let setpoint = match mode.as_str() {
+                "signal" => Setpoint::Signal { fraction: value },
+                "current" => Setpoint::Current { current_a: value },
+                "velocity" => Setpoint::Velocity { velocity_rad_s: value },
+                _ => {
+                    return Err(format!(
+                        "`{mode}` is none of signal, current and velocity: {wanted}"
+                    ));
+                }
+            };
+            Ok(Self { axis, setpoint })
+        };
+        words.chunks(3).map(target).collect()
     }
 }
 

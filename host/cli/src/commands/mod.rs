@@ -5,6 +5,7 @@ mod arm;
 mod axes;
 mod bus;
 pub mod config;
+mod cycle;
 mod doctor;
 mod drive;
 mod info;
@@ -69,6 +70,7 @@ pub fn run(
             | Command::Jog(_)
             | Command::Move(_)
             | Command::Together(_)
+            | Command::Cycle(_)
             | Command::Native(_)
             | Command::Clear { .. }
             | Command::OutputOff { .. }
@@ -108,6 +110,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Jog(arguments) => jog::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),
         Command::Together(arguments) => together::run(session, arguments),
+        Command::Cycle(arguments) => cycle::run(session, arguments),
         Command::Native(arguments) => native::run(session, arguments),
         Command::Stop { target } => stop::stop(session, *target),
         Command::Estop => stop::estop(session),

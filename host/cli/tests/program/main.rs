@@ -3,6 +3,7 @@
 mod bench;
 mod commands;
 mod config;
+mod cycle;
 mod decode;
 mod demonstration;
 mod doctor;
