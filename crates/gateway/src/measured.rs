@@ -3,6 +3,27 @@
 use crate::time::Instant;
 use host_protocol::{Reading, StateField, StateFields};
 
+/// A set of versions of a motor's protocol, one bit for each by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Versions(u8);
+
+impl Versions {
+    pub const NONE: Self = Self(0);
+
+    pub const fn of_bits(bits: u8) -> Self {
+        Self(bits)
+    }
+
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The number of the only one.
+    pub fn only(self) -> Option<u8> {
+        u8::try_from(self.0.trailing_zeros()).ok().filter(|_| self.0.is_power_of_two())
+    }
+}
+
 /// What one reply of a motor tells, in SI units and in the axis's direction; `None` where it says
 /// nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -36,6 +57,9 @@ pub(crate) struct Observation {
     pub write_pending: Option<bool>,
     /// The commanded speed read back is zero.
     pub commanded_zero: Option<bool>,
+    /// The versions of its protocol whose motors answer so; none where the reply tells nothing of
+    /// that.
+    pub versions: Versions,
     /// A motion was answered by zeros, which may as well be the request of 0 thrown back.
     pub may_be_thrown_back: bool,
 }

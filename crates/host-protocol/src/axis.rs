@@ -164,6 +164,17 @@ wire! {
         Verified,
     }
 
+    /// How the answers to a read agree that was asked twice.
+    #[derive(Copy, Eq)]
+    pub enum Agreement {
+        /// It was answered once.
+        Once,
+        /// Both say the same.
+        Twice,
+        /// They say different things.
+        Different,
+    }
+
     /// A measured value and its age.
     #[derive(Copy)]
     pub struct Reading {

@@ -58,6 +58,32 @@ impl fmt::Display for DialectCommand {
     }
 }
 
+/// The dialects of RMD motors, by their numbers in `rmd_dialect`.
+const DIALECTS: [&str; 7] = ["unknown", "v3_6", "v3_7", "v3_9", "v4_2", "v4_3", "v4_4"];
+
+/// A dialect, by its number.
+pub struct DialectName(pub u8);
+
+impl fmt::Display for DialectName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(DIALECTS.get(usize::from(self.0)).copied().unwrap_or(OTHER_VERSION))
+    }
+}
+
+/// How a motor answers: a bit for each dialect that it may speak.
+pub struct AsDialects(pub u8);
+
+impl fmt::Display for AsDialects {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "as one of ";
+        for (name, _) in DIALECTS.iter().zip(0u8..).filter(|(_, bit)| self.0 >> bit & 1 != 0) {
+            write!(f, "{separator}{name}")?;
+            separator = ", ";
+        }
+        if self.0 == 0 { f.write_str("now in one way, now in another") } else { Ok(()) }
+    }
+}
+
 /// Requests or parameters of another version look the same from here.
 pub const OTHER_VERSION: &str =
     "host and gateway may be of different versions, compare them with hello";

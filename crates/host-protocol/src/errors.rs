@@ -8,8 +8,8 @@ use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
 use crate::encode::{EncodeError, encode};
 use crate::error_text::{
-    Bounds, DialectCommand, Faults, KindOf, NextEpoch, OTHER_VERSION, Offered, RequestName,
-    abilities, next_step, together_bar, way_to_idle,
+    AsDialects, Bounds, DialectCommand, DialectName, Faults, KindOf, NextEpoch, OTHER_VERSION,
+    Offered, RequestName, abilities, next_step, together_bar, way_to_idle,
 };
 use crate::field_doc::field_doc;
 use crate::frame::Kind;
@@ -411,6 +411,13 @@ errors! {
     98 NoSession {}
         "no session is open here: say hello first, or to a server that wants a token show it \
         (MGW_TOKEN)";
+    /// The answers of the motor do not fit the dialect that its axis states, v3_6 where it states
+    /// none. `possible`: bit n is the dialect with number n; none where the answers contradict each
+    /// other.
+    103 DialectContradicted { axis: u8, stated: u8, possible: u8 }
+        "axis {axis} is not armed: its rmd_dialect is {}, and its motor answers {}; set \
+        rmd_dialect to what the motor speaks, or to unknown (mgw info shows the answers)",
+        DialectName(stated), AsDialects(possible);
 }
 
 impl core::error::Error for Error {}

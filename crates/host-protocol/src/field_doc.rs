@@ -14,6 +14,7 @@ macro_rules! field_docs {
 
 field_docs! { $
     available_permille "What is available, 1/1000 of the bitrate.";
+    agreement "How its answers agree.";
     axis "Number of the axis, from 0.";
     baud "The rate that was asked for.";
     bitrate "bit/s.";
@@ -42,9 +43,11 @@ field_docs! { $
     offered "What could be had there instead, bit/s; 0 behind the last one.";
     other "The axis whose motor uses it.";
     parameter "Number of the parameter.";
+    possible "The dialects that its answers allow: bit n is number n.";
     protocol "The protocol of the motor.";
     quantity "Which value.";
     reason "Why.";
+    stated "The dialect of the axis, by its number in `rmd_dialect`.";
     state "The state of the axis.";
     value "What it is, in its own unit.";
     velocity_rad_s "rad/s, positive is counter-clockwise.";

@@ -53,8 +53,8 @@ mod text;
 mod value;
 
 pub use axis::{
-    AxisState, AxisSummary, ClearTarget, FaultReading, MotorTimeout, Reading, Setpoint, StopTarget,
-    Trip, TripReason,
+    Agreement, AxisState, AxisSummary, ClearTarget, FaultReading, MotorTimeout, Reading, Setpoint,
+    StopTarget, Trip, TripReason,
 };
 pub use bus::{
     BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState, MAX_BITRATES,
@@ -79,6 +79,7 @@ pub use parameters::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,
 };
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
+pub use replies::VersionAnswer;
 pub use requests::Member;
 pub use size::{MaxSize, layout_of};
 pub use text::{Bytes, Text, Vec};

@@ -277,6 +277,8 @@ messages! {
 
     0x0060 ReadIncidents -> IncidentPage
     0x0061 ReadCrashReport -> CrashReport
+
+    0x0072 Recognise -> Recognition
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

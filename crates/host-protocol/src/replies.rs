@@ -1,7 +1,7 @@
 //! The replies: the results of requests that were executed. [`messages`](crate::messages) says
 //! which belongs to which.
 
-use crate::axis::{AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
+use crate::axis::{Agreement, AxisState, AxisSummary, FaultReading, MotorTimeout, Reading, Trip};
 use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, ReceivedFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::{Setting, StoredState};
@@ -22,6 +22,8 @@ pub const MAX_SETTINGS: usize = 16;
 pub const MAX_INCIDENTS: usize = 8;
 /// Bytes of [`CrashReport`].
 pub const MAX_CRASH_REPORT: usize = 240;
+/// Answers of one [`Recognition`].
+pub const MAX_VERSION_ANSWERS: usize = 3;
 /// Frames of one [`RawFrames`]: as many of the longest as a message holds.
 pub const MAX_RAW_FRAMES: usize = 6;
 
@@ -210,6 +212,31 @@ wire! {
         pub standstill: Option<bool>,
         /// Whether the motor has acknowledged the last stop.
         pub stop_acknowledged: bool,
+    }
+
+    /// What the answers of an RMD motor say of its dialect.
+    #[derive(Eq)]
+    pub struct Recognition {
+        /// The dialect, by its number in `rmd_dialect`: the only one that two or more agreeing
+        /// answers leave. 0: unknown.
+        pub dialect: u8,
+        /// The dialects that all agreeing answers allow: bit n is number n. None: they contradict
+        /// each other.
+        pub possible: u8,
+        /// The answers that tell something.
+        pub answers: Vec<VersionAnswer, MAX_VERSION_ANSWERS>,
+    }
+
+    /// What a motor answered to one read, which was asked twice.
+    #[derive(Copy, Eq)]
+    pub struct VersionAnswer {
+        /// Data bytes of the read.
+        pub request: [u8; 8],
+        /// Data bytes of its first answer.
+        pub answer: [u8; 8],
+        /// The dialects whose motors answer so: bit n is number n.
+        pub dialects: u8,
+        pub agreement: Agreement,
     }
 
     /// Where a relative move goes.

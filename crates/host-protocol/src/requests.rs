@@ -343,6 +343,11 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct RawClose { pub bus: u8 }
 
+    /// Asks the motor of an axis at rest which dialect it speaks, by reads that every dialect has;
+    /// of an axis that is armed, arming, stopping or tripped what it answered last.
+    #[derive(Copy, Eq)]
+    pub struct Recognise { pub axis: u8 }
+
     /// Asks for the last trips and starts, which outlive a reset.
     #[derive(Copy, Eq)]
     pub struct ReadIncidents {

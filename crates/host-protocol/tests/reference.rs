@@ -199,6 +199,7 @@ fn types_are_those_of_the_code() {
         BootReason,
         Incident,
         MotorTimeout,
+        Agreement,
         TripReason,
         NoReplyHint,
         TogetherBar,
@@ -223,7 +224,8 @@ fn types_are_those_of_the_code() {
         Reading,
         FaultReading,
         Setting,
-        Member
+        Member,
+        VersionAnswer
     );
 
     for (protocol, bit) in Protocol::ALL.iter().zip(0..) {

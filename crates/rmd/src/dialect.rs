@@ -94,7 +94,8 @@ impl Dialects {
     pub(crate) const FROM_V4_2: Dialects = Dialects::between(Dialect::V4_2, Dialect::V4_4);
     const FROM_V4_3: Dialects = Dialects::between(Dialect::V4_3, Dialect::V4_4);
     pub(crate) const V4_4: Dialects = Dialects::between(Dialect::V4_4, Dialect::V4_4);
-    pub(crate) const KNOWN: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_4);
+    /// Every one but unknown.
+    pub const KNOWN: Dialects = Dialects::between(Dialect::V3_6, Dialect::V4_4);
 
     const fn between(first: Dialect, last: Dialect) -> Dialects {
         Dialects((2 << last as u8) - (1 << first as u8))
@@ -102,6 +103,16 @@ impl Dialects {
 
     const fn or_unknown(self) -> Dialects {
         Dialects(self.0 | 1 << Dialect::Unknown as u8)
+    }
+
+    /// One bit for each, by its number.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// Those whose bits are set; others are passed over.
+    pub const fn from_bits(bits: u8) -> Dialects {
+        Dialects(bits & Dialects::ALL.0)
     }
 
     /// Whether a dialect is among them.

@@ -110,6 +110,8 @@ pub enum Does {
     Waits { speed: f32 },
     /// Thruster: it was told a VM with these bytes 6 and 7 (manual §2.4).
     Returns { mode: u16 },
+    /// RMD: it speaks the dialect with this number in `rmd_dialect`.
+    Speaks { dialect: u8 },
     /// Something turns its shaft for a while, degrees a second.
     Turns { speed: f32, for_us: u64 },
 }

@@ -32,6 +32,8 @@ pub struct Motor {
     answers_others: bool,
     /// Thruster: bytes 6 and 7 of its VM.
     returns: u16,
+    /// RMD: the number of its dialect.
+    dialect: u8,
     mute_until: u64,
     deaf_until: u64,
     disobeys_until: u64,
@@ -63,6 +65,7 @@ impl Motor {
             prepared: None,
             answers_others: false,
             returns: 0,
+            dialect: 1,
             mute_until: 0,
             deaf_until: 0,
             disobeys_until: 0,
@@ -95,6 +98,7 @@ impl Motor {
             Does::AnswersOthers { on } => self.answers_others = *on,
             Does::Waits { speed } => self.prepared = Some((*speed).into()),
             Does::Returns { mode } => self.returns = *mode,
+            Does::Speaks { dialect } => self.dialect = *dialect,
             Does::Turns { speed, for_us } => {
                 self.speed = (*speed).into();
                 self.wanted = self.speed;
@@ -134,6 +138,7 @@ impl Motor {
             prepared: self.prepared,
             own_id: self.own_id,
             returns: self.returns,
+            dialect: self.dialect,
             ..Self::new(self.wired)
         };
     }
@@ -141,8 +146,8 @@ impl Motor {
     /// What it is when it is switched on again. Whether VM is kept the manual does not say: here it
     /// is.
     fn without_power(&self) -> Self {
-        let Self { angle, answers_others, returns, .. } = *self;
-        Self { angle, answers_others, returns, ..Self::new(self.wired) }
+        let Self { angle, answers_others, returns, dialect, .. } = *self;
+        Self { angle, answers_others, returns, dialect, ..Self::new(self.wired) }
     }
 
     fn turn(&mut self, now: u64) {
@@ -255,6 +260,13 @@ impl Motor {
                 self.wanted = 0.0;
             }
             0x92 => reply[4..].copy_from_slice(&int32(self.angle * 100.0)),
+            // By index from V4.2, V3.9 and V4.4 on; before the index is passed over.
+            0x30 if self.dialect >= 4 => reply[4..].copy_from_slice(&[0, 0, 0, 0x3F]),
+            0x30 => reply = [0x30, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19],
+            0x42 if self.dialect >= 3 => reply[4..].copy_from_slice(&[0x10, 0x27, 0, 0]),
+            0x42 => reply = [0x42, 0, 0, 0, 0x10, 0x27, 0, 0],
+            0xB5 if self.dialect == 6 => reply[3..].copy_from_slice(b"RMD-X"),
+            0xB5 => reply[1..].copy_from_slice(b"X8S2V10"),
             0x9A => {
                 let [low, high] = self.faults.to_le_bytes();
                 reply = [0x9A, 30, 0, u8::from(self.brake_released), 0xE5, 1, low, high];

@@ -24,9 +24,9 @@ const POLLS: &str = "polls";
 
 /// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
-/// as `Arm` does, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
+/// as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
 /// send is not typed.
-pub const NOT_TRIED: [&str; 35] = [
+pub const NOT_TRIED: [&str; 36] = [
     "SaveConfiguration",
     "ForgetStored",
     "ReadStored",
@@ -62,6 +62,7 @@ pub const NOT_TRIED: [&str; 35] = [
     "RawClose",
     "ReadIncidents",
     "ReadCrashReport",
+    "Recognise",
 ];
 
 /// The commands that the gateway sends, each with the request that made it. `polls` is what it

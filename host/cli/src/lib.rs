@@ -10,6 +10,7 @@ mod commands;
 mod config;
 mod decode;
 mod demo;
+mod dialects;
 mod encode;
 mod failure;
 mod faults;

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use host_protocol::replies::{
-    Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames, StoredReport,
+    Armed, AxisReport, BusReport, GatewayReport, HelloReply, MoveTarget, RawFrames, Recognition,
+    StoredReport,
 };
 use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
@@ -101,6 +102,9 @@ plain_requests! {
 
     /// How an axis is.
     fn read_state(axis: u8) -> AxisReport = ask::ReadState { axis };
+
+    /// What the answers of the motor of an axis say of its dialect (RMD).
+    fn recognise(axis: u8) -> Recognition = ask::Recognise { axis };
 
     /// Opens a bus for raw frames that only read a motor.
     fn raw_open(bus: u8) = ask::RawOpen { bus, unsafe_access: false };

@@ -152,6 +152,7 @@ fn acts_each_time(number: u16) -> bool {
         ask::ReadAxisSettings::NUMBER,
         ask::ListAxes::NUMBER,
         ask::ReadState::NUMBER,
+        ask::Recognise::NUMBER,
         ask::Subscribe::NUMBER,
         ask::ReadIncidents::NUMBER,
         ask::ReadCrashReport::NUMBER,

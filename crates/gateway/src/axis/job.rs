@@ -8,7 +8,7 @@ use super::restart::Restart;
 use super::sequence::Sequence;
 use super::state::State;
 use crate::config::AxisConfig;
-use crate::measured::Observation;
+use crate::measured::{Observation, Versions};
 use crate::outbox::{Outbox, Ticket};
 use crate::protocol::{Command, Exchange, Info, Sets};
 use crate::time::{Duration, Instant};
@@ -48,6 +48,8 @@ pub(crate) enum JobKind {
     },
     /// Read everything the motor tells.
     ReadState,
+    /// Read what tells which version of its protocol the motor speaks.
+    Recognise,
     /// Program the motor's own timeout.
     Provision {
         /// Milliseconds; 0 switches it off.
@@ -94,7 +96,7 @@ pub(crate) enum JobKind {
 impl JobKind {
     /// Whether it changes nothing, in the motor or in the gateway.
     fn only_asks(self) -> bool {
-        matches!(self, Self::ReadState | Self::Native { asks: true, .. })
+        matches!(self, Self::ReadState | Self::Recognise | Self::Native { asks: true, .. })
     }
 
     /// Its steps. Those that the motor has no command for are passed over.
@@ -103,6 +105,7 @@ impl JobKind {
         match self {
             Self::Arm { .. } => info.arming,
             Self::ReadState => info.state,
+            Self::Recognise => info.recognising,
             Self::Clear => info.clearing,
             Self::Restart(_) => info.restarting,
             Self::Provision { .. } => &[Exchange::RenewTimeout, Exchange::TimeoutSwitch],
@@ -261,6 +264,11 @@ impl Axis {
         if exchange == Exchange::RunTime && self.awaits_restart(now, out) {
             return;
         }
+        if let Exchange::Version(read) = exchange
+            && !self.version_read(now, read, data, seen.versions, out)
+        {
+            return;
+        }
         self.step_done(now, seen, data, out);
     }
 
@@ -300,6 +308,15 @@ impl Axis {
         ) && exchange == Exchange::Native;
         if changes && has_left && matches!(request.command.sets(), Sets::AckLevel(_)) {
             self.step_done(now, &Observation::default(), &[], out);
+            return;
+        }
+        // Silence tells nothing of the version, and bars nothing.
+        if let Exchange::Version(read) = exchange
+            && has_left
+        {
+            if self.version_read(now, read, &[], Versions::NONE, out) {
+                self.step_done(now, &Observation::default(), &[], out);
+            }
             return;
         }
         // What changes the motor is sent once: whether it was carried out is not known.
@@ -410,6 +427,7 @@ impl Axis {
                 Err(error) => Err(error),
             },
             JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
+            JobKind::Recognise => Ok(Reply::Recognise(self.recognition())),
             JobKind::Provision { timeout_ms } => {
                 self.provisioned(timeout_ms);
                 Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport {

@@ -21,6 +21,7 @@ mod stopping;
 mod telemetry;
 mod timeout;
 mod together;
+mod version;
 
 pub(crate) use job::{Job, JobKind};
 pub(crate) use look::{Is, Look};
@@ -34,7 +35,7 @@ pub(crate) use stop::Stop;
 use crate::config::AxisConfig;
 use crate::measured::{Measured, Observation};
 use crate::outbox::Outbox;
-use crate::protocol;
+use crate::protocol::{self, Evidence};
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use angle::Angle;
@@ -91,6 +92,8 @@ pub(crate) struct Axis {
     restart_owed: bool,
     /// An asynchronous write waits in the motor.
     write_waits: bool,
+    /// What its answers said of the version of its protocol when it was asked last.
+    evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
     pub telemetry: Telemetry,
@@ -121,6 +124,7 @@ impl Axis {
             run_time: RunTime::UNKNOWN,
             restart_owed: false,
             write_waits: false,
+            evidence: Evidence::NONE,
             is_unsaved: false,
             telemetry: Telemetry::NONE,
         }
@@ -147,6 +151,7 @@ impl Axis {
             self.run_time = RunTime::UNKNOWN;
             self.measured = Measured::new();
             self.angle = Angle::UNKNOWN;
+            self.evidence = Evidence::NONE;
         }
         let state = match self.state {
             _ if self.config.missing().is_some() => State::Unconfigured,

@@ -59,6 +59,7 @@ pub(super) static INFO: Info = Info {
         Exchange::CommandedSpeed,
         Exchange::Velocity,
     ],
+    recognising: &[],
     state: &[
         Exchange::Velocity,
         Exchange::Position,

@@ -63,6 +63,9 @@ pub(crate) enum Exchange {
     },
     /// Program the motor's own timeout again as it was provisioned.
     RenewTimeout,
+    /// Read something whose answer tells which version of its protocol the motor speaks (RMD): the
+    /// place of the read among those that do.
+    Version(u8),
 }
 
 impl Exchange {

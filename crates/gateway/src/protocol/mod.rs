@@ -13,6 +13,7 @@ mod rmd;
 mod serial;
 mod stream;
 mod thruster;
+mod versions;
 
 pub(crate) use d5::{accepts_id, at_once, to_wait};
 pub(crate) use exchange::Exchange;
@@ -24,6 +25,7 @@ pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
 pub(crate) use rmd::{slow_reply, tracks};
 pub(crate) use serial::{Deframer, Serial, SerialFrame};
 pub(crate) use stream::Stream;
+pub(crate) use versions::Evidence;
 
 use crate::config::AxisConfig;
 use crate::measured::Observation;
@@ -38,6 +40,8 @@ use thruster::ReturnMode;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Command {
     Rmd(::rmd::Request),
+    /// A read whose answer tells the dialect by its form, by its place among those.
+    RmdProbe(u8),
     Thruster(::thruster::Request),
     D5(::d5::Request),
     /// Every D5 motor of the bus carries out what waits in it.
@@ -152,6 +156,8 @@ pub(crate) struct Info {
     pub own_parameters: &'static [AxisParameter],
     /// Before motion is allowed.
     pub arming: &'static [Exchange],
+    /// For a host that asks which version the motor speaks; arming does the same.
+    pub recognising: &'static [Exchange],
     /// For a host that reads the state.
     pub state: &'static [Exchange],
     /// In turn while armed, beside the fault word.
@@ -257,6 +263,7 @@ impl Command {
             Self::Thruster(request) => thruster::sets(request),
             Self::D5(request) => d5::sets(request),
             Self::D5Execute => Sets::Output(true),
+            Self::RmdProbe(_) => Sets::Nothing,
         }
     }
 
@@ -404,6 +411,11 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
 /// Refuses what the motor of an axis lacks, of the versions of its protocol.
 pub(crate) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
     rmd::check_dialect(axis, config)
+}
+
+/// The version that an axis states of its motor: its number, 0 where it states none.
+pub(crate) fn stated_version(config: &AxisConfig) -> u8 {
+    rmd::stated_version(config)
 }
 
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only

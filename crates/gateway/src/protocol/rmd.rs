@@ -6,7 +6,7 @@ use super::{
     Serial, SerialFrame, Sets, Unasked, Verdict,
 };
 use crate::config::AxisConfig;
-use crate::measured::Observation;
+use crate::measured::{Observation, Versions};
 use crate::time::Duration;
 use embedded_can::StandardId;
 use heapless::Vec;
@@ -15,7 +15,7 @@ use host_protocol::{AxisParameter, BusKind, CanId, Error, Quantity, Setpoint};
 use rmd::rs485::{self, FRAME_LEN};
 use rmd::{
     Answer, Centiamps, Centidegrees, CentidegreesPerSecond, Dialect, Dialects, Function,
-    Milliseconds, Motion, MotionCommand, MotionFeedback, Node, Reply, Request, SpeedLimit,
+    Milliseconds, Motion, MotionCommand, MotionFeedback, Node, PROBES, Reply, Request, SpeedLimit,
     TorqueCap, can,
 };
 
@@ -65,10 +65,27 @@ pub(super) static INFO: Info = Info {
         Exchange::Stop,
         Exchange::Stop,
         Exchange::RunTime,
+        Exchange::Version(0),
+        Exchange::Version(1),
+        Exchange::Version(2),
+        Exchange::Version(0),
+        Exchange::Version(1),
+        Exchange::Version(2),
         Exchange::ReleaseBrake,
         Exchange::Velocity,
         Exchange::Position,
         Exchange::Faults,
+    ],
+    // Twice each, and never one after itself: what a motor does not know it may answer with a copy
+    // of its last reply.
+    recognising: &[
+        Exchange::RunTime,
+        Exchange::Version(0),
+        Exchange::Version(1),
+        Exchange::Version(2),
+        Exchange::Version(0),
+        Exchange::Version(1),
+        Exchange::Version(2),
     ],
     state: &[Exchange::Velocity, Exchange::Position, Exchange::Faults],
     polls: &[Exchange::Velocity, Exchange::Position],
@@ -109,7 +126,7 @@ pub(super) static INFO: Info = Info {
     motion,
     at,
     native,
-    is_answered: |command, _| matches!(command, Command::Rmd(request) if request.is_answered()),
+    is_answered: |command, _| request_of(command).is_some_and(|request| request.is_answered()),
     judge,
     observe: |received, config| match received {
         Received::Rmd { reply, .. } => observe(reply, config),
@@ -123,10 +140,7 @@ pub(super) static INFO: Info = Info {
         }
         _ => Unasked::Late,
     },
-    to_can: |command, node, _| match command {
-        Command::Rmd(request) => can::request(Node::new(node).ok()?, request).ok(),
-        _ => None,
-    },
+    to_can: |command, node, _| can::request(Node::new(node).ok()?, &request_of(command)?).ok(),
     from_can: |frame| {
         let (node, reply) = can::decode_reply_in(TOLD_BY_FORM, frame).ok()?;
         Some(Received::Rmd { node: node.get(), reply })
@@ -138,6 +152,28 @@ pub(super) static INFO: Info = Info {
 
 /// Replies are read before it is known whose they are: their form tells which dialect's they are.
 const TOLD_BY_FORM: Dialect = Dialect::Unknown;
+
+/// The request that a command is.
+fn request_of(command: &Command) -> Option<Request> {
+    match command {
+        Command::Rmd(request) => Some(*request),
+        Command::RmdProbe(place) => PROBES.get(usize::from(*place)).copied(),
+        _ => None,
+    }
+}
+
+/// One bit for each dialect that can be recognised.
+pub(super) const KNOWN: u8 = Dialects::KNOWN.bits();
+
+/// The data bytes of the reads whose answers tell the dialect.
+pub(super) fn probes() -> impl Iterator<Item = [u8; rmd::DATA_LEN]> {
+    PROBES.iter().map(|probe| probe.encode().unwrap_or_default())
+}
+
+/// The number of the dialect that the axis states.
+pub(super) fn stated_version(config: &AxisConfig) -> u8 {
+    dialect(config) as u8
+}
 
 /// The dialect of the axis's motor.
 fn dialect(config: &AxisConfig) -> Dialect {
@@ -211,8 +247,8 @@ fn limits(bus: BusKind, _: &AxisConfig) -> &'static [AxisParameter] {
 }
 
 fn to_serial(command: &Command, node: u8) -> Option<SerialFrame> {
-    let Command::Rmd(request) = command else { return None };
-    Vec::from_slice(&rs485::request(Node::new(node).ok()?, request).ok()?).ok()
+    let request = request_of(command)?;
+    Vec::from_slice(&rs485::request(Node::new(node).ok()?, &request).ok()?).ok()
 }
 
 fn from_serial(frame: &[u8]) -> Option<Received> {
@@ -261,6 +297,7 @@ fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
         Exchange::SetTimeout { timeout_ms } => {
             Request::SetCommunicationTimeout { timeout: Milliseconds(timeout_ms) }
         }
+        Exchange::Version(place) => return Some(Command::RmdProbe(place)),
         _ => return None,
     };
     Some(Command::Rmd(request))
@@ -482,7 +519,26 @@ pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
     is_brake.then_some(Duration::from_millis(300))
 }
 
+/// What a frame is to a read whose answer tells the dialect: an older motor passes its index over,
+/// so the form counts, not the index alone.
+fn judge_probe(place: u8, received: &Received) -> Verdict {
+    let told = || {
+        let Received::Rmd { reply, .. } = received else { return None };
+        rmd::tells(PROBES.get(usize::from(place))?, &reply.encode().ok()?)
+    };
+    match told() {
+        Some(dialects) => {
+            let versions = Versions::of_bits(dialects.bits());
+            Verdict::Answer(Observation { versions, ..Observation::default() })
+        }
+        None => Verdict::Unrelated,
+    }
+}
+
 fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+    if let Command::RmdProbe(place) = command {
+        return judge_probe(*place, received);
+    }
     let (Command::Rmd(request), Received::Rmd { reply, .. }) = (command, received) else {
         return Verdict::Unrelated;
     };

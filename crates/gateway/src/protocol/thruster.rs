@@ -52,6 +52,7 @@ pub(super) static INFO: Info = Info {
         Exchange::Faults,
         Exchange::Velocity,
     ],
+    recognising: &[],
     state: &[
         Exchange::Velocity,
         Exchange::Current,

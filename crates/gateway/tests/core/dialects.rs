@@ -2,9 +2,10 @@
 //! its dialect. The bytes have their sources in `host-tests/vectors/rmd-dialects.txt`.
 
 use crate::bench::{self, VELOCITY, arm, native, parameter, setpoint};
-use crate::rig::Rig;
+use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, Error, Protocol, Quantity, Request, Setpoint, StopAction, Value, requests,
+    Agreement, AxisParameter, AxisState, Error, Protocol, Quantity, Reply, Request, Setpoint,
+    StopAction, Value, requests,
 };
 
 /// The numbers of `rmd_dialect`.
@@ -18,9 +19,146 @@ const V4_4: u32 = 6;
 const ALL: [u32; 7] = [UNKNOWN, V3_6, V3_7, V3_9, V4_2, V4_3, V4_4];
 
 fn rmd(dialect: u32, stop: StopAction) -> Rig {
-    let (mut rig, _) = bench::rmd(stop);
-    parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(dialect));
+    speaking(dialect, dialect, stop)
+}
+
+/// The axis states one dialect, its motor speaks another.
+fn speaking(stated: u32, spoken: u32, stop: StopAction) -> Rig {
+    let (mut rig, play) = bench::rmd(stop);
+    play.borrow_mut().dialect = spoken;
+    parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(stated));
     rig
+}
+
+/// What the answers of a motor leave possible: V3.6 and V3.7, and V4.2 and V4.3, answer alike.
+fn possible(spoken: u32) -> &'static [u32] {
+    match spoken {
+        V3_6 | V3_7 => &[V3_6, V3_7],
+        V4_2 | V4_3 => &[V4_2, V4_3],
+        V3_9 => &[V3_9],
+        _ => &[V4_4],
+    }
+}
+
+fn bits(dialects: &[u32]) -> u8 {
+    dialects.iter().fold(0, |bits, dialect| bits | 1 << dialect)
+}
+
+/// Also the default, v3_6, which nobody has stated.
+#[test]
+fn what_the_answers_of_its_motor_contradict_is_not_armed() {
+    for stated in ALL {
+        for spoken in &ALL[1..] {
+            let mut rig = speaking(stated, *spoken, StopAction::Hold);
+            let result = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
+            let possible = possible(*spoken);
+            if stated == UNKNOWN || possible.contains(&stated) {
+                assert!(result.is_ok(), "{stated} {spoken}: {result:?}");
+                continue;
+            }
+            let stated = u8::try_from(stated).unwrap();
+            let possible = bits(possible);
+            assert_eq!(result, Err(Error::DialectContradicted { axis: 0, stated, possible }));
+            assert_eq!(bench::listed(&mut rig, 0), AxisState::Holding);
+        }
+    }
+    let (mut rig, play) = bench::rmd(StopAction::Coast);
+    play.borrow_mut().dialect = V4_4;
+    let refused = Error::DialectContradicted { axis: 0, stated: 1, possible: 1 << V4_4 };
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(refused));
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+}
+
+/// Each read is asked twice; `answers` says which of the six are answered, the others are not.
+fn armed_with(answers: [bool; 6], spoken: u32) -> Result<Reply, Error> {
+    let mut rig = speaking(V3_6, spoken, StopAction::Hold);
+    let mut asked = answers.into_iter();
+    rig.instead(move |text| {
+        let is_read = ["141#30", "141#B5", "141#42"].iter().any(|read| text.starts_with(read));
+        match is_read.then(|| asked.next()).flatten() {
+            Some(false) => Instead::Nothing,
+            _ => Instead::AsUsual,
+        }
+    });
+    rig.ask(Request::Arm(requests::Arm { axis: 0 }))
+}
+
+/// One pair of agreeing answers is enough to contradict; silence, and an answer given once, are not.
+#[test]
+fn silence_and_single_answers_contradict_nothing() {
+    let (yes, no) = (true, false);
+    assert!(armed_with([no; 6], V4_4).is_ok());
+    assert!(armed_with([yes, yes, yes, no, no, no], V4_4).is_ok());
+    assert!(armed_with([no, no, no, yes, yes, yes], V4_4).is_ok());
+    assert!(armed_with([yes, no, no, no, yes, yes], V4_4).is_ok());
+    for (answers, possible) in [
+        ([yes, no, no, yes, no, no], &[V4_2, V4_3, V4_4][..]),
+        ([no, yes, no, no, yes, no], &[V4_4]),
+        ([no, no, yes, no, no, yes], &[V3_9, V4_2, V4_3, V4_4]),
+    ] {
+        let possible = bits(possible);
+        let refused = Error::DialectContradicted { axis: 0, stated: 1, possible };
+        assert_eq!(armed_with(answers, V4_4), Err(refused));
+    }
+}
+
+/// Two motors with one id, or a firmware that nobody has seen: it is unknown what it speaks.
+#[test]
+fn what_is_answered_in_two_ways_contradicts_every_dialect_but_unknown() {
+    for stated in ALL {
+        let mut rig = speaking(stated, V4_4, StopAction::Hold);
+        let mut gains = 0;
+        rig.instead(move |text| {
+            gains += u32::from(text.starts_with("141#30"));
+            match text.starts_with("141#30") && gains == 2 {
+                true => Instead::Says("241#3000551955195519"),
+                false => Instead::AsUsual,
+            }
+        });
+        let result = rig.ask(Request::Arm(requests::Arm { axis: 0 }));
+        if stated == UNKNOWN {
+            assert!(result.is_ok(), "{result:?}");
+            continue;
+        }
+        let stated = u8::try_from(stated).unwrap();
+        let refused = Error::DialectContradicted { axis: 0, stated, possible: 0 };
+        assert_eq!(result, Err(refused));
+    }
+}
+
+#[test]
+fn a_motor_at_rest_is_asked_what_it_speaks_and_the_answers_are_told() {
+    let recognise = Request::Recognise(requests::Recognise { axis: 0 });
+    let mut rig = speaking(UNKNOWN, V4_4, StopAction::Hold);
+    let since = rig.now_us;
+    let Ok(Reply::Recognise(told)) = rig.ask(recognise.clone()) else { panic!("no answer") };
+    assert_eq!((told.dialect, told.possible, told.answers.len()), (6, 1 << V4_4, 3));
+    let gain = told.answers[0];
+    assert_eq!(gain.request, [0x30, 1, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(gain.answer, [0x30, 1, 0, 0, 0, 0, 0, 0x3F]);
+    assert_eq!((gain.dialects, gain.agreement), (bits(&[V4_2, V4_3, V4_4]), Agreement::Twice));
+    let reads = ["B1", "30", "B5", "42", "30", "B5", "42"];
+    let sent = rig.sent_since(0, since);
+    assert_eq!(sent.iter().map(|text| &text[4..6]).collect::<Vec<_>>(), reads);
+
+    // One of a V3.6 motor is one of two.
+    let mut rig = speaking(V3_6, V3_6, StopAction::Hold);
+    let Ok(Reply::Recognise(told)) = rig.ask(recognise.clone()) else { panic!("no answer") };
+    assert_eq!((told.dialect, told.possible), (0, bits(&[V3_6, V3_7])));
+    // Armed: nothing is asked.
+    arm(&mut rig);
+    let since = rig.now_us;
+    let again = rig.ask(recognise.clone());
+    assert_eq!(again, Ok(Reply::Recognise(told)));
+    assert!(!rig.sent_since(0, since).iter().any(|text| text.starts_with("141#30")));
+
+    // What a silent motor speaks is not asked in vain.
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    play.borrow_mut().mute = true;
+    assert!(matches!(rig.ask(recognise.clone()), Err(Error::NoReply { axis: 0, .. })));
+    let (mut rig, _) = bench::thruster();
+    let refused = Error::Unsupported { axis: 0, protocol: Protocol::Thruster };
+    assert_eq!(rig.ask(recognise), Err(refused));
 }
 
 fn configure(rig: &mut Rig, parameter: AxisParameter, value: Value) -> Result<(), Error> {

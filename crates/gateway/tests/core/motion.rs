@@ -46,13 +46,18 @@ fn arming_sends_each_protocols_sequence_and_no_motion() {
     let since = rig.now_us;
     arm(&mut rig);
     let stop = "141#8100000000000000";
-    let [run_time, velocity, position, faults] = [
+    let [run_time, gain, model, ramp, velocity, position, faults] = [
         "141#B100000000000000",
+        "141#3001000000000000",
+        "141#B501010000000000",
+        "141#4203000000000000",
         "141#9C00000000000000",
         "141#9200000000000000",
         "141#9A00000000000000",
     ];
-    assert_eq!(rig.sent_since(0, since), [stop, stop, run_time, velocity, position, faults]);
+    let sent =
+        [stop, stop, run_time, gain, model, ramp, gain, model, ramp, velocity, position, faults];
+    assert_eq!(rig.sent_since(0, since), sent);
 
     let (mut rig, _) = bench::thruster();
     let since = rig.now_us;

@@ -15,6 +15,8 @@ pub struct Play {
     pub fault: bool,
     /// Refuses set commands (thruster) or throws them back (RMD).
     pub refuses: bool,
+    /// RMD: the number of its dialect; 0 answers as V3.6 does.
+    pub dialect: u32,
 }
 
 pub type Shared = Rc<RefCell<Play>>;
@@ -43,6 +45,7 @@ pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
             // It has run for as long as the gateway.
             "B1" => format!("B1000000{:08X}", u32::try_from(now_us / 1_000).ok()?.swap_bytes()),
             "A1" | "A2" | "A4" if play.refuses => data.into(),
+            command @ ("30" | "42" | "B5") => version(play.dialect, command, data),
             command @ ("9C" | "A1" | "A2" | "A4") => format!("{command}326400{speed}6801"),
             command => {
                 match command {
@@ -54,6 +57,20 @@ pub fn rmd(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
             }
         };
         Some(format!("{:03X}#{reply}", 0x240 + node))
+    }
+}
+
+/// The answer of a motor of a dialect, by its number, to a read whose form tells it
+/// (docs/rmd-dialects.md).
+fn version(dialect: u32, command: &str, data: &str) -> String {
+    let index = &data[2..4];
+    match command {
+        "30" if dialect >= 4 => format!("30{index}00000000003F"),
+        "30" => "3000551955195519".into(),
+        "42" if dialect >= 3 => format!("42{index}000088130000"),
+        "42" => "4200000088130000".into(),
+        _ if dialect == 6 => format!("{}524D442D58", &data[..6]),
+        _ => "B558385332563130".into(),
     }
 }
 

@@ -14,6 +14,9 @@ pub(super) const LIMITS: [f32; 6] = [3.0, 0.009, 0.026_2, 1.234, 0.5, 2.0];
 /// What VM may be set to: bytes 6 and 7 (Thruster manual §2.4).
 pub(super) const RETURN_MODES: [u16; 8] = [0, 0x01, 0x02, 0x03, 0x07, 0x200, 0x203, 0x100];
 
+/// What an RMD may speak, by the numbers of `rmd_dialect`; the first is the default.
+pub(super) const DIALECTS: [u8; 6] = [1, 2, 3, 4, 5, 6];
+
 /// The steps of a host that finds nothing configured, and what the motors are then.
 pub(super) fn configuration(
     dice: &mut Dice,
@@ -37,6 +40,8 @@ pub(super) fn configuration(
     // Where it is not provisioned either, the axis is not armed, unless its motor tells of its
     // timeout by itself.
     let known_only = dice.percent(if provisioned { 50 } else { 5 });
+    // Mostly what nobody has stated; now and then what an axis says is wrong.
+    let spoken = if dice.percent(30) { dice.pick(&DIALECTS) } else { DIALECTS[0] };
     for (axis, motor) in (0u8..).zip(&MOTORS) {
         let mut set = |parameter: AxisParameter, value: Number| {
             asks.push(Ask::Set { axis, parameter: parameter.number(), value });
@@ -83,6 +88,13 @@ pub(super) fn configuration(
         if motor.protocol == Protocol::Thruster && returns != 0 {
             set(AxisParameter::ReturnMode, Number::Unsigned(returns.into()));
         }
+        if motor.protocol == Protocol::Rmd && spoken != DIALECTS[0] {
+            let stated = match dice.percent(85) {
+                true => dice.pick(&[spoken, spoken, 0]),
+                false => dice.pick(&DIALECTS),
+            };
+            set(AxisParameter::RmdDialect, Number::Unsigned(stated.into()));
+        }
         if grouped && axis < 4 {
             set(AxisParameter::TripGroup, Number::Unsigned(1));
         }
@@ -111,7 +123,7 @@ pub(super) fn configuration(
         let does = match wired.protocol {
             Protocol::D5 => Does::AnswersOthers { on: object },
             Protocol::Thruster => Does::Returns { mode: returns },
-            Protocol::Rmd => return None,
+            Protocol::Rmd => Does::Speaks { dialect: spoken },
         };
         Some(Action::Motor { motor, does })
     });

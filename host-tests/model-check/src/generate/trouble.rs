@@ -1,7 +1,7 @@
 //! What goes wrong: buses, motors, hosts that fall silent.
 
 use super::Generator;
-use super::setup::{RETURN_MODES, configuration};
+use super::setup::{DIALECTS, RETURN_MODES, configuration};
 use crate::action::{Action, Ask, Does};
 use crate::plant::{BUSES, CAN_BUSES, LINE, LISTENER, MOTORS, extended_id};
 use host_protocol::Protocol;
@@ -113,6 +113,9 @@ impl Generator {
             }
             Protocol::D5 if self.dice.percent(15) => {
                 return Does::Waits { speed: self.dice.pick(&[0.0, 90.0, -400.0]) };
+            }
+            Protocol::Rmd if self.dice.percent(5) => {
+                return Does::Speaks { dialect: self.dice.pick(&DIALECTS) };
             }
             Protocol::Thruster if self.dice.percent(3) => {
                 return Does::Returns { mode: self.dice.pick(&RETURN_MODES) };

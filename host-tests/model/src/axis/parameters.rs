@@ -40,6 +40,7 @@ mod parameter {
     pub const ALLOW_UNVERIFIED_BRAKE: (u16, u32) = (38, 0);
     pub const WARNINGS_ARE_FAULTS: (u16, u32) = (44, 0);
     pub const RETURN_MODE: (u16, u32) = (45, 0);
+    pub const RMD_DIALECT: (u16, u32) = (46, 1);
 }
 
 /// −1 as it comes, zigzag.
@@ -242,6 +243,11 @@ impl Axis {
 
     pub fn releases_brake(&self) -> bool {
         self.get(parameter::RELEASE_BRAKE) != 0
+    }
+
+    /// The dialect that the axis states, by its number.
+    pub fn dialect(&self) -> u32 {
+        self.get(parameter::RMD_DIALECT)
     }
 
     /// Whether the axis says that its motor has a brake.

@@ -25,7 +25,16 @@ pub(crate) struct Arming {
     /// D5: registers that were read, with their values.
     registers: Vec<(u8, u8)>,
     overwritten: bool,
+    /// RMD: the read of what tells the dialect that was asked last, and its first answer while it
+    /// was, with its time.
+    dialect_read: Option<(Vec<u8>, FirstAnswer)>,
+    /// Those that were answered before the next request was handed over: the read, and a bit for
+    /// each dialect whose motors answer so.
+    dialects: Vec<(Vec<u8>, u8)>,
 }
+
+/// When a read was first answered, and the dialects whose motors answer so.
+type FirstAnswer = Option<(u64, u8)>;
 
 /// D5 registers: acknowledge level, switch of the timeout, whether the brake holds, whether an
 /// asynchronous write waits.
@@ -46,7 +55,13 @@ impl Arming {
         if handed_us < self.since_us {
             return;
         }
+        if let Some((read, Some((at, dialects)))) = self.dialect_read.take()
+            && at <= handed_us
+        {
+            self.dialects.push((read, dialects));
+        }
         match protocol.question(data) {
+            Some(Question::Dialect) => self.dialect_read = Some((data.to_vec(), None)),
             Some(Question::Stop) => {
                 self.stops += 1;
                 self.stands = false;
@@ -64,12 +79,16 @@ impl Arming {
     /// that bar nothing.
     pub fn answered(
         &mut self,
+        now: u64,
         protocol: Protocol,
         returns: Returns,
         reply: &[u8],
         still: f64,
         warnings: u16,
     ) {
+        if let Some((read, answer @ None)) = &mut self.dialect_read {
+            *answer = protocol.dialects(read, reply).map(|dialects| (now, dialects));
+        }
         for asked in &self.asked {
             let Some(reading) = protocol.answer(returns, asked, reply) else { continue };
             match protocol.question(asked) {
@@ -86,9 +105,20 @@ impl Arming {
                 Some(Question::Register(register)) => {
                     self.registers.extend(reading.register.map(|value| (register, value)));
                 }
-                Some(Question::Overwrite) | None => {}
+                Some(Question::Overwrite | Question::Dialect) | None => {}
             }
         }
+    }
+
+    /// Whether each read that was answered twice leaves it possible that the motor speaks the
+    /// dialect with this number; 0 says nothing.
+    fn may_speak(&self, dialect: u32) -> bool {
+        let agrees = |(read, dialects): &(Vec<u8>, u8)| {
+            let mut again = self.dialects.iter().filter(|(other, _)| other == read);
+            let is_possible = dialects.checked_shr(dialect).is_some_and(|bit| bit & 1 != 0);
+            again.clone().count() < 2 || is_possible && again.all(|(_, other)| other == dialects)
+        };
+        dialect == 0 || self.dialects.iter().all(agrees)
     }
 
     /// What is missing before the axis may be armed.
@@ -106,6 +136,7 @@ impl Arming {
                 (self.stands, "standstill"),
                 (self.faultless, "no fault"),
                 (open || !axis.has_brake(), "an open brake"),
+                (self.may_speak(axis.dialect()), "a dialect that its motor does not contradict"),
                 (axis.allows(axis.timeout), "the motor's timeout"),
             ],
             Protocol::Thruster => &[

@@ -100,7 +100,7 @@ impl Oracle {
         axis.objects |= protocol.is_objection(data);
         let (still, warnings, returns) = (axis.still(), axis.warning_bits(), axis.return_mode());
         if let Some(arming) = &mut axis.arming {
-            arming.answered(protocol, returns, data, still, warnings);
+            arming.answered(now, protocol, returns, data, still, warnings);
         }
         let written = |asked: &Asked| {
             let touched = protocol

@@ -56,6 +56,8 @@ pub enum Question {
     Register(u8),
     /// D5: a speed that waits becomes 0.
     Overwrite,
+    /// RMD: what tells the dialect.
+    Dialect,
 }
 
 /// A motor's own timeout, as far as it is known (G1).
@@ -243,6 +245,11 @@ impl Protocol {
     /// Whether a reply of the motor says that a request was for another.
     pub fn is_objection(self, reply: &[u8]) -> bool {
         self == Self::D5 && d5::is_objection(reply)
+    }
+
+    /// RMD: the dialects whose motors answer a request so, a bit for each by its number.
+    pub fn dialects(self, request: &[u8], reply: &[u8]) -> Option<u8> {
+        if self == Self::Rmd { rmd::dialects(request, reply) } else { None }
     }
 
     /// What a reply tells as the answer to a request; `None` where it cannot be its answer.

@@ -32,6 +32,37 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     match data.first()? {
         0x9A => Some(Question::Faults),
         0x9C => Some(Question::Speed),
+        // With an index, which older motors pass over.
+        0x30 | 0x42 | 0xB5 if data.get(1) != Some(&0) => Some(Question::Dialect),
+        _ => None,
+    }
+}
+
+/// The dialects whose motors answer a read so, a bit for each by its number in `rmd_dialect`: the form
+/// tells (docs/rmd-dialects.md, Recognition).
+pub(super) fn dialects(request: &[u8], reply: &[u8]) -> Option<u8> {
+    const UP_TO_V3_7: u8 = 0b000_0110;
+    const UP_TO_V3_9: u8 = 0b000_1110;
+    const UP_TO_V4_3: u8 = 0b011_1110;
+    const FROM_V3_9: u8 = 0b111_1000;
+    const FROM_V4_2: u8 = 0b111_0000;
+    const V4_4: u8 = 0b100_0000;
+    let value = f32::from_le_bytes(reply.get(4..8)?.try_into().ok()?);
+    match (request.get(..2)?, reply.get(..4)?) {
+        ([0x30, asked], [0x30, index, 0, 0]) if asked == index => {
+            (value > 0.0 && value.is_finite()).then_some(FROM_V4_2)
+        }
+        ([0x30, asked], [0x30, 0, ..]) if *asked != 0 => Some(UP_TO_V3_9),
+        ([0xB5, 1], [0xB5, 1, part, first]) if request.get(2) == Some(part) => {
+            let text = |byte: &u8| (0x20..0x7F).contains(byte);
+            let rest = reply[4..].iter().all(|byte| text(byte) || *byte == 0);
+            (text(first) && rest).then_some(V4_4)
+        }
+        ([0xB5, 1], [0xB5, 0x20..=0x7E, ..]) => Some(UP_TO_V4_3),
+        ([0x42, asked], [0x42, index, ..]) if asked == index => {
+            (value.to_bits() != 0).then_some(FROM_V3_9)
+        }
+        ([0x42, _], [0x42, 0, ..]) => Some(UP_TO_V3_7),
         _ => None,
     }
 }

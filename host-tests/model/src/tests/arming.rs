@@ -85,6 +85,41 @@ fn a_motor_whose_brake_is_locked() {
     armed_after(Trace::new(BRAKE), &[first, second, speed, faults]).breaks_nothing();
 }
 
+/// The answers of motors of V3.6, and of V4.4 (docs/rmd-dialects.md).
+const OLD: [Exchange; 3] = [
+    (&[0x30, 1, 0, 0, 0, 0, 0, 0], &[0x30, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19]),
+    (&[0xB5, 1, 1, 0, 0, 0, 0, 0], b"\xB5X8S2V10"),
+    (&[0x42, 3, 0, 0, 0, 0, 0, 0], &[0x42, 0, 0, 0, 0x10, 0x27, 0, 0]),
+];
+const NEW: [Exchange; 3] = [
+    (&[0x30, 1, 0, 0, 0, 0, 0, 0], &[0x30, 1, 0, 0, 0, 0, 0, 0x3F]),
+    (&[0xB5, 1, 1, 0, 0, 0, 0, 0], b"\xB5\x01\x01RMD-X"),
+    (&[0x42, 3, 0, 0, 0, 0, 0, 0], &[0x42, 3, 0, 0, 0x10, 0x27, 0, 0]),
+];
+
+#[test]
+fn a_motor_that_contradicts_the_dialect_of_its_axis() {
+    let [first, second, speed, faults] = ASKED;
+    let states = |dialect: u8| {
+        let mut trace = Trace::new(HOLD);
+        trace.done(0, 0x20, &[0, 46, 1, dialect]);
+        trace
+    };
+    let around = |reads: &[Exchange]| [&[first, second], reads, &[speed, faults]].concat();
+    for read in 0..3 {
+        let (old, new) = (OLD[read], NEW[read]);
+        // V3.6 is also the default.
+        armed_after(Trace::new(HOLD), &around(&[old, old])).breaks_nothing();
+        armed_after(Trace::new(HOLD), &around(&[new, new])).breaks(Check::ArmedUnproved);
+        armed_after(Trace::new(HOLD), &around(&[new])).breaks_nothing();
+        armed_after(states(6), &around(&[old, old])).breaks(Check::ArmedUnproved);
+        armed_after(states(6), &around(&[new, new])).breaks_nothing();
+        // Answered in two ways it is none, and unknown is never wrong.
+        armed_after(states(6), &around(&[new, old])).breaks(Check::ArmedUnproved);
+        armed_after(states(0), &around(&[new, old])).breaks_nothing();
+    }
+}
+
 #[test]
 fn arming_that_frees_a_brake_unasked() {
     let mut trace = Trace::new(HOLD);

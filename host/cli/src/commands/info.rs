@@ -3,6 +3,7 @@
 use host_protocol::BusLimit;
 use host_protocol::replies::GatewayReport;
 
+use crate::dialects;
 use crate::failure::Failure;
 use crate::json;
 use crate::session::Session;
@@ -12,10 +13,13 @@ use crate::words;
 /// Shows what the gateway said when the session was opened.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
-    let out = session.out;
     let status = session.client.gateway_status()?;
     let stored = session.client.read_stored()?;
-    out.object(&json::gateway::info(&hello, &status, &stored))?;
+    let motors = dialects::of_axes(session)?;
+    let mut object = json::gateway::info(&hello, &status, &stored);
+    object["rmd_axes"] = motors.iter().map(dialects::Asked::json).collect();
+    let out = session.out;
+    out.object(&object)?;
 
     let lines = [
         ("board", hello.board.to_string()),
@@ -67,7 +71,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
             bitrates.join(", "),
         ]);
     }
-    out.table(&table)
+    out.table(&table)?;
+    motors.iter().flat_map(dialects::Asked::lines).try_for_each(|line| out.text(line))
 }
 
 const NO_RANDOM_NUMBER: &str = "the random generator gave no number: nothing can be armed";

@@ -171,3 +171,25 @@ fn a_simulated_motor_that_cannot_be_is_refused() {
         mgw(&["sim", "--listen", "127.0.0.1:0", "--motor", motor]).failure(2);
     }
 }
+
+#[test]
+fn info_says_which_read_told_what_of_the_dialects() {
+    let mut sim = Sim::start();
+    let text = sim.mgw_once_in_command(&["info"]).success();
+    for line in [
+        "axis 0: rmd_dialect is v3_6; its motor answers as one of v3_6, v3_7\n",
+        "  3001000000000000 is answered 3000551955195519 twice: v3_6, v3_7, v3_9\n",
+    ] {
+        assert!(text.contains(line), "{text}");
+    }
+    sim.process.type_line("motor 0 dialect v4_4");
+    sim.process.wait_for("it", |line| line.contains("motor 0 dialect v4_4").then_some(()));
+    let info = sim.mgw_once_in_command(&["--json", "info"]).json_lines()[0].clone();
+    let axis = &info["rmd_axes"][0];
+    assert_eq!(axis["recognised_dialect"], "v4_4");
+    assert_eq!(axis["evidence"][1]["answer"], "B50101524D442D58");
+    let text = sim.mgw_once_in_command(&["info"]).success();
+    assert!(text.contains("v3_6; its motor answers as v4_4 does: it is not armed"), "{text}");
+    let text = sim.mgw_once_in_command(&["set", "0", "velocity", "1", "--for", "0.1"]).failure(1);
+    assert!(text.contains("its motor answers as one of v4_4"), "{text}");
+}

@@ -12,6 +12,7 @@ e-stop press, e-stop release    the button at the e-stop input
 bus BUS cut|short|mend          the cable of a bus
 motor N FAULT [off]             a fault of the motor of axis N, or its end; see below
 motor N faults WORD             its fault word, as 0x0002; 0 takes the cause away
+motor N dialect DIALECT         what an RMD speaks, as v4_4
 motor N power off|on            its supply: without it the motor coasts and hears nothing
 power off, power on             the board's supply; it forgets what was not saved
 reset                           the board's reset button; what it remembers stays";
@@ -57,6 +58,11 @@ fn of_motor(world: &mut World, motor: usize, words: &[&str]) -> Option<()> {
             Some(digits) => u16::from_str_radix(digits, 16).ok()?,
             None => word.parse().ok()?,
         }),
+        ["dialect", name] => {
+            let mut known = (0u8..).zip(rmd::Dialect::ALL).skip(1);
+            let (number, _) = known.find(|(_, dialect)| dialect.name() == *name)?;
+            Injection::RmdDialect(number)
+        }
         ["power", state @ ("off" | "on")] => {
             world.power_cycle(motor);
             Injection::Unplugged(*state == "off")

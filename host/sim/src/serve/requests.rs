@@ -28,6 +28,7 @@ impl Purpose {
             | Request::ReadAxisParameter(_)
             | Request::ListAxes(_)
             | Request::ReadState(_)
+            | Request::Recognise(_)
             | Request::Subscribe(_)
             | Request::ReadIncidents(_)
             | Request::ReadCrashReport(_) => Self::Look,

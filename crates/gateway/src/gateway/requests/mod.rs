@@ -167,6 +167,7 @@ impl Gateway {
                 Reply::Setpoint(done)
             }
             Request::ReadState(request) => return self.read_state(now, request.axis, ticket),
+            Request::Recognise(request) => return self.recognise(now, request.axis, ticket),
             Request::MoveRelative(request) => return self.move_relative(now, request, ticket),
             Request::Native(request) => return self.native(now, request, ticket),
             Request::StartTogether(request) => return self.start_together(now, request, ticket),
@@ -384,6 +385,29 @@ impl Gateway {
         }
     }
 
+    /// Asks a motor at rest which dialect it speaks; of another axis what is known is told.
+    fn recognise(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
+        let axis = self.axis(index)?;
+        match (axis.state(), axis.config.protocol()) {
+            (AxisState::Unconfigured, _) | (_, None) => {
+                let missing = axis.config.missing().map_or(0, AxisParameter::number);
+                Err(Error::NotConfigured { axis: index, parameter: missing })
+            }
+            (_, Some(protocol)) if !axis.can(Exchange::Version(0)) => {
+                Err(Error::Unsupported { axis: index, protocol })
+            }
+            (AxisState::Idle | AxisState::Holding, _) => {
+                self.ready_bus(axis)?;
+                self.start(now, index, JobKind::Recognise, ticket)
+            }
+            _ => {
+                let reply = Reply::Recognise(axis.recognition());
+                self.outbox(now).answer(ticket, Ok(&reply));
+                Ok(())
+            }
+        }
+    }
+
     fn setpoint(&mut self, now: Instant, request: &requests::Setpoint) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
         let config = &self.axis(request.axis)?.config;
@@ -571,6 +595,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Stop(_)
         | Request::EStop(_)
         | Request::ReadState(_)
+        | Request::Recognise(_)
         | Request::Subscribe(_)
         | Request::ReadIncidents(_)
         | Request::ReadCrashReport(_)
