@@ -163,7 +163,8 @@ impl Rmd {
                 Reply::CommunicationTimeout { timeout }
             }
             Request::SetBaudRate { code } => {
-                self.memory.store_baud_code(code.0);
+                let bitrate = self.interface.rate(code, self.dialect(cx));
+                self.memory.store_bitrate(bitrate);
                 Reply::BaudRateSet { raw: std::array::from_fn(|_| cx.random.byte()) }
             }
             Request::ReadModel => Reply::Model { model: Model(MODEL) },
@@ -232,6 +233,8 @@ pub(super) fn name(request: &Request) -> &'static str {
         Request::CappedVelocity { .. } => "0xA2 velocity, capped",
         Request::CappedPosition { .. } => "0xA9 position, capped",
         Request::ReadGain { .. } => "0x30 read gain",
+        Request::WriteGainRam { .. } => "0x31 gain",
+        Request::WriteGainRom { .. } => "0x32 gain",
         Request::ReadRamp { .. } => "0x42 read acceleration",
         Request::ReadModelPart { .. } => "0xB5 read model",
         _ => "unknown",

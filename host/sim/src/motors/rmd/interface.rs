@@ -68,12 +68,11 @@ impl Interface {
         }
     }
 
-    /// Its rate once a code of 0xB4 acts, bit/s (RMD V3.6 §2.31).
-    pub(super) fn rate(&self, code: u8) -> Option<u32> {
-        let code = rmd::BaudCode(code);
+    /// The rate that a code of 0xB4 sets, bit/s (RMD V3.6 §2.31).
+    pub(super) fn rate(&self, code: rmd::BaudCode, dialect: rmd::Dialect) -> Option<u32> {
         match self {
-            Self::Can => code.can(rmd::Dialect::V3_6),
-            Self::Rs485 { .. } => code.rs485(rmd::Dialect::V3_6),
+            Self::Can => code.can(dialect),
+            Self::Rs485 { .. } => code.rs485(dialect),
         }
     }
 }

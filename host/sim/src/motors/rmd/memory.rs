@@ -3,12 +3,14 @@
 use std::f64::consts::TAU;
 
 use super::super::counts::to_i32;
-use rmd::{Function, PidGains};
+use rmd::{Function, Gain, GainValue, PidGains};
 
 /// Pulses of the encoder in a turn of the output shaft (an assumption: the manual gives none).
 const PULSES: f64 = 65_536.0;
 /// The gains that the manual prints (RMD V3.6 §2.1.4).
 const GAINS: [u8; 6] = [0x55, 0x19, 0x55, 0x19, 0x55, 0x19];
+/// Every gain of a motor from V4.2 on.
+const FINE_GAIN: f32 = 0.5;
 /// Accelerations from the factory, dps/s: about 200 rad/s².
 const ACCELERATION: u32 = 11_459;
 
@@ -20,6 +22,9 @@ pub(super) struct Memory {
     gains: [u8; 6],
     /// 0x32
     gains_rom: [u8; 6],
+    /// The same of a motor from V4.2 on, which has seven real numbers.
+    fine_gains: [f32; 7],
+    fine_gains_rom: [f32; 7],
     /// 0x43, dps/s, by index.
     ramps: [u32; 4],
     /// 0x63, 0x64 and 0x20 index 1, pulses; it acts after a restart.
@@ -37,21 +42,29 @@ pub(super) struct Memory {
     pub(super) reports_errors: bool,
     /// 0x20 index 4
     saves_turns: bool,
-    /// 0xB4: the code that acts when the motor is switched on again (one of two readings of
-    /// §2.31).
-    next_baud_code: Option<u8>,
-    /// The code in force, where one was set.
-    pub(super) baud_code: Option<u8>,
+    /// 0xB4: the rate that acts when the motor is switched on again (one of two readings of §2.31),
+    /// bit/s.
+    next_bitrate: Option<u32>,
+    /// The rate in force, where one was set.
+    pub(super) bitrate: Option<u32>,
 }
 
 impl Memory {
     pub(super) fn new() -> Self {
-        Self { gains: GAINS, gains_rom: GAINS, ramps: [ACCELERATION; 4], ..Self::default() }
+        Self {
+            gains: GAINS,
+            gains_rom: GAINS,
+            fine_gains: [FINE_GAIN; 7],
+            fine_gains_rom: [FINE_GAIN; 7],
+            ramps: [ACCELERATION; 4],
+            ..Self::default()
+        }
     }
 
     /// The firmware starts anew: what only acts after a restart acts (RMD V3.6 §2.9, §2.10, §2.33).
     pub(super) fn restart(&mut self) {
         self.gains = self.gains_rom;
+        self.fine_gains = self.fine_gains_rom;
         self.offset = self.offset_rom;
     }
 
@@ -61,13 +74,13 @@ impl Memory {
         if !self.saves_turns {
             self.uncounted_rad = (shaft_rad / TAU).floor() * TAU;
         }
-        self.baud_code = self.next_baud_code;
+        self.bitrate = self.next_bitrate;
         self.restart();
     }
 
     /// A rate for the time after the next loss of power.
-    pub(super) fn store_baud_code(&mut self, code: u8) {
-        self.next_baud_code = Some(code);
+    pub(super) fn store_bitrate(&mut self, bitrate: Option<u32>) {
+        self.next_bitrate = bitrate.or(self.next_bitrate);
     }
 
     pub(super) fn gains(&self) -> PidGains {
@@ -81,6 +94,22 @@ impl Memory {
         self.gains = [current_kp, current_ki, speed_kp, speed_ki, position_kp, position_ki];
         if stored {
             self.gains_rom = self.gains;
+        }
+    }
+
+    /// 0x30 from V4.2 on; an index without a meaning reads 0.
+    pub(super) fn fine_gain(&self, gain: Gain) -> GainValue {
+        let value = place(gain).and_then(|place| self.fine_gains.get(place));
+        GainValue::new(gain, value.copied().unwrap_or_default())
+    }
+
+    /// 0x31 and 0x32 from V4.2 on.
+    pub(super) fn set_fine_gain(&mut self, gain: GainValue, stored: bool) {
+        let Some(at) = place(gain.gain) else { return };
+        for gains in [Some(&mut self.fine_gains), stored.then_some(&mut self.fine_gains_rom)] {
+            if let Some(place) = gains.and_then(|gains| gains.get_mut(at)) {
+                *place = gain.value();
+            }
         }
     }
 
@@ -127,4 +156,9 @@ impl Memory {
             | Function::Other { .. } => {}
         }
     }
+}
+
+/// Where a gain stands among those that have a meaning.
+fn place(gain: Gain) -> Option<usize> {
+    Gain::ALL.iter().position(|(of, _)| *of == gain)
 }

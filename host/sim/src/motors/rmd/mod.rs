@@ -331,7 +331,7 @@ impl Model for Rmd {
     }
 
     fn bitrate(&self) -> Option<u32> {
-        self.interface.rate(self.memory.baud_code?)
+        self.memory.bitrate
     }
 
     fn plant(&self) -> &Plant {

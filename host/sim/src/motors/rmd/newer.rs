@@ -3,14 +3,10 @@
 use super::super::dynamics::Drive;
 use super::super::model::Context;
 use super::Rmd;
-use rmd::{
-    DegreesPerSecondSquared, Dialect, Function, GainValue, ModelPart, MotionRanges, Reply, Request,
-};
+use rmd::{DegreesPerSecondSquared, Dialect, Function, ModelPart, MotionRanges, Reply, Request};
 
 /// Three parts of a name.
 const MODEL: [[u8; 5]; 3] = [*b"RMD-X", *b"4-P36", *b"-36\0\0"];
-/// Every gain of a motor from V4.2 on.
-const GAIN: f32 = 0.5;
 /// What motion mode of a V4.4 motor ends at, N·m and N·m·s/rad.
 const MOST_NM: f64 = 60.0;
 const MOST_KD: f64 = 50.0;
@@ -59,7 +55,15 @@ impl Rmd {
         Some(match *request {
             Request::CappedVelocity { .. } => Reply::Velocity { motion },
             Request::CappedPosition { .. } => Reply::CappedPosition { motion },
-            Request::ReadGain { gain } => Reply::Gain { gain: GainValue::new(gain, GAIN) },
+            Request::ReadGain { gain } => Reply::Gain { gain: self.memory.fine_gain(gain) },
+            Request::WriteGainRam { gain } => {
+                self.memory.set_fine_gain(gain, false);
+                Reply::GainRamWritten { gain }
+            }
+            Request::WriteGainRom { gain } => {
+                self.memory.set_fine_gain(gain, true);
+                Reply::GainRomWritten { gain }
+            }
             Request::ReadRamp { ramp } => {
                 Reply::Ramp { ramp, acceleration: DegreesPerSecondSquared(self.memory.ramp(ramp)) }
             }
