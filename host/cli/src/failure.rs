@@ -47,6 +47,8 @@ pub enum Failure {
     DoesNotHold { text: String },
     /// A measurement could not go on.
     NotMeasured { text: String },
+    /// A setting of a motor was not changed, or the motor does not show that it was.
+    Motor { name: &'static str, text: String },
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
@@ -91,6 +93,7 @@ impl Failure {
             Self::Refused { name, .. } => name,
             Self::DoesNotHold { .. } => "DoesNotHold",
             Self::NotMeasured { .. } => "NotMeasured",
+            Self::Motor { name, .. } => name,
             Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
@@ -122,6 +125,16 @@ impl Failure {
     /// What the gateway would refuse, found before it is asked.
     pub fn would_be_refused(error: Error) -> Self {
         Self::Explained { error, text: error.to_string() }
+    }
+
+    /// What the gateway refused it with, or would.
+    pub fn gateway_error(&self) -> Option<&Error> {
+        match self {
+            Self::Client(ClientError::Gateway(error)) | Self::Explained { error, .. } => {
+                Some(error)
+            }
+            _ => None,
+        }
     }
 
     /// The object that `--json` prints on standard error.
@@ -277,6 +290,7 @@ impl fmt::Display for Failure {
             | Self::Demonstration(text)
             | Self::DoesNotHold { text }
             | Self::NotMeasured { text }
+            | Self::Motor { text, .. }
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
             | Self::Refused { message: text, .. } => f.write_str(text),

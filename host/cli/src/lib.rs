@@ -21,6 +21,7 @@ mod interrupt;
 mod json;
 mod keys;
 mod manual;
+mod motor;
 mod native_request;
 mod output;
 mod parameters;

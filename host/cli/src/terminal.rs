@@ -6,6 +6,10 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::printable::printable;
+
 /// What takes longer than this is told.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Between two looks at the time.
@@ -85,6 +89,23 @@ pub fn something_is_printed() {
             let _ = write!(io::stderr(), "{CLEAR}");
         }
     }
+}
+
+/// Asks on a terminal whether to do something, unless that is said already; without a terminal it is
+/// refused.
+pub fn agree(out: Output, yes: bool, what: &str) -> Result<(), Failure> {
+    if yes {
+        return Ok(());
+    }
+    let no = || Failure::Usage(format!("{what}. Add --yes"));
+    if out.is_json() || !io::stdin().is_terminal() {
+        return Err(no());
+    }
+    something_is_printed();
+    let _ = write!(io::stderr(), "{}. Go on? [y/N] ", printable(what));
+    let mut answer = String::new();
+    io::stdin().read_line(&mut answer).map_err(|_| no())?;
+    if matches!(answer.trim(), "y" | "Y" | "yes") { Ok(()) } else { Err(no()) }
 }
 
 /// The name of the program before a failure: red on a terminal, unless NO_COLOR says otherwise.

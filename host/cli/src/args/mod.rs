@@ -5,6 +5,7 @@ mod config;
 mod finding;
 mod frames;
 mod motion;
+mod motor;
 mod plan;
 mod values;
 mod watching;
@@ -24,6 +25,9 @@ pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{
     CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,
+};
+pub use motor::{
+    BrakeAction, FunctionName, MotorArgs, MotorSetting, MotorTarget, OnOff, Reports, Zero,
 };
 pub use plan::{HostLine, PlanArgs};
 use values::{clear_target, seconds, stop_target};
@@ -320,6 +324,23 @@ pub enum Command {
             mgw adopt 0@1000000 1@210526 2@115200 --output robot.toml\n  \
             mgw adopt --stop-action hold --output robot.toml --force")]
     Adopt(AdoptArgs),
+
+    /// Show or change the settings of one motor: id, bitrate, gains, ramps, limits, timeout, …
+    ///
+    /// Without a value it only reads. Each change is read back where the motor tells it, and what
+    /// it says before and after is shown. What stays in the motor, restarts it or may leave it out
+    /// of reach asks on a terminal; --yes agrees beforehand. Every axis on the bus must be idle;
+    /// nothing moves. A motor need not be an axis: it is lent one meanwhile, where one is free.
+    #[command(after_help = "Examples:\n  \
+            mgw motor 0 pid                             gains of the motor of axis 0\n  \
+            mgw motor 0 acceleration velocity_acceleration_dps2=3000\n  \
+            mgw motor 0:1@1000000 id 2                  a motor that is no axis yet\n  \
+            mgw motor 1:d5:0x0B id 12 --yes\n  \
+            mgw motor 0:thruster:11 timeout 500\n  \
+            mgw motor 0 dump --output left-knee.toml\n  \
+            mgw motor 0 diff left-knee.toml\n  \
+            mgw motor 0 restore left-knee.toml")]
+    Motor(MotorArgs),
 
     /// Look at link, gateway, buses, motors, timeouts, firmware and clocks, and say what to do
     ///

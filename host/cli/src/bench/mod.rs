@@ -6,7 +6,6 @@ mod spread;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use gateway::{Assumptions, Gateway, MAX_BUSES, Set};
@@ -20,6 +19,7 @@ use crate::config::{self, BoardPorts, Configuration};
 use crate::failure::Failure;
 use crate::plan::{Plan, Premises};
 use crate::session::Session;
+use crate::terminal;
 use spread::Spread;
 
 /// What was measured.
@@ -108,21 +108,11 @@ fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure
 
 /// Asks whether to arm, unless that is said already.
 fn ask(session: &Session, arguments: &BenchArgs, axes: &[u8]) -> Result<(), Failure> {
-    if arguments.yes {
-        return Ok(());
-    }
     let what = format!(
         "bench arms axes {axes:?} and gives them {} rad/s, thrusters signal 0",
         arguments.velocity
     );
-    let no = || Failure::Usage(format!("{what}. Add --yes"));
-    if session.out.is_json() || !io::stdin().is_terminal() {
-        return Err(no());
-    }
-    let _ = write!(io::stderr(), "{what}. Go on? [y/N] ");
-    let mut answer = String::new();
-    io::stdin().read_line(&mut answer).map_err(|_| no())?;
-    if matches!(answer.trim(), "y" | "Y" | "yes") { Ok(()) } else { Err(no()) }
+    terminal::agree(session.out, arguments.yes, &what)
 }
 
 /// How long each of so many rounds takes, in the time of the transport.

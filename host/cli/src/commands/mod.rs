@@ -11,6 +11,7 @@ mod drive;
 mod info;
 mod jog;
 mod limits;
+mod motor;
 mod moving;
 mod native;
 mod raw;
@@ -23,6 +24,8 @@ mod trips;
 mod watch;
 
 pub use drive::state_line;
+pub use motor::set_id as set_motor_id;
+pub use scan::motor_name;
 
 use mgw_client::{Interrupt, Transport};
 
@@ -56,9 +59,11 @@ pub fn run(
     let session = &mut session;
     let _waiting = match command {
         // These wait for what the user wants.
-        Command::Arm { .. } | Command::Jog(_) | Command::Watch(_) | Command::Raw { .. } => {
-            Progress::none()
-        }
+        Command::Arm { .. }
+        | Command::Jog(_)
+        | Command::Watch(_)
+        | Command::Motor(_)
+        | Command::Raw { .. } => Progress::none(),
         _ => out.waiting_for("waiting for the motors"),
     };
     let result = dispatch(session, command);
@@ -76,6 +81,7 @@ pub fn run(
             | Command::OutputOff { .. }
             | Command::Scan(_)
             | Command::Adopt(_)
+            | Command::Motor(_)
             | Command::Doctor
             | Command::Raw { .. }
     );
@@ -126,6 +132,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Scan(arguments) => scan::run(session, arguments),
         Command::Doctor => doctor::run(session),
         Command::Adopt(arguments) => adopt::run(session, arguments),
+        Command::Motor(arguments) => motor::run(session, arguments),
         Command::Bus { bus } => bus::run(session, *bus),
         Command::Bench(arguments) => bench::run(session, arguments),
         Command::Raw { bus, unsafe_access, action } => {

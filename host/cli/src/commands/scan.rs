@@ -77,9 +77,14 @@ fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {
 
 /// Protocol and node, as in `rmd 1` or `thruster 0x0B`.
 pub fn name(motor: &Found) -> String {
-    match motor.protocol {
-        Protocol::Rmd => format!("{} {}", motor.protocol, motor.node),
-        Protocol::Thruster | Protocol::D5 => format!("{} 0x{:02X}", motor.protocol, motor.node),
+    motor_name(motor.protocol, motor.node)
+}
+
+/// The same of a motor that is not found yet.
+pub fn motor_name(protocol: Protocol, node: u8) -> String {
+    match protocol {
+        Protocol::Rmd => format!("{protocol} {node}"),
+        Protocol::Thruster | Protocol::D5 => format!("{protocol} 0x{node:02X}"),
     }
 }
 

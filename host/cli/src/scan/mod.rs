@@ -245,7 +245,7 @@ fn configure(session: &mut Session, bus: u8, config: Option<BusConfig>) -> Resul
 }
 
 /// What motors there may be at a bitrate: D5 motors share a bus with no other.
-fn looked_for(kind: BusKind, bitrate: u32) -> ProtocolSet {
+pub fn looked_for(kind: BusKind, bitrate: u32) -> ProtocolSet {
     let (least, most) = ::d5::can::BITRATES;
     match kind {
         BusKind::Can if (least..=most).contains(&bitrate) => ProtocolSet::of(&[Protocol::D5]),

@@ -12,14 +12,14 @@ macro_rules! guide {
 }
 
 /// What the guide has typed.
-enum Typed {
+pub enum Typed {
     /// A command, and the lines below it.
     Command(Vec<&'static str>, Vec<&'static str>),
     /// A line in the window of the simulator.
     Simulator(&'static str),
 }
 
-fn all_typed(guide: &'static str) -> Vec<Typed> {
+pub fn all_typed(guide: &'static str) -> Vec<Typed> {
     let mut all = Vec::new();
     let mut is_console = false;
     for line in guide.lines() {
@@ -39,7 +39,7 @@ fn all_typed(guide: &'static str) -> Vec<Typed> {
 }
 
 /// Whether a line is printed as the guide has it; `…` stands for anything, and more may follow.
-fn is_printed(wanted: &str, printed: &str) -> bool {
+pub fn is_printed(wanted: &str, printed: &str) -> bool {
     printed.lines().any(|line| {
         let mut rest = Some(line);
         for part in wanted.split('…') {

@@ -14,6 +14,7 @@ mod hostile_text;
 #[cfg(unix)]
 mod jog;
 mod killed_host;
+mod motor;
 mod moving;
 mod native;
 #[cfg(target_os = "linux")]

@@ -1,0 +1,375 @@
+//! Which motor is meant, and the axis that it has for as long as the command lasts.
+
+use std::time::Duration;
+
+use ::rmd::{Dialect, Recognised};
+use host_protocol::{
+    AxisParameter, BusConfig, BusKind, Error, Protocol, ProtocolSet, StopAction, Value,
+};
+use mgw_client::ClientError;
+
+use super::{Motor, Run, failed};
+use crate::args::{Bitrates, MotorTarget, ScanTarget};
+use crate::config::{self, Configuration, NEW_BUS};
+use crate::failure::Failure;
+use crate::scan::{Found, Scanned, Wanted, looked_for, scan};
+use crate::session::Session;
+
+/// The level at which a D5 answers nothing, not even a scan.
+const MUTE: u8 = 0;
+
+/// What is asked of a motor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    /// What it has.
+    Read,
+    /// A change.
+    Write,
+    /// A change of its id: who else is on the bus has to be known, thrusters too.
+    WriteId,
+    /// That it answers at all (D5).
+    WriteAckLevel,
+}
+
+/// Finds a motor, and has `act` deal with it.
+pub fn on_motor(
+    session: &mut Session,
+    target: MotorTarget,
+    yes: bool,
+    asked: Asked,
+    act: impl FnOnce(&mut Run<'_>) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let base = config::read(&mut session.client)?;
+    let place = Place::of(session, &base, target)?;
+    let mut run = Run {
+        motor: Motor {
+            axis: place.axis.unwrap_or(u8::MAX),
+            is_own: place.axis.is_some(),
+            bus: place.bus,
+            kind: place.kind,
+            bitrate: place.config.bitrate,
+            protocol: place.protocol.unwrap_or(Protocol::Rmd),
+            node: place.node,
+            dialects: Vec::new(),
+            found: None,
+            others: Vec::new(),
+        },
+        session,
+        yes,
+        now: base.clone(),
+        after: base,
+    };
+    let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
+    let left = run.leave();
+    match (done, left) {
+        (done, Ok(())) => done,
+        (Ok(()), Err(cause)) => match run.not_left(&cause) {
+            Some(text) => Err(failed("NotTakenBack", text)),
+            None => Err(cause),
+        },
+        (Err(failure), Err(cause)) => match run.not_left(&cause) {
+            Some(text) => Err(failed("NotTakenBack", format!("{failure}\n{text}"))),
+            None => Err(failure),
+        },
+    }
+}
+
+/// Where a motor is to be found.
+struct Place {
+    axis: Option<u8>,
+    bus: u8,
+    kind: BusKind,
+    /// As the bus has to run.
+    config: BusConfig,
+    protocol: Option<Protocol>,
+    node: u8,
+}
+
+fn unsigned(value: Option<&Value>) -> Option<u32> {
+    match value {
+        Some(Value::Unsigned(number)) => Some(*number),
+        _ => None,
+    }
+}
+
+fn byte(value: Option<&Value>) -> Option<u8> {
+    unsigned(value).and_then(|number| u8::try_from(number).ok())
+}
+
+impl Place {
+    fn of(
+        session: &mut Session,
+        base: &Configuration,
+        target: MotorTarget,
+    ) -> Result<Self, Failure> {
+        let kind_of = |session: &Session, bus: u8| {
+            let bus = session.client.hello().buses.get(usize::from(bus));
+            bus.map_or(BusKind::Can, |capability| capability.kind)
+        };
+        match target {
+            MotorTarget::Axis(axis) => {
+                session.refuse_unconfigured(&[axis], "it has no motor")?;
+                let values = base.axes.get(&axis);
+                let get = |parameter| values.and_then(|values| values.get(&parameter));
+                let missing = |parameter: AxisParameter| {
+                    ClientError::Gateway(Error::NotConfigured {
+                        axis,
+                        parameter: parameter.number(),
+                    })
+                };
+                let bus = byte(get(AxisParameter::Bus)).ok_or(missing(AxisParameter::Bus))?;
+                let node = byte(get(AxisParameter::Node)).ok_or(missing(AxisParameter::Node))?;
+                let protocol = unsigned(get(AxisParameter::Protocol));
+                let protocol = protocol.and_then(|number| Protocol::try_from(number).ok());
+                let protocol = protocol.ok_or(missing(AxisParameter::Protocol))?;
+                let config = base.buses.get(&bus).copied();
+                let config = config.ok_or(ClientError::Gateway(Error::BusNotConfigured { bus }))?;
+                let kind = kind_of(session, bus);
+                Ok(Self { axis: Some(axis), bus, kind, config, protocol: Some(protocol), node })
+            }
+            MotorTarget::Place { bus, protocol, node, bitrate } => {
+                // The gateway says which buses there are.
+                let there = session.client.bus_status(bus)?.config;
+                let kind = kind_of(session, bus);
+                let config = bus_config(base, bus, kind, there, protocol, bitrate)?;
+                let axis = axis_of(base, bus, protocol, node);
+                Ok(Self { axis, bus, kind, config, protocol, node })
+            }
+        }
+    }
+}
+
+/// How the bus has to run so that the motor is reached.
+fn bus_config(
+    base: &Configuration,
+    bus: u8,
+    kind: BusKind,
+    there: Option<BusConfig>,
+    protocol: Option<Protocol>,
+    bitrate: Option<u32>,
+) -> Result<BusConfig, Failure> {
+    let bitrate = match (there, bitrate) {
+        (None, None) => {
+            return Err(Failure::Usage(format!(
+                "bus {bus} is not configured: name the motor's bitrate too, as in {bus}:1@1000000"
+            )));
+        }
+        (Some(config), None) => return Ok(config),
+        (Some(config), Some(bitrate)) if config.bitrate == bitrate => return Ok(config),
+        (_, Some(bitrate)) => bitrate,
+    };
+    if let Some(axis) = axes_on(base, bus).first().copied() {
+        return Err(Failure::Explained {
+            error: Error::AxisOnBus { bus, axis },
+            text: format!(
+                "bus {bus} belongs to axis {axis}: its motors are reached at its own bitrate only"
+            ),
+        });
+    }
+    let protocols = match (kind, protocol) {
+        (BusKind::Can, _) => looked_for(kind, bitrate),
+        (BusKind::Rs485, Some(protocol)) => ProtocolSet::of(&[protocol]),
+        (BusKind::Rs485, None) => {
+            return Err(Failure::Usage(format!(
+                "bus {bus} is a line for one protocol: name it, as in {bus}:rmd:1@{bitrate}"
+            )));
+        }
+    };
+    Ok(BusConfig { bitrate, protocols, ..NEW_BUS })
+}
+
+/// The axes on a bus.
+pub(super) fn axes_on(configuration: &Configuration, bus: u8) -> Vec<u8> {
+    let here = configuration
+        .axes
+        .iter()
+        .filter(|(_, values)| byte(values.get(&AxisParameter::Bus)) == Some(bus));
+    here.map(|(axis, _)| *axis).collect()
+}
+
+/// The axis that is configured for a motor; where no protocol is named, if only one has that node.
+pub(super) fn axis_of(
+    configuration: &Configuration,
+    bus: u8,
+    protocol: Option<Protocol>,
+    node: u8,
+) -> Option<u8> {
+    let is_it = |axis: &u8| {
+        let values = configuration.axes.get(axis);
+        let get = |parameter| unsigned(values.and_then(|values| values.get(&parameter)));
+        get(AxisParameter::Node) == Some(node.into())
+            && protocol.is_none_or(|protocol| {
+                get(AxisParameter::Protocol) == Some(protocol.number().into())
+            })
+    };
+    let mut all = axes_on(configuration, bus).into_iter().filter(is_it);
+    all.next().filter(|_| all.next().is_none())
+}
+
+impl Run<'_> {
+    /// Looks for the motor, and gives it an axis where it has none.
+    fn prepare(&mut self, place: &Place, asked: Asked) -> Result<(), Failure> {
+        let mut wanted = self.now.clone();
+        wanted.buses.insert(place.bus, place.config);
+        self.configure(wanted)?;
+        // A thruster is asked as seldom as can be: any command may end its timeout.
+        let is_thruster = place.protocol == Some(Protocol::Thruster);
+        if !is_thruster || asked == Asked::WriteId {
+            let scanned = self.look(place.protocol)?;
+            self.take(place, asked, scanned)?;
+        }
+        self.refuse_doubt(asked)?;
+        self.lend_axis(asked)
+    }
+
+    /// What is on the bus.
+    pub(super) fn look(&mut self, protocol: Option<Protocol>) -> Result<Scanned, Failure> {
+        let target = ScanTarget { bus: self.motor.bus, bitrates: Bitrates::Configured };
+        let thrusters = protocol == Some(Protocol::Thruster);
+        let wanted = Wanted { targets: vec![target], listen: Duration::ZERO, thrusters };
+        let mut all = Vec::new();
+        scan(self.session, &wanted, |_, scanned| {
+            all.push(scanned);
+            Ok(())
+        })?;
+        all.pop().ok_or_else(|| failed("NotFound", format!("{}: not found", self.motor.name())))
+    }
+
+    fn take(&mut self, place: &Place, asked: Asked, scanned: Scanned) -> Result<(), Failure> {
+        let is_it = |motor: &Found| {
+            motor.node == place.node
+                && place.protocol.is_none_or(|protocol| motor.protocol == protocol)
+        };
+        let (meant, others): (Vec<Found>, Vec<Found>) = scanned.motors.into_iter().partition(is_it);
+        self.motor.others = others;
+        let mute = asked == Asked::WriteAckLevel && place.protocol == Some(Protocol::D5);
+        match meant.as_slice() {
+            [one] => {
+                self.motor.protocol = one.protocol;
+                self.motor.found = Some(one.clone());
+                if !self.motor.is_own {
+                    // Only now it is known which protocol it is.
+                    let (bus, node) = (place.bus, place.node);
+                    let axis = axis_of(&self.now, bus, Some(one.protocol), node);
+                    self.motor.is_own = axis.is_some();
+                    self.motor.axis = axis.unwrap_or(self.motor.axis);
+                }
+                Ok(())
+            }
+            [] if mute => Ok(()),
+            [] => Err(failed("NotFound", self.not_found(scanned.unacknowledged))),
+            several => {
+                let names: Vec<String> =
+                    several.iter().map(|motor| self.of(motor).target(motor.node)).collect();
+                Err(failed("Ambiguous", format!("which of them: {}?", names.join(", "))))
+            }
+        }
+    }
+
+    fn of(&self, found: &Found) -> Motor {
+        Motor { protocol: found.protocol, ..self.motor.clone() }
+    }
+
+    fn not_found(&self, unacknowledged: bool) -> String {
+        let Motor { bus, node, bitrate, .. } = self.motor;
+        let why = if unacknowledged { ", where nobody acknowledges" } else { "" };
+        let there: Vec<String> =
+            self.motor.others.iter().map(|other| self.of(other).at(other.node)).collect();
+        let there = match there.as_slice() {
+            [] => String::new(),
+            some => format!("; there are: {}", some.join(", ")),
+        };
+        format!(
+            "bus {bus} at {bitrate} bit/s{why}: no motor {node} answers{there}. Thrusters are \
+                asked only where they are named, as in {bus}:thruster:{node}"
+        )
+    }
+
+    /// Refuses to change a motor of which two seem to be there, or that is not what its axis says.
+    fn refuse_doubt(&self, asked: Asked) -> Result<(), Failure> {
+        let Some(found) = &self.motor.found else { return Ok(()) };
+        let name = self.motor.name();
+        if found.doubled.is_some() && asked != Asked::Read {
+            return Err(failed(
+                "TwoMotors",
+                format!("{name}: two motors seem to have this id. Unplug one first"),
+            ));
+        }
+        if let Some(stated) = found.contradicted {
+            return Err(failed(
+                "DialectContradicted",
+                format!(
+                    "{name}: its answers contradict rmd_dialect = {} of axis {}. State the right \
+                        one first; `mgw scan {}` has the answers",
+                    stated.name(),
+                    self.motor.axis,
+                    self.motor.bus
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    fn lend_axis(&mut self, asked: Asked) -> Result<(), Failure> {
+        let mut wanted = self.now.clone();
+        if !self.motor.is_own {
+            let max_axes = self.session.client.hello().max_axes;
+            let free = (0..max_axes).find(|axis| !wanted.axes.contains_key(axis));
+            self.motor.axis = free.ok_or_else(|| {
+                failed("NoAxis", "every axis is configured: remove one, then try again".to_owned())
+            })?;
+            let bus = wanted.buses.entry(self.motor.bus).or_insert(NEW_BUS);
+            bus.protocols = bus.protocols.with(self.motor.protocol);
+        }
+        let Motor { axis, is_own, bus, protocol, node, .. } = self.motor;
+        let values = wanted.axes.entry(axis).or_default();
+        let mut set = |parameter, number: u32| values.insert(parameter, Value::Unsigned(number));
+        if !is_own {
+            let stop = if protocol == Protocol::D5 { StopAction::Hold } else { StopAction::Coast };
+            set(AxisParameter::Bus, bus.into());
+            set(AxisParameter::Protocol, protocol.into());
+            set(AxisParameter::Node, node.into());
+            set(AxisParameter::StopAction, stop.into());
+        }
+        if protocol == Protocol::Rmd {
+            let stated = (is_own && self.motor.found.is_some())
+                .then(|| self.session.client.read_axis_parameter(axis, AxisParameter::RmdDialect));
+            let stated = match stated.transpose()? {
+                Some(Some(Value::Unsigned(number))) => Dialect::from_number(number),
+                _ => None,
+            };
+            let recognised = self.motor.found.as_ref().and_then(|found| found.recognised);
+            self.motor.dialects = match stated.filter(|stated| *stated != Dialect::Unknown) {
+                Some(stated) => vec![stated],
+                None => possible(recognised),
+            };
+            let dialect = self.motor.dialect();
+            let number = Dialect::ALL.iter().position(|of| *of == dialect).unwrap_or(0);
+            if stated != Some(dialect) {
+                set(AxisParameter::RmdDialect, u32::try_from(number).unwrap_or(0));
+            }
+            // From V4.4 on nothing is stored while the output is on, as it is on one that holds.
+            if is_own && asked != Asked::Read && dialect == Dialect::V4_4 {
+                set(AxisParameter::StopAction, StopAction::Coast.into());
+            }
+        }
+        let level = self.motor.found.as_ref().map_or(Some(MUTE), |found| found.ack_level);
+        if protocol == Protocol::D5
+            && let Some(level) = level.filter(|level| *level != 2 || is_own)
+            && asked != Asked::Read
+        {
+            set(AxisParameter::D5AckLevel, level.into());
+        }
+        self.configure(wanted)
+    }
+}
+
+/// What a motor may speak.
+fn possible(recognised: Option<Recognised>) -> Vec<Dialect> {
+    let known = |dialect: &Dialect| *dialect != Dialect::Unknown;
+    match recognised {
+        Some(Recognised::As(dialect)) => vec![dialect],
+        Some(Recognised::OneOf(some)) => some.iter().filter(known).collect(),
+        Some(Recognised::Contradicted) | None => vec![Dialect::Unknown],
+    }
+}

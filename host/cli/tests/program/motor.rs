@@ -1,0 +1,247 @@
+//! `mgw motor` as a user types it, and docs/motor-settings.md as printed.
+
+use crate::guide::{Typed, all_typed, is_printed};
+use crate::support::Sim;
+
+const GUIDE: &str = include_str!("../../../../docs/motor-settings.md");
+
+fn with_motors(motors: &[&str]) -> Sim {
+    let words: Vec<&str> = motors.iter().flat_map(|motor| ["--motor", motor]).collect();
+    unhurried(Sim::with(&words))
+}
+
+/// A machine that is busy with other things ends no command there.
+fn unhurried(sim: Sim) -> Sim {
+    sim.mgw(&["config", "gateway", "link_silence_us=10000000"]).success();
+    sim
+}
+
+/// A file of this test alone.
+fn file(name: &str) -> String {
+    let file = std::env::temp_dir().join(format!("mgw-{}-{name}.toml", std::process::id()));
+    let _ = std::fs::remove_file(&file);
+    file.to_str().expect("text").to_owned()
+}
+
+#[test]
+fn the_page_on_settings_is_as_printed() {
+    let path = file("knee");
+    let mut all = all_typed(GUIDE).into_iter();
+    let Some(Typed::Command(sim, _)) = all.next() else { panic!("the simulation comes first") };
+    let mut sim = unhurried(Sim::with(&sim[1..]));
+    let mut count = 0;
+    for typed in all {
+        match typed {
+            Typed::Simulator(line) => {
+                sim.process.type_line(line);
+                sim.process.wait_for(line, |said| said.contains(line).then_some(()));
+            }
+            Typed::Command(words, wanted) => {
+                let typed =
+                    words.iter().map(|word| if *word == "knee.toml" { &path } else { *word });
+                let typed: Vec<&str> = typed.collect();
+                let printed = sim.mgw_once_in_command(&typed).success();
+                let printed = printed.replace(&path, "knee.toml");
+                for line in wanted {
+                    let words = words.join(" ");
+                    assert!(is_printed(line, &printed), "`mgw {words}`:\n{line}\n{printed}");
+                }
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 15, "{count} commands");
+    std::fs::remove_file(path).unwrap();
+    // All that was lent is taken back.
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+}
+
+#[test]
+fn what_stays_in_a_motor_needs_a_yes_where_there_is_no_terminal() {
+    let sim = unhurried(Sim::start());
+    for words in ["id 2", "bitrate 500000", "zero here", "pid speed_kp=1", "timeout 200", "reset"] {
+        let typed: Vec<&str> = ["motor", "0"].into_iter().chain(words.split(' ')).collect();
+        let text = sim.mgw_once_in_command(&typed).failure(2);
+        assert!(text.contains("Add --yes"), "{words}: {text}");
+    }
+    let id = sim.mgw_once_in_command(&["motor", "0", "id"]).success();
+    assert_eq!(id, "bus 0, rmd 1: id = 1\n");
+}
+
+#[test]
+fn the_row_of_an_axis_follows_its_motor() {
+    let sim = unhurried(Sim::start());
+    // What is known of a thruster's timeout comes and goes with its polls.
+    let rows = || -> Vec<String> {
+        let dump = sim.mgw(&["config", "dump"]).success();
+        let is_row = |line: &&str| !line.starts_with("motor_timeout_ms");
+        dump.lines().filter(is_row).map(str::to_owned).collect()
+    };
+    let mut expected = rows();
+    let text = sim.mgw_once_in_command(&["motor", "2", "id", "12", "--yes"]).success();
+    assert!(text.contains("axis 2: node = 12 in its row"), "{text}");
+    let text = sim.mgw_once_in_command(&["motor", "0", "id", "2", "--yes"]).success();
+    assert!(text.contains("axis 0: node = 2 in its row"), "{text}");
+    for (axis, node) in [("axis = 0", "node = 2"), ("axis = 2", "node = 12")] {
+        let row = expected.iter().position(|line| line == axis).unwrap();
+        let place = expected[row..].iter().position(|line| line.starts_with("node")).unwrap();
+        expected[row + place] = node.to_owned();
+    }
+    assert_eq!(rows(), expected);
+    for axis in ["0", "2"] {
+        sim.mgw_once_in_command(&["set", axis, "velocity", "3", "--for", "0.2"]).success();
+    }
+}
+
+#[test]
+fn an_id_that_is_taken_or_may_reach_others_is_refused() {
+    let sim = with_motors(&["0:rmd:1:v3_9", "0:rmd:7:v3_9", "1:d5:11", "1:d5:12"]);
+    let failed = |words: &str| {
+        let typed: Vec<&str> = words.split(' ').chain(["--yes"]).collect();
+        sim.mgw_once_in_command(&typed).failure(1)
+    };
+    let text = failed("motor 0:1@1000000 id 7");
+    assert!(text.contains("rmd 7 answers already"), "{text}");
+    let text = failed("motor 0:1@1000000 id 2");
+    assert!(text.contains("0x79 gives every RMD of the bus that id"), "{text}");
+    let text = failed("motor 1:11@210526 id 12");
+    assert!(text.contains("d5 0x0C answers already"), "{text}");
+    // A reset would make two of them 0x0B.
+    let text = failed("motor 1:12@210526 reset");
+    assert!(text.contains("d5 0x0B answers already"), "{text}");
+    let text = failed("motor 0:9@1000000 pid");
+    assert!(text.contains("no motor 9 answers; there are: rmd 1, rmd 7"), "{text}");
+    let text = sim.mgw_once_in_command(&["motor", "0:1@1000000", "id", "33", "--yes"]).failure(2);
+    assert!(text.contains("33 is no id. It takes 1 to 32"), "{text}");
+    sim.mgw_once_in_command(&["scan", "0@1000000", "--listen", "0"]).success();
+}
+
+#[test]
+fn an_axis_that_is_configured_for_the_id_keeps_it() {
+    let sim = unhurried(Sim::start());
+    sim.mgw_once_in_command(&[
+        "config",
+        "axis",
+        "5",
+        "bus=0",
+        "protocol=rmd",
+        "node=9",
+        "stop_action=hold",
+    ])
+    .success();
+    let text = sim.mgw_once_in_command(&["motor", "0", "id", "9", "--yes"]).failure(1);
+    assert!(text.contains("axis 5 is configured for rmd 9, which may be off"), "{text}");
+}
+
+#[test]
+fn two_motors_with_one_id_are_shown_and_not_changed() {
+    let sim = with_motors(&["0:rmd:1:v4_4", "0:rmd:1:v4_4"]);
+    let typed = ["motor", "0:1@1000000", "id", "2", "--yes"];
+    let text = sim.mgw_once_in_command(&typed).failure(1);
+    assert!(text.contains("two motors seem to have this id"), "{text}");
+}
+
+#[test]
+fn what_a_dialect_cannot_tell_is_not_written() {
+    let sim = with_motors(&["2:rmd:1:v4_2", "0:rmd:1:v3_7"]);
+    // V4.2 and V4.3 have the same gains, and the same codes of 0xB4.
+    let typed = ["motor", "2:rmd:1@115200", "pid", "speed_kp=0.25", "--yes"];
+    sim.mgw_once_in_command(&typed).success();
+    sim.mgw_once_in_command(&["motor", "2:rmd:1@115200", "bitrate", "500000", "--yes"]).success();
+    let text = sim.mgw_once_in_command(&["motor", "0:1@1000000", "acceleration"]).success();
+    assert!(text.contains("no command of its dialect reads position_deceleration_dps2"), "{text}");
+    let text = sim.mgw_once_in_command(&["motor", "0:1@1000000", "limits"]).failure(2);
+    assert!(text.contains("stands in no manual"), "{text}");
+    let typed = ["motor", "0:1@1000000", "bitrate", "250000", "--yes"];
+    let text = sim.mgw_once_in_command(&typed).failure(2);
+    assert!(text.contains("no code is known that sets 250000 bit/s"), "{text}");
+    let typed = ["motor", "0:1@1000000", "bitrate", "123456", "--yes"];
+    let text = sim.mgw_once_in_command(&typed).failure(2);
+    assert!(text.contains("does not run at 123456 bit/s"), "{text}");
+    let typed = ["motor", "0:1@1000000", "function", "fault-recovery", "on", "--yes"];
+    sim.mgw_once_in_command(&typed).failure(2);
+}
+
+#[test]
+fn a_dump_is_restored_and_all_that_is_wrong_with_a_file_is_told() {
+    let sim = with_motors(&["0:rmd:1:v4_4", "0:rmd:7:v3_9", "1:d5:11"]);
+    let (path, again) = (file("dump"), file("again"));
+    let run = |words: &str| {
+        let typed: Vec<&str> = words.split(' ').collect();
+        sim.mgw_once_in_command(&typed)
+    };
+    run("motor 0:1@1000000 pid current_kp=0.1 speed_ki=1e-5 --yes").success();
+    run(&format!("motor 0:1@1000000 dump --output {path}")).success();
+    let text = run(&format!("motor 0:1@1000000 dump --output {path}")).failure(1);
+    assert!(text.contains("is there already"), "{text}");
+    run("motor 0:1@1000000 pid current_kp=0.7 speed_ki=0.3 --yes").success();
+    run("motor 0:1@1000000 zero 500 --yes").success();
+    run("motor 0:1@1000000 id 3 --yes").success();
+
+    // Without --with-id the id stays.
+    let text = run(&format!("motor 0:3@1000000 restore {path} --yes")).success();
+    assert!(text.contains("encoder_offset_pulses 500 -> 0"), "{text}");
+    let text = run(&format!("motor 0:3@1000000 diff {path}")).success();
+    assert!(text.contains("the file has id = 1, which only --with-id restores"), "{text}");
+    run(&format!("motor 0:3@1000000 restore {path} --with-id --yes")).success();
+    run(&format!("motor 0:1@1000000 dump --output {again}")).success();
+    let read = |path: &str| std::fs::read_to_string(path).unwrap();
+    assert_eq!(read(&path), read(&again), "a round trip is the identity");
+
+    for (other, names) in [("0:7@1000000", "rmd_dialect"), ("1:11@210526", "protocol")] {
+        let text = run(&format!("motor {other} restore {path} --yes")).failure(2);
+        assert!(text.contains(&format!("it is for {names} = ")), "{text}");
+    }
+    let wrong = read(&path)
+        .replace("speed_kp = 0.5", "speed_kp = -1.0\nspeed_kx = 2")
+        .replace("position_acceleration_dps2 = 11459", "position_acceleration_dps2 = 0")
+        .replace("position_ki = 0.5", "position_ki = \"much\"");
+    std::fs::write(&again, wrong).unwrap();
+    let text = run(&format!("motor 0:1@1000000 restore {again} --yes")).failure(2);
+    for part in
+        ["`speed_kx` is not among", "position_ki takes a number", "speed_kp = -1", "dps2 = 0"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let text = run(&format!("motor 0:1@1000000 diff {path}"));
+    text.success();
+    for path in [path, again] {
+        std::fs::remove_file(path).unwrap();
+    }
+}
+
+#[test]
+fn what_is_typed_wrong_is_said() {
+    let sim = unhurried(Sim::start());
+    for words in [
+        &["motor"][..],
+        &["motor", "0"],
+        &["motor", "x", "id"],
+        &["motor", "0:servo:1", "id"],
+        &["motor", "0:1@fast", "id"],
+        &["motor", "2", "ack-level", "0"],
+        &["motor", "1", "pid"],
+        &["motor", "1", "reset"],
+        &["motor", "0", "clear-faults"],
+        &["motor", "0", "stream", "1", "100"],
+        &["motor", "2", "bitrate", "200000"],
+        &["motor", "0", "pid", "speed_kq=1"],
+    ] {
+        sim.mgw_once_in_command(words).failure(2);
+    }
+    let text = sim.mgw(&["motor", "9", "id"]).failure(1);
+    assert!(text.contains("axis 9 is not configured"), "{text}");
+    let text = sim.mgw_once_in_command(&["motor", "0:1@500000", "id"]).failure(1);
+    assert!(text.contains("bus 0 belongs to axis 0"), "{text}");
+}
+
+#[test]
+fn a_motor_whose_axis_is_in_use_is_left_alone() {
+    let sim = Sim::patient();
+    let moving = ["set", "0", "velocity", "2", "--for", "3"];
+    let moved = sim.mgw_beside(&moving, "0", &["active"], || {
+        sim.mgw_once_connected(&["motor", "0", "acceleration"]).failure(1);
+        sim.mgw_once_connected(&["motor", "1", "timeout", "500", "--yes"]).failure(1);
+    });
+    moved.success();
+}
