@@ -146,6 +146,32 @@ fn the_geometries_are_those_of_the_chips() {
 }
 
 #[test]
+fn a_bit_that_flips_brings_back_nothing_older() {
+    let (old, new) = (Rows::from([(0, vec![1; 20]), (3, vec![2; 9])]), vec![3; 20]);
+    let new = Rows::from([(0, new), (4, vec![4; 7])]);
+    let mut store = ConfigStore::new(G474Flash::new(16), 0..16 * 2048).unwrap();
+    save(&mut store, &old).unwrap();
+    save(&mut store, &new).unwrap();
+    let image = store.flash().bytes().to_vec();
+    let used = image.iter().rposition(|byte| *byte != 0xFF).expect("something is written") + 1;
+    let (mut kept, mut told) = (0, 0);
+    for bit in 0..used * 8 {
+        let mut flash = G474Flash::new(16);
+        flash.bytes().copy_from_slice(&image);
+        flash.bytes()[bit / 8] ^= 1 << (bit % 8);
+        let mut store = ConfigStore::new(flash, 0..16 * 2048).unwrap();
+        match read(&mut store) {
+            Ok(rows) => {
+                assert_eq!(rows, new, "bit {bit}");
+                kept += 1;
+            }
+            Err(_) => told += 1,
+        }
+    }
+    assert!(kept > 100 && told > 100, "{kept} kept, {told} told");
+}
+
+#[test]
 fn what_does_not_fit_leaves_what_was_there() {
     let mut store = ConfigStore::new(Flash::<2048, 8>::new(2), 0..4096).unwrap();
     let rows = Rows::from([(0, vec![1, 2, 3])]);
@@ -160,8 +186,8 @@ fn what_does_not_fit_leaves_what_was_there() {
 fn another_layout_is_refused_by_its_version() {
     let mut store = ConfigStore::new(Flash::<2048, 8>::new(4), 0..8192).unwrap();
     save(&mut store, &Rows::from([(0, vec![0xA5]), (5, vec![0x5A])])).unwrap();
-    // Key, layout, set, rows 0 and 5, the sum of their bytes.
-    let head = [0xFF, LAYOUT, 0, 0b10_0001, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0, 0, 0];
+    // Key, layout, number, set, rows 0 and 5, the sum of their bytes.
+    let head = [0xFF, LAYOUT, 0, 0, 0b10_0001, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0, 0, 0];
     let bytes = store.flash().bytes();
     assert_eq!(LAYOUT, 1);
     assert!(bytes.windows(head.len()).any(|window| window == head), "{:02X?}", &bytes[..128]);

@@ -2,7 +2,9 @@
 //! fails.
 //!
 //! There is room for two sets of rows, and a head that names the one that counts. A save writes the
-//! rows of the other set, then the head: one item, which is old or new. Wear-levelling, checksums and
+//! rows of the other set, then the head, twice: the first is one item, which is old or new, and the
+//! second keeps a head that has lost a bit from passing for one whose write was cut short, which
+//! would have the set before it count again. Wear-levelling, checksums and
 //! repair after a cut are those of `sequential-storage`. Each write goes to erased words, once: chips
 //! with an error-correcting code allow no other.
 //!
@@ -21,12 +23,12 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// The version of the layout. It grows when what was stored before would be misread.
 pub const LAYOUT: u8 = 1;
 
-/// Behind the keys of both sets.
-const HEAD_KEY: u8 = u8::MAX;
+/// Of the heads, in the order in which they are written: behind the keys of both sets.
+const HEAD_KEYS: [u8; 2] = [u8::MAX, u8::MAX - 1];
 const SET_KEYS: u8 = 64;
 const _: () = assert!(STORED_ROWS <= SET_KEYS as usize, "a set has a key for each row");
-/// The head: layout, set, the rows of it as bits, their digest.
-const HEAD: usize = 1 + 1 + 8 + 4;
+/// The head: layout, its number, set, the rows of it as bits, their digest.
+const HEAD: usize = 1 + 1 + 1 + 8 + 4;
 /// The longest item with its key, in whole words of any flash.
 const BUFFER: usize = MAX_STORED_ROW + MAX_WORD;
 const MAX_WORD: usize = 32;
@@ -43,6 +45,8 @@ pub struct ConfigStore<S: NorFlash> {
 /// What the head says.
 #[derive(Clone, Copy)]
 struct Head {
+    /// One more than that of the head before, modulo 256.
+    number: u8,
     set: u8,
     rows: u64,
     digest: u32,
@@ -113,17 +117,17 @@ impl<S: NorFlash> ConfigStore<S> {
         digest: u32,
         row: &mut dyn FnMut(usize, &mut [u8; MAX_STORED_ROW]) -> usize,
     ) -> Result<(), SaveError> {
-        let set = self.other_set().await?;
+        let next = self.next_head().await?;
         let (mut bytes, mut rows) = ([0; MAX_STORED_ROW], 0);
         for index in 0..STORED_ROWS {
             let length = row(index, &mut bytes);
             let bytes = bytes.get(..length).unwrap_or_default();
             if !bytes.is_empty() {
                 rows |= 1 << index;
-                self.store(key(set, index), bytes).await?;
+                self.store(key(next.set, index), bytes).await?;
             }
         }
-        self.store_head(Head { set, rows, digest }).await
+        self.store_head(Head { rows, digest, ..next }).await
     }
 
     /// Forgets the configuration.
@@ -131,17 +135,21 @@ impl<S: NorFlash> ConfigStore<S> {
     /// # Errors
     /// The flash fails.
     pub async fn forget(&mut self) -> Result<(), SaveError> {
-        let set = self.other_set().await?;
-        self.store_head(Head { set, rows: 0, digest: 0 }).await
+        let next = self.next_head().await?;
+        self.store_head(next).await
     }
 
-    /// The set that does not count. What this firmware cannot read is erased.
-    async fn other_set(&mut self) -> Result<u8, SaveError> {
+    /// The head of the set that does not count, with nothing in it. What this firmware cannot read
+    /// is erased.
+    async fn next_head(&mut self) -> Result<Head, SaveError> {
+        let none = Head { number: 0, set: 0, rows: 0, digest: 0 };
         match self.head().await {
-            Reading::Head(head) => Ok(1 - head.set),
-            Reading::Nothing => Ok(0),
+            Reading::Head(Head { number, set, .. }) => {
+                Ok(Head { number: number.wrapping_add(1), set: 1 - set, ..none })
+            }
+            Reading::Nothing => Ok(none),
             Reading::OtherLayout(_) | Reading::Damaged => {
-                self.map.erase_all().await.map(|()| 0).map_err(|_| SaveError::Failed)
+                self.map.erase_all().await.map(|()| none).map_err(|_| SaveError::Failed)
             }
         }
     }
@@ -149,8 +157,11 @@ impl<S: NorFlash> ConfigStore<S> {
     async fn store_head(&mut self, head: Head) -> Result<(), SaveError> {
         let [a, b, c, d, e, f, g, h] = head.rows.to_le_bytes();
         let [w, x, y, z] = head.digest.to_le_bytes();
-        let bytes: [u8; HEAD] = [LAYOUT, head.set, a, b, c, d, e, f, g, h, w, x, y, z];
-        self.store(HEAD_KEY, &bytes).await
+        let bytes: [u8; HEAD] = [LAYOUT, head.number, head.set, a, b, c, d, e, f, g, h, w, x, y, z];
+        for key in HEAD_KEYS {
+            self.store(key, &bytes).await?;
+        }
+        Ok(())
     }
 
     async fn store(&mut self, key: u8, bytes: &[u8]) -> Result<(), SaveError> {
@@ -161,18 +172,36 @@ impl<S: NorFlash> ConfigStore<S> {
         })
     }
 
+    /// The younger head of the two; of one alone, that.
     async fn head(&mut self) -> Reading {
-        let bytes = match self.map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await {
+        let [first, second] = HEAD_KEYS;
+        match (self.head_at(first).await, self.head_at(second).await) {
+            (Reading::Head(one), Reading::Head(other)) => {
+                // A save writes both, so they are one apart at most.
+                let is_younger = other.number == one.number.wrapping_add(1);
+                Reading::Head(if is_younger { other } else { one })
+            }
+            (Reading::Nothing | Reading::Damaged, other @ Reading::Head(_))
+            | (Reading::Nothing, other) => other,
+            (one, _) => one,
+        }
+    }
+
+    async fn head_at(&mut self, key: u8) -> Reading {
+        let bytes = match self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await {
             Ok(Some(bytes)) => bytes,
             Ok(None) => return Reading::Nothing,
             Err(_) => return Reading::Damaged,
         };
         match *bytes {
-            [LAYOUT, set @ 0..=1, a, b, c, d, e, f, g, h, w, x, y, z] => Reading::Head(Head {
-                set,
-                rows: u64::from_le_bytes([a, b, c, d, e, f, g, h]),
-                digest: u32::from_le_bytes([w, x, y, z]),
-            }),
+            [LAYOUT, number, set @ 0..=1, a, b, c, d, e, f, g, h, w, x, y, z] => {
+                Reading::Head(Head {
+                    number,
+                    set,
+                    rows: u64::from_le_bytes([a, b, c, d, e, f, g, h]),
+                    digest: u32::from_le_bytes([w, x, y, z]),
+                })
+            }
             [layout, ..] if layout != LAYOUT => Reading::OtherLayout(layout),
             _ => Reading::Damaged,
         }
