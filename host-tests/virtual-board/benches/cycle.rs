@@ -31,7 +31,7 @@ fn main() -> ExitCode {
 
 /// Whether the committed table holds.
 fn run(only: &str, renew: bool) -> Result<bool, Box<dyn Error>> {
-    let measured = measure(&image_path()?, only)?;
+    let measured = measure(&image_path()?, only, renew)?;
     settle(COMMITTED, renew, &measured, |committed| {
         Ok(measured.complaints(&Table::parse(committed)?, only))
     })

@@ -28,7 +28,7 @@ use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 use crate::board::Board;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, Line, Machine};
-use crate::measure::NotMeasurable;
+use crate::measure::{Fetches, Functions, NotMeasurable, STAGES};
 use crate::nodes::since_start;
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
@@ -47,6 +47,8 @@ const PER_BUS: u8 = 4;
 const BAUD: u32 = 3_000_000;
 /// Periods that are looked at.
 const PERIODS: u32 = 400;
+/// Those that are traced.
+const TRACED: u32 = 5;
 /// Until a cycle runs as it goes on.
 const SETTLED: Duration = Duration::from_millis(20);
 /// Nothing expires meanwhile.
@@ -78,16 +80,20 @@ pub struct Situation {
 }
 
 impl Situation {
-    /// All of a board.
-    pub fn all(board: Board) -> Vec<Self> {
-        let can = u8::try_from(board.can_ports.len()).expect("a few");
-        let usual = Self {
+    /// As many axes as a board has here, whose motors answer at once.
+    fn usual(board: Board) -> Self {
+        Self {
             per_bus: PER_BUS,
-            buses: can,
+            buses: u8::try_from(board.can_ports.len()).expect("a few"),
             delay: Duration::ZERO,
             period_percent: 105,
             has_setpoints: false,
-        };
+        }
+    }
+
+    /// All of a board.
+    pub fn all(board: Board) -> Vec<Self> {
+        let usual = Self::usual(board);
         let delayed = Duration::from_micros(200);
         let mut all = Vec::new();
         for delay in [Duration::ZERO, delayed] {
@@ -97,6 +103,7 @@ impl Situation {
             all.push(Self { delay, ..usual });
         }
         all.push(Self { period_percent: 100, ..usual });
+        all.push(Self { period_percent: 125, ..usual });
         all.push(Self { has_setpoints: true, ..usual });
         all
     }
@@ -127,11 +134,16 @@ impl fmt::Display for Situation {
     }
 }
 
-/// Measures the lines whose names contain `filter`, at both speeds.
+/// Measures the lines whose names contain `filter`, at both speeds. `is_traced`: of the usual line
+/// at the higher speed also which stage of the work the instructions belong to.
 /// Fails if the file is no image.
 /// Panics if the gateway does not do what it is asked for.
-pub fn measure(image: &Path, filter: &str) -> Result<Table, NotMeasurable> {
-    fs::read(image).map_err(|error| NotMeasurable(format!("{}: {error}", image.display())))?;
+pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, NotMeasurable> {
+    let unreadable =
+        |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
+    let file = fs::read(image).map_err(|error| unreadable(&error))?;
+    let functions = is_traced.then(|| Functions::read(&file)).transpose();
+    let functions = &functions.map_err(|error| unreadable(&error))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
     let wanted = &|| {
         let all = Situation::all(Board::chosen()).into_iter();
@@ -139,13 +151,18 @@ pub fn measure(image: &Path, filter: &str) -> Result<Table, NotMeasurable> {
     };
     let of_speed = |speed| {
         let mut rig = Rig::power_on(board().instructions_per_second(speed));
-        wanted().map(|situation| rig.measure(situation, speed)).collect::<Vec<Row>>()
+        let [fast, _] = Board::chosen().speeds;
+        let functions = functions.as_ref().filter(|_| speed == fast);
+        let measured: Vec<_> =
+            wanted().map(|situation| rig.measure(situation, speed, functions)).collect();
+        measured
     };
     let rows = thread::scope(|scope| {
         let runs = Board::chosen().speeds.map(|speed| scope.spawn(move || of_speed(speed)));
         runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic))).concat()
     });
-    Ok(Table { rows })
+    let (rows, stages): (Vec<Row>, Vec<_>) = rows.into_iter().unzip();
+    Ok(Table { rows, stages: stages.into_iter().flatten().collect() })
 }
 
 /// A board with its motors, configured.
@@ -175,7 +192,12 @@ impl Rig {
 
     /// Runs a cycle, and looks at it.
     /// Panics if the gateway refuses it, or tells of none.
-    pub fn measure(&mut self, situation: Situation, speed: u64) -> Row {
+    pub(crate) fn measure(
+        &mut self,
+        situation: Situation,
+        speed: u64,
+        functions: Option<&Functions>,
+    ) -> (Row, Option<String>) {
         let axes = situation.axes();
         let delay = Injection::ReplyTime(Some(situation.delay));
         for motor in 0..self.outside.motors() {
@@ -196,6 +218,10 @@ impl Rig {
         let mut told =
             |round: u32| situation.has_setpoints.then(|| frame(&axes, round, epoch, expires));
         self.run(SETTLED.div_duration_f64(period) as u32, period, &mut listener, &mut told);
+        let functions = functions.filter(|_| situation == Situation::usual(Board::chosen()));
+        let stages = functions.map(|functions| self.stages(situation, functions.clone()));
+        listener = Listener::default();
+        self.run(2, period, &mut listener, &mut told);
         let before = self.look();
         let first = listener.take();
         self.run(PERIODS, period, &mut listener, &mut told);
@@ -208,7 +234,27 @@ impl Rig {
             self.client.ping()
         });
         over.unwrap_or_else(|error| panic!("{situation}: {error}"));
-        row
+        (row, stages)
+    }
+
+    /// Which stage of the work the instructions of some periods belong to, for each axis and
+    /// period.
+    fn stages(&mut self, situation: Situation, functions: Functions) -> String {
+        let mut machine = self.machine.borrow_mut();
+        let mut fetches = Fetches::begin(&mut machine, functions);
+        for _ in 0..TRACED {
+            machine.run_for(Duration::from_micros(situation.period_us().into()));
+        }
+        let counts = fetches.look(&mut machine).stages;
+        fetches.end(&mut machine);
+        let axis_cycles = u64::from(TRACED) * situation.axes().len() as u64;
+        let stage =
+            |((stage, _), count): (&(&str, _), u64)| format!("{stage} {}", count / axis_cycles);
+        let stages: Vec<String> = STAGES.iter().zip(counts).map(stage).collect();
+        format!(
+            "{situation}, instructions for each axis and period by stage: {}",
+            stages.join(", ")
+        )
     }
 
     /// Runs for so many periods, and hears what is told.
@@ -292,6 +338,8 @@ struct Look {
 #[derive(Default)]
 struct Listener {
     deframer: Deframer,
+    /// A frame has ended since it began to listen: what comes next is whole.
+    is_in_step: bool,
     heard: Vec<CycleEvent>,
 }
 
@@ -299,6 +347,9 @@ impl Listener {
     fn hear(&mut self, bytes: &[u8]) {
         for byte in bytes {
             let Some(frame) = self.deframer.push(*byte) else { continue };
+            if !std::mem::replace(&mut self.is_in_step, true) {
+                continue;
+            }
             let frame = frame.expect("a sound frame");
             if frame.kind == Kind::Event && frame.number == CycleEvent::NUMBER {
                 let message = CycleMessage::decode(frame.body).expect("the event of a cycle");

@@ -23,10 +23,11 @@ use std::{fmt, fs, thread};
 use crate::board::Board;
 use crate::machine::Builder;
 use bench::{Bench, Count, Span};
+pub(crate) use fetches::Fetches;
 use fetches::Traced;
 use image::ImageFacts;
 use operations::Session;
-use stages::{Functions, STAGES};
+pub(crate) use stages::{Functions, STAGES};
 
 /// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with
 /// its caches, and a bad case without.

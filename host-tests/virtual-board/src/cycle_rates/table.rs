@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::sections::{Malformed, SEPARATOR, lines, not_committed, not_measured};
+use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_measured};
 
 /// By how much a rate may fall, and what a cycle costs may grow: a fiftieth, and a twentieth.
 const RATE_TOLERANCE: u64 = 50;
@@ -44,6 +44,8 @@ pub struct Row {
 pub struct Table {
     /// The lines.
     pub rows: Vec<Row>,
+    /// What is said of stages: read by people only.
+    pub stages: Vec<String>,
 }
 
 impl Row {
@@ -98,7 +100,8 @@ impl Table {
             let values = values.try_into().map_err(|_| Malformed { line })?;
             Ok(Row { what: what.to_owned(), speed: number(&speed)?, values })
         };
-        Ok(Self { rows: lines(text).map(row).collect::<Result<_, _>>()? })
+        let rows = lines(text).map(row).collect::<Result<_, _>>()?;
+        Ok(Self { rows, stages: Vec::new() })
     }
 
     /// What is wrong with a committed table, measured by this one, as far as it was measured: the
@@ -122,7 +125,7 @@ impl Table {
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.rows.iter().map(|row| row.what.len()).max().unwrap_or_default();
-        write!(f, "{:width$} {SEPARATOR} speed", "# axes x buses, delay")?;
+        write!(f, "{:width$} {SEPARATOR} speed", format!("{COMMENT} axes x buses, delay"))?;
         HEADS.iter().try_for_each(|head| write!(f, " {SEPARATOR} {head:>9}"))?;
         writeln!(f)?;
         for Row { what, speed, values } in &self.rows {
@@ -130,7 +133,7 @@ impl fmt::Display for Table {
             values.iter().try_for_each(|value| write!(f, " {SEPARATOR} {value:>9}"))?;
             writeln!(f)?;
         }
-        Ok(())
+        self.stages.iter().try_for_each(|stages| writeln!(f, "{COMMENT} {stages}"))
     }
 }
 
@@ -141,7 +144,10 @@ mod tests {
     fn table(rate: u64, cost: u64) -> Table {
         let mut values = [7; COLUMNS];
         (values[RATE], values[COST]) = (rate, cost);
-        Table { rows: vec![Row { what: "4 x 2, 0 us".to_owned(), speed: 250, values }] }
+        Table {
+            rows: vec![Row { what: "4 x 2, 0 us".to_owned(), speed: 250, values }],
+            stages: Vec::new(),
+        }
     }
 
     #[test]
@@ -163,7 +169,7 @@ mod tests {
 
     #[test]
     fn lines_that_only_one_table_has_are_named() {
-        let (none, one) = (Table { rows: Vec::new() }, table(1, 1));
+        let (none, one) = (Table { rows: Vec::new(), stages: Vec::new() }, table(1, 1));
         assert_eq!(one.complaints(&none, ""), [not_committed("4 x 2, 0 us at 250 M")]);
         assert_eq!(none.complaints(&one, "4 x"), [not_measured("4 x 2, 0 us at 250 M")]);
         assert_eq!(none.complaints(&one, "1 x"), [""; 0]);

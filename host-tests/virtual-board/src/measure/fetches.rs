@@ -15,11 +15,11 @@ const END: &str = "__etext";
 
 /// What a trace says.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Traced {
+pub(crate) struct Traced {
     /// Reads of the flash.
-    pub(super) reads: u64,
+    pub(crate) reads: u64,
     /// Instructions by stage.
-    pub(super) stages: Counts,
+    pub(crate) stages: Counts,
 }
 
 impl Sub for Traced {
@@ -32,7 +32,7 @@ impl Sub for Traced {
 }
 
 /// A board's trace, and the cache that it is fed to.
-pub(super) struct Fetches {
+pub(crate) struct Fetches {
     code: Range<u64>,
     bytes: Vec<u8>,
     cache: Cache,
@@ -41,7 +41,7 @@ pub(super) struct Fetches {
 
 impl Fetches {
     /// Traces from now on.
-    pub(super) fn begin(machine: &mut Machine, functions: Functions) -> Self {
+    pub(crate) fn begin(machine: &mut Machine, functions: Functions) -> Self {
         let code = machine.symbol(BEGIN)..machine.symbol(END);
         let length = usize::try_from(code.end - code.start).expect("less than the flash");
         let bytes = machine.read_memory(code.start, length);
@@ -52,13 +52,13 @@ impl Fetches {
     }
 
     /// Traces no longer.
-    pub(super) fn end(self, machine: &mut Machine) {
+    pub(crate) fn end(self, machine: &mut Machine) {
         machine.trace(self.code, false);
         machine.take_hits();
     }
 
     /// What it says so far.
-    pub(super) fn look(&mut self, machine: &mut Machine) -> Traced {
+    pub(crate) fn look(&mut self, machine: &mut Machine) -> Traced {
         for hit in machine.take_hits() {
             let Some(at) = hit.address.checked_sub(self.code.start) else { continue };
             let Some(upper) = usize::try_from(at).ok().and_then(|at| self.bytes.get(at + 1)) else {

@@ -10,14 +10,14 @@ use object::{Object, ObjectSymbol, SymbolKind};
 use crate::machine::mangled;
 
 /// How many stages there are.
-pub(super) const COUNT: usize = STAGES.len();
+pub(crate) const COUNT: usize = STAGES.len();
 
 /// Instructions by stage, in the order of [`STAGES`].
-pub(super) type Counts = [u64; COUNT];
+pub(crate) type Counts = [u64; COUNT];
 
 /// The stages, and the paths that their functions begin with; the first that fits counts. The
 /// handlers of interrupts have names in capitals.
-pub(super) const STAGES: [(&str, &[&str]); 11] = [
+pub(crate) const STAGES: [(&str, &[&str]); 11] = [
     ("interrupts", &[]),
     ("core: events", &["gateway::gateway::Gateway::handle"]),
     (
@@ -47,7 +47,7 @@ struct Function {
 
 /// The functions of an image.
 #[derive(Debug, Clone)]
-pub(super) struct Functions(Vec<Function>);
+pub(crate) struct Functions(Vec<Function>);
 
 impl Functions {
     /// Of an ELF file.
@@ -55,7 +55,7 @@ impl Functions {
     /// # Errors
     ///
     /// In words, if it is none or a stage has no function in it.
-    pub(super) fn read(file: &[u8]) -> Result<Self, String> {
+    pub(crate) fn read(file: &[u8]) -> Result<Self, String> {
         let file = object::File::parse(file).map_err(|error| error.to_string())?;
         let mut functions = Vec::new();
         let mut has_functions = [false; COUNT];
