@@ -34,6 +34,16 @@ const fn longest(header_bits: u64) -> u64 {
     stuffed + (stuffed - 1) / STUFF_EVERY + TRAILER_BITS
 }
 
+/// Bits of a data frame without one stuffed, with intermission; of a standard one where the id is
+/// not known.
+pub(super) fn least_frame_bits(id: Option<Id>, data_bytes: usize) -> u64 {
+    let header = match id {
+        Some(Id::Extended(_)) => EXTENDED_HEADER_BITS,
+        Some(Id::Standard(_)) | None => STANDARD_HEADER_BITS,
+    };
+    header + 8 * data_bytes as u64 + CRC_BITS + TRAILER_BITS
+}
+
 /// Bits of a data frame, before stuffing and without what is not stuffed, at most.
 #[allow(clippy::cast_possible_truncation, reason = "118")]
 const UNSTUFFED_BITS: usize = (EXTENDED_HEADER_BITS + DATA_BITS + CRC_BITS) as usize;

@@ -1,11 +1,12 @@
 //! Whether what the axes of a bus must send and hear fits on it.
 
-use super::frame_bits::longest_frame_bits;
+use super::frame_bits::{least_frame_bits, longest_frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits, serial_of};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
-use crate::protocol;
+use crate::protocol::{self, Exchange};
 use crate::time::Duration;
+use core::num::NonZeroU64;
 use host_protocol::{BusConfig, BusKind, Error};
 
 /// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and
@@ -58,15 +59,46 @@ fn exchange_time(kind: BusKind, frame_bits: u64, config: &BusConfig) -> Duration
     }
 }
 
-/// Time that no exchange is shorter than: on CAN four bytes out and eight back without a stuff bit,
-/// which is what the shortest motors take; on RS485 the bytes of both frames.
-pub(crate) fn shortest_exchange(kind: BusKind, config: &BusConfig) -> Duration {
-    const CAN_BITS: u64 = 79 + 111;
-    let bits = match kind {
-        BusKind::Can => CAN_BITS,
-        BusKind::Rs485 => 2 * serial_frame_bits(serial_of(config.protocols)),
-    };
-    bits_at(bits, config.bitrate)
+/// The shortest period in which the bus might serve these of its axes: one exchange with each, no
+/// bit stuffed and no motor slow, beside the polls of their fault words and what they send by
+/// themselves; `None` where those leave no time.
+pub(crate) fn shortest_period<'a>(
+    bus: &Bus,
+    config: &BusConfig,
+    axes: impl Iterator<Item = &'a Axis>,
+) -> Option<Duration> {
+    const SECOND_US: u64 = 1_000_000;
+    let (mut cycle, mut others_us) = (Duration::ZERO, 0);
+    for axis in axes {
+        let replies = u64::from(protocol::replies_to_motion(&axis.config));
+        let exchange = |request_bytes, replies| {
+            let bits = match bus.kind() {
+                BusKind::Can => {
+                    let id = protocol::reply_id(&axis.config);
+                    least_frame_bits(id, request_bytes) + replies * least_frame_bits(id, 8)
+                }
+                BusKind::Rs485 => 2 * serial_frame_bits(serial_of(config.protocols)),
+            };
+            bits_at(bits, config.bitrate)
+        };
+        let bytes = |exchange| {
+            let command = protocol::command(exchange, &axis.config)?;
+            Some(protocol::to_can(&command, &axis.config)?.data().len())
+        };
+        // A setpoint has as many bytes as a stop.
+        cycle = cycle + exchange(bytes(Exchange::Stop).unwrap_or(0), replies);
+        let poll = exchange(bytes(Exchange::Faults).unwrap_or(0), 1);
+        let in_a_second = |time: Duration, every: Duration| {
+            time.as_micros() * SECOND_US / every.as_micros().max(1)
+        };
+        others_us += in_a_second(poll, axis.config.fault_poll());
+        if let Some(stream) = protocol::stream(&axis.config) {
+            let frame = exchange(0, 1);
+            others_us += in_a_second(frame.times(stream.frames), stream.interval);
+        }
+    }
+    let left_us = NonZeroU64::new(SECOND_US.saturating_sub(others_us))?;
+    Some(Duration::from_micros(cycle.as_micros() * SECOND_US / left_us))
 }
 
 /// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to

@@ -3,7 +3,7 @@
 
 use super::frame_bits::{STANDARD_FRAME_BITS, frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
-use super::load::{objections, share, streamed_permille};
+use super::load::{objections, share, shortest_period, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use super::{Bus, bits_at};
 use crate::MAX_AXES;
@@ -66,6 +66,9 @@ pub struct BusPlan {
     /// The period at which the cycle repeats beside everything else on the bus; `None` where
     /// nothing is left for it.
     pub period: Option<Duration>,
+    /// Below this `RunCycle` is refused: no bit stuffed and no motor slow, fault words are polled
+    /// all the same. What lies between it and `period` may hold.
+    pub shortest: Option<Duration>,
     /// What a single cycle takes at most: beside everything else, and behind a poll and a foreign
     /// frame that are under way.
     pub longest: Option<Duration>,
@@ -192,6 +195,7 @@ impl Bus {
             }),
             cycle,
             period: beside(cycle),
+            shortest: shortest_period(self, config, here()),
             longest: beside(cycle + longest_poll + blocked),
             polls_permille,
             streams_permille,

@@ -43,6 +43,9 @@ pub fn plan(
         ))?,
         _ => out.text("Cycle: none, a bus has no time left")?,
     }
+    out.text(
+        "RunCycle is refused below a bus's shortest period; from its period on it always holds",
+    )?;
     out.text(format!(
         "assumed: {} µs of the gateway's software to the bus, between requests and back; every \
          frame as long as its unknown bits can make it; a reply delay of {} µs where * stands",
@@ -63,6 +66,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
         ">wire µs",
         ">cycle µs",
         ">period µs",
+        ">shortest µs",
         ">longest µs",
         ">rate Hz",
         ">polls %",
@@ -80,6 +84,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
             plan.wire.as_micros().to_string(),
             plan.cycle.as_micros().to_string(),
             or_none(plan.period),
+            or_none(plan.shortest),
             or_none(plan.longest),
             bus_rate(plan).map_or(words::NOTHING.to_owned(), |rate| format!("{rate:.1}")),
             percent(plan.polls_permille),
@@ -159,7 +164,7 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
         json!({
             "bus": bus, "kind": kind(*bus, premises), "wire_us": us(plan.wire),
             "cycle_us": us(plan.cycle), "period_us": plan.period.map(us),
-            "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
+            "shortest_us": plan.shortest.map(us), "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
             "polls_permille": plan.polls_permille, "streams_permille": plan.streams_permille,
             "foreign_permille": plan.foreign_permille, "axes": axes.collect::<Value>(),
         })

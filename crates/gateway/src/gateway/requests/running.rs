@@ -7,7 +7,7 @@
 use super::Result;
 use super::cycle::axes_of;
 use crate::axis::{Axis, Is, PERIOD, Waits};
-use crate::bus::shortest_exchange;
+use crate::bus::shortest_period;
 use crate::gateway::Gateway;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
@@ -117,19 +117,22 @@ impl Gateway {
         Ok(())
     }
 
-    /// Refuses a period in which a bus could not carry one exchange with each of its axes, were
-    /// they as short as exchanges are and none behind the other.
+    /// Refuses a period that a bus could not keep at its best.
     fn check_period(&self, axes: Set, period: Duration) -> Result<()> {
         const ALL: u32 = 1_000;
         for bus in &self.buses {
             let Some(config) = bus.config() else { continue };
-            let here = u64::from(self.axes.on(bus.index()).and(axes).len());
-            let needed = shortest_exchange(bus.kind(), config).times(here);
-            let permille = needed.as_micros() * u64::from(ALL) / period.as_micros().max(1);
-            let needed_permille = u32::try_from(permille).unwrap_or(u32::MAX);
-            if needed_permille > ALL {
-                let bus = bus.index();
-                return Err(Error::BusOverloaded { bus, needed_permille, available_permille: ALL });
+            let here = self.axes.of(self.axes.on(bus.index()).and(axes));
+            let shortest = shortest_period(bus, config, here);
+            if shortest.is_none_or(|shortest| shortest > period) {
+                let needed = shortest.map_or(u64::MAX, |shortest| {
+                    (shortest.as_micros() * u64::from(ALL)).div_ceil(period.as_micros().max(1))
+                });
+                return Err(Error::BusOverloaded {
+                    bus: bus.index(),
+                    needed_permille: u32::try_from(needed).unwrap_or(u32::MAX),
+                    available_permille: ALL,
+                });
             }
         }
         Ok(())
