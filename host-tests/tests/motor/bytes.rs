@@ -60,7 +60,7 @@ fn an_rmd_of_v4_4() {
         "motor 0:1@1000000 zero here",
         &[off, "141#6400000000000000", "141#7600000000000000"],
     );
-    sends(&motors, "motor 0:1@1000000 timeout 300", &["141#B30000002C010000"]);
+    sends(&motors, "motor 0:1@1000000 timeout 300", &[off, "141#B30000002C010000"]);
     sends(&motors, "motor 0:1@1000000 reset", &[off, "141#7600000000000000"]);
     sends(&motors, "motor 0:1@1000000 function fault-recovery on", &[off, "141#2008000001000000"]);
     sends(

@@ -68,10 +68,11 @@ impl Step {
                 (at.saturating_sub(2)..=at + 2).any(|at| at < frames.len() && writes(&frames[at]));
             if near || !is_look(at) && at % 4 == 0 || at % LOOKS == 0 {
                 self.check(Cut::Power(at));
-                cuts += 1;
+                self.check(Cut::Gateway(at));
+                cuts += 2;
             }
         }
-        for at in (0..messages).step_by(step(messages)).chain(messages.saturating_sub(16)..messages)
+        for at in (0..messages).step_by(step(messages)).chain(messages.saturating_sub(12)..messages)
         {
             self.check(Cut::Cable(at));
             cuts += 1;
@@ -80,9 +81,9 @@ impl Step {
     }
 }
 
-/// So that a command of many messages is cut at about 40 of them.
+/// So that a command of many messages is cut at about 30 of them.
 fn step(messages: usize) -> usize {
-    (messages / 40).max(1)
+    (messages / 30).max(1)
 }
 
 /// Whether a frame changes the motor.

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use host_protocol::{DEFAULT_BAUD, Protocol};
+use host_protocol::{BootReason, DEFAULT_BAUD, Protocol};
 use mgw_cli::{Outcome, run_on};
 use mgw_client::{Interrupt, Transport};
 use mgw_sim::{BOARD, Injection, SimTransport, Station, Wiring, World};
@@ -26,8 +26,10 @@ pub enum Cut {
     Never,
     /// The cable to the host, after so many messages of it.
     Cable(usize),
-    /// The supply of the motor, after so many frames to it.
+    /// The supply of the motor, after so many frames of the gateway.
     Power(usize),
+    /// The supply of the gateway, after so many frames of it, for a moment.
+    Gateway(usize),
 }
 
 pub struct Rig {
@@ -143,6 +145,9 @@ impl Cutter {
             if self.cut == Cut::Power(sent.len()) {
                 world.power_cycle(MOTOR);
                 world.inject(MOTOR, Injection::Unplugged(true));
+            }
+            if self.cut == Cut::Gateway(sent.len()) {
+                world.reset(BootReason::PowerOn, "");
             }
         }
     }

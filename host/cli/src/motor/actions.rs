@@ -5,6 +5,7 @@ use d5::{Register, Width};
 use host_protocol::{AxisParameter, MotorTimeout, Protocol, Value};
 use thruster::{Milliseconds, ReturnFlags, ReturnFrames};
 
+use super::change::change_to;
 use super::identity::refuse_taken;
 use super::settings::{self, Group, Number, Values};
 use super::{Run, failed, lacks};
@@ -22,7 +23,10 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
         Protocol::Rmd => {
             let keys = settings::keys_of(&run.motor, Group::Zero)?;
             let before = settings::read(run, &keys)?;
-            run.agree("takes the place where its shaft stands for zero, in its ROM, and restarts")?;
+            run.agree(
+                "takes the place where its shaft stands for zero, in its ROM, and restarts; \
+                    positions and their limits count from there",
+            )?;
             run.switch_off()?;
             let written = match run.ask_rmd(&Request::WritePositionAsZero)? {
                 Reply::PositionWrittenAsZero { offset } => offset.0,
@@ -58,7 +62,7 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
 /// Shows the zero point of an RMD, or where a thruster's rudder stands from its own.
 pub fn zero(run: &mut Run<'_>) -> Result<(), Failure> {
     if run.motor.protocol != Protocol::Thruster {
-        return settings::change_to(run, "zero", Group::Zero, None);
+        return change_to(run, "zero", Group::Zero, None);
     }
     let position = position(run)?;
     run.report("zero", &position, None, &[])
@@ -100,6 +104,7 @@ pub fn timeout(run: &mut Run<'_>, timeout_ms: Option<u32>) -> Result<(), Failure
     };
     let without = if timeout_ms == 0 { ": nothing stops it when the gateway fails" } else { "" };
     run.agree(&format!("gets a timeout of {timeout_ms} ms{without}"))?;
+    run.switch_off()?;
     let has = run.session.client.provision_motor_timeout(axis, timeout_ms)?;
     let after = match run.motor.protocol {
         Protocol::D5 => one("timeout_switch", register(run, Register::TIMEOUT_SWITCH)?),

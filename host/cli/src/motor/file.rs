@@ -7,7 +7,8 @@ use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 
-use super::settings::{self, Key, Number, Values, all_wrong, unknown};
+use super::change::{all_wrong, change, check, unknown};
+use super::settings::{self, Key, Number, Values};
 use super::{Motor, Run, failed};
 use crate::args::MotorTarget;
 use crate::commands::set_motor_id;
@@ -125,7 +126,7 @@ fn read(motor: &Motor, path: &str) -> Result<File, Failure> {
             (_, None) => wrong.push(format!("{name} takes a number")),
         }
     }
-    wrong.extend(settings::check(motor, &file.settings));
+    wrong.extend(check(motor, &file.settings));
     if wrong.is_empty() { Ok(file) } else { Err(in_file(motor, &file, &wrong)) }
 }
 
@@ -238,7 +239,7 @@ pub fn restore(
             }
         }
         let keys: Vec<Key> = file.settings.iter().map(|(key, _)| *key).collect();
-        settings::change(run, "restore", &keys, file.settings, true)?;
+        change(run, "restore", &keys, file.settings, true)?;
         then = Some((run.motor.clone(), id, bitrate));
         Ok(())
     })?;

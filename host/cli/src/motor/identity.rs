@@ -108,7 +108,8 @@ fn conclude(run: &mut Run<'_>, old: u8, new: u8, seen: Seen) -> Result<u8, Failu
             return Ok(new);
         }
         Seen::Old => format!(
-            "it still answers as {old}. Switch it off and on, then `mgw scan {bus}`: where it has \
+            "it still answers as {old} (an RMD hears 0x79 only while `function can-id-filter` is \
+                off). Switch it off and on, then `mgw scan {bus}`: where it has \
                 id {new} then, `{}` leads back",
             back(run, new)
         ),

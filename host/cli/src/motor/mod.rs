@@ -4,6 +4,7 @@
 //! stands under the same rules as a native command of an axis; then the configuration is what it was.
 
 mod actions;
+mod change;
 mod file;
 mod identity;
 mod place;
@@ -27,10 +28,11 @@ use crate::terminal;
 pub use actions::{
     brake, clear_faults, function, reports, reset, returns, stream, timeout, zero, zero_here,
 };
+pub use change::{change_by_text, change_to};
 pub use file::{diff, dump, restore};
 pub use identity::{bitrate, id};
 pub use place::{Asked, on_motor};
-pub use settings::{Group, change_by_text, change_to};
+pub use settings::Group;
 
 use settings::Values;
 
@@ -135,6 +137,11 @@ fn refused(error: &EncodeError, motor: &Motor) -> Failure {
     Failure::Usage(format!("{}{speaks}: {error}", motor.name()))
 }
 
+/// A codec refuses a value; the motor is named elsewhere.
+fn motor_error(error: EncodeError) -> Failure {
+    Failure::Usage(error.to_string())
+}
+
 fn is_silence(error: &Error) -> bool {
     matches!(error, Error::NoReply { .. })
 }
@@ -220,6 +227,13 @@ impl Run<'_> {
         self.session.client.apply_changes()?;
         self.now = wanted;
         Ok(())
+    }
+
+    /// Whether the gateway has another configuration than it was given here, as after a loss of its
+    /// power: then there is nothing to take back.
+    fn is_reconfigured(&mut self) -> bool {
+        let is = |of: &Configuration| (of.buses.clone(), of.axes.clone());
+        config::read(&mut self.session.client).is_ok_and(|found| is(&found) != is(&self.now))
     }
 
     /// Makes the configuration what it shall be in the end.

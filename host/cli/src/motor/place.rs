@@ -60,17 +60,16 @@ pub fn on_motor(
         after: base,
     };
     let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
-    let left = run.leave();
-    match (done, left) {
-        (done, Ok(())) => done,
-        (Ok(()), Err(cause)) => match run.not_left(&cause) {
-            Some(text) => Err(failed("NotTakenBack", text)),
-            None => Err(cause),
-        },
-        (Err(failure), Err(cause)) => match run.not_left(&cause) {
-            Some(text) => Err(failed("NotTakenBack", format!("{failure}\n{text}"))),
-            None => Err(failure),
-        },
+    let left = match &done {
+        Err(_) if run.is_reconfigured() => return done,
+        _ => run.leave(),
+    };
+    let Err(cause) = left else { return done };
+    match (done, run.not_left(&cause)) {
+        (Ok(()), Some(text)) => Err(failed("NotTakenBack", text)),
+        (Ok(()), None) => Err(cause),
+        (Err(failure), Some(text)) => Err(failed("NotTakenBack", format!("{failure}\n{text}"))),
+        (Err(failure), None) => Err(failure),
     }
 }
 
@@ -214,6 +213,10 @@ impl Run<'_> {
         self.configure(wanted)?;
         // A thruster is asked as seldom as can be: any command may end its timeout.
         let is_thruster = place.protocol == Some(Protocol::Thruster);
+        if is_thruster && !self.motor.is_own {
+            let what = "any command may end the timeout that keeps a thruster at rest";
+            self.session.out.aside(what);
+        }
         if !is_thruster || asked == Asked::WriteId {
             let scanned = self.look(place.protocol)?;
             self.take(place, asked, scanned)?;
@@ -323,6 +326,7 @@ impl Run<'_> {
         }
         let Motor { axis, is_own, bus, protocol, node, .. } = self.motor;
         let values = wanted.axes.entry(axis).or_default();
+        let stop = unsigned(values.get(&AxisParameter::StopAction));
         let mut set = |parameter, number: u32| values.insert(parameter, Value::Unsigned(number));
         if !is_own {
             let stop = if protocol == Protocol::D5 { StopAction::Hold } else { StopAction::Coast };
@@ -349,7 +353,8 @@ impl Run<'_> {
                 set(AxisParameter::RmdDialect, u32::try_from(number).unwrap_or(0));
             }
             // From V4.4 on nothing is stored while the output is on, as it is on one that holds.
-            if is_own && asked != Asked::Read && dialect == Dialect::V4_4 {
+            let holds = stop == Some(StopAction::Hold.into());
+            if is_own && holds && asked != Asked::Read && dialect == Dialect::V4_4 {
                 set(AxisParameter::StopAction, StopAction::Coast.into());
             }
         }

@@ -1,7 +1,13 @@
 //! `mgw motor` as a user types it, and docs/motor-settings.md as printed.
 
+use std::fs::File;
+use std::io::Write;
+use std::process::Stdio;
+
+use nix::pty::openpty;
+
 use crate::guide::{Typed, all_typed, is_printed};
-use crate::support::Sim;
+use crate::support::{Sim, command};
 
 const GUIDE: &str = include_str!("../../../../docs/motor-settings.md");
 
@@ -66,6 +72,31 @@ fn what_stays_in_a_motor_needs_a_yes_where_there_is_no_terminal() {
     }
     let id = sim.mgw_once_in_command(&["motor", "0", "id"]).success();
     assert_eq!(id, "bus 0, rmd 1: id = 1\n");
+}
+
+/// Types an answer where it asks whether to go on; whether it did it.
+fn answered(sim: &Sim, answer: &str, arguments: &[&str]) -> (Option<i32>, String) {
+    let terminal = openpty(None, None).expect("a pseudo terminal");
+    let arguments = [&["--port", &sim.port], arguments].concat();
+    let mut command = command(&arguments);
+    let program = command.stdin(Stdio::from(terminal.slave)).spawn().expect("it starts");
+    let mut keys = File::from(terminal.master);
+    writeln!(keys, "{answer}").expect("it is a terminal");
+    let output = program.wait_with_output().expect("it ends");
+    (output.status.code(), String::from_utf8(output.stderr).expect("text"))
+}
+
+#[test]
+fn a_terminal_is_asked_and_a_no_changes_nothing() {
+    let sim = with_motors(&["1:d5:11"]);
+    let typed = ["motor", "1:11@210526", "id", "12"];
+    let (code, asked) = answered(&sim, "n", &typed);
+    assert_eq!(code, Some(2), "{asked}");
+    assert!(asked.contains("d5 0x0B: gets id 12 for good"), "{asked}");
+    assert!(asked.contains("Back with `mgw motor 1:d5:12 id 11`. Go on? [y/N]"), "{asked}");
+    sim.mgw_once_in_command(&["motor", "1:11@210526", "id"]).success();
+    assert_eq!(answered(&sim, "y", &typed).0, Some(0));
+    sim.mgw_once_in_command(&["motor", "1:12@210526", "id"]).success();
 }
 
 #[test]
@@ -203,8 +234,12 @@ fn a_dump_is_restored_and_all_that_is_wrong_with_a_file_is_told() {
     {
         assert!(text.contains(part), "{part}: {text}");
     }
-    let text = run(&format!("motor 0:1@1000000 diff {path}"));
-    text.success();
+    run(&format!("motor 0:1@1000000 diff {path}")).success();
+    run(&format!("motor 1:11@210526 dump --output {again} --force")).success();
+    let mute = read(&again).replace("ack_level = 2", "ack_level = 0");
+    std::fs::write(&again, mute).unwrap();
+    let text = run(&format!("motor 1:11@210526 restore {again} --yes")).failure(2);
+    assert!(text.contains("ack_level = 0: takes 1 or 2"), "{text}");
     for path in [path, again] {
         std::fs::remove_file(path).unwrap();
     }
