@@ -158,9 +158,10 @@ impl Measured {
         Some(Reading { value: self.number(field)?, age_us: self.age_us(now, field) })
     }
 
-    /// How old a field that is known is at `now`, µs.
+    /// How old a field is at `now`, µs; as old as can be where it is not known.
     pub fn age_us(&self, now: Instant, field: StateField) -> u32 {
-        self.at.get(index(field)).map_or(u32::MAX, |at| now.since(*at).as_micros_u32())
+        let at = self.at.get(index(field)).filter(|_| self.known.contains(field));
+        at.map_or(u32::MAX, |at| now.since(*at).as_micros_u32())
     }
 }
 

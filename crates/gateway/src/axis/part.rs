@@ -24,8 +24,9 @@ pub(super) struct Part {
     since: Instant,
     /// When the next one begins.
     next: Instant,
-    /// The motor has yet to answer the setpoint.
-    motion: bool,
+    /// The setpoint in force when the period began, or a later one, that the motor has yet to
+    /// answer.
+    motion: Option<u32>,
     /// What has still to be read, a bit for each of [`READS`].
     reads: u8,
     result: CycleResult,
@@ -37,7 +38,7 @@ impl Part {
     pub const NONE: Self = Self {
         since: Instant::from_micros(0),
         next: Instant::from_micros(0),
-        motion: false,
+        motion: None,
         reads: 0,
         result: CycleResult::Superseded,
         before: CycleResult::Superseded,
@@ -50,7 +51,7 @@ impl Part {
 
     /// Whether it has still to end.
     pub fn is_open(&self) -> bool {
-        self.motion || self.reads != 0
+        self.motion.is_some() || self.reads != 0
     }
 }
 
@@ -70,7 +71,7 @@ impl Axis {
         let mut part = Part {
             since: now,
             next,
-            motion: false,
+            motion: None,
             reads: 0,
             result: CycleResult::Answered,
             before: self.part.told(),
@@ -78,7 +79,7 @@ impl Axis {
         match &mut self.state {
             State::Active(_, motion) => {
                 // One that must not be sent twice is not.
-                part.motion = motion.due.is_some();
+                part.motion = motion.due.map(|_| motion.number);
                 motion.due = motion.due.map(|due| due.min(now));
             }
             State::Armed(_) => {}
@@ -88,7 +89,7 @@ impl Axis {
                 return;
             }
         }
-        part.reads = self.reads_for(fields, part.motion);
+        part.reads = self.reads_for(fields, part.motion.is_some());
         self.part = part;
     }
 
@@ -141,7 +142,10 @@ impl Axis {
         }
         let bit = READS.iter().position(|(exchange, _)| *exchange == request.exchange);
         let is_of_part = match request.exchange {
-            Exchange::Motion => core::mem::take(&mut part.motion),
+            // What was put on the bus before the period may have left in it.
+            Exchange::Motion => {
+                part.motion.take_if(|owed| !is_older(request.motion, *owed)).is_some()
+            }
             _ => bit.is_some_and(|bit| part.reads & 1 << bit != 0),
         };
         part.reads &= !bit.map_or(0, |bit| 1 << bit);
@@ -153,7 +157,7 @@ impl Axis {
     /// The axis stops: its part has ended.
     pub(super) fn stop_part(&mut self) {
         if self.part.is_open() {
-            self.part = Part { motion: false, reads: 0, result: CycleResult::Stopped, ..self.part };
+            self.part = Part { motion: None, reads: 0, result: CycleResult::Stopped, ..self.part };
         }
     }
 
@@ -184,6 +188,11 @@ impl Axis {
             faults: self.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
     }
+}
+
+/// Whether a setpoint came before another.
+fn is_older(number: u32, other: u32) -> bool {
+    number.wrapping_sub(other) > u32::MAX / 2
 }
 
 /// Shortest and longest period.

@@ -124,6 +124,20 @@ fn what_is_told_of_every_axis_and_what_of_one() {
     assert_eq!((event.states[0], event.states.len()), (0x03, 3));
 }
 
+/// The largest age stands for it, also soon after a start, when the gateway itself is younger.
+#[test]
+fn what_was_never_read_is_older_than_the_gateway() {
+    let mut rig = bench::rmd_axes(1);
+    let axes = 1 << 5;
+    run_cycle(&mut rig, axes, FIELDS, PERIOD_US).unwrap();
+    rig.run(10_000);
+    let told = events(&rig);
+    assert!(rig.now_us < 163_000 && told.len() > 2, "{}", rig.now_us);
+    for event in told {
+        assert!(event.states().all(|state| state.age_us == 163_830), "{event:?}");
+    }
+}
+
 /// What changes slowly is told of one axis in a period, with its age.
 #[test]
 fn slow_fields_come_in_turns() {
