@@ -30,6 +30,11 @@ impl Ask {
         [ask::EStop::NUMBER, ask::Stop::NUMBER, ask::Disarm::NUMBER].contains(&self.number)
     }
 
+    /// The cable's rate is the server's business: its end has to follow.
+    pub fn sets_baud(&self) -> bool {
+        self.number == ask::SetBaud::NUMBER
+    }
+
     pub fn opens_session(&self) -> bool {
         self.number == ask::Hello::NUMBER
     }

@@ -216,7 +216,7 @@ impl Multiplexer {
                 self.claims += 1;
             }
         }
-        let (stops, proved) = (ask.stops(), program.proved);
+        let (stops, sets_baud, proved) = (ask.stops(), ask.sets_baud(), program.proved);
         let Some(order) = program.keep(now, ask.clone()) else {
             program.inbox.request_dropped();
             if stops && proved {
@@ -229,6 +229,8 @@ impl Multiplexer {
             program.over = true;
         } else if stops {
             program.stops.push_back(Turn::New(order));
+        } else if sets_baud {
+            program.refuse(order, Error::LinkHasNoBaud {});
         } else if is_closed {
             program.refuse(order, Error::GatewayAway {});
         } else {

@@ -104,6 +104,21 @@ fn a_hello_of_the_one_in_command_ends_its_authority_like_silence() {
 }
 
 #[test]
+fn no_program_changes_the_rate_of_the_cable() {
+    let bench = Bench::new();
+    let (mut first, mut watcher) = (bench.program(), bench.program());
+    turn(&mut first);
+    for program in [&mut first, &mut watcher] {
+        assert_eq!(
+            refusal(program.request(&ask::SetBaud { baud: 2_000_000 })),
+            Error::LinkHasNoBaud {}
+        );
+    }
+    let sent = |number| bench.0.borrow().cable.iter().any(|(_, _, of)| *of == number);
+    assert!(sent(ask::Arm::NUMBER) && !sent(ask::SetBaud::NUMBER));
+}
+
+#[test]
 fn a_watcher_stops_while_the_one_in_command_floods() {
     let bench = Bench::new();
     let (mut first, mut watcher) = (bench.program(), bench.program());
