@@ -4,8 +4,8 @@
 use crate::bench::{self, VELOCITY, arm_axis, expiry, listed, run_with_host};
 use crate::rig::{Instead, Rig, Said};
 use host_protocol::{
-    AxisState, CycleEvent, CycleResult, Error, FixedU32, Quantity, Reply, Request, StateField,
-    StateFields, StopTarget, TripReason, replies, requests,
+    AxisState, CycleEvent, CycleResult, Error, FixedU32, Quantity, Reply, Request, Setpoint,
+    StateField, StateFields, StopTarget, TripReason, replies, requests,
 };
 
 const FIELDS: StateFields = StateFields::of(&[StateField::Position, StateField::Velocity]);
@@ -122,6 +122,49 @@ fn what_is_told_of_every_axis_and_what_of_one() {
     assert_eq!(event.fields, StateFields::of(&[StateField::Velocity]));
     // Armed, answered; 0 rad/s.
     assert_eq!((event.states[0], event.states.len()), (0x03, 3));
+}
+
+/// What went to the controller before a period may leave in it. Its answer is not that to a setpoint
+/// that was accepted before the period as well.
+#[test]
+fn a_period_is_answered_by_the_setpoint_in_force_when_it_began() {
+    let of_frame = |text: &str| {
+        let value = text.strip_prefix("141#A2000000")?;
+        Some(u32::from_str_radix(value, 16).unwrap().swap_bytes())
+    };
+    let mut random = fastrand::Rng::with_seed(3);
+    let (mut rig, epoch) = armed(3);
+    run_cycle(&mut rig, 0b111, FIELDS, PERIOD_US).unwrap();
+    let mut accepted = Vec::new();
+    for value in 1..=1_000_u32 {
+        let velocity_rad_s = (f64::from(value) / 100.0).to_radians() as f32;
+        let setpoint = Setpoint::Velocity { velocity_rad_s };
+        let expires_at_us = FixedU32(expiry(&rig, 80_000));
+        let setpoints = [setpoint; 3].into_iter().collect();
+        let epoch = FixedU32(epoch);
+        let cycle =
+            requests::Cycle { epoch, expires_at_us, fields: FIELDS, axes: 0b111, setpoints };
+        rig.send(&Request::Cycle(cycle));
+        accepted.push((rig.now_us, value));
+        // Others keep the bus for a while.
+        rig.run(random.u64(200..1_500));
+        rig.babble(Some(1));
+        rig.run(random.u64(200..2_500));
+        rig.babble(None);
+    }
+    let frames: Vec<(u64, u32)> =
+        rig.left.iter().filter_map(|(at, _, text)| Some((*at, of_frame(text)?))).collect();
+    let mut answered = 0;
+    let of_first = |event: &&CycleEvent| results(event).first() == Some(&CycleResult::Answered);
+    for event in events(&rig).into_iter().filter(of_first) {
+        let begin = u64::from(event.due_us.0 + event.late_us);
+        let Some((_, owed)) = accepted.iter().rev().find(|(at, _)| *at < begin) else { continue };
+        let end = begin + u64::from(event.took_us);
+        let sent = |(at, value): &&(u64, u32)| *value >= *owed && *at <= end;
+        assert!(frames.iter().any(|frame| sent(&frame)), "{owed} was not sent by {end}: {event:?}");
+        answered += 1;
+    }
+    assert!(answered > 500, "{answered}");
 }
 
 /// The largest age stands for it, also soon after a start, when the gateway itself is younger.
