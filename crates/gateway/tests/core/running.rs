@@ -136,8 +136,8 @@ fn a_period_is_answered_by_the_setpoint_in_force_when_it_began() {
     let (mut rig, epoch) = armed(3);
     run_cycle(&mut rig, 0b111, FIELDS, PERIOD_US).unwrap();
     let mut accepted = Vec::new();
-    for value in 1..=1_000_u32 {
-        let velocity_rad_s = (f64::from(value) / 100.0).to_radians() as f32;
+    for value in 1..=1_000_u16 {
+        let velocity_rad_s = (f32::from(value) / 100.0).to_radians();
         let setpoint = Setpoint::Velocity { velocity_rad_s };
         let expires_at_us = FixedU32(expiry(&rig, 80_000));
         let setpoints = [setpoint; 3].into_iter().collect();
@@ -145,7 +145,7 @@ fn a_period_is_answered_by_the_setpoint_in_force_when_it_began() {
         let cycle =
             requests::Cycle { epoch, expires_at_us, fields: FIELDS, axes: 0b111, setpoints };
         rig.send(&Request::Cycle(cycle));
-        accepted.push((rig.now_us, value));
+        accepted.push((rig.now_us, u32::from(value)));
         // Others keep the bus for a while.
         rig.run(random.u64(200..1_500));
         rig.babble(Some(1));

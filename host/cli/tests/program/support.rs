@@ -294,6 +294,18 @@ impl Sim {
         self.mgw_despite("is in command", arguments)
     }
 
+    /// Repeats such a command as long as a motor runs out, too.
+    pub fn mgw_once_at_rest(&self, arguments: &[&str]) -> Outcome {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let outcome = self.mgw_once_in_command(arguments);
+            let turns = outcome.stderr.contains("let it come to a standstill first");
+            if !turns || Instant::now() >= end {
+                return outcome;
+            }
+        }
+    }
+
     /// Runs a command, and beside it `meanwhile` as soon as an axis is in one of these states.
     pub fn mgw_beside(
         &self,
