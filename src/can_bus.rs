@@ -114,15 +114,15 @@ impl CanBus {
     fn start(&mut self, setup: Option<BusSetup>) {
         let bus = self.bus;
         (self.setup, self.controller, self.reported) = (setup, None, None);
-        let Some(BusSetup { bitrate, .. }) = setup else { return };
+        let Some(BusSetup { bitrate, mode, .. }) = setup else { return };
         let Some(timing) = board::CAN_TIMINGS.iter().find(|timing| timing.bitrate == bitrate)
         else {
             defmt::warn!("bus {=u8}: no timing for {=u32} bit/s", bus, bitrate);
             return;
         };
-        defmt::info!("bus {=u8}: CAN at {=u32} bit/s", bus, bitrate);
+        defmt::info!("bus {=u8}: CAN at {=u32} bit/s, {}", bus, bitrate, mode);
         // Safety: the controller of before has just been dropped.
-        self.controller = Some(unsafe { self.port.start(timing) });
+        self.controller = Some(unsafe { self.port.start(timing, mode) });
     }
 
     /// A changed error state. Bus-off: drops all frames first; the core then has the bus started

@@ -32,7 +32,8 @@ struct Held {
     id: Id,
     /// Its place in the transmit queue.
     place: usize,
-    /// Its cancellation was asked for, and its fate is not known yet.
+    /// Its cancellation was asked for, or comes by itself where it does not leave at once, and its
+    /// fate is not known yet.
     cancel_requested: bool,
     /// What has become of it, where another frame has taken its place since: the registers speak
     /// of that one now.
@@ -68,6 +69,8 @@ pub struct Controller {
     pub events: &'static CanEvents,
     /// Holds the clock and the pins.
     _driver: Can<'static>,
+    /// What has not left at once is cancelled (DAR).
+    once: bool,
     /// The frames in the controller, by slot.
     held: [Option<Held>; TRANSMIT_SLOTS],
     /// A frame that may not join them yet.
@@ -75,12 +78,13 @@ pub struct Controller {
 }
 
 impl Controller {
-    pub(super) fn new<T: Instance>(driver: Can<'static>) -> Self {
+    pub(super) fn new<T: Instance>(driver: Can<'static>, once: bool) -> Self {
         Self {
             registers: T::registers(),
             message_ram: T::message_ram(),
             events: T::events(),
             _driver: driver,
+            once,
             held: [None; TRANSMIT_SLOTS],
             waiting: None,
         }
@@ -163,7 +167,8 @@ impl Controller {
             return false;
         }
         if let Some(held) = self.held.get_mut(usize::from(slot)) {
-            *held = Some(Held { id: frame.id(), place, cancel_requested: false, fate: None });
+            let cancel_requested = self.once;
+            *held = Some(Held { id: frame.id(), place, cancel_requested, fate: None });
         }
         self.message_ram.put(place, element::to_send(frame, slot));
         self.registers.txbar().write(|w| w.set_ar(place, true));

@@ -3,9 +3,10 @@
 use embassy_stm32::Peri;
 use embassy_stm32::can::config::{GlobalFilter, NonMatchingFilter, TxBufferMode};
 use embassy_stm32::can::{
-    self, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler, RxPin, TxPin,
+    self, CanConfigurator, IT0InterruptHandler, IT1InterruptHandler, OperatingMode, RxPin, TxPin,
 };
 use embassy_stm32::interrupt::typelevel::Binding;
+use host_protocol::BusMode;
 
 use super::can_events::{self, Instance};
 use super::{Controller, InterruptHandler, Timing};
@@ -25,7 +26,7 @@ pub trait CanPort {
     /// # Safety
     ///
     /// What the start before has returned is dropped.
-    unsafe fn start(&mut self, timing: &Timing) -> Controller;
+    unsafe fn start(&mut self, timing: &Timing, mode: BusMode) -> Controller;
 }
 
 /// A controller of the chip and its pins.
@@ -51,7 +52,7 @@ where
         + Binding<<T as can::Instance>::IT1Interrupt, IT1InterruptHandler<T>>
         + Binding<<T as can::Instance>::IT1Interrupt, InterruptHandler<T>>,
 {
-    unsafe fn start(&mut self, timing: &Timing) -> Controller {
+    unsafe fn start(&mut self, timing: &Timing, mode: BusMode) -> Controller {
         // Safety: nobody else uses them, the caller says.
         let (controller, rx, tx) = unsafe {
             (
@@ -67,12 +68,18 @@ where
                 .set_nominal_bit_timing(timing.nominal())
                 .set_tx_buffer_mode(TxBufferMode::Priority)
                 .set_global_filter(ACCEPT_ALL)
-                .set_automatic_bus_off_recovery(false),
+                .set_automatic_bus_off_recovery(false)
+                // DAR
+                .set_automatic_retransmit(mode != BusMode::OneShot),
         );
         T::events().clear();
         can_events::route_interrupts::<T>();
-        let driver = setup.into_normal_mode();
+        let driver = setup.start(match mode {
+            // MON: no acknowledgement, no error flag
+            BusMode::ListenOnly => OperatingMode::BusMonitoringMode,
+            BusMode::Normal | BusMode::OneShot => OperatingMode::NormalOperationMode,
+        });
         can_events::drop_needless_interrupts(T::registers());
-        Controller::new::<T>(driver)
+        Controller::new::<T>(driver, mode == BusMode::OneShot)
     }
 }

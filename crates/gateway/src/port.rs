@@ -36,7 +36,7 @@
 
 use crate::set::Set;
 use heapless::Vec;
-use host_protocol::{BusState, CanFrame};
+use host_protocol::{BusMode, BusState, CanFrame};
 
 /// Frames the core hands to one CAN controller at the same time: one, and a second only for a stop.
 pub const TRANSMIT_SLOTS: usize = 2;
@@ -230,6 +230,10 @@ pub struct BusSetup {
     pub generation: u32,
     /// Bits per second.
     pub bitrate: u32,
+    /// How it takes part in what happens there. A CAN controller that only listens acknowledges
+    /// nothing, and one that sends once reports what has not left as
+    /// [cancelled](Event::Cancelled).
+    pub mode: BusMode,
 }
 
 /// One bus of a board.

@@ -58,6 +58,19 @@ wire! {
         pub reply_window_us: u32,
     }
 
+    /// How a bus takes part in what happens on it.
+    #[derive(Copy, Eq, Default)]
+    pub enum BusMode {
+        /// As a controller does.
+        #[default]
+        Normal,
+        /// It sends nothing. On CAN it acknowledges nothing and drives no error flag either: at a
+        /// wrong bitrate it destroys no frame.
+        ListenOnly,
+        /// On CAN it sends every frame once, whatever comes of it.
+        OneShot,
+    }
+
     /// The error state of a bus.
     #[derive(Copy, Eq)]
     pub enum BusState {

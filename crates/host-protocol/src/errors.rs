@@ -418,6 +418,9 @@ errors! {
         "axis {axis} is not armed: its rmd_dialect is {}, and its motor answers {}; set \
         rmd_dialect to what the motor speaks, or to unknown (mgw info shows the answers)",
         DialectName(stated), AsDialects(possible);
+    /// The bus is open to listen only.
+    104 BusOnlyListens { bus: u8 }
+        "bus {bus} is open to listen only: nothing is sent there; open it otherwise first";
 }
 
 impl core::error::Error for Error {}

@@ -57,7 +57,7 @@ pub use axis::{
     StopTarget, Trip, TripReason,
 };
 pub use bus::{
-    BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusState, MAX_BITRATES,
+    BusCapability, BusConfig, BusCounters, BusKind, BusLimit, BusMode, BusState, MAX_BITRATES,
     MAX_SERIAL_FRAME, RawFrame, ReceivedFrame,
 };
 pub use can_frame::{CanFrame, MAX_CAN_DATA};

@@ -279,6 +279,7 @@ messages! {
     0x0061 ReadCrashReport -> CrashReport
 
     0x0072 Recognise -> Recognition
+    0x0073 RawOpenAt -> Done
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

@@ -2,7 +2,7 @@
 //! reply.
 
 use crate::axis::{ClearTarget, Setpoint as SetpointValue, StopTarget};
-use crate::bus::RawFrame;
+use crate::bus::{BusMode, RawFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::Change;
 use crate::cycle::{FixedU32, MAX_CYCLE_AXES};
@@ -325,6 +325,20 @@ wire! {
         /// Frames that may move motors are sent too. Refused while an axis is configured on the
         /// bus.
         pub unsafe_access: bool,
+    }
+
+    /// Runs a bus without axes otherwise than it is configured, or one that is not configured, and
+    /// opens it for raw frames that read. Closed, it is as it was.
+    #[derive(Copy, Eq)]
+    pub struct RawOpenAt {
+        pub bus: u8,
+        pub bitrate: u32,
+        /// What its motors speak.
+        pub protocols: ProtocolSet,
+        /// How long a reply is awaited, µs, 100 to 200 000.
+        pub reply_window_us: u32,
+        /// How it takes part in what happens there.
+        pub mode: BusMode,
     }
 
     /// Sends a raw frame on an open bus.

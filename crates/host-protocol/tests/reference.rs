@@ -195,6 +195,7 @@ fn types_are_those_of_the_code() {
         RawFrame,
         BusKind,
         BusLimit,
+        BusMode,
         BusState,
         BootReason,
         Incident,

@@ -229,6 +229,11 @@ pub enum Ask {
         bus: u8,
         unsafe_access: bool,
     },
+    RawOpenAt {
+        bus: u8,
+        /// Its mode, by its number.
+        mode: u8,
+    },
     RawSend {
         bus: u8,
         id: u32,

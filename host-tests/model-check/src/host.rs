@@ -4,8 +4,8 @@ use crate::action::{Ask, Goal, Number, Permit};
 use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
-    Bytes, Change, ClearTarget, Deframer, FixedU32, MAX_FRAME, Member, Protocol, ProtocolSet,
-    RawFrame, Request, Setpoint, StateFields, StopTarget, Value, requests,
+    BusMode, Bytes, Change, ClearTarget, Deframer, FixedU32, MAX_FRAME, Member, Protocol,
+    ProtocolSet, RawFrame, Request, Setpoint, StateFields, StopTarget, Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -176,6 +176,23 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),
         Ask::RawOpen { bus, unsafe_access } => {
             Request::RawOpen(requests::RawOpen { bus, unsafe_access })
+        }
+        Ask::RawOpenAt { bus, mode } => {
+            let (bitrate, protocols) = BUS_SETUP[usize::from(bus)];
+            let mode = match mode {
+                0 => BusMode::Normal,
+                1 => BusMode::ListenOnly,
+                _ => BusMode::OneShot,
+            };
+            let protocols = ProtocolSet::from_bits(protocols);
+            let reply_window_us = 2_000;
+            Request::RawOpenAt(requests::RawOpenAt {
+                bus,
+                bitrate,
+                protocols,
+                reply_window_us,
+                mode,
+            })
         }
         Ask::RawSend { bus, id, ref data } => {
             let can = can_frame(id, data).map(RawFrame::Can);

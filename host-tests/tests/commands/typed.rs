@@ -26,7 +26,7 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
 /// as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
 /// send is not typed.
-pub const NOT_TRIED: [&str; 36] = [
+pub const NOT_TRIED: [&str; 37] = [
     "SaveConfiguration",
     "ForgetStored",
     "ReadStored",
@@ -63,6 +63,7 @@ pub const NOT_TRIED: [&str; 36] = [
     "ReadIncidents",
     "ReadCrashReport",
     "Recognise",
+    "RawOpenAt",
 ];
 
 /// The commands that the gateway sends, each with the request that made it. `polls` is what it

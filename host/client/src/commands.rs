@@ -8,7 +8,7 @@ use host_protocol::replies::{
 };
 use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
-    AxisParameter, AxisState, AxisSummary, Bytes, Call, Change, ClearTarget, Error,
+    AxisParameter, AxisState, AxisSummary, BusMode, Bytes, Call, Change, ClearTarget, Error,
     GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame,
     Setpoint, Setting, StateFields, StopTarget, Value,
 };
@@ -112,6 +112,12 @@ plain_requests! {
     /// Opens a bus without axes for any raw frame. Unsafe: frames may move motors, and nothing
     /// stops them.
     fn raw_open_unsafe(bus: u8) = ask::RawOpen { bus, unsafe_access: true };
+
+    /// Runs a bus without axes otherwise than it is configured, open for raw frames that only read
+    /// a motor, until it is closed.
+    fn raw_open_at(
+        bus: u8, bitrate: u32, protocols: ProtocolSet, reply_window_us: u32, mode: BusMode
+    ) = ask::RawOpenAt { bus, bitrate, protocols, reply_window_us, mode };
 
     /// Sends a raw frame on an open bus.
     fn raw_send(bus: u8, frame: RawFrame) = ask::RawSend { bus, frame };

@@ -25,7 +25,8 @@ use embedded_can::Id;
 use frame_bits::STANDARD_FRAME_BITS;
 use host_protocol::replies::BusReport;
 use host_protocol::{
-    AxisState, BusConfig, BusCounters, BusKind, BusState, Error, Event, TripReason,
+    AxisState, BusConfig, BusCounters, BusKind, BusMode, BusState, Error, Event, ProtocolSet,
+    TripReason,
 };
 use line::Line;
 
@@ -55,6 +56,8 @@ pub(crate) struct Bus {
     /// reply.
     quiet_at: Instant,
     pub raw: Option<Raw>,
+    /// It runs otherwise than it is configured, for as long as it is open for raw frames.
+    borrowed: Option<Borrowed>,
     /// When the frame that has waited longest for an acknowledgement counts as unacknowledged,
     /// although it was cancelled.
     carried_deadline: Option<Instant>,
@@ -78,6 +81,13 @@ pub(crate) struct Bus {
     last_served: u8,
     /// When the bus must be looked at again.
     due: Option<Instant>,
+}
+
+/// What a bus is configured with while it runs otherwise, and how it takes part meanwhile.
+#[derive(Debug, Clone, Copy)]
+struct Borrowed {
+    config: Option<BusConfig>,
+    mode: BusMode,
 }
 
 /// A frame that the port has taken and not yet reported.
@@ -123,6 +133,7 @@ impl Bus {
             active_at: Instant::from_micros(0),
             quiet_at: Instant::from_micros(0),
             raw: None,
+            borrowed: None,
             carried_deadline: None,
             let_reply_pass: false,
             first_stops_since: Instant::from_micros(0),
@@ -198,8 +209,24 @@ impl Bus {
         }
     }
 
+    /// Its configuration, also while it runs otherwise.
     pub fn config(&self) -> Option<&BusConfig> {
-        self.config.as_ref()
+        self.borrowed.as_ref().map_or(&self.config, |borrowed| &borrowed.config).as_ref()
+    }
+
+    /// What its motors speak as it runs.
+    pub fn protocols(&self) -> ProtocolSet {
+        self.config.as_ref().map_or(ProtocolSet::NONE, |config| config.protocols)
+    }
+
+    /// Whether it runs otherwise than it is configured.
+    pub fn is_borrowed(&self) -> bool {
+        self.borrowed.is_some()
+    }
+
+    /// How it takes part in what happens there.
+    pub fn mode(&self) -> BusMode {
+        self.borrowed.map_or(BusMode::Normal, |borrowed| borrowed.mode)
     }
 
     pub fn is_off(&self) -> bool {
@@ -269,11 +296,31 @@ impl Bus {
         self.raw = Some(Raw::new(unsafe_access));
     }
 
-    /// Closes the bus for raw frames; those that wait are dropped. After unsafe access it is
-    /// started again, so that nothing of it leaves any more, when its motors may already be
+    /// Runs it otherwise than it is configured, open for raw frames that read, until it is closed.
+    pub fn borrow(
+        &mut self,
+        now: Instant,
+        config: BusConfig,
+        mode: BusMode,
+        axes: &mut Axes,
+        out: &mut Outbox<'_>,
+    ) {
+        let own = self.config.replace(config);
+        let config = self.borrowed.map_or(own, |borrowed| borrowed.config);
+        self.borrowed = Some(Borrowed { config, mode });
+        self.raw = Some(Raw::new(false));
+        self.configured(now, axes, out);
+    }
+
+    /// Closes the bus for raw frames; those that wait are dropped. One that ran otherwise runs as
+    /// it is configured again. After unsafe access it is started again, so that nothing of it leaves any more, when its motors may already be
     /// axes.
     pub fn close_raw(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
-        if self.raw.take().is_some_and(|raw| raw.is_unsafe()) {
+        let was_unsafe = self.raw.take().is_some_and(|raw| raw.is_unsafe());
+        if let Some(borrowed) = self.borrowed.take() {
+            self.config = borrowed.config;
+            self.configured(now, axes, out);
+        } else if was_unsafe {
             self.restart(now, axes, out);
         }
     }
@@ -308,12 +355,13 @@ impl Bus {
 
     pub fn setup(&self) -> Option<BusSetup> {
         let config = self.config.as_ref().filter(|_| !self.is_unserved())?;
-        Some(BusSetup { generation: self.generation, bitrate: config.bitrate })
+        let (generation, mode) = (self.generation, self.mode());
+        Some(BusSetup { generation, bitrate: config.bitrate, mode })
     }
 
     pub fn report(&self) -> BusReport {
         BusReport {
-            config: self.config,
+            config: self.config().copied(),
             state: self.state,
             transmit_errors: self.transmit_errors,
             receive_errors: self.receive_errors,

@@ -7,6 +7,7 @@ mod bad_input;
 mod baud;
 mod bench;
 mod bitrates;
+mod borrowed_bus;
 mod brake;
 mod busy_line;
 mod bystanders;

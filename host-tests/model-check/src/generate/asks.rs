@@ -67,6 +67,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         26..28 => Ask::Read { axis },
         28 => dice.pick(&[Ask::Status, Ask::List]),
         29 => Ask::RawOpen { bus, unsafe_access: dice.percent(30) },
+        30 if dice.one_in(3) => Ask::RawOpenAt { bus, mode: dice.byte() % 3 },
         30..33 => raw_send(dice, bus),
         33 => Ask::RawReceive { bus },
         34..36 => Ask::RawClose { bus },

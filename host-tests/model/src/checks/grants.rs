@@ -95,9 +95,12 @@ impl Oracle {
                 // A motion was granted when it was not refused; a stop says so by its events.
                 self.fulfil(now, link, sequence, axis);
             }
-            Request::RawOpen { bus, unsafe_access } => {
+            Request::RawOpen { bus, .. } | Request::RawOpenAt { bus } => {
+                let unsafe_access = matches!(request, Request::RawOpen { unsafe_access: true, .. });
+                // With an axis on it a bus runs as it is configured.
+                let bare = unsafe_access || matches!(request, Request::RawOpenAt { .. });
                 let here = |axis: &&Axis| axis.bus() == Some(usize::from(bus));
-                if self.axes.iter().filter(here).any(|axis| axis.armed || unsafe_access) {
+                if self.axes.iter().filter(here).any(|axis| axis.armed || bare) {
                     self.broken(
                         Check::RawUnopened,
                         now,

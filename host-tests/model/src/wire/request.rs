@@ -58,6 +58,8 @@ pub enum Request {
     RunCycle,
     /// 0x0050
     RawOpen { bus: u8, unsafe_access: bool },
+    /// 0x0073
+    RawOpenAt { bus: u8 },
     /// 0x0051: an arbitration id with its flags and data, or bytes.
     RawSend { bus: u8, id: Option<u32>, data: Vec<u8> },
     /// 0x0053
@@ -231,6 +233,14 @@ impl Request {
                     _ => return None,
                 }
             }
+            0x0073 => {
+                let (bus, _bitrate, _protocols) = (b.byte()?, b.u32()?, b.byte()?);
+                let (_window, mode) = (b.u32()?, b.varint(32)?);
+                if mode > 2 {
+                    return None;
+                }
+                Self::RawOpenAt { bus }
+            }
             0x0052 => {
                 b.byte()?;
                 Self::Takes
@@ -272,6 +282,7 @@ impl Request {
             | Self::Cycle { .. }
             | Self::RunCycle
             | Self::RawOpen { .. }
+            | Self::RawOpenAt { .. }
             | Self::RawSend { .. }
             | Self::RawClose(_) => true,
             Self::Hello

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use host_protocol::{BusState, CanFrame, RawFrame};
+use host_protocol::{BusMode, BusState, CanFrame, Protocol, ProtocolSet, RawFrame};
 use rigless::chip::can::Pattern;
 use virtual_board::board::Board;
 use virtual_board::machine::{CanPort, Machine};
@@ -210,4 +210,82 @@ fn a_reset_in_mid_frame_breaks_the_frame_off_and_leaves_the_nodes_alone() {
     assert_eq!(ends, [FrameEnd::Destroyed]);
     assert!(machine.can(CanPort::Bus0).is_on_bus(), "configured as before");
     assert_eq!(machine.node(lab.node).heard(), []);
+}
+
+/// Two nodes at 500 kbit/s, one of which talks; the gateway runs at 1 Mbit/s.
+fn beside_nodes_of_another_bitrate(mode: BusMode) -> Bench {
+    const OTHER: u32 = BITRATE / 2;
+    let mut builder = Machine::builder();
+    builder.can_node(CanPort::Bus0, Pattern::default(), Some(OTHER));
+    let mut lab = Bench::with(builder, Pattern::default(), OTHER);
+    let rmd = ProtocolSet::of(&[Protocol::Rmd]);
+    lab.client.raw_open_at(0, BITRATE, rmd, 5_000, mode).expect("open");
+    lab.run_for(Duration::from_millis(5));
+    lab.machine.borrow_mut().can_mut(CanPort::Bus0).take_log();
+    lab
+}
+
+#[test]
+fn a_gateway_that_listens_at_a_wrong_bitrate_drives_no_bit() {
+    let mut lab = beside_nodes_of_another_bitrate(BusMode::ListenOnly);
+    lab.offer((0..20).map(|n| data_frame(0x241, &[n])));
+    lab.run_for(Duration::from_millis(20));
+    let ends = lab.ends();
+    assert_eq!(ends, [FrameEnd::Acknowledged; 20]);
+    let by_us = |machine: &Machine| {
+        machine.can(CanPort::Bus0).log().iter().any(|record| record.sender == Sender::Controller)
+    };
+    assert!(!by_us(&lab.machine.borrow()));
+    assert!(lab.status().receive_errors > 0, "it has heard what it cannot read");
+    // At its own bitrate it acknowledges nothing: the nodes are not alone there, so all is well.
+    let rmd = ProtocolSet::of(&[Protocol::Rmd]);
+    lab.client.raw_open_at(0, BITRATE / 2, rmd, 5_000, BusMode::ListenOnly).expect("open");
+    lab.run_for(Duration::from_millis(5));
+    lab.offer([data_frame(0x241, &[0x9A])]);
+    lab.run_for(Duration::from_millis(5));
+    assert_eq!(lab.client.raw_receive(0).expect("frames").frames.len(), 1);
+
+    // In normal operation each frame is destroyed, again and again.
+    let lab = beside_nodes_of_another_bitrate(BusMode::Normal);
+    lab.offer([data_frame(0x241, &[1])]);
+    lab.run_for(Duration::from_millis(2));
+    assert_eq!(lab.ends().first(), Some(&FrameEnd::Destroyed));
+}
+
+#[test]
+fn a_gateway_that_only_listens_acknowledges_nothing() {
+    let mut lab = Bench::of(Machine::builder());
+    let rmd = ProtocolSet::of(&[Protocol::Rmd]);
+    lab.client.raw_open_at(0, BITRATE, rmd, 5_000, BusMode::ListenOnly).expect("open");
+    lab.run_for(Duration::from_millis(5));
+    lab.offer([data_frame(0x241, &[1])]);
+    lab.run_for(Duration::from_millis(2));
+    assert!(!lab.ends().is_empty());
+    assert!(lab.ends().iter().all(|end| *end == FrameEnd::Unacknowledged));
+}
+
+#[test]
+fn a_probe_is_sent_once() {
+    for wiring in [Wiring::Connected, Wiring::Cut] {
+        let mut lab = beside_nodes_of_another_bitrate(BusMode::OneShot);
+        lab.wire(wiring);
+        lab.send(0, 0x141, &[0x9A, 0, 0, 0, 0, 0, 0, 0]);
+        lab.run_for(Duration::from_millis(50));
+        assert_eq!(lab.ends().len(), 1, "{wiring:?}");
+        let status = lab.status();
+        assert_eq!((status.counters.transmitted, status.counters.cancelled), (0, 1), "{wiring:?}");
+        // And the next one too.
+        lab.send(0, 0x142, &[0x9A, 0, 0, 0, 0, 0, 0, 0]);
+        lab.run_for(Duration::from_millis(50));
+        assert_eq!(lab.ends().len(), 2, "{wiring:?}");
+    }
+    // Where somebody acknowledges, it has left.
+    let mut lab = Bench::of(Machine::builder());
+    let rmd = ProtocolSet::of(&[Protocol::Rmd]);
+    lab.client.raw_open_at(0, BITRATE, rmd, 5_000, BusMode::OneShot).expect("open");
+    lab.run_for(Duration::from_millis(5));
+    lab.send(0, 0x141, &[0x9A, 0, 0, 0, 0, 0, 0, 0]);
+    lab.run_for(Duration::from_millis(5));
+    let status = lab.status();
+    assert_eq!((status.counters.transmitted, status.counters.cancelled), (1, 0));
 }

@@ -47,12 +47,25 @@ pub struct ScanArgs {
 }
 
 #[derive(Debug, Args)]
+pub struct ScanCommand {
+    #[command(flatten)]
+    pub scan: ScanArgs,
+    /// Ask on a CAN bus whose bitrate is not known although something else may send there: at a
+    /// wrong bitrate each frame disturbs it
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct AdoptArgs {
     #[command(flatten)]
     pub scan: ScanArgs,
     /// The file to write; standard output without it
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// What `--force` of `mgw scan` does
+    #[arg(long)]
+    pub force_scan: bool,
     /// Write over a file that is there
     #[arg(long, requires = "output")]
     pub force: bool,

@@ -21,7 +21,7 @@ use host_protocol::{CanId, ClearTarget, StopTarget};
 pub use crate::server::ServeArgs;
 pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
-pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanTarget};
+pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{
     CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,
@@ -314,7 +314,7 @@ pub enum Command {
             mgw scan 0@1000000 1@210526 2@all       buses that are not configured\n\n\
             On CAN a gateway at a wrong bitrate disturbs what others send there: name only \
             bitrates that the motors may have, on a bus that nothing else uses.")]
-    Scan(ScanArgs),
+    Scan(ScanCommand),
 
     /// Scan, and write a configuration with an axis for each motor that has none
     ///

@@ -4,20 +4,20 @@ use ::rmd::{Dialect, Recognised};
 use host_protocol::{BusKind, Protocol};
 use serde_json::{Value, json};
 
-use crate::args::ScanArgs;
+use crate::args::{ScanArgs, ScanCommand};
 use crate::failure::Failure;
 use crate::faults;
 use crate::json;
 use crate::output::number;
-use crate::scan::{Doubled, Evidence, Found, Scanned, Wanted, scan};
+use crate::scan::{Doubled, Evidence, Found, NotAsked, Scanned, Wanted, scan};
 use crate::session::Session;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
 /// Shows which motors are on the buses.
-pub fn run(session: &mut Session, arguments: &ScanArgs) -> Result<(), Failure> {
+pub fn run(session: &mut Session, arguments: &ScanCommand) -> Result<(), Failure> {
     let mut all = Vec::new();
-    let wanted = wanted(session, arguments);
+    let wanted = wanted(session, &arguments.scan, arguments.force);
     scan(session, &wanted, |_, scanned| {
         all.push(scanned);
         Ok(())
@@ -45,14 +45,14 @@ pub fn run(session: &mut Session, arguments: &ScanArgs) -> Result<(), Failure> {
 }
 
 /// What these arguments want scanned, and a warning where that may end the timeout of a motor.
-pub fn wanted(session: &Session, arguments: &ScanArgs) -> Wanted {
+pub fn wanted(session: &Session, arguments: &ScanArgs, force: bool) -> Wanted {
     if arguments.thrusters {
         session.out.aside(
             "thrusters are asked too: any command may end the timeout that keeps one at rest",
         );
     }
     let ScanArgs { targets, listen, thrusters } = arguments;
-    Wanted { targets: targets.clone(), listen: *listen, thrusters: *thrusters }
+    Wanted { targets: targets.clone(), listen: *listen, thrusters: *thrusters, force }
 }
 
 fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {
@@ -110,6 +110,15 @@ fn known(dialects: impl Iterator<Item = Dialect>) -> impl Iterator<Item = Dialec
 /// What is to be said of a bus.
 pub fn bus_notes(scanned: &Scanned) -> Vec<String> {
     let bus = scanned.bus;
+    if let Some(why) = scanned.not_asked {
+        let why = match why {
+            NotAsked::Busy => "something sends there, at none of these bitrates: name another, or",
+            NotAsked::NotListened => {
+                "whether it is silent is not known: leave out `--listen 0`, or"
+            }
+        };
+        return vec![format!("bus {bus} is not asked: {why} add --force, which may disturb it")];
+    }
     let Some(bitrate) = scanned.bitrate else {
         let rates = match scanned.kind {
             BusKind::Can => "1000000,210526",
@@ -197,6 +206,10 @@ fn bus(scanned: &Scanned) -> Value {
         "bitrate_bit_s": scanned.bitrate, "protocols": json::protocols(scanned.protocols),
         "unacknowledged": scanned.unacknowledged, "lost": scanned.lost,
         "unreadable": scanned.unreadable,
+        "not_asked": scanned.not_asked.map(|why| match why {
+            NotAsked::Busy => "busy",
+            NotAsked::NotListened => "not_listened",
+        }),
         "motors": scanned.motors.iter().map(motor).collect::<Vec<_>>(),
     })
 }

@@ -74,6 +74,14 @@ impl Motors {
         Ok(true)
     }
 
+    /// A read of the first id, for a bus where it is not known whether anybody is there.
+    pub fn first_read() -> Option<RawFrame> {
+        let node = Node::new(Node::MIN).ok()?;
+        let request = Request::Read { register: Register::STATUS, width: Width::Byte };
+        let id = d5::can::default_request_id(node);
+        d5::can::request::<CanFrame>(id, Address::Node(node), &request).ok().map(RawFrame::Can)
+    }
+
     fn ask(
         &mut self,
         bus: &mut OpenBus<'_>,

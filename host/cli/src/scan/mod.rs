@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use ::rmd::{Dialect, Recognised};
 use host_protocol::{
-    AxisParameter, AxisSummary, BusConfig, BusKind, Change, Error, Protocol, ProtocolSet, RawFrame,
-    Value,
+    AxisParameter, AxisSummary, BusConfig, BusKind, BusMode, Error, Protocol, ProtocolSet,
+    RawFrame, Value,
 };
 
 use crate::args::{Bitrates, ScanTarget};
@@ -28,6 +28,8 @@ pub struct Wanted {
     pub listen: Duration,
     /// Thrusters are asked too.
     pub thrusters: bool,
+    /// A CAN bus whose bitrate is not known is asked although it is not known to be silent.
+    pub force: bool,
 }
 
 /// A bus that was scanned at one bitrate, or was not.
@@ -41,11 +43,22 @@ pub struct Scanned {
     pub protocols: ProtocolSet,
     /// Nobody acknowledged what was sent.
     pub unacknowledged: bool,
+    /// Nothing was sent: its bitrate is not known, and it is not known to be silent.
+    pub not_asked: Option<NotAsked>,
     /// Frames that came faster than they were fetched.
     pub lost: u32,
     /// By how much the bus's counters of what could not be read have grown.
     pub unreadable: u32,
     pub motors: Vec<Found>,
+}
+
+/// Why nothing is sent on a bus whose bitrate is not known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotAsked {
+    /// Something sends there, at none of the bitrates that were named.
+    Busy,
+    /// Nobody has listened.
+    NotListened,
 }
 
 /// A motor that was found.
@@ -189,10 +202,7 @@ pub fn scan(
                 ),
             });
         }
-        let result = at_other_bitrates(session, wanted, (bus, kind), &bitrates, &axes, &mut done);
-        // As it was, whatever came of it.
-        let restored = configure(session, bus, config);
-        result.and(restored)?;
+        at_other_bitrates(session, wanted, (bus, kind), &bitrates, &mut done)?;
     }
     Ok(())
 }
@@ -210,24 +220,41 @@ fn at_its_own(
         // Its motors understand one form of frames.
         BusKind::Rs485 => config.protocols,
     };
-    one(session, wanted, (bus, kind), config.bitrate, protocols, axes)
+    let config = BusConfig { protocols, ..*config };
+    one(session, wanted, (bus, kind), &config, None, axes)
 }
 
-/// Runs the bus at each bitrate that was named; on CAN until motors are found, which another one
-/// would only disturb.
+/// Runs a bus without axes at the bitrates that were named; on CAN until motors are found, which
+/// another one would only disturb. There the right one may be heard, and on a bus that is not silent
+/// nothing is sent at another: a controller at a wrong bitrate destroys the frames of others.
 fn at_other_bitrates(
     session: &mut Session,
     wanted: &Wanted,
     (bus, kind): (u8, BusKind),
     bitrates: &[u32],
-    axes: &[AxisSummary],
     done: &mut impl FnMut(&mut Session, Scanned) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
+    let heard = match kind {
+        BusKind::Can => listen(session, wanted, bus, bitrates)?,
+        BusKind::Rs485 => Heard::Nothing,
+    };
+    let bitrates = match heard {
+        Heard::At(bitrate) => vec![bitrate],
+        Heard::Unreadable if !wanted.force => {
+            let scanned = Scanned::not_asked(bus, kind, NotAsked::Busy);
+            return done(session, scanned);
+        }
+        Heard::Unasked if !wanted.force => {
+            let scanned = Scanned::not_asked(bus, kind, NotAsked::NotListened);
+            return done(session, scanned);
+        }
+        _ => bitrates.to_vec(),
+    };
     for bitrate in bitrates {
-        for protocols in runs(kind, *bitrate) {
-            let config = BusConfig { bitrate: *bitrate, protocols, ..NEW_BUS };
-            configure(session, bus, Some(config))?;
-            let scanned = one(session, wanted, (bus, kind), *bitrate, protocols, axes)?;
+        for protocols in runs(kind, bitrate) {
+            let config = BusConfig { bitrate, protocols, ..NEW_BUS };
+            let mode = Some(BusMode::OneShot);
+            let scanned = one(session, wanted, (bus, kind), &config, mode, &[])?;
             let is_found = kind == BusKind::Can && !scanned.motors.is_empty();
             done(session, scanned)?;
             if is_found {
@@ -238,10 +265,53 @@ fn at_other_bitrates(
     Ok(())
 }
 
-fn configure(session: &mut Session, bus: u8, config: Option<BusConfig>) -> Result<(), Failure> {
-    session.client.begin_changes()?;
-    session.client.add_changes(&[Change::Bus { bus, config }])?;
-    Ok(session.client.apply_changes()?)
+/// What was heard on a CAN bus whose bitrate is not known.
+enum Heard {
+    /// Frames, at this bitrate.
+    At(u32),
+    /// Something that none of the bitrates reads.
+    Unreadable,
+    Nothing,
+    /// Nobody has listened.
+    Unasked,
+}
+
+/// Any frame counts.
+struct Ears(bool);
+
+impl Hear for Ears {
+    fn hear(&mut self, _: &RawFrame) {
+        self.0 = true;
+    }
+}
+
+/// Listens, acknowledging nothing. A bus that is silent at one bitrate is so at all: what is sent at
+/// another is heard as errors.
+fn listen(
+    session: &mut Session,
+    wanted: &Wanted,
+    bus: u8,
+    bitrates: &[u32],
+) -> Result<Heard, Failure> {
+    if wanted.listen.is_zero() {
+        return Ok(Heard::Unasked);
+    }
+    for bitrate in bitrates {
+        session.out.aside(format!("bus {bus} at {bitrate} bit/s: listens only"));
+        let protocols = looked_for(BusKind::Can, *bitrate);
+        let config = BusConfig { bitrate: *bitrate, protocols, ..NEW_BUS };
+        let mut open = OpenBus::open_at(session, bus, &config, BusMode::ListenOnly)?;
+        let mut ears = Ears(false);
+        let result = open.listen(wanted.listen, &mut ears).and_then(|()| open.status());
+        let closed = open.close();
+        let (status, ()) = (result?, closed?);
+        match (ears.0, status.receive_errors) {
+            (true, _) => return Ok(Heard::At(*bitrate)),
+            (false, 0) => return Ok(Heard::Nothing),
+            (false, _) => {}
+        }
+    }
+    Ok(Heard::Unreadable)
 }
 
 /// What motors there may be at a bitrate: D5 motors share a bus with no other.
@@ -263,32 +333,36 @@ fn runs(kind: BusKind, bitrate: u32) -> Vec<ProtocolSet> {
     }
 }
 
-/// Scans a bus that runs.
+/// Scans a bus: as it runs, or as it is to run meanwhile.
 fn one(
     session: &mut Session,
     wanted: &Wanted,
     (bus, kind): (u8, BusKind),
-    bitrate: u32,
-    protocols: ProtocolSet,
+    config: &BusConfig,
+    otherwise: Option<BusMode>,
     axes: &[AxisSummary],
 ) -> Result<Scanned, Failure> {
+    let BusConfig { bitrate, protocols, reply_window_us, .. } = *config;
     let names: Vec<&str> = protocols.iter().map(Protocol::name).collect();
     session.out.aside(format!("bus {bus} at {bitrate} bit/s: {}", names.join(", ")));
-    let before = session.client.bus_status(bus)?;
-    let window_us = before.config.map_or(0, |config| config.reply_window_us);
-    let window = Duration::from_micros(window_us.into());
-    let mut open = OpenBus::open(session, bus, window)?;
+    let window = Duration::from_micros(reply_window_us.into());
+    let mut open = match otherwise {
+        None => OpenBus::open(session, bus, window)?,
+        Some(mode) => OpenBus::open_at(session, bus, config, mode)?,
+    };
+    let before = open.status();
     let mut motors = Motors {
         rmd: rmd::Motors::new(kind),
         thruster: thruster::Motors::default(),
         d5: d5::Motors::new(kind),
         protocols,
     };
-    let acknowledged = ask(&mut open, wanted, &mut motors);
+    let is_known = otherwise.is_none() || kind == BusKind::Rs485;
+    let acknowledged = ask(&mut open, wanted, is_known, &mut motors);
     let lost = open.lost;
+    let after = open.status();
     let closed = open.close();
-    let (acknowledged, ()) = (acknowledged?, closed?);
-    let after = session.client.bus_status(bus)?;
+    let (before, acknowledged, after, ()) = (before?, acknowledged?, after?, closed?);
     let mut found = [motors.rmd.found(), motors.thruster.found(), motors.d5.found()].concat();
     for motor in &mut found {
         name_axis(session, bus, motor, axes)?;
@@ -301,6 +375,7 @@ fn one(
         bitrate: Some(bitrate),
         protocols,
         unacknowledged: !acknowledged,
+        not_asked: None,
         lost,
         unreadable: grown(|report| report.counters.rejected)
             .saturating_add(grown(|report| report.receive_errors.into())),
@@ -308,8 +383,24 @@ fn one(
     })
 }
 
-fn ask(bus: &mut OpenBus<'_>, wanted: &Wanted, motors: &mut Motors) -> Result<bool, Failure> {
-    bus.listen(wanted.listen, motors)?;
+/// Asks the motors; `false` where nobody acknowledges. On a CAN bus whose bitrate is not known, to
+/// which has been listened already, nothing more is sent then.
+fn ask(
+    bus: &mut OpenBus<'_>,
+    wanted: &Wanted,
+    is_known: bool,
+    motors: &mut Motors,
+) -> Result<bool, Failure> {
+    if is_known {
+        bus.listen(wanted.listen, motors)?;
+    } else {
+        let d5 = motors.protocols.contains(Protocol::D5);
+        let read = if d5 { d5::Motors::first_read() } else { rmd::Motors::first_read() };
+        let Some(read) = read else { return Ok(false) };
+        if !bus.is_acknowledged(&read, motors)? {
+            return Ok(false);
+        }
+    }
     let looks_for = |protocol| motors.protocols.contains(protocol);
     let (rmd, d5) = (looks_for(Protocol::Rmd), looks_for(Protocol::D5));
     let thruster = looks_for(Protocol::Thruster) && wanted.thrusters;
@@ -343,6 +434,10 @@ fn name_axis(
 }
 
 impl Scanned {
+    fn not_asked(bus: u8, kind: BusKind, why: NotAsked) -> Self {
+        Self { not_asked: Some(why), ..Self::not_configured(bus, kind) }
+    }
+
     fn not_configured(bus: u8, kind: BusKind) -> Self {
         Self {
             bus,
@@ -350,9 +445,13 @@ impl Scanned {
             bitrate: None,
             protocols: ProtocolSet::NONE,
             unacknowledged: false,
+            not_asked: None,
             lost: 0,
             unreadable: 0,
             motors: Vec::new(),
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use host_protocol::{Error, RawFrame};
+use host_protocol::replies::BusReport;
+use host_protocol::{BusConfig, BusMode, Error, RawFrame};
 use mgw_client::ClientError;
 
 use crate::failure::Failure;
@@ -15,6 +16,8 @@ const LISTEN_EVERY: Duration = Duration::from_millis(10);
 /// A frame that the bus does not take for so long is not acknowledged by anybody. A line is kept by
 /// each unanswered read for its reply window, which has at most 200 ms.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// At a bitrate that nobody runs at every frame is an error to those who are there.
+const KNOCKS: u32 = 2;
 /// An answer is waited for at least so long: this computer and its link take their time too.
 const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 /// Of the frames that the gateway keeps for us, as many replies as there may be between two looks.
@@ -44,6 +47,41 @@ impl<'a> OpenBus<'a> {
         // Two frames may wait in the gateway, on a line each for the answer to the one before.
         let answer_within = ANSWER_WITHIN.max(window * 3);
         Ok(Self { session, bus, unseen: 0, answer_within, lost: 0 })
+    }
+
+    /// Runs a bus without axes otherwise than it is configured, until it is closed.
+    pub fn open_at(
+        session: &'a mut Session,
+        bus: u8,
+        config: &BusConfig,
+        mode: BusMode,
+    ) -> Result<Self, Failure> {
+        let BusConfig { bitrate, protocols, reply_window_us, .. } = *config;
+        session.client.raw_open_at(bus, bitrate, protocols, reply_window_us, mode)?;
+        let window = Duration::from_micros(reply_window_us.into());
+        Ok(Self { session, bus, unseen: 0, answer_within: ANSWER_WITHIN.max(window * 3), lost: 0 })
+    }
+
+    /// How it is.
+    pub fn status(&mut self) -> Result<BusReport, Failure> {
+        Ok(self.session.client.bus_status(self.bus)?)
+    }
+
+    /// Whether anybody acknowledges a frame, which is sent once or, as noise may have hit it, twice.
+    pub fn is_acknowledged(
+        &mut self,
+        frame: &RawFrame,
+        to: &mut dyn Hear,
+    ) -> Result<bool, Failure> {
+        let before = self.status()?.counters.transmitted;
+        for _ in 0..KNOCKS {
+            self.send(frame, to)?;
+            self.listen(LISTEN_EVERY, to)?;
+            if self.status()?.counters.transmitted != before {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Closes it: an open bus refuses arming.

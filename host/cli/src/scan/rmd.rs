@@ -131,6 +131,12 @@ impl Motors {
         bus.await_answer(self, |motors| motors.answers_of(node) > before)
     }
 
+    /// A read of the first id, for a bus where it is not known whether anybody is there.
+    pub fn first_read() -> Option<RawFrame> {
+        let node = Node::new(Node::MIN).ok()?;
+        rmd::can::request::<CanFrame>(node, &Request::ReadStatus1).ok().map(RawFrame::Can)
+    }
+
     fn ask(
         &mut self,
         bus: &mut OpenBus<'_>,

@@ -27,7 +27,7 @@ const FROM_THE_BOX: [&str; 16] = [
 
 /// What one scan finds.
 fn scan(sim: &Sim, arguments: &[&str]) -> Vec<Value> {
-    let words = [&["--json", "scan", "--listen", "0"], arguments].concat();
+    let words = [&["--json", "scan", "--listen", "0.1"], arguments].concat();
     let lines = sim.mgw_once_in_command(&words).json_lines();
     lines[0]["scan"].as_array().expect("a list").clone()
 }
@@ -117,7 +117,8 @@ fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
     let _ = std::fs::remove_file(&file);
     let file = file.to_str().expect("text");
     let adopt = |sim: &Sim, more: &[&str]| {
-        let words = ["adopt", "0@1000000", "1@210526", "2@500000", "--listen", "0", "--thrusters"];
+        let words =
+            ["adopt", "0@1000000", "1@210526", "2@500000", "--listen", "0.1", "--thrusters"];
         sim.mgw_once_in_command(&[&words, &["--output", file][..], more].concat())
     };
     let told = adopt(&sim, &[]);

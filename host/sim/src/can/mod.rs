@@ -11,7 +11,7 @@ mod node;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use host_protocol::{BusState, CanFrame};
+use host_protocol::{BusMode, BusState, CanFrame};
 
 use self::bits::{ERROR_FRAME, FrameBits, INTERMISSION, SUSPEND, priority};
 use self::node::{Node, Pending};
@@ -91,11 +91,22 @@ impl CanBus {
     /// A controller that was bus-off first waits for a quiet line; its `State` comes when it takes
     /// part again.
     pub(crate) fn start(&mut self, now: Duration, station: Station, bitrate: u32) {
+        self.start_in(now, station, bitrate, BusMode::Normal);
+    }
+
+    /// The same in a mode.
+    pub(crate) fn start_in(
+        &mut self,
+        now: Duration,
+        station: Station,
+        bitrate: u32,
+        mode: BusMode,
+    ) {
         self.stop_media(now, Some(station));
         let at = self.index_or_insert(station);
         let short = self.fault == BusFault::Short;
         let Some(node) = self.nodes.get_mut(at) else { return };
-        node.bitrate = bitrate;
+        (node.bitrate, node.mode) = (bitrate, mode);
         node.drop_frames();
         if node.counters.is_bus_off() {
             node.recover(now, short);
@@ -233,6 +244,8 @@ impl CanBus {
             (Fate::BitError, 1 + ERROR_FRAME)
         } else if let Some((_, other)) = rival {
             (Fate::Collision, pending.bits.up_to_difference(&other.bits) + ERROR_FRAME)
+        } else if self.is_destroyed_by_another_bitrate(island) {
+            (Fate::BitError, pending.bits.up_to_ack() + ERROR_FRAME)
         } else if !self.has_listener(island, &senders) {
             (Fate::Unacknowledged, pending.bits.up_to_ack() + ERROR_FRAME)
         } else if pending.corrupt {
@@ -284,6 +297,9 @@ impl CanBus {
                 Fate::Good => node.counters.received(),
                 _ => node.counters.receive_error(),
             }
+        }
+        for at in self.bewildered(island) {
+            self.nodes.get_mut(at).into_iter().for_each(|node| node.counters.receive_error());
         }
         for (at, before) in before.iter().enumerate() {
             if self.nodes.get(at).is_some_and(|node| node.counters != *before) {
@@ -345,6 +361,38 @@ impl CanBus {
         Some(Island { gateway_side, bitrate })
     }
 
+    /// Whether the gateway runs at another bitrate beside them and takes part: it reads what others
+    /// send as errors, and says so by an error flag. Motors of different bitrates on one bus, which
+    /// do the same to each other, are not played: here each rate has the bus for itself.
+    fn is_destroyed_by_another_bitrate(&self, island: Island) -> bool {
+        let elsewhere = |at: usize| {
+            self.island(at)
+                .is_some_and(|own| own != island && own.gateway_side == island.gateway_side)
+        };
+        (0..self.nodes.len()).any(|at| {
+            let node = &self.nodes[at];
+            node.station == Station::Gateway
+                && node.bitrate != 0
+                && node.takes_part()
+                && !node.counters.is_passive()
+                && elsewhere(at)
+        })
+    }
+
+    /// Those who hear a frame of another bitrate and can read nothing of it.
+    fn bewildered(&self, island: Island) -> Vec<usize> {
+        (0..self.nodes.len())
+            .filter(|at| {
+                let node = &self.nodes[*at];
+                node.station == Station::Gateway && node.bitrate != 0
+            })
+            .filter(|at| {
+                self.island(*at)
+                    .is_some_and(|own| own != island && own.gateway_side == island.gateway_side)
+            })
+            .collect()
+    }
+
     fn listeners(&self, island: Island, senders: &[usize]) -> Vec<usize> {
         (0..self.nodes.len())
             .filter(|at| !senders.contains(at) && self.island(*at) == Some(island))
@@ -354,7 +402,8 @@ impl CanBus {
 
     /// Whether anybody acknowledges; of several senders of one frame each acknowledges the others'.
     fn has_listener(&self, island: Island, senders: &[usize]) -> bool {
-        senders.len() > 1 || !self.listeners(island, senders).is_empty()
+        let acknowledges = |at: &usize| self.nodes.get(*at).is_some_and(Node::takes_part);
+        senders.len() > 1 || self.listeners(island, senders).iter().any(acknowledges)
     }
 
     fn medium(&mut self, island: Island) -> &mut Medium {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use host_protocol::CanFrame;
+use host_protocol::{BusMode, CanFrame};
 
 use super::bits::{BUS_OFF_RECOVERY, FrameBits, priority};
 use super::errors::ErrorCounters;
@@ -32,6 +32,7 @@ pub(super) struct Node {
     pub(super) station: Station,
     pub(super) bitrate: u32,
     pub(super) plugged: bool,
+    pub(super) mode: BusMode,
     pub(super) queue: VecDeque<Pending>,
     pub(super) counters: ErrorCounters,
     /// Earliest start of its next frame.
@@ -50,6 +51,7 @@ impl Node {
             station,
             bitrate: 0,
             plugged: true,
+            mode: BusMode::Normal,
             queue: VecDeque::new(),
             counters: ErrorCounters::default(),
             not_before: Duration::ZERO,
@@ -61,6 +63,11 @@ impl Node {
 
     pub(super) fn understands(&self, bitrate: u32) -> bool {
         self.bitrate.abs_diff(bitrate).saturating_mul(BITRATE_TOLERANCE) < bitrate
+    }
+
+    /// Whether it acknowledges frames, and destroys those that it cannot read.
+    pub(super) fn takes_part(&self) -> bool {
+        self.plugged && self.mode != BusMode::ListenOnly && !self.counters.is_bus_off()
     }
 
     pub(super) fn enqueue(&mut self, pending: Pending) {
@@ -85,7 +92,7 @@ impl Node {
     /// then its slot is returned.
     pub(super) fn retry(&mut self) -> Option<u8> {
         let pending = self.sending.take()?;
-        if pending.cancelled {
+        if pending.cancelled || self.mode == BusMode::OneShot {
             return Some(pending.slot);
         }
         self.queue.push_front(pending);

@@ -239,3 +239,57 @@ fn frames_are_cancelled_unless_they_are_transmitted_all_the_same() {
     bus.set_fault(at(3_000), BusFault::None);
     assert_eq!(sent(&run(&mut bus, at(5_000))).len(), 0);
 }
+
+/// A bus with a gateway at another bitrate than its motors.
+fn beside(mode: BusMode) -> CanBus {
+    let mut bus = bus(&[A, B]);
+    bus.start_in(Duration::ZERO, Station::Gateway, MBIT / 2, mode);
+    while bus.poll().is_some() {}
+    bus
+}
+
+#[test]
+fn a_gateway_at_a_wrong_bitrate_destroys_frames_unless_it_only_listens() {
+    let mut bus = beside(BusMode::ListenOnly);
+    bus.send(A, 0, frame(0x241, &[1]), false);
+    let outcomes = run(&mut bus, us(10_000));
+    assert_eq!(sent(&outcomes).len(), 1);
+    assert_eq!(last_state(&outcomes, A), None, "A has seen no error");
+    let heard = outcomes.iter().find_map(|outcome| match outcome {
+        CanOutcome::State { station: Station::Gateway, receive, .. } => Some(*receive),
+        _ => None,
+    });
+    assert_eq!(heard, Some(1), "it has heard something that it cannot read");
+
+    let mut bus = beside(BusMode::Normal);
+    bus.send(A, 0, frame(0x241, &[1]), false);
+    assert!(sent(&run(&mut bus, us(1_000))).is_empty());
+}
+
+#[test]
+fn who_only_listens_acknowledges_nothing_and_hears_what_others_acknowledge() {
+    let mut bus = bus(&[A]);
+    bus.start_in(Duration::ZERO, Station::Gateway, MBIT, BusMode::ListenOnly);
+    bus.send(A, 0, frame(0x241, &[1]), false);
+    let outcomes = run(&mut bus, us(2_000));
+    assert!(sent(&outcomes).is_empty());
+    assert!(last_state(&outcomes, A).is_some_and(|(_, errors)| errors > 0));
+    bus.start(us(2_000), B, MBIT);
+    let outcomes = run(&mut bus, us(10_000));
+    let to = outcomes.iter().find_map(|outcome| match outcome {
+        CanOutcome::Sent { to, .. } => Some(to.clone()),
+        _ => None,
+    });
+    assert_eq!(to, Some(vec![Station::Gateway, B]));
+}
+
+#[test]
+fn what_is_sent_once_is_given_back_where_it_does_not_leave() {
+    let mut bus = beside(BusMode::OneShot);
+    bus.send(Station::Gateway, 1, frame(0x141, &[0x9A]), false);
+    let outcomes = run(&mut bus, us(10_000));
+    assert!(sent(&outcomes).is_empty());
+    let cancelled = CanOutcome::Cancelled { station: Station::Gateway, slot: 1 };
+    assert_eq!(outcomes.iter().filter(|outcome| **outcome == cancelled).count(), 1);
+    assert_eq!(last_state(&outcomes, Station::Gateway), Some((BusState::Active, 8)), "one error");
+}

@@ -70,11 +70,14 @@ impl Port {
 
     /// Starts the gateway's controller if the setup is new; whether it was.
     pub(super) fn set_up(&mut self, now: Duration, setup: Option<BusSetup>) -> bool {
+        if setup.is_none() && self.setup.is_some() {
+            self.reset(now);
+        }
         let Some(new) = setup.filter(|new| self.setup != Some(*new)) else { return false };
         self.setup = setup;
         self.held = [false; TRANSMIT_SLOTS];
         match &mut self.medium {
-            Medium::Can(bus) => bus.start(now, Station::Gateway, new.bitrate),
+            Medium::Can(bus) => bus.start_in(now, Station::Gateway, new.bitrate, new.mode),
             Medium::Serial { line, local_echo } => {
                 line.start(Station::Gateway, new.bitrate, *local_echo)
             }

@@ -159,6 +159,9 @@ impl Gateway {
         }
         for index in self.draft.buses() {
             let Some(bus) = self.buses.get(index) else { continue };
+            if bus.is_borrowed() {
+                return Err(Error::RawOpen { bus: bus.index() });
+            }
             let config = self.draft.bus(bus.index()).flatten();
             let here = |axis: &&Axis| axis.config.bus().map(usize::from) == Some(index);
             for axis in self.axes.iter().filter(here) {
@@ -215,7 +218,9 @@ impl Gateway {
             return Err(Error::Busy { axis: index });
         }
         if let Some(bus) = config.bus()
-            && self.bus(bus).is_ok_and(|bus| bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe()))
+            && self.bus(bus).is_ok_and(|bus| {
+                bus.is_borrowed() || bus.raw.as_ref().is_some_and(|raw| raw.is_unsafe())
+            })
         {
             return Err(Error::RawOpen { bus });
         }

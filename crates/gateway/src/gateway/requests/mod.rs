@@ -187,6 +187,10 @@ impl Gateway {
                 self.raw_open(now, *request)?;
                 Reply::RawOpen(done)
             }
+            Request::RawOpenAt(request) => {
+                self.raw_open_at(now, *request)?;
+                Reply::RawOpenAt(done)
+            }
             Request::RawSend(request) => {
                 self.raw_send(request)?;
                 Reply::RawSend(done)
@@ -577,6 +581,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Cycle(_)
         | Request::RunCycle(_)
         | Request::RawOpen(_)
+        | Request::RawOpenAt(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)
         | Request::RawClose(_) => true,

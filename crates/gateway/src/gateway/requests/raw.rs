@@ -2,10 +2,11 @@
 //! G10).
 
 use super::Result;
+use crate::bus_rules::check_bus_config;
 use crate::gateway::Gateway;
 use crate::protocol;
 use crate::time::Instant;
-use host_protocol::{BusKind, Error, Quantity, RawFrame, requests};
+use host_protocol::{BusConfig, BusKind, BusMode, Error, Quantity, RawFrame, requests};
 
 impl Gateway {
     pub(crate) fn raw_open(&mut self, now: Instant, request: requests::RawOpen) -> Result<()> {
@@ -14,7 +15,21 @@ impl Gateway {
             return Err(Error::BusNotConfigured { bus });
         }
         self.refuse_raw(bus, unsafe_access)?;
+        if self.bus(bus)?.is_borrowed() {
+            return Err(Error::RawOpen { bus });
+        }
         self.on_bus(now, bus, |bus, axes, out| bus.open_raw(now, unsafe_access, axes, out));
+        Ok(())
+    }
+
+    /// Opens a bus without axes that runs otherwise than it is configured.
+    pub(crate) fn raw_open_at(&mut self, now: Instant, request: requests::RawOpenAt) -> Result<()> {
+        let requests::RawOpenAt { bus, bitrate, protocols, reply_window_us, mode } = request;
+        let config = BusConfig { bitrate, protocols, exclusive: false, reply_window_us };
+        let port = self.bus(bus)?;
+        check_bus_config(bus, port.kind(), port.port().bitrates, &config)?;
+        self.refuse_raw(bus, true)?;
+        self.on_bus(now, bus, |bus, axes, out| bus.borrow(now, config, mode, axes, out));
         Ok(())
     }
 
@@ -22,8 +37,11 @@ impl Gateway {
         let index = request.bus;
         let bus = self.bus_mut(index)?;
         let kind = bus.kind();
-        let protocols = bus.config().map(|config| config.protocols).unwrap_or_default();
+        let (protocols, mode) = (bus.protocols(), bus.mode());
         let raw = bus.raw.as_mut().ok_or(Error::RawNotOpen { bus: index })?;
+        if mode == BusMode::ListenOnly {
+            return Err(Error::BusOnlyListens { bus: index });
+        }
         let harmless = match (&request.frame, kind) {
             (RawFrame::Can(frame), BusKind::Can) => protocol::is_harmless_on_can(frame, protocols),
             (RawFrame::Serial(bytes), BusKind::Rs485) if bytes.is_empty() => {
@@ -82,8 +100,10 @@ impl Gateway {
 
     fn close_raw(&mut self, now: Instant, closes: impl Fn(&Self, u8, bool) -> bool) {
         for index in (0u8..).take(self.buses.len()) {
-            let open = self.bus(index).ok().and_then(|bus| bus.raw.as_ref());
-            let unsafe_access = open.map(|raw| raw.is_unsafe());
+            let unsafe_access = self
+                .bus(index)
+                .ok()
+                .and_then(|bus| bus.raw.as_ref().map(|raw| raw.is_unsafe() || bus.is_borrowed()));
             if unsafe_access.is_some_and(|unsafe_access| closes(self, index, unsafe_access)) {
                 self.end_raw(now, index);
             }

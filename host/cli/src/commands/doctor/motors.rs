@@ -98,6 +98,7 @@ pub fn scan(
             targets: vec![ScanTarget { bus, bitrates: Bitrates::Configured }],
             listen: Duration::ZERO,
             thrusters: false,
+            force: false,
         };
         let result = crate::scan::scan(session, &wanted, |_, scanned| {
             judge(&scanned, axes, findings);
