@@ -105,6 +105,9 @@ checks! {
     /// G2: nothing changes a motor while its axis is armed; arming frees a brake only where the
     /// axis says so, and changes nothing else (G1).
     ChangedWhileArmed,
+    /// A motor is sent nothing that its dialect lacks, or takes for something else
+    /// (docs/rmd-dialects.md).
+    NotInDialect,
     /// G7: a bus that goes off trips what may move there.
     BusOffIgnored,
     /// G7: frames sent, received, lost, not acknowledged and given back, and times that a bus went

@@ -5,8 +5,8 @@ use super::faults::can_frame;
 use super::steps::StepError;
 use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
 use host_protocol::{
-    AxisParameter, BusConfig, Bytes, Change, ClearTarget, GatewayParameter, MAX_CAN_DATA, RawFrame,
-    StateField, StateFields, StopTarget, Value, replies::Armed, requests,
+    AxisParameter, BusConfig, BusMode, Bytes, Change, ClearTarget, GatewayParameter, MAX_CAN_DATA,
+    RawFrame, StateField, StateFields, StopTarget, Value, replies::Armed, requests,
 };
 use mgw_client::AxisSetpoint;
 use std::time::Duration;
@@ -31,7 +31,7 @@ impl Bench {
                 self.set_motion(verb, rest)?
             }
             "native" | "native-epoch" | "native-expired" => self.natively(verb, rest)?,
-            "raw-open" | "raw-close" | "raw-send" => self.raw(verb, rest)?,
+            "raw-open" | "raw-open-at" | "raw-close" | "raw-send" => self.raw(verb, rest)?,
             "arm" => {
                 for at in 0..rest.len() {
                     let axis = parse(rest, at, "axis")?;
@@ -239,6 +239,22 @@ impl Bench {
             "raw-open" => {
                 let unsafe_access = words.get(1) == Some(&"unsafe");
                 self.ask(&requests::RawOpen { bus, unsafe_access })?;
+            }
+            // `raw-open-at BUS BITRATE PROTOCOLS normal|listen-only|one-shot`
+            "raw-open-at" => {
+                let mode = match words.get(3) {
+                    Some(&"listen-only") => BusMode::ListenOnly,
+                    Some(&"one-shot") => BusMode::OneShot,
+                    Some(&"normal") => BusMode::Normal,
+                    other => return Err(format!("{other:?} is no mode").into()),
+                };
+                let (bitrate, protocols) = (
+                    parse(words, 1, "bitrate")?,
+                    protocols(words.get(2).copied().unwrap_or_default())?,
+                );
+                let reply_window_us = 5_000;
+                let open = requests::RawOpenAt { bus, bitrate, protocols, reply_window_us, mode };
+                self.ask(&open)?;
             }
             "raw-close" => {
                 self.ask(&requests::RawClose { bus })?;

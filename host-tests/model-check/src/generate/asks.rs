@@ -120,6 +120,35 @@ pub(super) fn native(dice: &mut Dice, axis: u8) -> Ask {
     let motor = &MOTORS[usize::from(axis)];
     let data = match motor.protocol {
         _ if dice.percent(5) => dice.bytes(9),
+        // What some dialects lack, or have in another form (docs/rmd-dialects.md).
+        Protocol::Rmd if dice.percent(20) => {
+            let [command, index] = dice.pick(&[
+                [0x31, 0],
+                [0x32, 0],
+                [0x32, 4],
+                [0x30, 1],
+                [0x42, 3],
+                [0xB5, 1],
+                [0x71, 0],
+                [0x90, 0],
+                [0x94, 0],
+                [0xA2, 50],
+                [0xA9, 50],
+                [0xA9, 0],
+                [0xA3, 0],
+                [0xA5, 0],
+                [0xA6, 0],
+                [0x72, 10],
+                [0xB4, 0],
+                [0xB6, 0x92],
+                [0x20, 5],
+                [0x20, 8],
+                [0x79, 0],
+                [0xC0, 0],
+                [0x19, 0],
+            ]);
+            vec![command, index, dice.pick(&[0, 1]), 0, dice.byte(), 0, 0, dice.pick(&[0, 1])]
+        }
         Protocol::Rmd => {
             let command = dice.pick(&[
                 0x30, 0x43, 0x64, 0x70, 0x77, 0x78, 0x80, 0x81, 0x92, 0x9A, 0xA1, 0xA2, 0xA4, 0xA8,

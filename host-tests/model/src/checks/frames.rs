@@ -75,6 +75,9 @@ impl Oracle {
             self.judge_order(now, bus, &held, frame);
             return held;
         };
+        if !self.axes[axis].protocol().is_none_or(|p| p.has(self.axes[axis].dialect(), &data)) {
+            self.broken(Check::NotInDialect, now, format!("axis {axis}: {}", frame.text()));
+        }
         let purpose = self.axes[axis].protocol().map_or(Purpose::Change, |p| p.purpose(&data));
         let purpose = self.axes[axis].purpose_as_it_waits(purpose, &data);
         held.prepares = self.prepares(now, axis, &data);

@@ -247,6 +247,11 @@ impl Protocol {
         self == Self::D5 && d5::is_objection(reply)
     }
 
+    /// Whether a motor may be sent this whose axis states the dialect with this number.
+    pub fn has(self, dialect: u32, data: &[u8]) -> bool {
+        self != Self::Rmd || rmd::has(dialect, data)
+    }
+
     /// RMD: the dialects whose motors answer a request so, a bit for each by its number.
     pub fn dialects(self, request: &[u8], reply: &[u8]) -> Option<u8> {
         if self == Self::Rmd { rmd::dialects(request, reply) } else { None }

@@ -38,6 +38,41 @@ pub(super) fn question(data: &[u8]) -> Option<Question> {
     }
 }
 
+/// Whether a motor may be sent this whose axis states the dialect with this number; 0 is unknown.
+/// Reads by index tell the dialect and go to all (docs/rmd-dialects.md, What differs, Dangerous
+/// differences).
+pub(super) fn has(dialect: u32, data: &[u8]) -> bool {
+    const V3_6: u32 = 1;
+    const V3_7: u32 = 2;
+    const V3_9: u32 = 3;
+    const V4_2: u32 = 4;
+    const V4_3: u32 = 5;
+    const V4_4: u32 = 6;
+    match *data {
+        // Six gains of a byte, or one by index.
+        [0x31 | 0x32, 0, ..] => (V3_6..=V3_9).contains(&dialect),
+        [0x31 | 0x32, ..] => dialect >= V4_2,
+        [0x71, ..] => (V3_6..=V3_9).contains(&dialect),
+        [0x90, ..] => (V3_7..=V4_3).contains(&dialect),
+        [0x94, ..] => dialect >= V3_7,
+        // Bit rates have other codes in V4.4: without a dialect nothing is known of them.
+        [0xB4, ..] | [MOTION_MODE, ..] => dialect >= V3_6,
+        // Without a torque cap.
+        [0xA2, 0, ..] => true,
+        [0xA2 | 0xA9, cap, ..] => dialect >= V4_3 && cap > 0,
+        [0xA3 | 0xA5, ..] => dialect == V3_6,
+        // No limit of speed, no ramp.
+        [0xA4 | 0xA8, _, low, high, ..] => (low, high) != (0, 0),
+        [0x43, _, _, _, a, b, c, d] => [a, b, c, d] != [0; 4],
+        [0x20, 8, ..] => dialect == V4_4,
+        [0x20, index, ..] => (1..=4).contains(&index),
+        [0x72 | 0x73 | 0xA6 | 0xB6 | 0x79 | 0xC0 | 0xC1 | 0x19 | 0x33 | 0x34 | 0x88 | 0x9B, ..] => {
+            false
+        }
+        _ => true,
+    }
+}
+
 /// The dialects whose motors answer a read so, a bit for each by its number in `rmd_dialect`: the form
 /// tells (docs/rmd-dialects.md, Recognition).
 pub(super) fn dialects(request: &[u8], reply: &[u8]) -> Option<u8> {

@@ -95,3 +95,47 @@ fn a_setpoint_that_was_refused_moves_nothing() {
     trace.send(VELOCITY);
     trace.breaks(Check::MotionExpired);
 }
+
+#[test]
+pub fn what_the_dialect_of_an_axis_lacks() {
+    let rows: [(u8, &[u8], bool); 16] = [
+        (1, &[0x32, 4, 0, 0, 0, 0, 0, 0x3F], true),
+        (4, &[0x32, 4, 0, 0, 0, 0, 0, 0x3F], false),
+        (4, &[0x32, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19], true),
+        (3, &[0x32, 0, 0x55, 0x19, 0x55, 0x19, 0x55, 0x19], false),
+        (0, &[0xB4, 0, 0, 0, 0, 0, 0, 1], true),
+        (6, &[0xB4, 0, 0, 0, 0, 0, 0, 1], false),
+        (6, &[0x43, 0, 0, 0, 0, 0, 0, 0], true),
+        (6, &[0x20, 5, 0, 0, 2, 0, 0, 0], true),
+        (5, &[0x20, 8, 0, 0, 1, 0, 0, 0], true),
+        (6, &[0x20, 8, 0, 0, 1, 0, 0, 0], false),
+        (1, &[0x94, 0, 0, 0, 0, 0, 0, 0], true),
+        (2, &[0x94, 0, 0, 0, 0, 0, 0, 0], false),
+        (4, &[0x71, 0, 0, 0, 0, 0, 0, 0], true),
+        (6, &[0x90, 0, 0, 0, 0, 0, 0, 0], true),
+        (0, &[0x30, 1, 0, 0, 0, 0, 0, 0], false),
+        (6, &[0xC0, 0, 1, 1, 0, 0, 0, 0], true),
+    ];
+    for (dialect, data, lacks) in rows {
+        let mut trace = Trace::new(COAST);
+        trace.done(0, 0x20, &[0, 46, 1, dialect]);
+        trace.hand(data);
+        let violations = trace.oracle.violations();
+        let found = violations.iter().any(|violation| violation.check == Check::NotInDialect);
+        assert_eq!(found, lacks, "{dialect}: {data:02X?}");
+    }
+    for (dialect, data, lacks) in [
+        (4, [0xA2, 50, 0, 0, 0x10, 0x27, 0, 0], true),
+        (5, [0xA2, 50, 0, 0, 0x10, 0x27, 0, 0], false),
+        (5, [0xA9, 0, 0xF4, 1, 0, 0, 0, 0], true),
+        (2, [0xA5, 0, 0xF4, 1, 0, 0, 0, 0], true),
+        (6, [0xA4, 0, 0, 0, 0, 0, 0, 0], true),
+    ] {
+        let mut trace = Trace::active();
+        trace.done(0, 0x20, &[0, 46, 1, dialect]);
+        trace.hand(&data);
+        let violations = trace.oracle.violations();
+        let found = violations.iter().any(|violation| violation.check == Check::NotInDialect);
+        assert_eq!(found, lacks, "{dialect}: {data:02X?}");
+    }
+}

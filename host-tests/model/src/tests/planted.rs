@@ -46,6 +46,7 @@ fn planted(check: Check) -> fn() {
         Check::StandstillBlind => others::a_threshold_of_standstill_below_what_the_motor_can_tell,
         Check::EpochRepeated => others::an_epoch_that_is_given_again_after_a_loss_of_power,
         Check::ChangedWhileArmed => motion::a_change_of_the_motor_while_its_axis_is_armed,
+        Check::NotInDialect => motion::what_the_dialect_of_an_axis_lacks,
         Check::BusOffIgnored => counts::a_bus_that_goes_off_and_trips_nothing,
         Check::CountWrong => counts::each_counter_that_is_wrong,
         Check::ResetForgot => starts::a_reset_that_loses_an_axis,

@@ -136,6 +136,12 @@ injections! {
     StaleReplies stale_replies "stale-replies";
     /// RMD: after its own timeout it neither swallows a command nor says 0xF1 every second.
     PlainTimeout plain_timeout "plain-timeout";
+    /// RMD: it answers 0x77 at once, without the 50 to 150 ms that real brakes take.
+    PromptBrake prompt_brake "prompt-brake";
+    /// RMD: it restarts in 10 ms, without the silence of about 1.1 s.
+    PromptRestart prompt_restart "prompt-restart";
+    /// RMD: after 0x20 index 5 it answers from its old id until it restarts.
+    KeepsReplyId keeps_reply_id "keeps-reply-id";
     /// RMD: what it stores it stores only while its output is off, and echoes it all the same
     /// (V4.4).
     StoresOnlyOff stores_only_off "stores-only-off";

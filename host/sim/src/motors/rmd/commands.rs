@@ -143,7 +143,10 @@ impl Rmd {
                 return None;
             }
             Request::ReleaseBrake => {
-                let takes = cx.random.between(RELEASE_MIN, RELEASE_MAX);
+                let takes = match cx.injected.prompt_brake {
+                    true => Duration::ZERO,
+                    false => cx.random.between(RELEASE_MIN, RELEASE_MAX),
+                };
                 self.release_at = Some(cx.now + takes);
                 self.interface.send(cx, self.node, takes, &Reply::BrakeReleased);
                 return None;

@@ -36,6 +36,9 @@ const UNKNOWN: &str = "unknown";
 const RESTART_MIN: Duration = Duration::from_millis(800);
 const RESTART_MAX: Duration = Duration::from_millis(1_500);
 
+/// The same of one that is told to be quick.
+const PROMPT_RESTART: Duration = Duration::from_millis(10);
+
 /// A geared servo of a robot's joint, on 48 V.
 const CHARACTERISTICS: Characteristics = Characteristics {
     max_speed_rad_s: 30.0,
@@ -126,7 +129,11 @@ impl Rmd {
     fn restart(&mut self, cx: &mut Context<'_>) {
         self.begin_anew();
         self.memory.restart();
-        self.started_at = Some(cx.now + cx.random.between(RESTART_MIN, RESTART_MAX));
+        let takes = match cx.injected.prompt_restart {
+            true => PROMPT_RESTART,
+            false => cx.random.between(RESTART_MIN, RESTART_MAX),
+        };
+        self.started_at = Some(cx.now + takes);
         cx.log(MotorEvent::Restarted);
     }
 
@@ -232,7 +239,8 @@ impl Rmd {
         if let Ok(data) = reply.encode() {
             self.last = data;
         }
-        let node = self.next_node.and_then(|node| Node::new(node).ok()).unwrap_or(self.node);
+        let next = self.next_node.filter(|_| !cx.injected.keeps_reply_id);
+        let node = next.and_then(|node| Node::new(node).ok()).unwrap_or(self.node);
         self.interface.send(cx, node, delay, reply);
     }
 
