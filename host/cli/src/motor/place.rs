@@ -229,7 +229,8 @@ impl Run<'_> {
     pub(super) fn look(&mut self, protocol: Option<Protocol>) -> Result<Scanned, Failure> {
         let target = ScanTarget { bus: self.motor.bus, bitrates: Bitrates::Configured };
         let thrusters = protocol == Some(Protocol::Thruster);
-        let wanted = Wanted { targets: vec![target], listen: Duration::ZERO, thrusters };
+        let wanted =
+            Wanted { targets: vec![target], listen: Duration::ZERO, thrusters, force: false };
         let mut all = Vec::new();
         scan(self.session, &wanted, |_, scanned| {
             all.push(scanned);
