@@ -178,7 +178,9 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             Request::RawOpen(requests::RawOpen { bus, unsafe_access })
         }
         Ask::RawOpenAt { bus, mode } => {
-            let (bitrate, protocols) = BUS_SETUP[usize::from(bus)];
+            // There are fewer buses than what may be asked for.
+            let (bitrate, protocols) =
+                BUS_SETUP.get(usize::from(bus)).copied().unwrap_or(BUS_SETUP[0]);
             let mode = match mode {
                 0 => BusMode::Normal,
                 1 => BusMode::ListenOnly,
