@@ -3,4 +3,5 @@
 
 mod bytes;
 mod cuts;
+mod doubts;
 mod rig;

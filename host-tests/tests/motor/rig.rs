@@ -28,6 +28,8 @@ pub enum Cut {
     Cable(usize),
     /// The supply of the motor, after so many frames of the gateway.
     Power(usize),
+    /// This frame of the gateway is missed by the motor, and no other.
+    Frame(usize),
     /// The supply of the gateway, after so many frames of it, for a moment.
     Gateway(usize),
 }
@@ -145,6 +147,12 @@ impl Cutter {
             if self.cut == Cut::Power(sent.len()) {
                 world.power_cycle(MOTOR);
                 world.inject(MOTOR, Injection::Unplugged(true));
+            }
+            if let Cut::Frame(missed) = self.cut {
+                let is_next = sent.len() + 1 == missed;
+                if is_next || sent.len() == missed {
+                    world.inject(MOTOR, Injection::Unplugged(is_next));
+                }
             }
             if self.cut == Cut::Gateway(sent.len()) {
                 world.reset(BootReason::PowerOn, "");
