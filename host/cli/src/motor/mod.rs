@@ -65,6 +65,8 @@ pub struct Run<'a> {
     pub motor: Motor,
     /// Nothing is asked.
     yes: bool,
+    /// Something is written from here on.
+    writes: bool,
     /// The configuration as it is now.
     now: Configuration,
     /// What it shall be in the end.
@@ -207,13 +209,15 @@ impl Run<'_> {
     }
 
     /// Asks the user whether to do it, unless that is said already.
-    fn agree(&self, what: &str) -> Result<(), Failure> {
+    fn agree(&mut self, what: &str) -> Result<(), Failure> {
         let off = match self.motor.protocol {
             Protocol::Rmd if !self.motor.is_own => "its output is switched off; it ",
             _ => "",
         };
         let what = format!("{}: {off}{what}", self.motor.name());
-        terminal::agree(self.session.out, self.yes, &what)
+        terminal::agree(self.session.out, self.yes, &what)?;
+        self.writes = true;
+        Ok(())
     }
 
     /// Changes the configuration as a whole.

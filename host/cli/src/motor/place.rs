@@ -56,10 +56,19 @@ pub fn on_motor(
         },
         session,
         yes,
+        writes: false,
         now: base.clone(),
         after: base,
     };
     let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
+    if run.writes && matches!(&done, Err(Failure::Client(error)) if !is_refusal(error)) {
+        run.session.out.aside(format!(
+            "{}: it ended halfway, and the motor may have been changed. `mgw scan {}` finds it, and \
+                reading the setting shows what it has",
+            run.motor.name(),
+            run.motor.bus
+        ));
+    }
     let left = match &done {
         Err(_) if run.is_reconfigured() => return done,
         _ => run.leave(),
@@ -71,6 +80,10 @@ pub fn on_motor(
         (Err(failure), Some(text)) => Err(failed("NotTakenBack", format!("{failure}\n{text}"))),
         (Err(failure), None) => Err(failure),
     }
+}
+
+fn is_refusal(error: &ClientError) -> bool {
+    matches!(error, ClientError::Gateway(_))
 }
 
 /// Where a motor is to be found.
