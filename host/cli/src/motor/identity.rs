@@ -71,7 +71,7 @@ pub(super) fn refuse_taken(run: &Run<'_>, new: u8) -> Result<(), Failure> {
             format!("bus {bus}: {} answers already: choose another id", run.motor.at(new)),
         ));
     }
-    match axis_of(&run.after, bus, Some(protocol), new) {
+    match axis_of(&run.after, bus, protocol, new) {
         Some(axis) => Err(failed(
             "Taken",
             format!(

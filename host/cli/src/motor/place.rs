@@ -144,7 +144,8 @@ impl Place {
                 let there = session.client.bus_status(bus)?.config;
                 let kind = kind_of(session, bus);
                 let config = bus_config(base, bus, kind, there, protocol, bitrate)?;
-                let axis = axis_of(base, bus, protocol, node);
+                // Which axis it is of is known with its protocol only.
+                let axis = protocol.and_then(|protocol| axis_of(base, bus, protocol, node));
                 Ok(Self { axis, bus, kind, config, protocol, node })
             }
         }
@@ -199,23 +200,19 @@ pub(super) fn axes_on(configuration: &Configuration, bus: u8) -> Vec<u8> {
     here.map(|(axis, _)| *axis).collect()
 }
 
-/// The axis that is configured for a motor; where no protocol is named, if only one has that node.
+/// The axis that is configured for a motor.
 pub(super) fn axis_of(
     configuration: &Configuration,
     bus: u8,
-    protocol: Option<Protocol>,
+    protocol: Protocol,
     node: u8,
 ) -> Option<u8> {
-    let is_it = |axis: &u8| {
+    axes_on(configuration, bus).into_iter().find(|axis| {
         let values = configuration.axes.get(axis);
         let get = |parameter| unsigned(values.and_then(|values| values.get(&parameter)));
         get(AxisParameter::Node) == Some(node.into())
-            && protocol.is_none_or(|protocol| {
-                get(AxisParameter::Protocol) == Some(protocol.number().into())
-            })
-    };
-    let mut all = axes_on(configuration, bus).into_iter().filter(is_it);
-    all.next().filter(|_| all.next().is_none())
+            && get(AxisParameter::Protocol) == Some(protocol.number().into())
+    })
 }
 
 impl Run<'_> {
@@ -267,7 +264,7 @@ impl Run<'_> {
                 if !self.motor.is_own {
                     // Only now it is known which protocol it is.
                     let (bus, node) = (place.bus, place.node);
-                    let axis = axis_of(&self.now, bus, Some(one.protocol), node);
+                    let axis = axis_of(&self.now, bus, one.protocol, node);
                     self.motor.is_own = axis.is_some();
                     self.motor.axis = axis.unwrap_or(self.motor.axis);
                 }

@@ -148,6 +148,22 @@ fn an_id_that_is_taken_or_may_reach_others_is_refused() {
 }
 
 #[test]
+fn a_motor_is_not_taken_for_the_axis_of_another_protocol_with_its_node() {
+    let sim = with_motors(&["0:rmd:11:v4_4", "0:thruster:11"]);
+    let bus = ["config", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"];
+    sim.mgw_once_in_command(&bus).success();
+    let axis = ["bus=0", "protocol=thruster", "node=11", "stop_action=coast"];
+    sim.mgw_once_in_command(&[&["config", "axis", "0"], &axis[..]].concat()).success();
+    let motor = |place: &str| {
+        sim.mgw_once_in_command(&["--json", "motor", place, "id"]).json_lines()[0]["motor"].clone()
+    };
+    let rmd = motor("0:11");
+    assert_eq!((&rmd["protocol"], &rmd["axis"]), (&"rmd".into(), &serde_json::Value::Null));
+    let thruster = motor("0:thruster:11");
+    assert_eq!((&thruster["protocol"], &thruster["axis"]), (&"thruster".into(), &0.into()));
+}
+
+#[test]
 fn an_axis_that_is_configured_for_the_id_keeps_it() {
     let sim = unhurried(Sim::start());
     sim.mgw_once_in_command(&[
