@@ -49,8 +49,8 @@ const BAUD: u32 = 3_000_000;
 const PERIODS: u32 = 400;
 /// Those that are traced.
 const TRACED: u32 = 5;
-/// Until a cycle runs as it goes on.
-const SETTLED: Duration = Duration::from_millis(20);
+/// Those until a cycle runs as it goes on.
+const SETTLED: u32 = 20;
 /// Nothing expires meanwhile.
 const TTL: Duration = Duration::from_secs(50);
 const LINK_SILENCE_US: u32 = 10_000_000;
@@ -166,7 +166,7 @@ pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, Not
 }
 
 /// A board with its motors, configured.
-pub struct Rig {
+struct Rig {
     machine: Rc<RefCell<Machine>>,
     outside: Outside,
     client: Client<BoardTransport>,
@@ -175,7 +175,7 @@ pub struct Rig {
 impl Rig {
     /// Switches it on, and has its host's line run faster.
     /// Panics if the gateway refuses it.
-    pub fn power_on(mut board: Builder) -> Self {
+    fn power_on(mut board: Builder) -> Self {
         let buses = 0..u8::try_from(board.board().can_ports.len()).expect("a few");
         let motors: Vec<_> = buses
             .clone()
@@ -192,7 +192,7 @@ impl Rig {
 
     /// Runs a cycle, and looks at it.
     /// Panics if the gateway refuses it, or tells of none.
-    pub(crate) fn measure(
+    fn measure(
         &mut self,
         situation: Situation,
         speed: u64,
@@ -217,7 +217,7 @@ impl Rig {
         let mut listener = Listener::default();
         let mut told =
             |round: u32| situation.has_setpoints.then(|| frame(&axes, round, epoch, expires));
-        self.run(SETTLED.div_duration_f64(period) as u32, period, &mut listener, &mut told);
+        self.run(SETTLED, period, &mut listener, &mut told);
         let functions = functions.filter(|_| situation == Situation::usual(Board::chosen()));
         let stages = functions.map(|functions| self.stages(situation, functions.clone()));
         listener = Listener::default();

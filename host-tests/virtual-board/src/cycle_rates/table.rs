@@ -49,16 +49,6 @@ pub struct Table {
 }
 
 impl Row {
-    /// The rate of the axis that was served least often, tenths of Hz.
-    pub fn rate(&self) -> u64 {
-        self.values[RATE]
-    }
-
-    /// That rate as part of what the wire allows, permille.
-    pub fn of_limit(&self) -> u64 {
-        self.values[RATE + 1]
-    }
-
     fn name(&self) -> String {
         format!("{} at {} M", self.what, self.speed)
     }
