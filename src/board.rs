@@ -1,6 +1,12 @@
 //! The boards: one file each, chosen by a feature. Only they name pins, clocks and interrupts.
 
 mod clock;
+#[cfg(feature = "nucleo-g474re")]
+#[path = "board/g474_flash.rs"]
+pub mod flash;
+#[cfg(feature = "nucleo-h743zi")]
+#[path = "board/h743_flash.rs"]
+pub mod flash;
 mod host_links;
 #[cfg(feature = "nucleo-g474re")]
 mod nucleo_g474re;

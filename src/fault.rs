@@ -144,9 +144,13 @@ unsafe extern "C" fn hard_fault(frame: *const ExceptionFrame) -> ! {
 }
 
 /// The clock security system has noticed that the board's clock stands still, and the chip goes on
-/// with its own: what hangs on PLLs has stopped. The run after this one does without that clock.
+/// with its own: what hangs on PLLs has stopped. The run after this one does without that clock. Or
+/// a word of the storage is torn, which is nothing new.
 #[exception]
-unsafe fn NonMaskableInt() -> ! {
+unsafe fn NonMaskableInt() {
+    if board::flash::torn_word_was_read() {
+        return;
+    }
     restart_after(|text| {
         text.write_str(if board::has_lost_clock() {
             "the board's clock has stopped"

@@ -29,6 +29,8 @@ mod shared_gateway;
 #[cfg(target_os = "none")]
 mod starts;
 #[cfg(target_os = "none")]
+mod storage;
+#[cfg(target_os = "none")]
 mod task_budget;
 #[cfg(target_os = "none")]
 mod tasks;
@@ -71,12 +73,15 @@ async fn main(spawner: embassy_executor::Spawner) {
     }
     // Where there is none, nothing is armed, and the core says so.
     let gateway = SharedGateway::place(description, random::number(), words, is_bare);
+    spawner.spawn(defmt::unwrap!(tasks::storage::storage(gateway)));
+    gateway.has_started().await;
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::history::history(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));
     let hosts = ports.spawn(spawner, gateway);
     gateway.first_stops_have_left().await;
+    gateway.has_loaded().await;
     hosts.spawn(spawner, gateway);
 }
 

@@ -5,14 +5,17 @@
 //! else happens: no task stands between a demand and its stop.
 
 use core::cell::{Cell, RefCell};
+use core::convert::Infallible;
 
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use gateway::{
-    Board, BusSetup, Changes, Event, Gateway, Instant, Light, LogEntry, MAX_LINKS, Store, Transmit,
+    Board, BusSetup, Changes, Event, Found, Gateway, Instant, Light, LogEntry, MAX_LINKS,
+    MAX_STORED_ROW, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
@@ -21,7 +24,7 @@ use crate::board::{self, CAN_BUSES, RS485_BUSES};
 use crate::can_bus::CanBus;
 use crate::fdcan::CanPort;
 use crate::retained::{self, CoreWords};
-use crate::watchdog::Watch;
+use crate::watchdog::{self, Watch};
 
 /// Every task runs in thread mode, so the core is guarded without masking interrupts: the
 /// controllers' receive queues are filled even while the core works.
@@ -37,6 +40,10 @@ const FIRST_RS485: u8 = CAN_BUSES as u8;
 const FIRST_STOPS: Duration = Duration::from_millis(100);
 /// How often these are looked for.
 const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
+/// How long the host links then wait for what is stored, where a reset has left what runs.
+const LOADED: Duration = Duration::from_millis(100);
+/// How often the watchdog is fed while a start reads what is stored, before there is a task.
+const FEED: Duration = Duration::from_millis(10);
 
 /// The one gateway of the board. What reaches into the core is never inlined: several tasks call
 /// it, and the core's code would be in the image as often.
@@ -50,6 +57,9 @@ pub struct SharedGateway {
     earlier: Changed,
     log: Changed,
     history: Changed,
+    save: Changed,
+    started: Changed,
+    loaded: Changed,
     /// This run knows no motor that a run before may have left turning: the enable output stays
     /// inactive.
     is_bare: bool,
@@ -102,7 +112,7 @@ impl Parts {
 }
 
 impl SharedGateway {
-    /// Puts the gateway of this board in its place, with what the run before has left; once.
+    /// Puts the gateway of this board in its place; once. It is not [started](Self::start) yet.
     #[inline(never)]
     pub fn place(
         board: Board,
@@ -126,13 +136,76 @@ impl SharedGateway {
             earlier: Signal::new(),
             log: Signal::new(),
             history: Signal::new(),
+            save: Signal::new(),
+            started: Signal::new(),
+            loaded: Signal::new(),
             is_bare,
         });
-        shared.with(|parts, now| {
-            parts.core.init();
-            parts.core.restore(now, parts.kept.as_slice());
-        });
+        shared.with(|parts, _| parts.core.init());
         shared
+    }
+
+    /// Whether a reset has left the running configuration, which then counts, whatever is stored.
+    pub fn is_remembered(&self) -> bool {
+        self.with(|parts, _| Gateway::is_remembered(parts.kept.as_slice()))
+    }
+
+    /// Whether start after start has failed: this run is without configuration.
+    pub fn is_bare(&self) -> bool {
+        self.is_bare
+    }
+
+    /// Takes over what is stored, and starts where a reset has left nothing.
+    #[inline(never)]
+    pub fn load(&self, found: Found, next: NextRow<'_>) {
+        let is_remembered = self.is_remembered();
+        self.with(|parts, now| parts.core.load(now, parts.kept.as_slice(), found, next));
+        if !is_remembered {
+            self.start();
+        }
+        self.loaded.signal(());
+    }
+
+    /// Goes on from what the run before has left, or from what was loaded.
+    #[inline(never)]
+    pub fn start(&self) {
+        self.with(|parts, now| parts.core.restore(now, parts.kept.as_slice()));
+        self.started.signal(());
+    }
+
+    /// Waits until it has started. Nobody else feeds the watchdog meanwhile: there is so much to read
+    /// and no more.
+    pub async fn has_started(&self) {
+        let feed = async || -> Infallible {
+            let mut ticker = Ticker::every(FEED);
+            loop {
+                watchdog::feed();
+                ticker.next().await;
+            }
+        };
+        let _: Either<(), Infallible> = select(self.started.wait(), feed()).await;
+    }
+
+    /// Waits until it is known what is stored; not for ever.
+    pub async fn has_loaded(&self) {
+        // What is not known is told as no storage.
+        let _ = with_timeout(LOADED, self.loaded.wait()).await;
+    }
+
+    /// Waits until something is to be stored. For one task.
+    pub async fn save_due(&self) -> Save {
+        loop {
+            if let Some(save) = self.with(|parts, _| parts.core.take_save()) {
+                return save;
+            }
+            self.save.wait().await;
+        }
+    }
+
+    /// Writes a row of the running configuration, and returns its bytes.
+    #[inline(never)]
+    pub fn stored_row(&self, row: usize, out: &mut [u8; MAX_STORED_ROW]) -> usize {
+        self.with(|parts, _| parts.core.stored_row(row, out))
     }
 
     /// Adds a CAN bus. Its task starts it.
@@ -220,6 +293,9 @@ impl SharedGateway {
         }
         if changes.history {
             self.history.signal(());
+        }
+        if changes.save {
+            self.save.signal(());
         }
         for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.links.has(*index)) {
             link.signal(());

@@ -9,5 +9,6 @@ pub mod light;
 pub mod log;
 pub mod rs485;
 pub mod safety;
+pub mod storage;
 pub mod supervisor;
 pub mod usb;

@@ -1,87 +1,147 @@
 //! The configuration of the gateway in a NOR flash: the old one or the new one, whenever the power
 //! fails.
 //!
-//! There is room for two sets of rows, and a head that names the one that counts. A save writes the
-//! rows of the other set, then the head, twice: the first is one item, which is old or new, and the
-//! second keeps a head that has lost a bit from passing for one whose write was cut short, which
-//! would have the set before it count again. Wear-levelling, checksums and
-//! repair after a cut are those of `sequential-storage`. Each write goes to erased words, once: chips
-//! with an error-correcting code allow no other.
+//! There are two areas. A save erases the one that does not count, writes the rows there and, last of
+//! all, a head with a number that is higher by one: the area with the highest number counts. So
+//! whatever a cut leaves of an erasure or of a word lies in the area that does not count. Each word is
+//! written once after it was erased: chips with an error-correcting code allow no other.
+//!
+//! | An area | |
+//! |---|---|
+//! | 0 | the head, in whole words of up to 32 bytes |
+//! | 32 | the head once more: there, and neither is whole, it was damaged later |
+//! | 64 | the rows: number, length (u16), bytes; 0xFF behind the last |
 //!
 //! A word whose write a loss of power has cut short may fail its error-correcting code. The driver
-//! must hand out whatever is read then, and no error: the checksum of the item tells.
+//! must hand out whatever is read then, and no error: the checksums tell.
 #![no_std]
 #![forbid(unsafe_code)]
 
 use core::ops::Range;
 
+use crc::{CRC_32_ISCSI, Crc, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError};
-use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage};
 
 /// The version of the layout. It grows when what was stored before would be misread.
 pub const LAYOUT: u8 = 1;
 
-/// Of the heads, in the order in which they are written: behind the keys of both sets.
-const HEAD_KEYS: [u8; 2] = [u8::MAX, u8::MAX - 1];
-const SET_KEYS: u8 = 64;
-const _: () = assert!(STORED_ROWS <= SET_KEYS as usize, "a set has a key for each row");
-/// The head: layout, its number, set, the rows of it as bits, their digest.
-const HEAD: usize = 1 + 1 + 1 + 8 + 4;
-/// The longest item with its key, in whole words of any flash.
-const BUFFER: usize = MAX_STORED_ROW + MAX_WORD;
+/// Layout, number, bytes of all rows, their checksum, the digest of the core, and the checksum of
+/// these: one word of the longest.
+const HEAD: usize = 1 + 4 + 4 + 4 + 4 + 4;
 const MAX_WORD: usize = 32;
+const SECOND_HEAD: u32 = 32;
+const ROWS: u32 = 64;
+/// Number and length of a row.
+const ROW_HEAD: usize = 3;
+const ERASED: u8 = 0xFF;
+const _: () = assert!(STORED_ROWS <= ERASED as usize, "a row has a number");
 
-type NoCache = Cache<Uncached, Uncached, Uncached, u8>;
+/// Bit by bit: it is small.
+static CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
 
 /// Where the configuration is stored.
 pub struct ConfigStore<S: NorFlash> {
-    map: MapStorage<u8, S, NoCache>,
-    /// The flash works in words of up to 32 bytes, and takes them from here.
-    buffer: [u8; BUFFER],
+    flash: S,
+    areas: [u32; 2],
+    /// Bytes of each.
+    length: u32,
 }
 
 /// What the head says.
 #[derive(Clone, Copy)]
 struct Head {
-    /// One more than that of the head before, modulo 256.
-    number: u8,
-    set: u8,
-    rows: u64,
+    layout: u8,
+    number: u32,
+    length: u32,
+    checksum: u32,
     digest: u32,
 }
 
+impl Head {
+    fn to_bytes(self) -> [u8; MAX_WORD] {
+        let mut bytes = [ERASED; MAX_WORD];
+        let words = [self.number, self.length, self.checksum, self.digest];
+        let fields = [self.layout].into_iter().chain(words.into_iter().flat_map(u32::to_le_bytes));
+        bytes.iter_mut().zip(fields).for_each(|(place, byte)| *place = byte);
+        let (said, rest) = bytes.split_at_mut(HEAD - 4);
+        let check = CHECKSUM.checksum(said).to_le_bytes();
+        rest.iter_mut().zip(check).for_each(|(place, byte)| *place = byte);
+        bytes
+    }
+
+    fn from_bytes(bytes: &[u8; MAX_WORD]) -> Option<Self> {
+        let (layout, rest) = bytes.split_first()?;
+        let word = |index: usize| {
+            let bytes = rest.get(4 * index..4 * index + 4)?;
+            Some(u32::from_le_bytes(bytes.try_into().ok()?))
+        };
+        let said = bytes.get(..HEAD - 4)?;
+        (CHECKSUM.checksum(said) == word(4)?).then_some(Self {
+            layout: *layout,
+            number: word(0)?,
+            length: word(1)?,
+            checksum: word(2)?,
+            digest: word(3)?,
+        })
+    }
+}
+
+/// What counts.
 enum Reading {
-    Head(Head),
+    Head { area: usize, head: Head },
     Nothing,
-    OtherLayout(u8),
     Damaged,
 }
 
 impl<S: NorFlash> ConfigStore<S> {
-    /// A store in whole pages of a flash: at least two.
+    /// A store in whole pages of a flash: an even number of them.
     ///
     /// # Errors
     /// `range` is not that.
     pub fn new(flash: S, range: Range<u32>) -> Option<Self> {
-        let config = MapConfig::try_new(range).ok()?;
-        let map = MapStorage::new(flash, config, Cache::new_uncached());
-        Some(Self { map, buffer: [0; BUFFER] })
+        let pages = range.end.checked_sub(range.start)? / u32::try_from(S::ERASE_SIZE).ok()?;
+        let length = pages / 2 * u32::try_from(S::ERASE_SIZE).ok()?;
+        let fits = S::WRITE_SIZE <= MAX_WORD
+            && length > ROWS
+            && range.start + 2 * length == range.end
+            && usize::try_from(range.start).ok()?.is_multiple_of(S::ERASE_SIZE);
+        fits.then_some(Self { flash, areas: [range.start, range.start + length], length })
     }
 
     /// The flash, for what drives it.
     pub fn flash(&mut self) -> &mut S {
-        self.map.flash()
+        &mut self.flash
     }
 
     /// What is stored.
     pub async fn find(&mut self) -> Found {
-        match self.head().await {
-            Reading::Head(Head { rows: 0, .. }) | Reading::Nothing => Found::Nothing,
-            Reading::Head(head) => Found::Rows { digest: head.digest },
-            Reading::OtherLayout(layout) => Found::OtherLayout { layout },
-            Reading::Damaged => Found::Damaged,
+        let (area, head) = match self.head().await {
+            Reading::Nothing => return Found::Nothing,
+            Reading::Damaged => return Found::Damaged,
+            Reading::Head { area, head } => (area, head),
+        };
+        if head.layout != LAYOUT {
+            return Found::OtherLayout { layout: head.layout };
+        }
+        if head.length == 0 {
+            return Found::Nothing;
+        }
+        let (mut at, mut digest) = (0, CHECKSUM.digest());
+        while at < head.length {
+            let mut bytes = [0; MAX_WORD];
+            let count = (head.length - at).min(SECOND_HEAD);
+            let bytes = bytes.get_mut(..count as usize).unwrap_or_default();
+            if self.read(area, ROWS + at, bytes).await.is_err() {
+                return Found::Damaged;
+            }
+            digest.update(bytes);
+            at += count;
+        }
+        if digest.finalize() == head.checksum {
+            Found::Rows { digest: head.digest }
+        } else {
+            Found::Damaged
         }
     }
 
@@ -95,16 +155,22 @@ impl<S: NorFlash> ConfigStore<S> {
         from: usize,
         out: &mut [u8; MAX_STORED_ROW],
     ) -> Result<Option<(usize, usize)>, ()> {
-        let Reading::Head(head) = self.head().await else { return Err(()) };
-        let Some(row) = (from..STORED_ROWS).find(|row| head.rows >> row & 1 == 1) else {
-            return Ok(None);
-        };
-        let key = key(head.set, row);
-        let Ok(Some(bytes)) = self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await else {
-            return Err(());
-        };
-        out.get_mut(..bytes.len()).ok_or(())?.copy_from_slice(bytes);
-        Ok(Some((row, bytes.len())))
+        let Reading::Head { area, head } = self.head().await else { return Err(()) };
+        let mut at = 0;
+        while at < head.length {
+            let mut row = [0; ROW_HEAD];
+            self.read(area, ROWS + at, &mut row).await?;
+            let [number, low, high] = row;
+            let length = u16::from_le_bytes([low, high]);
+            at += 3;
+            if usize::from(number) >= from {
+                let bytes = out.get_mut(..length.into()).ok_or(())?;
+                self.read(area, ROWS + at, bytes).await?;
+                return Ok(Some((number.into(), length.into())));
+            }
+            at += u32::from(length);
+        }
+        Ok(None)
     }
 
     /// Stores a configuration: `row` writes each of the [`STORED_ROWS`] and returns its bytes. What
@@ -117,17 +183,28 @@ impl<S: NorFlash> ConfigStore<S> {
         digest: u32,
         row: &mut dyn FnMut(usize, &mut [u8; MAX_STORED_ROW]) -> usize,
     ) -> Result<(), SaveError> {
-        let next = self.next_head().await?;
-        let (mut bytes, mut rows) = ([0; MAX_STORED_ROW], 0);
+        let (area, number) = self.begin().await?;
+        let mut writer = Writer {
+            store: self,
+            area,
+            length: 0,
+            word: [ERASED; MAX_WORD],
+            digest: CHECKSUM.digest(),
+        };
+        let mut bytes = [0; MAX_STORED_ROW];
         for index in 0..STORED_ROWS {
-            let length = row(index, &mut bytes);
+            let length = row(index, &mut bytes).min(MAX_STORED_ROW);
             let bytes = bytes.get(..length).unwrap_or_default();
             if !bytes.is_empty() {
-                rows |= 1 << index;
-                self.store(key(next.set, index), bytes).await?;
+                let [low, high, ..] = length.to_le_bytes();
+                #[allow(clippy::cast_possible_truncation, reason = "below 0xFF")]
+                writer.write(&[index as u8, low, high]).await?;
+                writer.write(bytes).await?;
             }
         }
-        self.store_head(Head { rows, digest, ..next }).await
+        let (length, checksum) = writer.end().await?;
+        let head = Head { layout: LAYOUT, number, length, checksum, digest };
+        self.write_head(area, head).await
     }
 
     /// Forgets the configuration.
@@ -135,80 +212,114 @@ impl<S: NorFlash> ConfigStore<S> {
     /// # Errors
     /// The flash fails.
     pub async fn forget(&mut self) -> Result<(), SaveError> {
-        let next = self.next_head().await?;
-        self.store_head(next).await
+        let (area, number) = self.begin().await?;
+        let head = Head { layout: LAYOUT, number, length: 0, checksum: 0, digest: 0 };
+        self.write_head(area, head).await
     }
 
-    /// The head of the set that does not count, with nothing in it. What this firmware cannot read
-    /// is erased.
-    async fn next_head(&mut self) -> Result<Head, SaveError> {
-        let none = Head { number: 0, set: 0, rows: 0, digest: 0 };
-        match self.head().await {
-            Reading::Head(Head { number, set, .. }) => {
-                Ok(Head { number: number.wrapping_add(1), set: 1 - set, ..none })
-            }
-            Reading::Nothing => Ok(none),
-            Reading::OtherLayout(_) | Reading::Damaged => {
-                self.map.erase_all().await.map(|()| none).map_err(|_| SaveError::Failed)
-            }
-        }
+    /// Erases the area that does not count; it, and the number that it will have.
+    async fn begin(&mut self) -> Result<(usize, u32), SaveError> {
+        let (area, number) = match self.head().await {
+            Reading::Head { area, head } => (1 - area, head.number.wrapping_add(1)),
+            Reading::Nothing | Reading::Damaged => (0, 0),
+        };
+        let from = self.areas[area];
+        let erased = self.flash.erase(from, from + self.length).await;
+        erased.map(|()| (area, number)).map_err(|_| SaveError::Failed)
     }
 
-    async fn store_head(&mut self, head: Head) -> Result<(), SaveError> {
-        let [a, b, c, d, e, f, g, h] = head.rows.to_le_bytes();
-        let [w, x, y, z] = head.digest.to_le_bytes();
-        let bytes: [u8; HEAD] = [LAYOUT, head.number, head.set, a, b, c, d, e, f, g, h, w, x, y, z];
-        for key in HEAD_KEYS {
-            self.store(key, &bytes).await?;
+    async fn write_head(&mut self, area: usize, head: Head) -> Result<(), SaveError> {
+        let bytes = head.to_bytes();
+        let bytes = bytes.get(..HEAD.next_multiple_of(S::WRITE_SIZE)).ok_or(SaveError::Failed)?;
+        for at in [0, SECOND_HEAD] {
+            let written = self.flash.write(self.areas[area] + at, bytes).await;
+            written.map_err(|_| SaveError::Failed)?;
         }
         Ok(())
     }
 
-    async fn store(&mut self, key: u8, bytes: &[u8]) -> Result<(), SaveError> {
-        let result = self.map.store_item(&mut self.buffer, &key, &bytes).await;
-        result.map_err(|error| match error {
-            sequential_storage::Error::FullStorage => SaveError::Full,
-            _ => SaveError::Failed,
-        })
-    }
-
-    /// The younger head of the two; of one alone, that.
     async fn head(&mut self) -> Reading {
-        let [first, second] = HEAD_KEYS;
-        match (self.head_at(first).await, self.head_at(second).await) {
-            (Reading::Head(one), Reading::Head(other)) => {
-                // A save writes both, so they are one apart at most.
-                let is_younger = other.number == one.number.wrapping_add(1);
-                Reading::Head(if is_younger { other } else { one })
+        let mut newest = Reading::Nothing;
+        for area in 0..self.areas.len() {
+            let (mut bytes, mut found) = ([0; MAX_WORD], None);
+            for at in [0, SECOND_HEAD] {
+                if self.read(area, at, &mut bytes).await.is_err() {
+                    bytes = [0; MAX_WORD];
+                }
+                found = found.or(Head::from_bytes(&bytes));
             }
-            (Reading::Nothing | Reading::Damaged, other @ Reading::Head(_))
-            | (Reading::Nothing, other) => other,
-            (one, _) => one,
+            let is_newer =
+                |head: &Head, than: &Head| head.number.wrapping_sub(than.number).cast_signed() > 0;
+            newest = match (found, newest) {
+                (Some(head), Reading::Head { head: older, area: other }) => {
+                    let (area, head) =
+                        if is_newer(&head, &older) { (area, head) } else { (other, older) };
+                    Reading::Head { area, head }
+                }
+                (Some(head), _) => Reading::Head { area, head },
+                (None, Reading::Nothing) if bytes.iter().any(|byte| *byte != ERASED) => {
+                    Reading::Damaged
+                }
+                (None, newest) => newest,
+            };
         }
+        newest
     }
 
-    async fn head_at(&mut self, key: u8) -> Reading {
-        let bytes = match self.map.fetch_item::<&[u8]>(&mut self.buffer, &key).await {
-            Ok(Some(bytes)) => bytes,
-            Ok(None) => return Reading::Nothing,
-            Err(_) => return Reading::Damaged,
-        };
-        match *bytes {
-            [LAYOUT, number, set @ 0..=1, a, b, c, d, e, f, g, h, w, x, y, z] => {
-                Reading::Head(Head {
-                    number,
-                    set,
-                    rows: u64::from_le_bytes([a, b, c, d, e, f, g, h]),
-                    digest: u32::from_le_bytes([w, x, y, z]),
-                })
-            }
-            [layout, ..] if layout != LAYOUT => Reading::OtherLayout(layout),
-            _ => Reading::Damaged,
+    async fn read(&mut self, area: usize, at: u32, bytes: &mut [u8]) -> Result<(), ()> {
+        let length = u32::try_from(bytes.len()).map_err(|_| ())?;
+        if at.checked_add(length).is_none_or(|end| end > self.length) {
+            return Err(());
         }
+        self.flash.read(self.areas[area] + at, bytes).await.map_err(|_| ())
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "below the keys of a set")]
-fn key(set: u8, row: usize) -> u8 {
-    set * SET_KEYS + row as u8
+/// Gathers bytes to words.
+struct Writer<'a, S: NorFlash> {
+    store: &'a mut ConfigStore<S>,
+    area: usize,
+    /// Bytes so far.
+    length: u32,
+    word: [u8; MAX_WORD],
+    digest: crc::Digest<'static, u32, NoTable>,
+}
+
+impl<S: NorFlash> Writer<'_, S> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<(), SaveError> {
+        self.digest.update(bytes);
+        for byte in bytes {
+            let at = self.length as usize % S::WRITE_SIZE;
+            if let Some(place) = self.word.get_mut(at) {
+                *place = *byte;
+            }
+            self.length += 1;
+            if at + 1 == S::WRITE_SIZE {
+                self.flush().await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the word that ends here.
+    async fn flush(&mut self) -> Result<(), SaveError> {
+        let word = self.word.get(..S::WRITE_SIZE).ok_or(SaveError::Failed)?;
+        let begin = (self.length as usize - 1) / S::WRITE_SIZE * S::WRITE_SIZE;
+        #[allow(clippy::cast_possible_truncation, reason = "within an area")]
+        let at = ROWS + begin as u32;
+        if at as usize + S::WRITE_SIZE > self.store.length as usize {
+            return Err(SaveError::Full);
+        }
+        let written = self.store.flash.write(self.store.areas[self.area] + at, word).await;
+        self.word = [ERASED; MAX_WORD];
+        written.map_err(|_| SaveError::Failed)
+    }
+
+    /// The bytes and their checksum.
+    async fn end(mut self) -> Result<(u32, u32), SaveError> {
+        if !(self.length as usize).is_multiple_of(S::WRITE_SIZE) {
+            self.flush().await?;
+        }
+        Ok((self.length, self.digest.finalize()))
+    }
 }

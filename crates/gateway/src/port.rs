@@ -160,6 +160,8 @@ pub enum Save {
 pub enum Found {
     /// There is nowhere to store it.
     NoStorage,
+    /// The flash is one bank, from which the program runs.
+    SingleBank,
     /// Nothing is stored.
     Nothing,
     /// Rows, and the number that was stored with them.

@@ -61,6 +61,8 @@ wire! {
         },
         /// It was left alone, as start after start had failed.
         NotRead,
+        /// The flash of the board is one bank, from which its program runs: nothing can be stored.
+        SingleBank,
     }
 
     /// A parameter that is set.

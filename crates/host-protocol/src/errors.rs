@@ -421,6 +421,11 @@ errors! {
     /// The bus is open to listen only.
     104 BusOnlyListens { bus: u8 }
         "bus {bus} is open to listen only: nothing is sent there; open it otherwise first";
+    /// The flash is one bank, from which the program runs: nothing can be stored.
+    113 SingleBank {}
+        "the flash of this board is one bank, from which its program runs, so nothing can be stored: \
+        set its option DBANK = 1 (docs/boards), or keep the file and apply it after each loss of \
+        power";
 }
 
 impl core::error::Error for Error {}

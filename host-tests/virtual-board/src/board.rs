@@ -2,6 +2,7 @@
 
 use std::num::NonZeroU64;
 use std::ops::Deref;
+use std::time::Duration;
 
 use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
 use rigless::time::VirtualNanos;
@@ -35,6 +36,38 @@ pub struct RetainedRam {
     pub loses_last_write: bool,
 }
 
+/// Pages of the flash, to which the firmware writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Storage {
+    /// The first address.
+    pub base: u64,
+    /// How many pages.
+    pub pages: usize,
+    /// Bytes of a page, which is erased as a whole.
+    pub page: usize,
+    /// Bytes of a word, which is written as a whole.
+    pub word: usize,
+    /// Where the bank begins from which the pages are counted.
+    pub bank: u64,
+    /// The control register.
+    pub control: u64,
+    /// The bit of it that starts an erasure.
+    pub erase: u64,
+    /// From where in the control register the page is counted, and its bits.
+    pub page_field: (u32, u64),
+    /// What an erasure and a word take at least.
+    pub times: [Duration; 2],
+}
+
+impl Storage {
+    /// Whether an address is in it.
+    pub fn holds(&self, address: u64) -> bool {
+        address
+            .checked_sub(self.base)
+            .is_some_and(|offset| offset < (self.pages * self.page) as u64)
+    }
+}
+
 /// What is on a board.
 #[derive(Debug)]
 pub struct Facts {
@@ -56,8 +89,10 @@ pub struct Facts {
     /// Its CAN buses, which the gateway numbers first.
     pub can_ports: &'static [CanPort],
     rs485_bus: u8,
-    /// Where the image has nothing: the end of the flash.
+    /// Where the image has nothing: the end of what it may have.
     pub free_flash: u64,
+    /// The pages of the flash that keep the configuration.
+    pub storage: Storage,
     /// The chip's names for the serial ports: of host links 0 and 1, and of RS485.
     serial_names: [&'static str; 3],
     /// The e-stop input: closed to ground on a machine that may run, pulled up inside the part.
@@ -81,7 +116,18 @@ static NUCLEO_H743ZI: Facts = Facts {
     host_1_bit_ps: 1_090_000, // 109 cycles of 100 MHz
     can_ports: &[CanPort::Bus0, CanPort::Bus1],
     rs485_bus: 2,
-    free_flash: 0x081F_F000,
+    free_flash: 0x081B_F000,
+    storage: Storage {
+        base: 0x081C_0000,
+        bank: 0x0810_0000,
+        pages: 2,
+        page: 128 << 10,
+        word: 32,
+        control: 0x5200_210C,
+        erase: 1 << 7,
+        page_field: (8, 0b111),
+        times: [Duration::from_secs(1), Duration::from_micros(100)],
+    },
     serial_names: ["USART3", "USART6", "USART2"],
     e_stop: Pin::new(Port::E, 11),
     enable: Pin::new(Port::E, 9),
@@ -101,7 +147,18 @@ static NUCLEO_G474RE: Facts = Facts {
     host_1_bit_ps: 1_083_333, // 182 cycles of 168 MHz
     can_ports: &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
     rs485_bus: 3,
-    free_flash: 0x0807_F000,
+    free_flash: 0x0807_B000,
+    storage: Storage {
+        base: 0x0807_C000,
+        bank: 0x0804_0000,
+        pages: 8,
+        page: 2 << 10,
+        word: 8,
+        control: 0x4002_2014,
+        erase: 1 << 16,
+        page_field: (3, 0x7F),
+        times: [Duration::from_micros(24_470), Duration::from_micros(90)],
+    },
     serial_names: ["LPUART1", "USART1", "USART3"],
     e_stop: Pin::new(Port::A, 4),
     enable: Pin::new(Port::B, 0),

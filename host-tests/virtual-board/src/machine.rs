@@ -9,6 +9,7 @@
 mod branch;
 mod builder;
 mod core_thread;
+mod flash;
 mod handles;
 mod hse;
 mod names;
@@ -22,6 +23,7 @@ mod rom;
 mod snapshot;
 
 pub use builder::{Builder, ImageError, image_path};
+pub use flash::FlashOperation;
 pub use handles::{CanNode, CanPort, Line, UartPort};
 pub(crate) use names::mangled;
 pub use pins::PinProbe;

@@ -82,6 +82,11 @@ pub fn protocols(set: ProtocolSet) -> String {
 pub fn stored(report: &StoredReport) -> String {
     let text = match report.state {
         StoredState::NoStorage => "this gateway cannot store its configuration".to_owned(),
+        StoredState::SingleBank => {
+            "nothing: the flash of this board is one bank (option DBANK = 0), so it cannot store its \
+             configuration"
+                .to_owned()
+        }
         StoredState::Nothing => "no configuration; mgw config save stores what runs".to_owned(),
         StoredState::Kept { differs: false } => "the configuration that runs".to_owned(),
         StoredState::Kept { differs: true } => {

@@ -14,6 +14,9 @@ use embedded_storage_async::nor_flash::{
 };
 
 const ERASED: u8 = 0xFF;
+/// The bytes of a word that was cut short, of which the error-correcting code can make nothing, as the
+/// firmware reads it: each second one here.
+const TORN: u8 = 0;
 
 /// A flash of whole pages of `PAGE` bytes, which are erased together. It is written in words of
 /// `WORD` bytes, each once after it was erased, or with zeros: chips with an error-correcting code
@@ -158,9 +161,16 @@ impl<const PAGE: usize, const WORD: usize> NorFlash for Flash<PAGE, WORD> {
         }
         for page in (from..to).step_by(PAGE) {
             let whole = self.has_power()?;
-            for byte in &mut self.bytes[page..page + PAGE] {
-                // Erasing sets bits, each in its own time.
-                *byte |= if whole { ERASED } else { self.random.u8(..) };
+            for word in self.bytes[page..page + PAGE].chunks_mut(WORD) {
+                // An erased one stays so.
+                if !whole && word.iter().any(|byte| *byte != ERASED) && self.random.bool() {
+                    word.fill(TORN);
+                    continue;
+                }
+                for byte in word {
+                    // Erasing sets bits, each in its own time.
+                    *byte |= if whole { ERASED } else { self.random.u8(..) };
+                }
             }
             self.keep(page..page + PAGE)?;
             if !whole {
@@ -183,8 +193,13 @@ impl<const PAGE: usize, const WORD: usize> NorFlash for Flash<PAGE, WORD> {
                 return Err(Failure::NotErased);
             }
             let whole = self.has_power()?;
+            let is_hidden = !whole && self.random.bool();
             for (byte, new) in self.bytes[at..at + WORD].iter_mut().zip(word) {
-                *byte &= if whole { *new } else { *new | self.random.u8(..) };
+                *byte = match whole {
+                    true => *byte & *new,
+                    false if is_hidden => TORN,
+                    false => *byte & (*new | self.random.u8(..)),
+                };
             }
             self.keep(at..at + WORD)?;
             if !whole {

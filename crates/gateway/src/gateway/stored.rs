@@ -70,9 +70,15 @@ impl Stored {
 }
 
 impl Gateway {
+    /// Whether these words tell what a reset has left of a run before: its configuration then counts,
+    /// and [`restore`](Self::restore) may come before [`load`](Self::load).
+    pub fn is_remembered(words: &[u32]) -> bool {
+        is_remembered(words)
+    }
+
     /// Takes over the configuration that is stored, unless a reset has left the running one in
     /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
-    /// stopped first. `next` writes one row after the other, in the order of their numbers, and
+    /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes one row after the other, in the order of their numbers, and
     /// returns the bytes of each; nothing after the last; `Err` where a row cannot be read.
     ///
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
@@ -192,8 +198,10 @@ impl Gateway {
 
     /// Has the running configuration stored, or what is stored forgotten.
     pub(crate) fn save_configuration(&mut self, keep: bool, ticket: Ticket) -> Result<()> {
-        if matches!(self.stored.state, State::Found(Found::NoStorage)) {
-            return Err(Error::NoStorage {});
+        match self.stored.state {
+            State::Found(Found::NoStorage) => return Err(Error::NoStorage {}),
+            State::Found(Found::SingleBank) => return Err(Error::SingleBank {}),
+            _ => {}
         }
         for axis in self.axes.iter().filter(|axis| axis.is_configured()) {
             if axis.is_busy() {
@@ -258,6 +266,7 @@ impl Gateway {
         let state = match self.stored.state {
             State::Refused { error } => StoredState::Refused { error },
             State::Found(Found::NoStorage) => StoredState::NoStorage,
+            State::Found(Found::SingleBank) => StoredState::SingleBank,
             State::Found(Found::Nothing) => StoredState::Nothing,
             State::Found(Found::Rows { digest }) => {
                 StoredState::Kept { differs: digest != self.stored.running }

@@ -186,6 +186,16 @@ impl Chip {
         either!(self, part => part.iwdg.is_started())
     }
 
+    /// Whether the processor stands still because its flash is busy: that of the STM32H743 runs from
+    /// a bank that nobody writes.
+    #[must_use]
+    pub fn waits_for_flash(&self) -> bool {
+        match self {
+            Self::H743(_) => false,
+            Self::G474(part) => part.flash.is_busy(),
+        }
+    }
+
     /// Cuts the supply at an instant, or gives it back.
     pub fn supply(&mut self, at: VirtualNanos, on: bool) {
         either!(self, part => part.supply(at, on));

@@ -184,6 +184,7 @@ fn run(
         next_drain: Recorder::next_drain(from.map_or(VirtualNanos(0), Snapshot::at)),
         resets: session.resets().len(),
         script: None,
+        waits: false,
         begin: if from.is_some() { Begin::Snapshot } else { Begin::PowerOn },
     };
     if let Err(error) = emulator::run(session, &start, driver) {
@@ -208,6 +209,8 @@ struct Rendezvous {
     resets: usize,
     /// What a forked process does; the test's thread is not there.
     script: Option<Script>,
+    /// The core stands still until its flash is no longer busy.
+    waits: bool,
     /// Where it has not yet stood for the first time.
     begin: Begin,
 }
@@ -279,6 +282,11 @@ impl Rendezvous {
 
 impl Driver<Socket> for Rendezvous {
     fn on_settled(&mut self, session: &mut Session<Socket>, host: &mut dyn Host, settled: Settled) {
+        let waits = session.board().chip().waits_for_flash();
+        if waits != self.waits {
+            self.waits = waits;
+            host.hold(waits || session.unpowered());
+        }
         match settled {
             Settled::Access { access, value } => {
                 self.recorder.access(&access, value, session.board().chip());

@@ -7,6 +7,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
+use super::flash::FlashLog;
 use super::retention::Retention;
 use crate::board::Board;
 use crate::pins::OutputLog;
@@ -38,6 +39,7 @@ pub struct Recorder {
     rtt: Vec<u8>,
     outputs: OutputLog,
     retention: Retention,
+    flash: FlashLog,
     /// Where faults are planted.
     planted_at: u64,
     strike: Option<VirtualNanos>,
@@ -56,6 +58,7 @@ impl Recorder {
             rtt: Vec::new(),
             outputs: OutputLog::default(),
             retention: Retention::new(board.retained_ram),
+            flash: FlashLog::new(board),
             planted_at: board.free_flash,
             strike: None,
             hits: Vec::new(),
@@ -72,6 +75,7 @@ impl Recorder {
         if let (AccessKind::Write, Some(port)) = (access.kind, part.port_at(access.address)) {
             self.outputs.look(part, port, access.virtual_time);
         }
+        self.flash.access(access);
         let kind = match access.kind {
             AccessKind::Read => 0,
             AccessKind::Write => 1,
@@ -120,6 +124,11 @@ impl Recorder {
     /// The supply has come.
     pub fn power_up(&mut self, host: &mut dyn Host) {
         self.retention.power_up(host);
+    }
+
+    /// What the flash was told to do.
+    pub(super) fn flash(&self) -> &FlashLog {
+        &self.flash
     }
 
     /// What the firmware has driven on its outputs.

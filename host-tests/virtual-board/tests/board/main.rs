@@ -24,5 +24,6 @@ mod rs485_times;
 mod rtt;
 mod serial_settings;
 mod silicon;
+mod storage;
 mod unmodelled;
 mod wire;

@@ -1,0 +1,150 @@
+//! The pages of the flash that keep the configuration over a loss of power.
+//!
+//! The chip takes up to seconds for an operation; meanwhile every other task runs. Each operation has
+//! a deadline, and what was written is read back.
+//!
+//! A word that a loss of power has torn reads as zeros. None is written twice but with zeros, where it
+//! did not take what was written: some chips allow that, and on the others the word may stay torn
+//! (RM0440, PROGERR; RM0433, "overwriting"). It reads as zeros either way.
+
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+
+use crate::board::flash::{self, PAGE, WORD};
+
+/// How often it is looked for the end of an operation.
+const ERASE_POLL: Duration = Duration::from_millis(1);
+const WRITE_POLL: Duration = Duration::from_micros(50);
+/// Words that are read before others have their turn: all of it is read at a start.
+const READS_AT_ONCE: usize = 16;
+
+unsafe extern "C" {
+    /// Begin and end of the pages; the board's memory regions.
+    static _storage_start: u8;
+    static _storage_end: u8;
+}
+
+/// The pages, which have one owner.
+pub struct StorageFlash {
+    /// Words read so far.
+    reads: usize,
+}
+
+impl StorageFlash {
+    /// The pages of this board, once; nothing where the program may run from them.
+    pub fn new() -> Option<Self> {
+        flash::has_two_banks().then_some(Self { reads: 0 })
+    }
+
+    /// Bytes of all pages.
+    pub fn length() -> u32 {
+        &raw const _storage_end as u32 - first()
+    }
+
+    /// Waits for the end of what was begun.
+    async fn ended(poll: Duration, limit: Duration) -> Result<(), Failure> {
+        let end = Instant::now() + limit;
+        let result = loop {
+            match flash::result() {
+                Some(succeeded) => break succeeded,
+                None if Instant::now() >= end => break false,
+                None => Timer::after(poll).await,
+            }
+        };
+        flash::end();
+        if result { Ok(()) } else { Err(Failure) }
+    }
+
+    async fn write_word(address: u32, word: &[u8; WORD]) -> Result<(), Failure> {
+        if flash::result().is_none() {
+            return Err(Failure);
+        }
+        flash::begin_write(address, word);
+        Self::ended(WRITE_POLL, flash::WRITE_LIMIT).await?;
+        let mut written = [0; WORD];
+        flash::read(address, &mut written);
+        if written == *word { Ok(()) } else { Err(Failure) }
+    }
+}
+
+fn first() -> u32 {
+    &raw const _storage_start as u32
+}
+
+/// The flash did not do what it was told.
+#[derive(Debug)]
+pub struct Failure;
+
+impl NorFlashError for Failure {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for StorageFlash {
+    type Error = Failure;
+}
+
+impl ReadNorFlash for StorageFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failure> {
+        let mut at = offset as usize;
+        let mut rest = bytes;
+        let mut word = [0; WORD];
+        while !rest.is_empty() {
+            let skipped = at % WORD;
+            if at >= self.capacity() {
+                return Err(Failure);
+            }
+            self.reads = self.reads.wrapping_add(1);
+            if self.reads.is_multiple_of(READS_AT_ONCE) {
+                yield_now().await;
+            }
+            flash::read(first() + (at - skipped) as u32, &mut word);
+            let (now, later) = rest.split_at_mut(rest.len().min(WORD - skipped));
+            now.copy_from_slice(word.get(skipped..skipped + now.len()).ok_or(Failure)?);
+            at += now.len();
+            rest = later;
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        Self::length() as usize
+    }
+}
+
+impl NorFlash for StorageFlash {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
+        for offset in (from..to.min(Self::length())).step_by(PAGE) {
+            if flash::result().is_none() {
+                return Err(Failure);
+            }
+            flash::begin_erase(first() + offset);
+            Self::ended(ERASE_POLL, flash::ERASE_LIMIT).await?;
+            // What feeds the watchdog may have stood still.
+            Timer::after(ERASE_POLL).await;
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failure> {
+        let (words, _) = bytes.as_chunks();
+        for (at, word) in (offset..Self::length()).step_by(WORD).zip(words) {
+            let result = Self::write_word(first() + at, word).await;
+            if result.is_err() && *word != [0; WORD] {
+                // Nobody is to take it for an erased one.
+                let _ = Self::write_word(first() + at, &[0; WORD]).await;
+            }
+            result?;
+        }
+        Ok(())
+    }
+}
