@@ -119,13 +119,13 @@ pub(super) fn configuration(
         asks.insert(closes, Ask::RawClose { bus });
         asks.splice(behind_buses..behind_buses, unsafe_access(dice, bus));
     }
-    let motors = (0u8..).zip(&MOTORS).filter_map(|(motor, wired)| {
+    let motors = (0u8..).zip(&MOTORS).map(|(motor, wired)| {
         let does = match wired.protocol {
             Protocol::D5 => Does::AnswersOthers { on: object },
             Protocol::Thruster => Does::Returns { mode: returns },
             Protocol::Rmd => Does::Speaks { dialect: spoken },
         };
-        Some(Action::Motor { motor, does })
+        Action::Motor { motor, does }
     });
     motors.chain(asks.into_iter().map(|ask| Action::Ask { link: 0, ask })).collect()
 }
