@@ -16,14 +16,15 @@ use crate::watchdog;
 pub async fn storage(gateway: &'static SharedGateway) {
     let store =
         StorageFlash::new().and_then(|flash| ConfigStore::new(flash, 0..StorageFlash::length()));
-    let Some(mut store) = store else {
-        gateway.load(Found::SingleBank, &mut |_| None);
-        return;
-    };
+    // What a reset has left does not wait for the flash.
     if gateway.is_remembered() {
         gateway.start();
         gateway.first_stops_have_left().await;
     }
+    let Some(mut store) = store else {
+        gateway.load(Found::SingleBank, &mut |_| None);
+        return;
+    };
     let found = if gateway.is_bare() { Found::NotRead } else { store.find().await };
     let mut from = 0;
     gateway.load(found, &mut |bytes| {

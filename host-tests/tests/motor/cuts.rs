@@ -1,5 +1,8 @@
-//! Cable or supply cut at every frame of what changes where a motor is found, and of a restore: a scan
-//! finds the motor afterwards, under one id, and what was told as done is so.
+//! Cable or supply cut at the frames of what changes where a motor is found, and of a restore: a scan
+//! finds the motor afterwards, under one id, and what was told as done is so. At every frame that
+//! changes something and around it, and at some of those that only look; with `MGW_EVERY_FRAME` set,
+//! at every one (`MGW_EVERY_FRAME=1 cargo test --release -p host-tests --test motor cuts`, results in
+//! cuts.txt).
 
 use host_protocol::Protocol::{self, D5, Rmd, Thruster};
 
@@ -66,7 +69,7 @@ impl Step {
             };
             let near =
                 (at.saturating_sub(2)..=at + 2).any(|at| at < frames.len() && writes(&frames[at]));
-            if near || !is_look(at) && at % 4 == 0 || at % LOOKS == 0 {
+            if every_frame() || near || !is_look(at) && at % 4 == 0 || at % LOOKS == 0 {
                 self.check(Cut::Power(at));
                 self.check(Cut::Gateway(at));
                 cuts += 2;
@@ -78,12 +81,17 @@ impl Step {
             cuts += 1;
         }
         assert!(cuts > 20, "{cuts}");
+        println!("{}: {} frames, {messages} messages, {cuts} cuts", self.typed, frames.len());
     }
+}
+
+fn every_frame() -> bool {
+    std::env::var_os("MGW_EVERY_FRAME").is_some()
 }
 
 /// So that a command of many messages is cut at about 30 of them.
 fn step(messages: usize) -> usize {
-    (messages / 30).max(1)
+    if every_frame() { 1 } else { (messages / 30).max(1) }
 }
 
 /// Whether a frame changes the motor.
@@ -182,6 +190,18 @@ fn the_bitrate_of_an_rmd() {
     }
 }
 
+#[test]
+fn the_bitrate_of_a_thruster() {
+    Step {
+        motors: &[(0, Thruster, 11, 0)],
+        before: &[],
+        typed: "motor 0:thruster:11@1000000 bitrate 500000",
+        old: "0:thruster:11@1000000",
+        new: "0:thruster:11@500000",
+    }
+    .check_all();
+}
+
 /// Each setting is the old or the new one, and all are new where that was told.
 #[test]
 fn a_restore() {
@@ -205,7 +225,11 @@ fn a_restore() {
     assert_eq!(rig.run(&diff).exit_code, 0);
 
     let cables = (0..messages).step_by(step(messages)).map(Cut::Cable);
-    for cut in (1..=frames).step_by(2).map(Cut::Power).chain(cables) {
+    let supplies = (1..=frames).step_by(if every_frame() { 1 } else { 2 });
+    let gateways = supplies.clone().filter(|_| every_frame()).map(Cut::Gateway);
+    let cuts: Vec<Cut> = supplies.map(Cut::Power).chain(gateways).chain(cables).collect();
+    println!("restore: {frames} frames, {messages} messages, {} cuts", cuts.len());
+    for cut in cuts {
         let rig = Rig::with(&motors);
         let (outcome, _) = rig.run_until(cut, &words);
         rig.mend(&outcome);

@@ -124,13 +124,12 @@ pub struct Stm32g474 {
     timer: Tim<General>,
     rng: Rng,
     cycles: Dwt,
-    is_one_bank: bool,
     bus: Bus,
     wiring: Box<[Field]>,
 }
 
 store!(Stm32g474 {
-    values: [gpio, timer, rng, cycles, is_one_bank],
+    values: [gpio, timer, rng, cycles],
     parts: [
         clocks,
         fdcan,
@@ -313,7 +312,6 @@ impl Stm32g474 {
             timer: Tim::new(tim2),
             rng: Rng::new(RESET_CORE_HZ, rng::KERNEL_HZ),
             cycles: Dwt::with_clock(RESET_CORE_HZ),
-            is_one_bank: false,
             bus,
             wiring,
         };
@@ -355,23 +353,6 @@ impl Stm32g474 {
         self.bus.registers("PWR").expect("it is there").get(row) & R1MODE == 0
     }
 
-    /// Clears the option DBANK for good: the flash is one bank.
-    pub fn merge_banks(&mut self) {
-        self.is_one_bank = true;
-        self.load_options();
-    }
-
-    fn load_options(&mut self) {
-        if !self.is_one_bank {
-            return;
-        }
-        const DBANK: u64 = 1 << 22;
-        let row = tables::row(tables::named(flash::NAME).registers, "OPTR");
-        let slot = self.bus.slot(flash::NAME).expect("it is there");
-        let registers = self.bus.slot_mut(slot).registers_mut();
-        registers.set(row, registers.get(row) & !DBANK);
-    }
-
     /// The registers of a port of pins, of which A is 0.
     pub(crate) fn port_registers(&self, port: usize) -> &RegisterFile {
         self.bus.registers(PORTS[port]).expect("it is there")
@@ -399,7 +380,6 @@ impl Stm32g474 {
     }
 
     fn restarted(&mut self, at: VirtualNanos, cause: ResetCause) {
-        self.load_options();
         let slot = self.bus.slot(clocks::NAME).expect("it is there");
         let (registers, mut context) = self.bus.drive(at, slot);
         self.clocks.restarted(cause, registers, &mut context);

@@ -129,12 +129,6 @@ impl Builder {
         self
     }
 
-    /// The flash is one bank: the option DBANK of a STM32G474 is 0.
-    pub fn with_one_bank(mut self) -> Self {
-        self.part.g474_mut().merge_banks();
-        self
-    }
-
     /// Has every reset lead to the ROM bootloader, which leaves for the image with its own vector
     /// table still in place, as after an update over USB (DFU `:leave`, AN3156).
     pub fn started_by_rom(mut self) -> Self {
