@@ -57,13 +57,16 @@ impl Keyboard {
         Ok(None)
     }
 
-    /// Forgets the keys that wait.
+    /// Takes the keys that wait; whether `wanted` was among them.
     ///
     /// # Errors
     /// As [`next`](Self::next).
-    pub fn forget(&mut self) -> io::Result<()> {
-        while self.next()?.is_some() {}
-        Ok(())
+    pub fn forget_but(&mut self, wanted: impl Fn(KeyCode) -> bool) -> io::Result<bool> {
+        let mut found = false;
+        while let Some(key) = self.next()? {
+            found |= wanted(key.code);
+        }
+        Ok(found)
     }
 }
 

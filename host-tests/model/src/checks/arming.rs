@@ -25,9 +25,9 @@ pub(crate) struct Arming {
     /// D5: registers that were read, with their values.
     registers: Vec<(u8, u8)>,
     overwritten: bool,
-    /// RMD: the read of what tells the dialect that was asked last, and its first answer while it
-    /// was, with its time.
-    dialect_read: Option<(Vec<u8>, FirstAnswer)>,
+    /// RMD: the read of what tells the dialect that was asked last, until when its answer is one,
+    /// and its first answer while it was, with its time.
+    dialect_read: Option<(Vec<u8>, u64, FirstAnswer)>,
     /// Those that were answered before the next request was handed over: the read, and a bit for
     /// each dialect whose motors answer so.
     dialects: Vec<(Vec<u8>, u8)>,
@@ -50,18 +50,18 @@ impl Arming {
         Self { since_us: now, ..Self::default() }
     }
 
-    /// A request has left that was handed over at a time.
-    pub fn left(&mut self, protocol: Protocol, handed_us: u64, data: &[u8]) {
+    /// A request has left that was handed over at a time, and is answered until another.
+    pub fn left(&mut self, protocol: Protocol, handed_us: u64, until_us: u64, data: &[u8]) {
         if handed_us < self.since_us {
             return;
         }
-        if let Some((read, Some((at, dialects)))) = self.dialect_read.take()
+        if let Some((read, _, Some((at, dialects)))) = self.dialect_read.take()
             && at <= handed_us
         {
             self.dialects.push((read, dialects));
         }
         match protocol.question(data) {
-            Some(Question::Dialect) => self.dialect_read = Some((data.to_vec(), None)),
+            Some(Question::Dialect) => self.dialect_read = Some((data.to_vec(), until_us, None)),
             Some(Question::Stop) => {
                 self.stops += 1;
                 self.stands = false;
@@ -86,7 +86,9 @@ impl Arming {
         still: f64,
         warnings: u16,
     ) {
-        if let Some((read, answer @ None)) = &mut self.dialect_read {
+        if let Some((read, until_us, answer @ None)) = &mut self.dialect_read
+            && now <= *until_us
+        {
             *answer = protocol.dialects(read, reply).map(|dialects| (now, dialects));
         }
         for asked in &self.asked {

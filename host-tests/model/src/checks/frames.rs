@@ -333,7 +333,7 @@ impl Oracle {
         let axis = &mut self.axes[index];
         let protocol = axis.protocol();
         if let (Some(arming), Some(protocol)) = (&mut axis.arming, protocol) {
-            arming.left(protocol, held.handed_us, &held.data);
+            arming.left(protocol, held.handed_us, now + window, &held.data);
         }
         // What it is then, the motor has to say.
         if protocol.and_then(|p| p.timeout_touched(&held.data)).is_some() {

@@ -121,7 +121,9 @@ impl Grip<'_> {
 
     /// Arming takes its time, in which the key may have been let go: waits until it comes again.
     fn confirm(&mut self, client: &mut Client<Box<dyn Transport>>) -> Result<Wish, Failure> {
-        self.keyboard.forget().map_err(gone)?;
+        if self.keyboard.forget_but(ends).map_err(gone)? {
+            return Ok(Wish::End);
+        }
         let since = Instant::now();
         self.held = Held::down(self.code, since);
         loop {
@@ -149,7 +151,9 @@ fn await_grip<'a>(
     keyboard: &'a mut Keyboard,
 ) -> Result<Option<Grip<'a>>, Failure> {
     // What was pressed while the axis stopped moves nothing.
-    keyboard.forget().map_err(gone)?;
+    if keyboard.forget_but(ends).map_err(gone)? {
+        return Ok(None);
+    }
     let mut held = Held::default();
     loop {
         session.client.pause(LOOK_EVERY)?;
