@@ -167,7 +167,8 @@ impl Request {
             0x0023 => Self::RemoveAxis(b.byte()?),
             0x0024 => Self::Provision { axis: b.byte()?, timeout_ms: b.u32()? },
             0x0030 => Self::Arm(1u32.checked_shl(b.byte()?.into()).unwrap_or(0)),
-            0x0038 => Self::Arm(b.u32()?),
+            // No axis is no body that it takes.
+            0x0038 => Self::Arm(b.u32().filter(|axes| *axes != 0)?),
             0x0031 => Self::Disarm(b.byte()?),
             0x0032 => Self::Stop(match b.varint(32)? {
                 0 => Stops::Axis(b.byte()?),
