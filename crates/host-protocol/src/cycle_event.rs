@@ -62,7 +62,7 @@ wire! {
         pub fields: StateFields,
         /// The axes: bit 0 is axis 0.
         pub axes: u32,
-        /// Their [states](Self::states), one behind the other as in a [`CycleReport`].
+        /// Their [states](Self::states), one behind the other as in the answer to `Cycle`.
         pub states: Bytes<MAX_FAST_STATES>,
         /// Of one axis, another in each period; nothing where no such field was asked for.
         pub slow: Option<SlowState>,

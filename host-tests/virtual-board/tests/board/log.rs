@@ -30,8 +30,8 @@ fn the_start_and_the_buses_are_logged() {
         format!("INFO motor gateway {firmware}, build {build}, on {board}, started by PowerOn");
     assert_eq!(lines[0], boot, "{lines:?}");
     for (bus, text) in [
-        (BUS_RMD_AND_THRUSTER, "CAN at 1000000 bit/s"),
-        (BUS_D5, "CAN at 210526 bit/s"),
+        (BUS_RMD_AND_THRUSTER, "CAN at 1000000 bit/s, Normal"),
+        (BUS_D5, "CAN at 210526 bit/s, Normal"),
         (bus_rs485(), "RS485 at 115200 baud"),
     ] {
         let line = format!("INFO bus {bus}: {text}");
@@ -56,7 +56,7 @@ fn a_bus_that_goes_off_is_a_warning_and_its_return_is_told() {
     let active = "INFO bus 0: ErrorState { state: Active, transmit_errors: 0, receive_errors: 0 }";
     let since: Vec<_> = lines.iter().skip_while(|line| *line != off).collect();
     // Off; started again, off until it has seen 129 times 11 recessive bits; back.
-    assert_eq!(since, [off, "INFO bus 0: CAN at 1000000 bit/s", off, active], "{lines:?}");
+    assert_eq!(since, [off, "INFO bus 0: CAN at 1000000 bit/s, Normal", off, active], "{lines:?}");
 }
 
 #[test]
