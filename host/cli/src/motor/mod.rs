@@ -9,6 +9,7 @@ mod file;
 mod identity;
 mod place;
 mod settings;
+mod unfinished;
 
 use std::time::Duration;
 
@@ -33,6 +34,7 @@ pub use file::{diff, dump, restore};
 pub use identity::{bitrate, id};
 pub use place::{Asked, on_motor};
 pub use settings::Group;
+pub use unfinished::Unfinished;
 
 use settings::Values;
 
@@ -71,6 +73,7 @@ pub struct Run<'a> {
     now: Configuration,
     /// What it shall be in the end.
     after: Configuration,
+    unfinished: Unfinished,
 }
 
 impl Motor {
@@ -226,11 +229,22 @@ impl Run<'_> {
         if changes.is_empty() {
             return Ok(());
         }
+        self.expect(&wanted);
         self.session.client.begin_changes()?;
         self.session.client.add_changes(&changes)?;
         self.session.client.apply_changes()?;
         self.now = wanted;
+        self.unfinished.reached(&self.now);
         Ok(())
+    }
+
+    /// Leaves word of what the configuration shall be in the end, if this command does not see it.
+    fn expect(&mut self, meanwhile: &Configuration) {
+        if let Err(error) = self.unfinished.expect(meanwhile, &self.after) {
+            self.session.out.aside(format!(
+                "what the configuration was is not kept for a command that is killed: {error}"
+            ));
+        }
     }
 
     /// Whether the gateway has another configuration than it was given here, as after a loss of its
@@ -243,7 +257,9 @@ impl Run<'_> {
     /// Makes the configuration what it shall be in the end.
     fn leave(&mut self) -> Result<(), Failure> {
         let after = self.after.clone();
-        self.configure(after)
+        self.configure(after)?;
+        self.unfinished.end();
+        Ok(())
     }
 
     /// The configuration that was to be made again, where that did not succeed.
@@ -269,6 +285,7 @@ impl Run<'_> {
         let Motor { axis, is_own, .. } = self.motor;
         let values = self.after.axes.get_mut(&axis).filter(|_| is_own)?;
         values.insert(parameter, value);
+        self.expect(&self.now.clone());
         Some(format!(
             "axis {axis}: {} = {value} in its row; `mgw config save` keeps that where the \
                 configuration is stored",

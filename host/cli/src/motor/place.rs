@@ -8,7 +8,7 @@ use host_protocol::{
 };
 use mgw_client::ClientError;
 
-use super::{Motor, Run, failed};
+use super::{Motor, Run, Unfinished, failed};
 use crate::args::{Bitrates, MotorTarget, ScanTarget};
 use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
@@ -40,6 +40,14 @@ pub fn on_motor(
     act: impl FnOnce(&mut Run<'_>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let base = config::read(&mut session.client)?;
+    let unfinished = Unfinished::new();
+    if let Some(before) = unfinished.before(&base) {
+        session.out.aside(format!(
+            "a `mgw motor` that was ended halfway left this configuration, unless it is meant so. What \
+                was before: `mgw config apply {}`",
+            before.display()
+        ));
+    }
     let place = Place::of(session, &base, target)?;
     let mut run = Run {
         motor: Motor {
@@ -59,6 +67,7 @@ pub fn on_motor(
         writes: false,
         now: base.clone(),
         after: base,
+        unfinished,
     };
     let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
     if run.writes && matches!(&done, Err(Failure::Client(error)) if !is_refusal(error)) {
@@ -70,7 +79,10 @@ pub fn on_motor(
         ));
     }
     let left = match &done {
-        Err(_) if run.is_reconfigured() => return done,
+        Err(_) if run.is_reconfigured() => {
+            run.unfinished.end();
+            return done;
+        }
         _ => run.leave(),
     };
     let Err(cause) = left else { return done };

@@ -1,13 +1,13 @@
 //! `mgw motor` as a user types it, and docs/motor-settings.md as printed.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{BufReader, Read, Write};
 use std::process::Stdio;
 
 use nix::pty::openpty;
 
 use crate::guide::{Typed, all_typed, is_printed};
-use crate::support::{Sim, command};
+use crate::support::{Sim, command, state_home};
 
 const GUIDE: &str = include_str!("../../../../docs/motor-settings.md");
 
@@ -97,6 +97,37 @@ fn a_terminal_is_asked_and_a_no_changes_nothing() {
     sim.mgw_once_in_command(&["motor", "1:11@210526", "id"]).success();
     assert_eq!(answered(&sim, "y", &typed).0, Some(0));
     sim.mgw_once_in_command(&["motor", "1:12@210526", "id"]).success();
+}
+
+#[test]
+fn what_a_killed_command_has_lent_is_told_to_the_next_and_taken_back_by_its_file() {
+    let sim = with_motors(&["1:d5:11"]);
+    let terminal = openpty(None, None).expect("a pseudo terminal");
+    let typed = ["--port", &sim.port, "motor", "1:11@210526", "id", "12"];
+    let mut program =
+        command(&typed).stdin(Stdio::from(terminal.slave)).spawn().expect("it starts");
+    let mut asked = String::new();
+    let mut said = BufReader::new(program.stderr.take().expect("a pipe"));
+    while !asked.contains("gets id 12 for good") {
+        let mut bytes = [0; 64];
+        let count = said.read(&mut bytes).expect("a pipe");
+        assert_ne!(count, 0, "it asks: {asked}");
+        asked += std::str::from_utf8(&bytes[..count]).expect("ASCII");
+    }
+    program.kill().expect("it runs");
+    program.wait().expect("it ends");
+    assert!(sim.mgw(&["axes"]).success().contains("11"), "the axis that it was lent");
+
+    let next = sim.mgw_once_in_command(&["motor", "1:11@210526", "id"]);
+    assert_eq!(next.code, Some(0), "{next:?}");
+    let (_, file) = next.stderr.split_once("`mgw config apply ").expect("what was before");
+    let (file, _) = file.split_once('`').expect("a command");
+    assert!(file.starts_with(state_home().to_str().expect("text")), "{file}");
+    sim.mgw_once_in_command(&["config", "apply", file]).success();
+    assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
+    let again = sim.mgw_once_in_command(&["motor", "1:11@210526", "id", "12", "--yes"]);
+    assert!(!again.stderr.contains("config apply"), "{again:?}");
+    again.success();
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The program as a user runs it: its output, its exit code, and a simulated gateway beside it.
 
 use std::io::{BufRead, BufReader, Read, Write};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
@@ -61,6 +62,11 @@ pub fn json(line: &str) -> Value {
     line
 }
 
+/// Where the program keeps what it remembers.
+pub fn state_home() -> PathBuf {
+    std::env::temp_dir().join(format!("mgw-state-{}", std::process::id()))
+}
+
 /// The program, its pipes open.
 pub fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mgw"));
@@ -69,6 +75,7 @@ pub fn command(arguments: &[&str]) -> Command {
         .env_remove("MGW_PORT")
         .env("MGW_SOCKET", "")
         .env_remove("MGW_TOKEN")
+        .env("XDG_STATE_HOME", state_home())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
