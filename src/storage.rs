@@ -104,7 +104,8 @@ impl ReadNorFlash for StorageFlash {
             if self.reads.is_multiple_of(READS_AT_ONCE) {
                 yield_now().await;
             }
-            flash::read(first() + (at - skipped) as u32, &mut word);
+            let begin = u32::try_from(at - skipped).map_err(|_| Failure)?;
+            flash::read(first() + begin, &mut word);
             let (now, later) = rest.split_at_mut(rest.len().min(WORD - skipped));
             now.copy_from_slice(word.get(skipped..skipped + now.len()).ok_or(Failure)?);
             at += now.len();
