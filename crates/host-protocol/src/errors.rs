@@ -62,8 +62,9 @@ macro_rules! errors {
         $number:literal $name:ident { $($field:ident: $type:ty),* } $text:literal $(, $value:expr)*;
     )+) => {
         /// Why a request was refused or failed. The number is in the header of the frame, the data
-        /// is its body.
-        #[derive(Debug, Clone, Copy, PartialEq)]
+        /// is its body. It is serialised by names for who reads it on the host; on the wire is what
+        /// [`encode_frame`](Self::encode_frame) writes.
+        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Error {
             $($(#[$meta])+ $name { $(#[doc = field_doc!($field)] $field: $type),* },)+
