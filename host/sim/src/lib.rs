@@ -33,7 +33,7 @@ mod world;
 
 pub use bus::{BusFault, Station, Wire};
 pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Outgoing, Turning};
-pub use serve::{Server, serve};
-pub use transport::SimTransport;
+pub use serve::{Server, put_fault, serve};
+pub use transport::{SharedWorld, SimTransport};
 pub use wiring::{BOARD, MotorWiring, Wiring, WiringError};
 pub use world::{TraceEntry, World};

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::io;
 use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use host_protocol::DEFAULT_BAUD;
@@ -10,73 +11,93 @@ use mgw_client::Transport;
 
 use crate::world::World;
 
+/// A world that several share: on one thread, or on many.
+pub trait SharedWorld {
+    /// Does something with it, while nobody else does.
+    fn with<R>(&self, act: impl FnOnce(&mut World) -> R) -> R;
+}
+
+impl SharedWorld for Rc<RefCell<World>> {
+    fn with<R>(&self, act: impl FnOnce(&mut World) -> R) -> R {
+        act(&mut self.borrow_mut())
+    }
+}
+
+impl SharedWorld for Arc<Mutex<World>> {
+    fn with<R>(&self, act: impl FnOnce(&mut World) -> R) -> R {
+        act(&mut self.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
 /// A host link of a [`World`] as a client's transport: waiting and sleeping let the world's time
 /// pass.
 ///
 /// Several transports may share one world; each of them moves it on.
 #[derive(Clone)]
-pub struct SimTransport {
-    world: Rc<RefCell<World>>,
+pub struct SimTransport<W = Rc<RefCell<World>>> {
+    world: W,
     link: u8,
     /// Read from the link, not yet asked for.
     unread: Vec<u8>,
 }
 
-impl SimTransport {
+impl<W: SharedWorld> SimTransport<W> {
     /// The host link `link` of `world`.
-    pub fn new(world: Rc<RefCell<World>>, link: u8) -> Self {
-        world.borrow_mut().set_host_baud(link, DEFAULT_BAUD);
+    pub fn new(world: W, link: u8) -> Self {
+        world.with(|world| world.set_host_baud(link, DEFAULT_BAUD));
         Self { world, link, unread: Vec::new() }
     }
 
     /// The world behind it.
-    pub fn world(&self) -> &Rc<RefCell<World>> {
+    pub fn world(&self) -> &W {
         &self.world
     }
 }
 
-impl Transport for SimTransport {
+impl<W: SharedWorld> Transport for SimTransport<W> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.world.borrow_mut().host_send(self.link, bytes);
+        self.world.with(|world| world.host_send(self.link, bytes));
         Ok(())
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        let mut world = self.world.borrow_mut();
-        let until = world.now() + micros(timeout);
-        loop {
-            self.unread.extend(world.host_receive(self.link));
-            if !self.unread.is_empty() {
-                let len = self.unread.len().min(buffer.len());
-                for (place, byte) in buffer.iter_mut().zip(self.unread.drain(..len)) {
-                    *place = byte;
+        let Self { world, link, unread } = self;
+        world.with(|world| {
+            let until = world.now() + micros(timeout);
+            loop {
+                unread.extend(world.host_receive(*link));
+                if !unread.is_empty() {
+                    let len = unread.len().min(buffer.len());
+                    for (place, byte) in buffer.iter_mut().zip(unread.drain(..len)) {
+                        *place = byte;
+                    }
+                    return Ok(len);
                 }
-                return Ok(len);
+                if world.now() >= until {
+                    return Ok(0);
+                }
+                let next = world.next_event().unwrap_or(until);
+                world.run_until(next.min(until));
             }
-            if world.now() >= until {
-                return Ok(0);
-            }
-            let next = world.next_event().unwrap_or(until);
-            world.run_until(next.min(until));
-        }
+        })
     }
 
     fn now(&self) -> Duration {
-        Duration::from_micros(self.world.borrow().now().as_micros())
+        Duration::from_micros(self.world.with(|world| world.now().as_micros()))
     }
 
     fn sleep(&mut self, duration: Duration) {
-        self.world.borrow_mut().run_for(duration);
+        self.world.with(|world| world.run_for(duration));
     }
 
     fn reconnect(&mut self) -> io::Result<()> {
         self.unread.clear();
-        self.world.borrow_mut().host_reset(self.link);
+        self.world.with(|world| world.host_reset(self.link));
         self.set_baud(DEFAULT_BAUD)
     }
 
     fn set_baud(&mut self, baud: u32) -> io::Result<()> {
-        self.world.borrow_mut().set_host_baud(self.link, baud);
+        self.world.with(|world| world.set_host_baud(self.link, baud));
         Ok(())
     }
 }

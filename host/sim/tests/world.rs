@@ -5,11 +5,14 @@ mod four_motors;
 mod lives;
 mod strangers;
 
+use std::sync::{Arc, Mutex};
+use std::thread;
 use std::time::Duration;
 
 use four_motors::Rig;
 use host_protocol::{BusState, CanFrame, RawFrame};
-use mgw_sim::{BusFault, Injection, MotorEvent, Station, TraceEntry, Wiring, World};
+use mgw_client::Client;
+use mgw_sim::{BusFault, Injection, MotorEvent, SimTransport, Station, TraceEntry, Wiring, World};
 
 fn lines(trace: &[TraceEntry]) -> Vec<String> {
     trace.iter().map(|entry| format!("{} {:?} {}", entry.bus, entry.from, entry.wire)).collect()
@@ -33,6 +36,25 @@ fn frames_take_their_time_on_the_wire() {
     let [request, reply] = trace.as_slice() else { panic!("two frames") };
     assert!((120..=123).contains(&(request.end_us - request.time_us)), "{request:?}");
     assert!((100..=200).contains(&(reply.time_us - request.end_us)), "{reply:?}");
+}
+
+/// Two threads, a host link each: the world's time is that of both.
+#[test]
+fn threads_may_share_a_world() {
+    let world = Arc::new(Mutex::new(World::new(Wiring::four_motors())));
+    let ends = [0, 1].map(|link| {
+        let world = world.clone();
+        thread::spawn(move || {
+            let mut client = Client::connect(SimTransport::new(world, link)).unwrap();
+            for _ in 0..20 {
+                client.ping().unwrap();
+            }
+            client.now()
+        })
+    });
+    let ends = ends.map(|thread| thread.join().unwrap());
+    let now = Duration::from_micros(world.lock().unwrap().now().as_micros());
+    assert!(ends.iter().all(|end| *end <= now) && ends.contains(&now), "{ends:?} {now:?}");
 }
 
 #[test]

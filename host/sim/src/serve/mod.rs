@@ -11,6 +11,8 @@ use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant};
 
+pub use self::faults::apply as put_fault;
+
 use self::connection::Connection;
 use self::waiting::{PATIENCE, PLACES, Verdict, Waiting};
 use crate::world::World;
