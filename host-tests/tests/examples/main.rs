@@ -14,7 +14,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{AxisState, Event, StopTarget};
+use host_protocol::{AxisState, Event, Setpoint, StopTarget};
 use mgw_cli::run_on;
 use mgw_client::{AsyncClient, Client, ClientError, Interrupt};
 use mgw_sim::{SimTransport, Wiring, World};
@@ -112,6 +112,29 @@ fn an_interrupt_ends_what_an_async_client_does() {
         let refused = gateway.arm(RMD).await;
         assert!(matches!(refused, Err(ClientError::Interrupted { armed: true })), "{refused:?}");
     });
+}
+
+/// What an interrupt has stopped stays stopped; what is armed after it was followed may move.
+#[test]
+fn a_client_goes_on_after_an_interrupt() {
+    let interrupt = Interrupt::default();
+    let transport = SimTransport::new(world(), 0);
+    let mut gateway = Client::connect_heeding(transport, interrupt.clone()).unwrap();
+    let turn = Setpoint::Velocity { velocity_rad_s: 2.0 };
+    let before = gateway.arm(RMD).unwrap().epoch;
+    gateway.set(RMD, before, turn, LASTS / 5).unwrap();
+    interrupt.raise();
+    gateway.resume().unwrap();
+    assert!(!interrupt.is_raised());
+    let refused = gateway.set(RMD, before, turn, LASTS / 5);
+    assert!(matches!(refused, Err(ClientError::Gateway(_))), "{refused:?}");
+    assert!(rest(&mut gateway, &[RMD]));
+    let after = gateway.arm(RMD).unwrap().epoch;
+    gateway.set(RMD, after, turn, LASTS / 5).unwrap();
+    // And is followed again.
+    interrupt.raise();
+    let ended = gateway.set(RMD, after, turn, LASTS / 5);
+    assert!(matches!(ended, Err(ClientError::Interrupted { armed: true })), "{ended:?}");
 }
 
 #[test]

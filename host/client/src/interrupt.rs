@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The caller wants it to end, by Ctrl-C for example: raised once, from any thread, and seen by the
-/// client that heeds it.
+/// The caller wants it to end, by Ctrl-C for example: raised from any thread, and seen by the
+/// client that heeds it, until that [resumes](crate::Client::resume).
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
@@ -12,6 +12,11 @@ impl Interrupt {
     /// From now on it is raised.
     pub fn raise(&self) {
         self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// A client goes on.
+    pub(crate) fn lower(&self) {
+        self.0.store(false, Ordering::Relaxed);
     }
 
     /// What raises it when set to `true`: for a signal handler.

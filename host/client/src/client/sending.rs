@@ -212,6 +212,20 @@ impl<T: Transport> Client<T> {
         if moves(number) { Err(self.ended_early()) } else { Ok(()) }
     }
 
+    /// Goes on after an interrupt that has been followed: what is armed from now on may move, until
+    /// the interrupt is raised again. Before it was followed, it is followed first.
+    ///
+    /// # Errors
+    /// As [`stop_armed`](Self::stop_armed).
+    pub fn resume(&mut self) -> Result<(), ClientError> {
+        if self.interrupt.is_raised() && !self.interrupted {
+            self.stop_armed()?;
+        }
+        self.interrupt.lower();
+        (self.interrupted, self.has_stopped) = (false, false);
+        Ok(())
+    }
+
     fn ended_early(&self) -> ClientError {
         ClientError::Interrupted { armed: self.has_stopped }
     }
