@@ -241,7 +241,7 @@ fn is_no_port(error: &ConnectError) -> bool {
 }
 
 /// The data of those errors whose data a program may act on.
-fn data(error: &Error) -> Value {
+pub fn data(error: &Error) -> Value {
     match error {
         Error::OutOfRange { quantity, value, min, max } => json!({
             "quantity": quantity.to_string().replace(' ', "_"), "unit": quantity.unit(),
@@ -250,7 +250,9 @@ fn data(error: &Error) -> Value {
         Error::Tripped { axis, reason } | Error::CauseRemains { axis, reason } => {
             tripped(*axis, reason)
         }
-        Error::NotArmed { axis, state } => json::axis::in_state(*axis, *state),
+        Error::NotArmed { axis, state }
+        | Error::NotIdle { axis, state }
+        | Error::ArmingAborted { axis, state } => json::axis::in_state(*axis, *state),
         Error::NotInCommand { holder } => json!({ "holder": holder }),
         _ => Value::Null,
     }

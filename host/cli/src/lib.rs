@@ -27,6 +27,7 @@ mod output;
 mod parameters;
 mod plan;
 mod printable;
+pub mod programs;
 mod scan;
 mod serve;
 mod server;

@@ -167,7 +167,7 @@ impl Periods {
 }
 
 /// What became of a setpoint; one that was refused: the name of the error.
-fn result(result: CycleResult) -> String {
+pub fn result(result: CycleResult) -> String {
     let name = match result {
         CycleResult::Answered => "answered",
         CycleResult::Ambiguous => "ambiguous",

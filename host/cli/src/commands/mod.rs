@@ -23,8 +23,10 @@ mod together;
 mod trips;
 mod watch;
 
+pub use cycle::result as cycle_result;
 pub use drive::state_line;
 pub use motor::set_id as set_motor_id;
+pub use native::motor as motor_of;
 pub use scan::motor_name;
 
 use mgw_client::{Interrupt, Transport};

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use gateway::NativeEffect;
 use host_protocol::{AxisParameter, AxisState, BusKind, Bytes, Error, MAX_CAN_DATA};
-use mgw_client::{ClientError, NativeHold};
+use mgw_client::{Client, ClientError, NativeHold, Transport};
 use serde_json::json;
 
 use super::drive::{ArmedAxis, Rounds, drive, nothing_to_tell};
@@ -91,7 +91,7 @@ fn move_by(
 
 fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Failure> {
     let axis = arguments.axis;
-    let (motor, state) = motor(session, axis)?;
+    let (motor, state) = motor(&mut session.client, axis)?;
     let data = match &arguments.command {
         Some(name) => {
             let fields = arguments.fields.iter().map(|field| {
@@ -117,12 +117,15 @@ fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Fai
 }
 
 /// The motor of an axis, as it is configured, and the state of the axis; without asking the motor.
-fn motor(session: &mut Session, axis: u8) -> Result<(Motor, AxisState), Failure> {
-    let max_axes = session.client.hello().max_axes;
+pub fn motor<T: Transport>(
+    client: &mut Client<T>,
+    axis: u8,
+) -> Result<(Motor, AxisState), Failure> {
+    let max_axes = client.hello().max_axes;
     if axis >= max_axes {
         return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
     }
-    let axes = session.client.list_axes()?;
+    let axes = client.list_axes()?;
     let summary = axes.iter().find(|summary| summary.axis == axis);
     let missing =
         |parameter: AxisParameter| Error::NotConfigured { axis, parameter: parameter.number() };
@@ -133,7 +136,7 @@ fn motor(session: &mut Session, axis: u8) -> Result<(Motor, AxisState), Failure>
     let node = node.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Node)))?;
     let bus = summary.and_then(|summary| summary.bus);
     let bus = bus.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Bus)))?;
-    let capability = session.client.hello().buses.get(usize::from(bus));
+    let capability = client.hello().buses.get(usize::from(bus));
     let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
     let state = summary.map_or(AxisState::Unconfigured, |summary| summary.state);
     Ok((Motor { axis, protocol, node, bus }, state))

@@ -58,6 +58,14 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     decoder.end()
 }
 
+/// Decodes a text as a file, into lines of JSON.
+pub fn text(args: &DecodeArgs, text: &str) -> Result<String, Failure> {
+    let mut decoder = Decoder::new(args, Record::new(Vec::new(), true));
+    decoder.read("the text", text.as_bytes())?;
+    decoder.record.flush().map_err(Failure::Output)?;
+    Ok(String::from_utf8_lossy(&decoder.record.into_written()).into_owned())
+}
+
 /// The fields of a message for people: `current_a=1 speed_dps=500`.
 pub fn fields(visit: impl FnOnce(&mut Visit<'_>)) -> String {
     let mut record = Record::new(Vec::new(), false);

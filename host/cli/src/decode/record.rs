@@ -251,6 +251,11 @@ impl<W: Write> Record<W> {
         String::from_utf8_lossy(&self.line).trim_end().to_owned()
     }
 
+    /// What the lines were written to.
+    pub fn into_written(self) -> W {
+        self.out
+    }
+
     /// How many lines have an error, and how many there are.
     pub fn failed(&self) -> (u64, u64) {
         (self.failed, self.total)

@@ -13,7 +13,8 @@ use crate::failure::Failure;
 use crate::output::Output;
 use crate::words;
 use by_name::{D5, RMD, THRUSTER, refused};
-use wanted::{To, Wanted};
+use wanted::To;
+pub use wanted::Wanted;
 
 /// Prints the frame, or the list of commands.
 pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
@@ -22,10 +23,16 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
     if wanted.list {
         return list::run(wanted.protocol, out);
     }
+    let (frame, object) = frame(&wanted)?;
+    out.either(&frame, &object)
+}
+
+/// The frame, and the object of `--json`.
+pub fn frame(wanted: &Wanted) -> Result<(String, Value), Failure> {
     let frame = match wanted.protocol {
-        CodecChoice::Rmd => rmd_frame(&wanted),
-        CodecChoice::Thruster => thruster_frame(&wanted),
-        CodecChoice::D5 => d5_frame(&wanted),
+        CodecChoice::Rmd => rmd_frame(wanted),
+        CodecChoice::Thruster => thruster_frame(wanted),
+        CodecChoice::D5 => d5_frame(wanted),
     }?;
     let node = match wanted.to {
         Some(To::Node(node)) => json!(node),
@@ -33,7 +40,7 @@ pub fn run(args: &EncodeArgs, json: bool) -> Result<(), Failure> {
         None => Value::Null,
     };
     let object = json!({ "frame": frame, "protocol": name(wanted.protocol), "node": node, "command": wanted.command()? });
-    out.either(&frame, &object)
+    Ok((frame, object))
 }
 
 fn name(protocol: CodecChoice) -> &'static str {

@@ -27,7 +27,7 @@ pub fn snake(name: &str) -> String {
 }
 
 /// Which variant of an enum of the wire this is, and its fields.
-fn variant(value: &impl Serialize) -> (String, Map<String, Value>) {
+pub fn variant(value: &impl Serialize) -> (String, Map<String, Value>) {
     match to_json(value) {
         Value::String(name) => (snake(&name), Map::new()),
         Value::Object(variant) => match variant.into_iter().next() {

@@ -1,0 +1,356 @@
+//! What other programs use of `mgw`: configuration files, native commands by name, frames in words,
+//! and the words of `--json`. Nothing here prints.
+
+use std::time::Duration;
+
+use clap::ValueEnum;
+use host_protocol::replies::{AxisReport, BusReport, GatewayReport, HelloReply, StoredReport};
+use host_protocol::{
+    AxisSummary, Bytes, CycleResult, Error, EventMessage, Incident, MAX_CAN_DATA, Quantity,
+    SlowState, parameters,
+};
+use mgw_client::{Client, ClientError, Transport, server_port};
+use serde_json::{Value, json};
+
+use crate::args::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, ProtocolChoice};
+use crate::commands;
+use crate::config::{self, BoardPorts, Configuration, Source};
+use crate::decode;
+use crate::encode;
+use crate::failure::{self, Failure};
+use crate::faults::Protocols;
+use crate::find;
+use crate::json;
+use crate::native_request;
+use crate::output::to_json;
+
+/// Why something has no result.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// A name that programs can rely on: the gateway's own for its errors.
+    pub name: &'static str,
+    /// What was wrong, what is allowed, the next step.
+    pub message: String,
+    /// The number of the gateway's error, if it is one.
+    pub number: Option<u16>,
+    /// Its data, by names.
+    pub fields: Value,
+}
+
+impl From<Failure> for Problem {
+    fn from(failure: Failure) -> Self {
+        let (name, message) = (failure.name(), failure.to_string());
+        let error = failure.gateway_error();
+        let number = error.map(Error::number);
+        let fields = match error {
+            Some(error) => fields(error),
+            None => {
+                let mut fields = failure.to_json()["error"].take();
+                if let Some(fields) = fields.as_object_mut() {
+                    fields.remove("name");
+                    fields.remove("message");
+                }
+                fields
+            }
+        };
+        Self { name, message, number, fields }
+    }
+}
+
+impl From<ClientError> for Problem {
+    fn from(error: ClientError) -> Self {
+        match error {
+            // Its own text knows nothing of `mgw`.
+            ClientError::Gateway(error) => Failure::would_be_refused(error).into(),
+            error => Failure::from(error).into(),
+        }
+    }
+}
+
+/// The data of an error of the gateway, names and values in snake_case.
+pub fn fields(error: &Error) -> Value {
+    let mut fields = Value::Object(json::variant(error).1);
+    for value in fields.as_object_mut().into_iter().flatten().map(|(_, value)| value) {
+        if let Value::String(name) = value {
+            *name = json::snake(name);
+        }
+    }
+    let more = match error {
+        Error::Unsupported { protocol, .. }
+        | Error::ProtocolNotOnBus { protocol, .. }
+        | Error::NotACommand { protocol, .. } => json!({ "protocol": protocol.name() }),
+        Error::NotANumber { quantity } | Error::CannotCheckLimit { quantity, .. } => {
+            json!({ "quantity": quantity.to_string().replace(' ', "_") })
+        }
+        error => failure::data(error),
+    };
+    json::extend(&mut fields, more);
+    let parameter = match error {
+        Error::OutOfRange { quantity: Quantity::Parameter(number), .. } => Some(*number),
+        _ => fields["parameter"].as_u64().and_then(|number| u16::try_from(number).ok()),
+    };
+    if let Some(name) = parameter.and_then(parameters::name) {
+        fields["parameter_name"] = json!(name);
+    }
+    fields
+}
+
+/// Opens the port that was named, a running server, or the only port that may lead to a gateway.
+///
+/// # Errors
+/// There is none or more than one, or it cannot be opened, and what to do about it.
+pub fn open(named: Option<&str>) -> Result<Box<dyn Transport + Send>, Problem> {
+    if named.is_none()
+        && let Some(server) = server_port()
+        && let Ok(transport) = mgw_client::open(&server)
+    {
+        return Ok(transport);
+    }
+    let port = find::cable_port(named)?;
+    Ok(mgw_client::open(&port).map_err(find::explain)?)
+}
+
+/// What the motors of a gateway speak, so that their faults have names.
+#[derive(Debug, Clone, Default)]
+pub struct Motors(Protocols);
+
+impl Motors {
+    /// As the gateway lists its axes.
+    pub fn new(axes: &[AxisSummary]) -> Self {
+        Self(Protocols::new(axes))
+    }
+}
+
+/// What a gateway is, and how.
+pub fn info(hello: &HelloReply, status: &GatewayReport, stored: &StoredReport) -> Value {
+    json::gateway::info(hello, status, stored)
+}
+
+/// How a bus is.
+pub fn bus(bus: u8, report: &BusReport) -> Value {
+    json::gateway::bus(bus, report)
+}
+
+/// One axis of a list.
+pub fn axis(summary: &AxisSummary) -> Value {
+    json::axis::summary(summary, summary.missing.and_then(parameters::name))
+}
+
+/// How an axis is.
+pub fn state(report: &AxisReport, motors: &Motors) -> Value {
+    json::axis::report(report, motors.0.of(report.axis))
+}
+
+/// An event of the gateway.
+pub fn event(message: &EventMessage, motors: &Motors) -> Value {
+    json::event(message, &motors.0)
+}
+
+/// Something that the gateway remembers over a reset.
+pub fn incident(incident: &Incident, motors: &Motors) -> Value {
+    json::gateway::incident(incident, &motors.0)
+}
+
+/// What became of a setpoint in a cycle; one that was refused: the name of the error.
+pub fn result(result: CycleResult) -> String {
+    commands::cycle_result(result)
+}
+
+/// What a free-running cycle tells of one axis in turns.
+pub fn slow_state(state: &SlowState) -> Value {
+    to_json(state)
+}
+
+/// What a configuration changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Configured {
+    /// Changes made to the gateway, all together.
+    pub changes: usize,
+    /// Motors whose own timeout was written.
+    pub motor_timeouts_written: usize,
+}
+
+/// Makes the text of a configuration file the configuration of a gateway; with `merge` only what it
+/// names changes. `path` is what the text is called in a [`Problem`].
+///
+/// # Errors
+/// Everything that is wrong with it, before the gateway hears of it; or the gateway's refusal, after
+/// which nothing has changed but motor timeouts.
+pub fn configure<T: Transport>(
+    client: &mut Client<T>,
+    path: &str,
+    text: &str,
+    merge: bool,
+) -> Result<Configured, Problem> {
+    // So that nobody else changes what is read now.
+    client.take_authority()?;
+    let running = config::read(client)?;
+    let read = config::parse(&Source { path: path.to_owned(), text: text.to_owned() });
+    let wanted = read.onto(if merge { running.clone() } else { Configuration::default() });
+    let findings = config::check(&read, &wanted, &BoardPorts::of(client.hello()));
+    if !findings.is_empty() {
+        return Err(Failure::Configuration { path: path.to_owned(), findings }.into());
+    }
+    let changes = running.changes_to(&wanted);
+    if !changes.is_empty() {
+        client.begin_changes()?;
+        client.add_changes(&changes)?;
+        client.apply_changes()?;
+    }
+    let motor_timeouts_written = config::write_timeouts(client, &wanted)?;
+    Ok(Configured { changes: changes.len(), motor_timeouts_written })
+}
+
+/// The configuration of a gateway, as the text of a file.
+///
+/// # Errors
+/// As [`Client::request`].
+pub fn configuration<T: Transport>(client: &mut Client<T>) -> Result<String, Problem> {
+    Ok(config::dump(&config::read(client)?))
+}
+
+/// The JSON schema of a configuration file.
+pub fn configuration_schema() -> Value {
+    config::schema()
+}
+
+/// A command of a motor's manual by its name, and what is known of it before it is sent.
+#[derive(Debug, Clone)]
+pub struct Native {
+    motor: native_request::Motor,
+    data: Bytes<MAX_CAN_DATA>,
+}
+
+impl Native {
+    /// The command for the motor of an axis; each field by its name and its value as text.
+    ///
+    /// # Errors
+    /// There is no such axis, its motor has no such command, or a field is missing or out of its
+    /// range.
+    pub fn new<T: Transport>(
+        client: &mut Client<T>,
+        axis: u8,
+        command: &str,
+        fields: Vec<(String, String)>,
+    ) -> Result<Self, Problem> {
+        let (motor, _) = commands::motor_of(client, axis)?;
+        let data = encode::data_field(motor.protocol, motor.node, command, fields)?;
+        let data =
+            Bytes::from_slice(&data).map_err(|_| ClientError::TooLong { request: "Native" })?;
+        Ok(Self { motor, data })
+    }
+
+    /// Sends it and decodes the reply; nothing where the motor does not answer this command. What
+    /// moves needs the epoch of the arming and is valid for `ttl`; for all else both may be 0.
+    ///
+    /// # Errors
+    /// As [`Client::native`].
+    pub fn send<T: Transport>(
+        &self,
+        client: &mut Client<T>,
+        epoch: u32,
+        ttl: Duration,
+    ) -> Result<Value, Problem> {
+        let native_request::Motor { axis, protocol, node, .. } = self.motor;
+        let reply = match client.native(axis, epoch, self.data.clone(), ttl) {
+            Err(ClientError::Gateway(error)) => {
+                return Err(native_request::explain(self.motor, &self.data, error).into());
+            }
+            reply => reply?,
+        };
+        if reply.is_empty() {
+            return Ok(Value::Null);
+        }
+        let line = decode::reply(axis, protocol, node, &self.data, &reply, true);
+        Ok(serde_json::from_str(&line).unwrap_or(Value::Null))
+    }
+}
+
+/// One frame from the names of a command and its fields, as `mgw encode` prints it. `words` are
+/// its arguments behind the protocol.
+///
+/// # Errors
+/// What is wrong with the words, or a value that the codec refuses.
+pub fn encode(protocol: &str, words: Vec<String>) -> Result<String, Problem> {
+    let args = crate::args::EncodeArgs {
+        protocol: Some(choice::<CodecChoice>("protocol", protocol)?),
+        node: None,
+        bus: None,
+        can_id: None,
+        list: false,
+        words,
+    };
+    Ok(encode::frame(&encode::Wanted::new(&args)?)?.0)
+}
+
+/// Captured frames in words, one object for each line that `mgw decode --json` prints. `protocol`
+/// is `auto`, `rmd`, `thruster` or `d5`.
+///
+/// # Errors
+/// An option that is none. A line that is no frame is no error: its object has an `error`.
+pub fn decode(
+    text: &str,
+    protocol: &str,
+    bus: Option<&str>,
+    direction: Option<&str>,
+    dialect: &str,
+) -> Result<Vec<Value>, Problem> {
+    let known = rmd::Dialect::ALL.into_iter().find(|known| known.name() == dialect);
+    let args = DecodeArgs {
+        files: Vec::new(),
+        protocol: choice::<ProtocolChoice>("protocol", protocol)?,
+        bus: bus.map(|bus| choice::<BusKind>("bus", bus)).transpose()?,
+        direction: direction.map(|way| choice::<DirectionChoice>("direction", way)).transpose()?,
+        dialect: known.ok_or_else(|| {
+            let names = rmd::Dialect::ALL.map(rmd::Dialect::name).join(", ");
+            Failure::Usage(format!("`{dialect}` is no dialect; there are {names}"))
+        })?,
+        headerless: false,
+    };
+    let lines = decode::text(&args, text)?;
+    Ok(lines.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
+}
+
+fn choice<T: ValueEnum>(option: &str, text: &str) -> Result<T, Failure> {
+    T::from_str(text, true).map_err(|_| {
+        let values = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+        let names: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
+        Failure::Usage(format!("{option} is {}, not `{text}`", names.join(" or ")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::{AxisState, Protocol};
+
+    #[test]
+    fn an_error_of_the_gateway_has_its_number_and_all_its_fields() {
+        let error = Error::NotIdle { axis: 3, state: AxisState::Tripped { confirmed: true } };
+        let problem = Problem::from(ClientError::Gateway(error));
+        assert_eq!((problem.name, problem.number), ("NotIdle", Some(29)));
+        let wanted = json!({ "axis": 3, "state": "tripped", "stop_confirmed": true });
+        assert_eq!(problem.fields, wanted);
+        let error = Error::OutOfRange {
+            quantity: Quantity::Parameter(6),
+            value: 0.1,
+            min: 5_000.0,
+            max: 60_000_000.0,
+        };
+        let of = fields(&error);
+        assert_eq!((&of["parameter_name"], &of["value"]), (&json!("ttl_us"), &json!(0.1)));
+        let of = fields(&Error::Unsupported { axis: 1, protocol: Protocol::Thruster });
+        assert_eq!(of, json!({ "axis": 1, "protocol": "thruster" }));
+    }
+
+    #[test]
+    fn a_frame_there_and_back() {
+        let words = ["--node", "1", "torque_current", "--current_a", "-1.5"];
+        let frame = encode("rmd", words.map(str::to_owned).to_vec()).unwrap();
+        assert_eq!(frame, "141#A10000006AFF0000");
+        let read = decode(&frame, "auto", None, None, "v3_6").unwrap();
+        assert_eq!(read.len(), 1);
+        assert_eq!(read[0]["current_a"], json!(-1.5));
+        assert_eq!(encode("can", Vec::new()).unwrap_err().name, "Usage");
+    }
+}
