@@ -30,13 +30,14 @@ impl Kept {
         traffic: [const { Traffic::NONE }; MAX_AXES],
     };
 
-    /// Works out what is kept of one axis. Returns whether its traffic is another one.
-    fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> bool {
+    /// Works out what is kept of one axis. Returns the buses that it is and was on, and whether its
+    /// traffic is another one.
+    fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> (Set, bool) {
         let index = usize::from(axis.index);
         let one = Set::of(index);
         let (Some(look), Some(traffic)) = (self.looks.get_mut(index), self.traffic.get_mut(index))
         else {
-            return false;
+            return (Set::NONE, false);
         };
         let before = core::mem::replace(look, Look::at(axis, now, after));
         let mut changed = before.flags ^ look.flags;
@@ -46,13 +47,14 @@ impl Kept {
             }
             changed &= changed - 1;
         }
+        let was_on = traffic.bus.map_or(Set::NONE, Set::of);
         if core::mem::replace(traffic, axis.traffic()) == *traffic {
-            return false;
+            return (was_on, false);
         }
         for (here, set) in self.on.iter_mut().enumerate() {
             set.put(one, traffic.bus.map(usize::from) == Some(here));
         }
-        true
+        (was_on.with(traffic.bus.map_or(Set::NONE, Set::of)), true)
     }
 
     fn due(&self, index: usize) -> Instant {
@@ -154,12 +156,17 @@ impl Axes {
         self.times(set, |look| look.delivery_due).map(|(_, at)| at).min()
     }
 
-    /// When the first axis must be looked at again.
-    pub fn first_due(&mut self) -> Option<Instant> {
-        let due = self.which(Is::Configured).into_iter().map(|index| self.kept.due(index));
-        let first = self.first_due.unwrap_or_else(|| due.min().unwrap_or(Instant::NEVER));
+    /// When the first axis must be looked at again; [`Instant::NEVER`] where time alone changes
+    /// none.
+    pub fn first_due(&mut self) -> Instant {
+        let first = self.first_due.unwrap_or_else(|| self.work_out_first_due());
         self.first_due = Some(first);
-        Some(first).filter(|at| *at < Instant::NEVER)
+        first
+    }
+
+    fn work_out_first_due(&self) -> Instant {
+        let due = self.which(Is::Configured).into_iter().map(|index| self.kept.due(index));
+        due.min().unwrap_or(Instant::NEVER)
     }
 
     /// The axes to which time alone has brought something.
@@ -183,18 +190,28 @@ impl Axes {
     /// are or were on. `after`: what was due until then has been done.
     pub fn settle(&mut self, now: Instant, after: Instant) -> Set {
         // What becomes ready meanwhile is asked for before its tick comes.
-        let ripe = if now > after { self.due_by(now) } else { Set::NONE };
+        let is_later = now > after && self.first_due.is_none_or(|at| at <= now);
+        let ripe = if is_later { self.due_by(now) } else { Set::NONE };
         let touched = self.touched.take().with(ripe);
         if touched.is_empty() {
             return Set::NONE;
         }
-        self.first_due = None;
-        let before = self.buses_of(touched);
+        let mut buses = Set::NONE;
         let mut is_new_traffic = false;
-        for axis in touched.into_iter().filter_map(|index| self.axes.get(index)) {
-            is_new_traffic |= self.kept.keep(axis, now, after);
+        for index in touched {
+            let Some(axis) = self.axes.get(index) else { continue };
+            let before = self.kept.due(index);
+            let (on, is_new) = self.kept.keep(axis, now, after);
+            buses.add(on);
+            is_new_traffic |= is_new;
+            let due = self.kept.due(index);
+            // Another one may be first where this one was.
+            self.first_due = match self.first_due {
+                Some(first) if due <= first => Some(due),
+                Some(first) if before > first => Some(first),
+                _ => None,
+            };
         }
-        let buses = before.with(self.buses_of(touched));
         self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
         buses
     }
@@ -222,13 +239,6 @@ impl Axes {
             assert_eq!(fresh, kept, "{is:?}");
         }
         assert_eq!(fresh, self.kept);
-    }
-
-    fn buses_of(&self, set: Set) -> Set {
-        let mut buses = Set::NONE;
-        for (bus, on) in self.kept.on.iter().enumerate() {
-            buses.put(Set::of(bus), !on.and(set).is_empty());
-        }
-        buses
+        assert!(self.first_due.is_none_or(|at| at == self.work_out_first_due()), "first due");
     }
 }

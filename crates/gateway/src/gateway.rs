@@ -204,7 +204,15 @@ impl Gateway {
 
     /// Works out anew what is kept of the axes that may have changed, and what of it their buses
     /// need for the next frame.
+    #[inline(always)]
     pub(crate) fn settle(&mut self, now: Instant) {
+        if now > self.now || !self.axes.is_settled() {
+            self.settle_axes(now);
+        }
+    }
+
+    #[inline(never)]
+    fn settle_axes(&mut self, now: Instant) {
         let changed = self.axes.settle(now, self.now);
         self.touch_buses(changed);
         for bus in self.axes.take_new_traffic() {
@@ -219,6 +227,7 @@ impl Gateway {
         if cfg!(debug_assertions) {
             self.axes.assert_kept(now, self.now);
             self.buses.iter().for_each(|bus| bus.assert_measured(&self.axes));
+            self.links.assert_due();
         }
     }
 
@@ -356,18 +365,16 @@ impl Gateway {
         if cfg!(debug_assertions) {
             self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
         }
-        let buses = self.buses.iter().filter_map(Bus::due);
-        let links = self.links.iter().filter_map(|link| link.deadline().map(Instant::from_micros));
+        let mut next = self.axes.first_due().min(self.links.due());
+        for bus in &self.buses {
+            next = next.min(bus.due());
+        }
         let together = self.together.as_ref().and_then(Together::deadline);
-        self.axes
-            .first_due()
-            .into_iter()
-            .chain(buses)
-            .chain(links)
-            .chain(self.authority.deadline())
-            .chain(together)
-            .chain(self.running.as_ref().map(Running::deadline))
-            .min()
+        let running = self.running.as_ref().map(Running::deadline);
+        for at in [self.authority.deadline(), together, running].into_iter().flatten() {
+            next = next.min(at);
+        }
+        (next < Instant::NEVER).then_some(next)
     }
 
     /// Everything that time alone brings about.
@@ -375,7 +382,9 @@ impl Gateway {
         if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
             self.lose_authority(now);
         }
-        self.tick_links(now);
+        if self.links.due() <= now {
+            self.tick_links(now);
+        }
         self.tick_running(now);
         self.settle(now);
         let due = self.axes.due(now);
@@ -393,8 +402,9 @@ impl Gateway {
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
         for (index, bus) in buses.iter_mut().enumerate() {
-            let is_due = due.has(index) || bus.due().is_some_and(|at| at <= now);
-            let has_acted = (is_due || unwatched.has(index)) && bus.expire(now, axes, &mut out);
+            let is_due = due.has(index) || bus.due() <= now;
+            let may_act = is_due || unwatched.has(index) && bus.may_expire(now, axes);
+            let has_acted = may_act && bus.expire(now, axes, &mut out);
             due.put(Set::of(index), is_due || has_acted);
         }
         self.touched_buses.add(due);

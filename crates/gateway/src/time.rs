@@ -92,29 +92,33 @@ impl Duration {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Earliest {
     after: Instant,
-    /// `Instant::NEVER` where there is none.
     at: Instant,
+    first: Instant,
 }
 
 impl Earliest {
     /// Of none yet.
     pub const fn after(after: Instant) -> Self {
-        Self { after, at: Instant::NEVER }
+        Self { after, at: Instant::NEVER, first: Instant::NEVER }
     }
 
     /// Another one, if it is one.
     pub fn consider(&mut self, at: Option<Instant>) {
-        if let Some(at) = at
-            && at > self.after
-            && at < self.at
-        {
+        let Some(at) = at else { return };
+        self.first = self.first.min(at);
+        if at > self.after && at < self.at {
             self.at = at;
         }
     }
 
-    /// The earliest.
-    pub fn at(self) -> Option<Instant> {
-        (self.at < Instant::NEVER).then_some(self.at)
+    /// The earliest; [`Instant::NEVER`] where there is none.
+    pub fn at(&self) -> Instant {
+        self.at
+    }
+
+    /// The earliest of all, those that do not come after it among them.
+    pub fn first(&self) -> Instant {
+        self.first
     }
 }
 

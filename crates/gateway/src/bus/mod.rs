@@ -79,8 +79,16 @@ pub(crate) struct Bus {
     bounds: Bounds,
     /// The axis that was served last; the next one after it goes first.
     last_served: u8,
-    /// When the bus must be looked at again.
-    due: Option<Instant>,
+    due: Due,
+}
+
+/// When time alone brings something to a bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Due {
+    /// It must be looked at again; [`Instant::NEVER`] where nothing comes.
+    at: Instant,
+    /// [`Bus::expire`] finds something, but for stops, which it looks for each time.
+    expires: Instant,
 }
 
 /// What a bus is configured with while it runs otherwise, and how it takes part meanwhile.
@@ -144,18 +152,23 @@ impl Bus {
             longest_frame_bits: STANDARD_FRAME_BITS,
             bounds: Bounds::NONE,
             last_served: 0,
-            due: None,
+            due: Due { at: Instant::NEVER, expires: Instant::NEVER },
         }
     }
 
-    /// When the bus must be looked at again.
-    pub fn due(&self) -> Option<Instant> {
-        self.due
+    /// When the bus must be looked at again; [`Instant::NEVER`] where nothing comes.
+    pub fn due(&self) -> Instant {
+        self.due.at
+    }
+
+    /// Whether [`expire`](Self::expire) may find something, as of when it was settled.
+    pub fn may_expire(&self, now: Instant, axes: &Axes) -> bool {
+        self.due.expires <= now || !self.which(Is::Stopping, axes).is_empty()
     }
 
     /// Works out anew when the bus is due. `after`: what was due until then has been done.
     pub fn settle(&mut self, after: Instant, axes: &Axes) {
-        self.due = self.next_deadline(after, axes);
+        self.due = self.deadlines(after, axes);
     }
 
     /// Panics where the bounds are not what a look at all axes gives. For tests.
@@ -170,7 +183,7 @@ impl Bus {
 
     /// Panics where the bus is due at another time. For tests.
     pub fn assert_due(&self, after: Instant, axes: &Axes) {
-        assert_eq!(self.next_deadline(after, axes), self.due);
+        assert_eq!(self.deadlines(after, axes), self.due);
     }
 
     /// Everything that time alone brings about. Returns whether the bus is to be polled again: it

@@ -47,6 +47,10 @@ enum Stops {
 impl Bus {
     /// The axis to serve now.
     pub(super) fn choose(&self, now: Instant, axes: &Axes, room: Room) -> Option<(usize, Request)> {
+        let ready = self.which(Is::Ready, axes);
+        if ready.is_empty() {
+            return None;
+        }
         let stops = self.stops(now, axes);
         let may_ordinary = room == Room::Left
             && matches!(stops, Stops::None | Stops::Sent)
@@ -59,7 +63,7 @@ impl Bus {
         }
         let least = self.least_precedence(stops);
         let mut best: Option<(usize, Request, Precedence)> = None;
-        for index in self.which(Is::Ready, axes).behind(self.last_served) {
+        for index in ready.behind(self.last_served) {
             let Some(axis) = axes.get(index) else { continue };
             if !may_ordinary && axis.stop().is_none() && !axis.is_kept_holding() {
                 continue;

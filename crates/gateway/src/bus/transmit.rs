@@ -2,7 +2,7 @@
 
 use super::line::{GAP_BITS, LineTimes, serial_frame_bits};
 use super::schedule::Room;
-use super::{Bus, InFlight};
+use super::{Bus, Due, InFlight};
 use crate::axes::Axes;
 use crate::axis::{Axis, Is, Priority, Request};
 use crate::outbox::Outbox;
@@ -173,10 +173,12 @@ impl Bus {
         is_overdue
     }
 
-    /// Earliest time after `after` at which the bus must be looked at again.
-    pub fn next_deadline(&self, after: Instant, axes: &Axes) -> Option<Instant> {
+    /// Earliest time after `after` at which the bus must be looked at again, and earliest of all
+    /// at which [`expire`](Self::expire) finds something.
+    pub(super) fn deadlines(&self, after: Instant, axes: &Axes) -> Due {
         if self.config.is_none() {
-            return self.stop_is_unsent_at(axes);
+            let at = self.stop_is_unsent_at(axes).unwrap_or(Instant::NEVER);
+            return Due { at, expires: at };
         }
         let mut next = Earliest::after(after);
         next.consider(self.restart_at);
@@ -184,17 +186,21 @@ impl Bus {
             next.consider(Some(in_flight.deadline).filter(|_| !in_flight.overdue));
             next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
+        let delivery = axes.first_delivery_due(self.which(Is::Active, axes));
+        next.consider(delivery.map(|due| due + self.delivered_within()));
+        let stops = !self.which(Is::Stopping, axes).is_empty();
+        if stops {
+            next.consider(self.stop_is_delayed_at(axes));
+            next.consider(self.stop_is_unsent_at(axes));
+        }
+        let expires = next.first();
+        if stops {
+            next.consider(self.first_stops_bar_until(axes));
+        }
         for axis in axes.of(self.which(Is::OwedOurId, axes)) {
             next.consider(Some(self.id_is_free_at(axis, axes)));
         }
         next.consider(self.objections_are_over_at(axes));
-        let delivery = axes.first_delivery_due(self.which(Is::Active, axes));
-        next.consider(delivery.map(|due| due + self.delivered_within()));
-        if !self.which(Is::Stopping, axes).is_empty() {
-            next.consider(self.first_stops_bar_until(axes));
-            next.consider(self.stop_is_delayed_at(axes));
-            next.consider(self.stop_is_unsent_at(axes));
-        }
         if self.kind() == BusKind::Rs485 {
             let times = self.line_times();
             next.consider(Some(self.line.ready_at(times)));
@@ -202,7 +208,7 @@ impl Bus {
                 next.consider(Some(self.line.stop_ready_at(due, times)));
             }
         }
-        next.at()
+        Due { at: next.at(), expires }
     }
 
     pub(super) fn line_times(&self) -> LineTimes {
@@ -264,7 +270,7 @@ impl Bus {
     }
 
     fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
-        if !self.may_send_ordinary(now) {
+        if self.raw.is_none() || !self.may_send_ordinary(now) {
             return None;
         }
         let frame = match self.raw.as_mut()?.next_to_send()? {

@@ -214,7 +214,11 @@ impl Gateway {
     /// Those that have changed; that of an axis also when its motor was told what is kept with it.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, .. } = self;
-        axes.each(axes.which(Is::Unsaved), |axis| {
+        let unsaved = axes.which(Is::Unsaved);
+        if unsaved.with(retention.axes).with(retention.buses).is_empty() {
+            return;
+        }
+        axes.each(unsaved, |axis| {
             if axis.take_unsaved() {
                 retention.axes.add(Set::of(axis.index));
             }

@@ -4,6 +4,7 @@ use super::{Cursor, Identity, Link, Ring, Slot};
 use crate::MAX_LINKS;
 use crate::log::LogEntry;
 use crate::set::Set;
+use crate::time::Instant;
 use core::mem::take;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
@@ -26,6 +27,8 @@ pub(crate) struct Links {
     changed: Set,
     /// The same of the log.
     log_changed: bool,
+    /// When the first of them is due; `None` where that has to be worked out.
+    due: Option<Instant>,
     links: Vec<Link, MAX_LINKS>,
 }
 
@@ -51,7 +54,25 @@ impl Links {
             holder: None,
             changed: Set::NONE,
             log_changed: false,
+            due: None,
         }
+    }
+
+    /// When [`Link::tick`] is due for the first of them; [`Instant::NEVER`] where it is for none.
+    pub fn due(&mut self) -> Instant {
+        let due = self.due.unwrap_or_else(|| self.work_out_due());
+        self.due = Some(due);
+        due
+    }
+
+    fn work_out_due(&self) -> Instant {
+        let due = self.links.iter().filter_map(Link::deadline).min();
+        due.map_or(Instant::NEVER, Instant::from_micros)
+    }
+
+    /// Panics where the links are due at another time. For tests.
+    pub fn assert_due(&self) {
+        assert!(self.due.is_none_or(|due| due == self.work_out_due()), "links due");
     }
 
     /// Takes an event that every host is told, and the log.
@@ -79,11 +100,13 @@ impl Links {
         request: &Result<Request, Error>,
     ) -> Option<Option<Slot>> {
         let end = self.ring.end();
+        self.due = None;
         self.links.get_mut(usize::from(link))?.admit(now_us, identity, watches, request, end)
     }
 
     /// The next frame for a host, see [`Link::poll_transmit`].
     pub fn poll_transmit(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
+        self.due = None;
         self.links.get_mut(usize::from(link))?.poll_transmit(&self.ring, out)
     }
 
@@ -136,6 +159,7 @@ impl Deref for Links {
 
 impl DerefMut for Links {
     fn deref_mut(&mut self) -> &mut Self::Target {
+        self.due = None;
         &mut self.links
     }
 }
