@@ -62,6 +62,8 @@ pub struct Gateway {
     pub(crate) unwatched_buses: Set,
     /// Buses that may have changed since that was last told.
     pub(crate) changed_buses: Set,
+    /// Buses whose frames have changed axes that are not settled yet: who polls them knows.
+    pub(crate) served_buses: Set,
 }
 
 impl Gateway {
@@ -103,6 +105,7 @@ impl Gateway {
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,
             changed_buses: Set::NONE,
+            served_buses: Set::NONE,
         }
     }
 
@@ -214,7 +217,9 @@ impl Gateway {
     #[inline(never)]
     fn settle_axes(&mut self, now: Instant) {
         let changed = self.axes.settle(now, self.now);
+        let known = self.served_buses.take().without(self.changed_buses);
         self.touch_buses(changed);
+        self.changed_buses.put(known, false);
         for bus in self.axes.take_new_traffic() {
             if let Some(bus) = self.buses.get_mut(bus) {
                 bus.measure(&self.axes);
@@ -228,6 +233,7 @@ impl Gateway {
             self.axes.assert_kept(now, self.now);
             self.buses.iter().for_each(|bus| bus.assert_measured(&self.axes));
             self.links.assert_due();
+            assert_eq!(self.served_buses, Set::NONE, "nothing waits to be settled");
         }
     }
 
@@ -276,30 +282,40 @@ impl Gateway {
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
-        self.settle(now);
+        self.settle_served(now);
         let transmit =
             self.with_bus(now, bus, |bus, axes, out| bus.poll_transmit(now, axes, out))?;
-        self.has_polled(now, bus, transmit.is_some());
+        self.has_polled(bus, transmit.is_some());
         transmit
     }
 
-    /// A bus has been polled: who polls it does so until nothing is left.
-    fn has_polled(&mut self, now: Instant, bus: u8, has_changed: bool) {
-        if has_changed {
-            self.touch_buses(Set::of(bus));
-            self.settle(now);
+    /// Works out what the frames before the next one have changed.
+    fn settle_served(&mut self, now: Instant) {
+        let is_served = !self.served_buses.is_empty();
+        self.settle(now);
+        if is_served {
             self.check_kept(now);
         }
-        self.changed_buses.put(Set::of(bus), false);
+    }
+
+    /// A bus has been polled: who polls it does so until nothing is left. Its axis is settled when
+    /// the core is asked the next time, as the frame goes first.
+    fn has_polled(&mut self, bus: u8, has_changed: bool) {
+        let bus = Set::of(bus);
+        if has_changed {
+            self.touch_buses(bus);
+            self.served_buses.put(bus, !self.axes.is_settled());
+        }
+        self.changed_buses.put(bus, false);
     }
 
     /// The slot of a frame that the controller of a CAN bus should cancel, if there is one:
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
-        self.settle(now);
+        self.settle_served(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
-        self.has_polled(now, bus, slot.is_some());
+        self.has_polled(bus, slot.is_some());
         slot
     }
 
@@ -357,6 +373,7 @@ impl Gateway {
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before: asked when
     /// what follows from an event has been sent, as it takes longer to find than that.
     pub fn next_deadline(&mut self) -> Option<Instant> {
+        self.settle(self.now);
         for bus in self.touched_buses.take() {
             if let Some(bus) = self.buses.get_mut(bus) {
                 bus.settle(self.now, &self.axes);

@@ -41,6 +41,7 @@ impl Gateway {
             // Functions of the others, or of who has asked since.
             touched_buses: _,
             unwatched_buses: _,
+            served_buses: _,
             changed_buses: _,
         } = self;
         for axis in all.iter().take(axes) {

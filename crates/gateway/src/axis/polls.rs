@@ -138,14 +138,23 @@ impl Axis {
                 }
             }
             State::Armed(armed) | State::Active(armed, _) => {
+                let mut other = self.from(Next::This(Exchange::Faults), armed.fault_poll_at);
+                let mut consider = |candidate: (Next, Instant)| {
+                    if candidate.1 < other.1 {
+                        other = candidate;
+                    }
+                };
+                consider(self.from(Next::Poll, self.state_poll_at));
+                if let Some((read, since)) = self.part_read() {
+                    consider(self.from(Next::This(read), since));
+                }
+                if let Some((next, since)) = job {
+                    consider(self.from(next, since));
+                }
                 let motion = self.motion().filter(|motion| motion.is_permitted(now));
-                let motion =
-                    motion.and_then(|motion| Some((Next::This(Exchange::Motion), motion.due?)));
-                let faults = Some((Next::This(Exchange::Faults), armed.fault_poll_at));
-                let poll = Some((Next::Poll, self.state_poll_at));
-                let read = self.part_read().map(|(read, since)| (Next::This(read), since));
-                let other = self.earliest(&[faults, poll, read, job]);
-                choose(now, armed.motion_was_last, self.earliest(&[motion]), other)
+                let Some(due) = motion.and_then(|motion| motion.due) else { return Some(other) };
+                let motion = self.from(Next::This(Exchange::Motion), due);
+                Some(choose(now, armed.motion_was_last, motion, other))
             }
             State::Idle | State::Holding => {
                 let polled = self.is_kept_holding() || self.watched;
@@ -159,13 +168,18 @@ impl Axis {
     fn earliest(&self, candidates: &[Option<(Next, Instant)>]) -> Option<(Next, Instant)> {
         let mut earliest: Option<(Next, Instant)> = None;
         for (next, at) in candidates.iter().flatten() {
-            let is_motion = *next == Next::This(Exchange::Motion);
-            let at = self.transactions.not_before(is_motion, *at);
-            if earliest.is_none_or(|(_, before)| at < before) {
-                earliest = Some((*next, at));
+            let candidate = self.from(*next, *at);
+            if earliest.is_none_or(|(_, before)| candidate.1 < before) {
+                earliest = Some(candidate);
             }
         }
         earliest
+    }
+
+    /// What is wanted from a time on, and from when on it may go out.
+    fn from(&self, next: Next, at: Instant) -> (Next, Instant) {
+        let is_motion = next == Next::This(Exchange::Motion);
+        (next, self.transactions.not_before(is_motion, at))
     }
 
     /// The next poll.
@@ -263,14 +277,13 @@ impl Axis {
 fn choose(
     now: Instant,
     motion_was_last: bool,
-    motion: Option<(Next, Instant)>,
-    other: Option<(Next, Instant)>,
-) -> Option<(Next, Instant)> {
-    let (Some(motion), Some(other)) = (motion, other) else { return motion.or(other) };
+    motion: (Next, Instant),
+    other: (Next, Instant),
+) -> (Next, Instant) {
     let other_first = match (motion.1 <= now, other.1 <= now) {
         (true, true) => motion_was_last,
         (false, false) => other.1 < motion.1,
         (_, other_is_due) => other_is_due,
     };
-    Some(if other_first { other } else { motion })
+    if other_first { other } else { motion }
 }
