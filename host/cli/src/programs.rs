@@ -171,25 +171,30 @@ pub struct Configured {
 }
 
 /// Makes the text of a configuration file the configuration of a gateway; with `merge` only what it
-/// names changes. `path` is what the text is called in a [`Problem`].
+/// names changes. `path` is what the text is called in a [`Problem`]; where it has none, its lines say
+/// nothing either.
 ///
 /// # Errors
 /// Everything that is wrong with it, before the gateway hears of it; or the gateway's refusal, after
 /// which nothing has changed but motor timeouts.
 pub fn configure<T: Transport>(
     client: &mut Client<T>,
-    path: &str,
+    path: Option<&str>,
     text: &str,
     merge: bool,
 ) -> Result<Configured, Problem> {
     // So that nobody else changes what is read now.
     client.take_authority()?;
     let running = config::read(client)?;
-    let read = config::parse(&Source { path: path.to_owned(), text: text.to_owned() });
+    let name = path.unwrap_or("the configuration").to_owned();
+    let read = config::parse(&Source { path: name.clone(), text: text.to_owned() });
     let wanted = read.onto(if merge { running.clone() } else { Configuration::default() });
-    let findings = config::check(&read, &wanted, &BoardPorts::of(client.hello()));
+    let mut findings = config::check(&read, &wanted, &BoardPorts::of(client.hello()));
     if !findings.is_empty() {
-        return Err(Failure::Configuration { path: path.to_owned(), findings }.into());
+        if path.is_none() {
+            findings.iter_mut().for_each(|finding| finding.line = None);
+        }
+        return Err(Failure::Configuration { path: name, findings }.into());
     }
     let changes = running.changes_to(&wanted);
     if !changes.is_empty() {
@@ -241,7 +246,8 @@ impl Native {
     }
 
     /// Sends it and decodes the reply; nothing where the motor does not answer this command. What
-    /// moves needs the epoch of the arming and is valid for `ttl`; for all else both may be 0.
+    /// moves needs the epoch of the arming and is valid for `ttl`; for all else both may be 0, and
+    /// it is then sent again while the axis is carrying out another request.
     ///
     /// # Errors
     /// As [`Client::native`].
@@ -252,7 +258,13 @@ impl Native {
         ttl: Duration,
     ) -> Result<Value, Problem> {
         let native_request::Motor { axis, protocol, node, .. } = self.motor;
-        let reply = match client.native(axis, epoch, self.data.clone(), ttl) {
+        let data = self.data.clone();
+        let reply = if ttl.is_zero() {
+            client.native_when_free(axis, epoch, data, ttl)
+        } else {
+            client.native(axis, epoch, data, ttl)
+        };
+        let reply = match reply {
             Err(ClientError::Gateway(error)) => {
                 return Err(native_request::explain(self.motor, &self.data, error).into());
             }
