@@ -1,0 +1,585 @@
+//! One session with one gateway.
+//!
+//! Nothing here sends by itself: what a program does not say again expires in the gateway, whatever
+//! becomes of the program. Every call waits without the interpreter's lock.
+
+use std::ops::ControlFlow;
+use std::process;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use host_protocol::{ClearTarget, MAX_CYCLE_AXES, StopTarget};
+use mgw_cli::programs::{self, Motors, Native};
+use mgw_client::{AxisSetpoint, Client, ClientError, Hold, Transport};
+use parking_lot::{Mutex, MutexGuard};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+
+use crate::carrier::{Carrier, LOOK_EVERY, Signals};
+use crate::json::to_python;
+use crate::problem::{Failed, found};
+use crate::values::{Period, Setpoint, State, fields};
+
+/// How long a wait for an event keeps the calls of other threads waiting.
+const TURN: Duration = Duration::from_millis(1);
+/// How long the end of a session waits for a call of another thread, which it has interrupted.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// No thread.
+const NOBODY: u64 = 0;
+
+type Inner = Client<Carrier>;
+
+/// A session. Any thread may call; one call is under way at a time.
+#[pyclass(frozen, module = "motor_gateway._native")]
+pub struct Session {
+    client: Mutex<Option<Inner>>,
+    signals: Arc<Signals>,
+    motors: Mutex<Motors>,
+    /// The process that opened it: no other may use its connection.
+    process: u32,
+    /// The thread whose call is under way.
+    owner: AtomicU64,
+    closed: AtomicBool,
+}
+
+impl Session {
+    /// Says hello on a transport.
+    pub fn open(py: Python<'_>, transport: Box<dyn Transport + Send>) -> PyResult<Self> {
+        let signals = Arc::new(Signals::default());
+        let heeded = signals.interrupt.clone();
+        let mut carrier = Carrier::new(transport, signals.clone());
+        carrier.begin(is_main_thread(py)?);
+        let opened = py.detach(|| -> Result<_, ClientError> {
+            let mut client = Client::connect_heeding(carrier, heeded)?;
+            let motors = Motors::new(&client.list_axes()?);
+            Ok((client, motors))
+        });
+        if let Some(error) = signals.take() {
+            return Err(error);
+        }
+        let (client, motors) = opened.map_err(Failed::from)?;
+        Ok(Self {
+            client: Mutex::new(Some(client)),
+            signals,
+            motors: Mutex::new(motors),
+            process: process::id(),
+            owner: AtomicU64::new(NOBODY),
+            closed: AtomicBool::new(false),
+        })
+    }
+
+    /// Does something with the client, when no other call does.
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut Inner) -> Result<R, Failed> + Send,
+    ) -> PyResult<R> {
+        self.check_process()?;
+        let looks = is_main_thread(py)?;
+        let done = py.detach(|| {
+            let mut client = self.lock(looks)?;
+            self.done(&mut client, looks, act)
+        });
+        Ok(done?)
+    }
+
+    /// As `run`, again and again in short turns, so that other threads have theirs, until there is
+    /// something or the time is over.
+    fn await_one<R: Send>(
+        &self,
+        py: Python<'_>,
+        timeout_s: f64,
+        mut act: impl FnMut(&mut Inner, Duration) -> Result<Option<R>, ClientError> + Send,
+    ) -> PyResult<Option<R>> {
+        self.check_process()?;
+        let (looks, timeout) = (is_main_thread(py)?, seconds(timeout_s)?);
+        let mut looked = Instant::now();
+        let found = py.detach(move || {
+            let mut end = None;
+            loop {
+                let mut client = self.lock(looks)?;
+                let turn = self.done(&mut client, looks, |client| {
+                    let end = *end.get_or_insert(client.now().saturating_add(timeout));
+                    let left = end.saturating_sub(client.now());
+                    let one = act(client, left.min(TURN))?;
+                    let is_over = one.is_some() || client.now() >= end;
+                    Ok(is_over.then_some(one))
+                })?;
+                MutexGuard::unlock_fair(client);
+                if let Some(one) = turn {
+                    return Ok::<_, Failed>(one);
+                }
+                if looks && looked.elapsed() >= LOOK_EVERY {
+                    looked = Instant::now();
+                    if let Err(error) = Python::attach(|py| py.check_signals()) {
+                        // As within any call: what is armed is stopped before it is told.
+                        self.signals.interrupt.raise();
+                        self.lock(false)?.as_mut().map(Client::resume).transpose()?;
+                        return Err(error.into());
+                    }
+                }
+            }
+        });
+        Ok(found?)
+    }
+
+    /// Carries a call out, and what ends it.
+    fn done<R>(
+        &self,
+        client: &mut Option<Inner>,
+        looks: bool,
+        act: impl FnOnce(&mut Inner) -> Result<R, Failed>,
+    ) -> Result<R, Failed> {
+        let Some(inner) = client.as_mut().filter(|_| !self.closed.load(Ordering::Acquire)) else {
+            return Err(closed());
+        };
+        self.owner.store(this_thread(), Ordering::Release);
+        inner.transport_mut().begin(looks);
+        let result = act(inner);
+        self.owner.store(NOBODY, Ordering::Release);
+        let raised = self.signals.take();
+        if self.closed.load(Ordering::Acquire) {
+            // A signal handler has closed it in the middle of this call, or another thread is about
+            // to, which waits.
+            let _ = inner.stop_armed();
+        } else if raised.is_some() || matches!(result, Err(Failed::Interrupted)) {
+            inner.resume()?;
+        }
+        raised.map_or(result, |error| Err(Failed::Raised(error)))
+    }
+
+    /// The client, when no other call uses it.
+    fn lock(&self, looks: bool) -> Result<MutexGuard<'_, Option<Inner>>, Failed> {
+        if let Some(guard) = self.client.try_lock() {
+            return Ok(guard);
+        }
+        if self.owner.load(Ordering::Acquire) == this_thread() {
+            let text = "a signal handler cannot use the session whose call it interrupts; only \
+                stop(), estop() and close() work there";
+            return Err(found("Reentered", text));
+        }
+        loop {
+            if let Some(guard) = self.client.try_lock_for(LOOK_EVERY) {
+                return Ok(guard);
+            }
+            if looks {
+                Python::attach(|py| py.check_signals())?;
+            }
+        }
+    }
+
+    /// A stop of everything: it waits for no other call, but ends the one under way.
+    fn stop_now(
+        &self,
+        py: Python<'_>,
+        stop: impl FnOnce(&mut Inner) -> Result<(), ClientError> + Send,
+    ) -> PyResult<()> {
+        self.check_process()?;
+        if self.client.is_locked() {
+            self.signals.interrupt.raise();
+            if self.owner.load(Ordering::Acquire) == this_thread() {
+                // In a signal handler: the call under way stops what is armed when this returns.
+                return Ok(());
+            }
+        }
+        self.run(py, |client| {
+            client.resume()?;
+            Ok(stop(client)?)
+        })
+    }
+
+    fn check_process(&self) -> PyResult<()> {
+        if self.process == process::id() {
+            return Ok(());
+        }
+        let text = "this session belongs to the process that opened it; open one of your own after \
+            a fork";
+        Err(found("Forked", text).into())
+    }
+
+    fn json<'py>(
+        &self,
+        py: Python<'py>,
+        act: impl FnOnce(&mut Inner, &Motors) -> Result<Value, Failed> + Send,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let motors = self.motors.lock().clone();
+        let value = self.run(py, |client| act(client, &motors))?;
+        to_python(py, &value)
+    }
+}
+
+#[pymethods]
+impl Session {
+    /// Whether it has been closed.
+    #[getter]
+    fn closed(&self) -> bool {
+        self.closed.load(Ordering::Acquire)
+    }
+
+    /// The process that opened it.
+    #[getter]
+    fn process(&self) -> u32 {
+        self.process
+    }
+
+    /// The transport's time, s.
+    fn now(&self, py: Python<'_>) -> PyResult<f64> {
+        self.run(py, |client| Ok(client.now().as_secs_f64()))
+    }
+
+    /// The best guess of the gateway's time, µs.
+    fn gateway_now_us(&self, py: Python<'_>) -> PyResult<u64> {
+        self.run(py, |client| Ok(client.gateway_now_us()))
+    }
+
+    /// Lets time pass; sends nothing.
+    fn pause(&self, py: Python<'_>, duration_s: f64) -> PyResult<()> {
+        self.await_one(py, duration_s, |client, left| client.pause(left).map(|()| None::<()>))?;
+        Ok(())
+    }
+
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, _| {
+            let (status, stored) = (client.gateway_status()?, client.read_stored()?);
+            Ok(programs::info(client.hello(), &status, &stored))
+        })
+    }
+
+    fn bus<'py>(&self, py: Python<'py>, bus: u8) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, _| Ok(programs::bus(bus, &client.bus_status(bus)?)))
+    }
+
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, _| Ok(client.list_axes()?.iter().map(programs::axis).collect()))
+    }
+
+    fn incidents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, motors| {
+            let incidents = client.incidents()?;
+            Ok(incidents.iter().map(|incident| programs::incident(incident, motors)).collect())
+        })
+    }
+
+    fn losses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, _| {
+            let losses = client.losses();
+            Ok(json!({
+                "damaged": losses.damaged, "late": losses.late,
+                "events_lost": losses.events_lost, "events_dropped": losses.events_dropped,
+                "unreadable": losses.unreadable,
+            }))
+        })
+    }
+
+    fn read_state<'py>(&self, py: Python<'py>, axis: u8) -> PyResult<Bound<'py, PyAny>> {
+        self.json(py, |client, motors| {
+            Ok(programs::state(&client.read_state_when_free(axis)?, motors))
+        })
+    }
+
+    /// Arms one axis, or several together. The epoch, and how long a setpoint may be valid, s.
+    fn arm(&self, py: Python<'_>, axes: Vec<u8>) -> PyResult<(u32, f64)> {
+        if axes.is_empty() || axes.len() > MAX_CYCLE_AXES {
+            let text = format!("arm takes 1 to {MAX_CYCLE_AXES} axes, not {}", axes.len());
+            return Err(PyValueError::new_err(text));
+        }
+        self.run(py, |client| {
+            let mut ttl = Duration::MAX;
+            for axis in &axes {
+                ttl = ttl.min(client.axis_ttl(*axis)?);
+            }
+            let epoch = match axes.as_slice() {
+                [axis] => client.arm(*axis)?.epoch,
+                axes => client.arm_together(axes)?,
+            };
+            Ok((epoch, ttl.as_secs_f64()))
+        })
+    }
+
+    fn set(&self, py: Python<'_>, epoch: u32, setpoint: &Setpoint, ttl_s: f64) -> PyResult<()> {
+        let (AxisSetpoint { axis, setpoint }, ttl) = (setpoint.0, seconds(ttl_s)?);
+        self.run(py, |client| Ok(client.set(axis, epoch, setpoint, ttl)?))
+    }
+
+    fn cycle(
+        &self,
+        py: Python<'_>,
+        epoch: u32,
+        setpoints: Vec<PyRef<'_, Setpoint>>,
+        names: Vec<String>,
+        ttl_s: f64,
+    ) -> PyResult<Vec<State>> {
+        let (fields, ttl) = (fields(&names)?, seconds(ttl_s)?);
+        let setpoints: Vec<AxisSetpoint> = setpoints.iter().map(|of| of.0).collect();
+        let states = self.run(py, |client| Ok(client.cycle(epoch, &setpoints, fields, ttl)?))?;
+        Ok(states.into_iter().map(State::new).collect())
+    }
+
+    /// Keeps setpoints in force for as long as this call takes.
+    fn hold(
+        &self,
+        py: Python<'_>,
+        epoch: u32,
+        setpoints: Vec<PyRef<'_, Setpoint>>,
+        ttl_s: f64,
+        duration_s: f64,
+    ) -> PyResult<()> {
+        let (ttl, duration) = (seconds(ttl_s)?, seconds(duration_s)?);
+        let hold = |of: &PyRef<'_, Setpoint>| {
+            let AxisSetpoint { axis, setpoint } = of.0;
+            Hold { axis, epoch, setpoint, ttl }
+        };
+        let holds: Vec<Hold> = setpoints.iter().map(hold).collect();
+        self.run(py, |client| {
+            let each_round = |_: &mut Inner| Ok(ControlFlow::Continue(()));
+            Ok(client.hold_setpoints(&holds, duration, each_round)?)
+        })
+    }
+
+    fn move_relative(
+        &self,
+        py: Python<'_>,
+        epoch: u32,
+        axis: u8,
+        distance_rad: f32,
+        speed_limit_rad_s: f32,
+        ttl_s: f64,
+    ) -> PyResult<(f32, f32)> {
+        let ttl = seconds(ttl_s)?;
+        self.run(py, |client| {
+            let target = client.move_relative(axis, epoch, distance_rad, speed_limit_rad_s, ttl)?;
+            Ok((target.start_rad, target.target_rad))
+        })
+    }
+
+    fn run_cycle(
+        &self,
+        py: Python<'_>,
+        axes: Vec<u8>,
+        names: Vec<String>,
+        period_s: f64,
+    ) -> PyResult<()> {
+        let (fields, period) = (fields(&names)?, seconds(period_s)?);
+        self.run(py, |client| Ok(client.run_cycle(&axes, fields, period)?))
+    }
+
+    fn poll_cycle(&self, py: Python<'_>, timeout_s: f64) -> PyResult<Option<Period>> {
+        let message = self.await_one(py, timeout_s, Client::poll_cycle)?;
+        message.map(|message| Period::new(py, &message)).transpose()
+    }
+
+    fn subscribe(
+        &self,
+        py: Python<'_>,
+        axes: Vec<u8>,
+        names: Vec<String>,
+        period_s: f64,
+    ) -> PyResult<()> {
+        let (fields, period) = (fields(&names)?, seconds(period_s)?);
+        self.run(py, |client| Ok(client.subscribe(&axes, fields, period)?))
+    }
+
+    fn poll_event<'py>(
+        &self,
+        py: Python<'py>,
+        timeout_s: f64,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let message = self.await_one(py, timeout_s, Client::poll_event)?;
+        let motors = self.motors.lock();
+        message.map(|message| to_python(py, &programs::event(&message, &motors))).transpose()
+    }
+
+    /// Stops every axis; it ends the call that another thread has under way.
+    fn stop_all(&self, py: Python<'_>) -> PyResult<()> {
+        self.stop_now(py, |client| client.stop(StopTarget::All))
+    }
+
+    /// The emergency stop, likewise.
+    fn estop(&self, py: Python<'_>) -> PyResult<()> {
+        self.stop_now(py, Client::estop)
+    }
+
+    /// Makes a configuration, the text of a file, that of the gateway: how many changes, and how
+    /// many motor timeouts were written.
+    fn configure(
+        &self,
+        py: Python<'_>,
+        path: Option<&str>,
+        text: &str,
+        merge: bool,
+    ) -> PyResult<(usize, usize)> {
+        let (done, motors) = self.run(py, |client| {
+            let done = programs::configure(client, path, text, merge)?;
+            Ok((done, Motors::new(&client.list_axes()?)))
+        })?;
+        *self.motors.lock() = motors;
+        Ok((done.changes, done.motor_timeouts_written))
+    }
+
+    fn configuration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = self.run(py, |client| Ok(programs::configuration(client)?))?;
+        let value: Value = toml::from_str(&text).map_err(|error| unreadable(&error))?;
+        to_python(py, &value)
+    }
+
+    /// A command of the motor's manual by name; what moves takes an epoch, and is valid for `ttl_s`.
+    fn native<'py>(
+        &self,
+        py: Python<'py>,
+        axis: u8,
+        command: &str,
+        fields: Vec<(String, String)>,
+        epoch: u32,
+        ttl_s: f64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let ttl = seconds(ttl_s)?;
+        self.json(py, |client, _| {
+            let native = Native::new(client, axis, command, fields)?;
+            Ok(native.send(client, epoch, ttl)?)
+        })
+    }
+
+    fn disarm(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+        self.run(py, |client| Ok(client.disarm(axis)?))
+    }
+
+    fn stop_axis(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+        self.run(py, |client| Ok(client.stop(StopTarget::Axis(axis))?))
+    }
+
+    fn clear(&self, py: Python<'_>, axis: Option<u8>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.clear(clear_target(axis))?))
+    }
+
+    fn clear_unreachable(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+        self.run(py, |client| Ok(client.clear_unreachable(axis)?))
+    }
+
+    fn clear_by_restart(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+        self.run(py, |client| Ok(client.clear_by_restart(axis)?))
+    }
+
+    fn output_off(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+        self.run(py, |client| Ok(client.output_off(axis)?))
+    }
+
+    fn take_authority(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.take_authority()?))
+    }
+
+    fn release_authority(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.release_authority()?))
+    }
+
+    fn save_configuration(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.save_configuration()?))
+    }
+
+    fn forget_stored(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.forget_stored()?))
+    }
+
+    fn keep_subscription(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.keep_subscription()?))
+    }
+
+    fn unsubscribe(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.unsubscribe()?))
+    }
+
+    fn ping(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.ping()?))
+    }
+
+    fn reconnect(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, |client| Ok(client.reconnect()?))
+    }
+
+    /// Stops what was armed here, lets others command, and ends the connection. The call that
+    /// another thread has under way ends.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        if self.process != process::id() {
+            return Ok(());
+        }
+        self.closed.store(true, Ordering::Release);
+        self.signals.interrupt.raise();
+        if self.owner.load(Ordering::Acquire) == this_thread() {
+            // In a signal handler: the call under way stops what is armed when this returns.
+            return Ok(());
+        }
+        let ended = py.detach(|| {
+            let Some(mut client) = self.client.try_lock_for(PATIENCE) else {
+                let text = "another thread is in the middle of a call, and did not end it; what it \
+                    does not say again the gateway stops";
+                return Err(found("Busy", text));
+            };
+            let Some(mut inner) = client.take() else { return Ok(()) };
+            inner.transport_mut().begin(false);
+            // Whoever was stopped in mid-call has been; this stops each axis that still is armed.
+            let stopped = inner.stop_armed().and_then(|()| inner.resume());
+            if stopped.is_ok() {
+                // Refused where another host is in command, and that is well.
+                let _ = inner.release_authority();
+            }
+            Ok(stopped?)
+        });
+        Ok(ended?)
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let Some(mut client) = self.client.get_mut().take() else { return };
+        if self.process != process::id() {
+            // The connection is that of the process before the fork: not a byte, not even its end.
+            std::mem::forget(client);
+            return;
+        }
+        self.signals.interrupt.raise();
+        client.transport_mut().begin(false);
+        // The last reference is gone, so there is nobody to tell.
+        Python::attach(|py| py.detach(|| drop(client.stop_armed())));
+    }
+}
+
+fn closed() -> Failed {
+    found("Closed", "this session is closed; connect again")
+}
+
+fn unreadable(error: &toml::de::Error) -> Failed {
+    found("Configuration", &error.to_string())
+}
+
+fn clear_target(axis: Option<u8>) -> ClearTarget {
+    axis.map_or(ClearTarget::Gateway, ClearTarget::Axis)
+}
+
+/// A time from a program, s.
+pub fn seconds(value: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(value).map_err(|_| {
+        PyValueError::new_err(format!("a time is a number of seconds from 0 on, not {value}"))
+    })
+}
+
+fn this_thread() -> u64 {
+    thread_local!(static NUMBER: u64 = {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        NEXT.fetch_add(1, Ordering::Relaxed)
+    });
+    NUMBER.with(|number| *number)
+}
+
+/// Only the main thread of Python runs signal handlers.
+fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
+    thread_local!(static IS_MAIN: std::cell::Cell<Option<bool>> = const { std::cell::Cell::new(None) });
+    if let Some(is_main) = IS_MAIN.get() {
+        return Ok(is_main);
+    }
+    let threading = py.import("threading")?;
+    let main = threading.call_method0("main_thread")?.getattr("ident")?;
+    let is_main = main.eq(threading.call_method0("get_ident")?)?;
+    IS_MAIN.set(Some(is_main));
+    Ok(is_main)
+}
