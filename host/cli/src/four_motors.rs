@@ -8,6 +8,7 @@ use mgw_client::{Client, Transport};
 use mgw_sim::{Injection, SimTransport, Wiring, World};
 use rmd::Dialect;
 
+use crate::Told;
 use crate::args::FactoryMotor;
 use crate::config::{self, Configuration, Source};
 use crate::failure::Failure;
@@ -39,21 +40,27 @@ pub fn world(d5_id: Option<CanId>) -> Rc<RefCell<World>> {
 
 /// A world with an unconfigured gateway and these motors.
 pub fn of(motors: &[FactoryMotor]) -> Result<Rc<RefCell<World>>, Failure> {
-    let mut wiring = Wiring::on(&mgw_sim::BOARD);
-    for motor in motors {
+    let (wiring, injections) = self::wiring(motors);
+    let mut world = World::try_new(wiring).map_err(|error| Failure::Usage(error.to_string()))?;
+    injections.into_iter().for_each(|(motor, injection)| world.inject(motor, injection));
+    Ok(Rc::new(RefCell::new(world)))
+}
+
+/// How these motors are connected, and what they are told before anything else.
+pub fn wiring(motors: &[FactoryMotor]) -> (Wiring, Told) {
+    let (mut wiring, mut injections) = (Wiring::on(&mgw_sim::BOARD), Vec::new());
+    for (index, motor) in motors.iter().enumerate() {
         wiring = wiring.with(motor.bus, motor.protocol, motor.node);
         if let (Some(wired), Some(bitrate)) = (wiring.motors.last_mut(), motor.bitrate) {
             wired.bitrate = bitrate;
         }
-    }
-    let mut world = World::try_new(wiring).map_err(|error| Failure::Usage(error.to_string()))?;
-    for (index, dialect) in (0..).zip(motors.iter().map(|motor| motor.dialect)) {
+        let dialect = motor.dialect;
         let number = dialect.and_then(|dialect| Dialect::ALL.iter().position(|of| *of == dialect));
         if let Some(Ok(number)) = number.map(u8::try_from) {
-            world.inject(index, Injection::RmdDialect(number));
+            injections.push((index, Injection::RmdDialect(number)));
         }
     }
-    Ok(Rc::new(RefCell::new(world)))
+    (wiring, injections)
 }
 
 /// The same with a fifth motor, a D5 on RS485, and the configuration of all five.

@@ -1,7 +1,7 @@
 //! The commands of `mgw`, the command line of the motor gateway.
 //!
 //! The program calls [`main`]. Tests run a command in virtual time, on a line of their own, with
-//! [`run_on`].
+//! [`run_on`], or with [`print_on`] where they read what it prints.
 #![forbid(unsafe_code)]
 
 mod args;
@@ -43,6 +43,7 @@ use clap::Parser;
 use clap::error::ErrorKind;
 use host_protocol::{PROTOCOL_MAJOR, PROTOCOL_MINOR};
 use mgw_client::{Interrupt, Transport};
+use mgw_sim::{Injection, MotorWiring};
 use serde_json::Value;
 
 use args::{Cli, Command};
@@ -90,9 +91,43 @@ pub struct Outcome {
 /// Runs one command on `transport`, in the transport's time, and prints nothing. `interrupt` is its
 /// Ctrl-C.
 pub fn run_on(transport: Box<dyn Transport>, interrupt: Interrupt, arguments: &[&str]) -> Outcome {
+    outcome(transport, interrupt, Output::none(), arguments)
+}
+
+/// As [`run_on`], and what the program would print on standard output.
+pub fn print_on(
+    transport: Box<dyn Transport>,
+    interrupt: Interrupt,
+    arguments: &[&str],
+) -> (Outcome, String) {
+    let outcome = outcome(transport, interrupt, Output::kept(), arguments);
+    (outcome, output::take_kept())
+}
+
+/// What motors are told before anything else, by their places.
+pub type Told = Vec<(usize, Injection)>;
+
+/// The motors of the arguments of `mgw sim --motor …`, for a board that is not `mgw sim`. `None` if
+/// they are not such arguments.
+pub fn factory_motors(arguments: &[&str]) -> Option<(Vec<MotorWiring>, Told)> {
+    match Cli::try_parse_from(["mgw"].iter().chain(arguments)).ok()?.command? {
+        Command::Sim { motors, .. } => {
+            let (wiring, injections) = four_motors::wiring(&motors);
+            Some((wiring.motors, injections))
+        }
+        _ => None,
+    }
+}
+
+fn outcome(
+    transport: Box<dyn Transport>,
+    interrupt: Interrupt,
+    out: Output,
+    arguments: &[&str],
+) -> Outcome {
     let result = match Cli::try_parse_from(["mgw"].iter().chain(arguments)) {
         Ok(Cli { command: Some(command), .. }) => {
-            commands::run(transport, interrupt, Output::none(), &command)
+            commands::run(transport, interrupt, out, &command)
         }
         Ok(_) => Err(Failure::Usage("which command?".to_owned())),
         Err(error) => Err(Failure::Usage(error.to_string())),

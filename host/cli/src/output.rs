@@ -1,5 +1,6 @@
 //! Standard output: text for people, or JSON for programs. Never panics when nobody reads it.
 
+use std::cell::RefCell;
 use std::io::{self, Write};
 
 use serde::Serialize;
@@ -26,6 +27,18 @@ enum Form {
     Json,
     /// Nothing is printed: a test looks at what the command does.
     Nothing,
+    /// Text, which a test takes with [`take_kept`].
+    Kept,
+}
+
+thread_local! {
+    /// What was printed on an output that keeps it.
+    static KEPT: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// What this thread has printed on outputs that keep it, since the last time.
+pub fn take_kept() -> String {
+    KEPT.take()
 }
 
 impl Output {
@@ -39,9 +52,17 @@ impl Output {
         Self { form: Form::Nothing, motors: Protocols::default() }
     }
 
+    /// Prints text that is kept for [`take_kept`].
+    pub fn kept() -> Self {
+        Self { form: Form::Kept, motors: Protocols::default() }
+    }
+
     /// Prints a line for people; nothing in JSON.
     pub fn text(self, line: impl AsRef<str>) -> Result<(), Failure> {
-        if self.form == Form::Text { print_line(line.as_ref()) } else { Ok(()) }
+        match self.form {
+            Form::Text | Form::Kept => self.line(line.as_ref()),
+            Form::Json | Form::Nothing => Ok(()),
+        }
     }
 
     /// Prints a table for people; nothing in JSON.
@@ -85,7 +106,15 @@ impl Output {
 
     /// Prints a line that is already in the form asked for.
     pub fn line(self, line: &str) -> Result<(), Failure> {
-        if self.form == Form::Nothing { Ok(()) } else { print_line(line) }
+        match self.form {
+            Form::Nothing => {}
+            Form::Kept => KEPT.with_borrow_mut(|kept| {
+                kept.push_str(&printable(line));
+                kept.push('\n');
+            }),
+            Form::Text | Form::Json => print_line(line)?,
+        }
+        Ok(())
     }
 
     /// Prints either what `line` says, or `value`.

@@ -27,5 +27,6 @@ mod schema;
 mod server;
 mod support;
 mod terminal;
+mod typed;
 mod vectors;
 mod watch;

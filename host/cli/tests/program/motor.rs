@@ -6,8 +6,8 @@ use std::process::Stdio;
 
 use nix::pty::openpty;
 
-use crate::guide::{Typed, all_typed, is_printed};
 use crate::support::{Sim, command, state_home};
+use crate::typed::{Typed, all_typed, is_printed};
 
 const GUIDE: &str = include_str!("../../../../docs/motor-settings.md");
 
