@@ -162,6 +162,11 @@ impl Machine {
         self.can_mut(node.port()).nodes_mut()[node.index()].silence(silent);
     }
 
+    /// Has one node run at another bitrate from now on, in bits per second.
+    pub fn set_node_bitrate<P: can::Peer>(&mut self, node: CanNode<P>, bitrate: u32) {
+        self.can_mut(node.port()).nodes_mut()[node.index()].set_bitrate(bitrate);
+    }
+
     /// The far end of a serial line.
     pub fn line<P: FarEnd>(&mut self, line: Line<P>) -> &mut P {
         let port = serial_port(self.part_mut(), line.port());

@@ -106,11 +106,15 @@ impl Outside {
         }
     }
 
-    /// Switches a motor off and on again.
+    /// Switches a motor off and on again: it has the bitrate that it was told before.
     /// Panics if there is none with this index.
     pub fn power_cycle(&self, machine: &mut Machine, motor: usize) {
         match self.motors[motor].1 {
-            Place::Can(node) => machine.drive_node(node, CanMotor::power_cycle),
+            Place::Can(node) => {
+                machine.drive_node(node, CanMotor::power_cycle);
+                let bitrate = machine.node(node).bitrate();
+                machine.set_node_bitrate(node, bitrate);
+            }
             Place::Rs485(index) => {
                 machine.drive_line(self.rs485, |line, timeline| line.power_cycle(index, timeline));
             }

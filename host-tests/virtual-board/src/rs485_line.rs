@@ -139,7 +139,9 @@ impl Rs485Line {
     pub fn power_cycle(&mut self, motor: usize, timeline: &mut Timeline<'_, '_>) {
         let now = since_start(timeline.now());
         self.live(timeline);
-        self.motors[motor].motor.power_cycle(now);
+        let LineMotor { motor, ear, .. } = &mut self.motors[motor];
+        motor.power_cycle(now);
+        *ear = Sampler::new(motor_bit_ps(motor));
         self.live(timeline);
     }
 

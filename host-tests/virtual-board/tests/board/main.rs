@@ -11,6 +11,7 @@ mod determinism;
 mod dma;
 mod end_to_end;
 mod faults;
+mod first_turn;
 mod floods;
 mod gaps;
 mod hse;
@@ -25,5 +26,7 @@ mod rtt;
 mod serial_settings;
 mod silicon;
 mod storage;
+#[path = "../../../../host/cli/tests/program/typed.rs"]
+mod typed;
 mod unmodelled;
 mod wire;

@@ -81,6 +81,11 @@ impl Node {
         self.place.silence(silent);
     }
 
+    /// Has it run at another bitrate from now on, in bits per second.
+    pub fn set_bitrate(&mut self, bitrate: u32) {
+        self.bit = BitTime::of_bitrate(bitrate);
+    }
+
     /// Its transmit and receive error counters.
     #[must_use]
     pub fn error_counters(&self) -> (u16, u16) {
