@@ -27,6 +27,13 @@ impl Interface {
         Self::Rs485 { framer, line, last_byte: Duration::ZERO, gap }
     }
 
+    /// It runs at another rate from now on, bit/s.
+    pub(super) fn set_rate(&mut self, baud: u32) {
+        if let Self::Rs485 { gap, .. } = self {
+            *gap = bit_time(FRAME_GAP_BITS, baud);
+        }
+    }
+
     /// The request in a frame, and to whom it goes.
     pub(super) fn request(lenient: bool, frame: &CanFrame) -> Option<(Target, Request)> {
         let frame = if lenient { lenient::as_rmd(frame) } else { *frame };

@@ -335,6 +335,9 @@ impl Model for Rmd {
     fn power_cycle(&mut self) {
         self.begin_anew();
         self.memory.lose_power(self.plant.position_rad());
+        if let Some(bitrate) = self.memory.bitrate {
+            self.interface.set_rate(bitrate);
+        }
         self.started_at = None;
     }
 

@@ -46,3 +46,20 @@ fn answers_wander() {
     });
     assert!((1..100).contains(&late.count()), "some within 1 ms, some later");
 }
+
+/// A pause of 35 bits ends a frame: at 500000 baud each of a sender at 115200 does.
+#[test]
+fn what_ends_a_frame_follows_the_rate() {
+    let frame = |data| {
+        let node = rmd::Node::new(1).unwrap();
+        rmd::rs485::request(node, &rmd::Request::decode(data)).unwrap()
+    };
+    let status_2 = frame(&STATUS_2);
+    let mut motor = TestMotor::new(Protocol::Rmd, 1, true);
+    // 0xB4, 500000 baud (RMD V3.6 §2.31): it acts once it is switched on again.
+    motor.ask_serial(&frame(&[0xB4, 0, 0, 0, 0, 0, 0, 1]));
+    assert_eq!(motor.ask_serial(&status_2).len(), 1);
+    motor.motor.power_cycle(motor.now);
+    assert_eq!(motor.motor.bitrate(), 500_000);
+    assert!(motor.ask_serial(&status_2).is_empty());
+}
