@@ -10,8 +10,8 @@ use crate::log;
 use crate::reaction::Reaction;
 
 /// A core so slow that it is behind a full bus, and not so slow that its watchdog bites: 47 µs a
-/// frame are 1175 instructions.
-const SLOW: u64 = 25_000_000;
+/// frame are 850 instructions.
+const SLOW: u64 = 18_000_000;
 const FRAMES: usize = 200;
 
 /// Each frame is on the wire and acknowledged; those that found no room are counted, and afterwards
