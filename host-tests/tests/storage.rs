@@ -12,7 +12,7 @@ use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError};
 use host_protocol::replies::StoredReport;
 use host_protocol::{
     AxisParameter, AxisState, BootReason, BusConfig, Change, ClearTarget, Error, Protocol,
-    ProtocolSet, StopAction, StopTarget, StoredState, Value,
+    ProtocolSet, StopAction, StopTarget, StoredState, Subject, Text, Value,
 };
 use mgw_client::{Client, ClientError};
 use mgw_sim::flash::{Flash, G474Flash, H743Flash, Storage, at_once, storage};
@@ -301,6 +301,30 @@ fn a_loss_of_power_brings_the_stored_configuration_and_stops_its_axes_first() {
     assert!(!bench.client.gateway_status().unwrap().e_stop_latched);
     bench.client.take_authority().unwrap();
     bench.client.arm(0).unwrap();
+}
+
+#[test]
+fn names_are_stored_with_what_they_name() {
+    let mut bench = Bench::new(storage(None).unwrap());
+    bench.configure();
+    bench.client.save_configuration().unwrap();
+    let subjects =
+        [(Subject::Gateway, "arm-2_B"), (Subject::Bus(0), "line"), (Subject::Axis(0), "left")];
+    for (of, name) in subjects {
+        let name = Some(Text::try_from(name).unwrap());
+        bench.client.begin_changes().unwrap();
+        bench.client.add_changes(&[Change::Name { of, name }]).unwrap();
+        bench.client.apply_changes().unwrap();
+        assert_eq!(bench.stored(), StoredState::Kept { differs: true }, "{of}");
+        bench.client.save_configuration().unwrap();
+        assert_eq!(bench.stored(), StoredState::Kept { differs: false }, "{of}");
+    }
+    bench.start(BootReason::PowerOn);
+    bench.rest();
+    assert_eq!(bench.stored(), StoredState::Kept { differs: false });
+    let names = bench.client.names().unwrap();
+    let names: Vec<_> = names.iter().map(|named| (named.of, named.name.as_str())).collect();
+    assert_eq!(names, subjects);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The gateway as one object: events in, frames out.
 
+mod names;
 mod pins;
 mod requests;
 mod retained;
@@ -21,6 +22,7 @@ use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
+use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
 use stored::Stored;
@@ -55,6 +57,7 @@ pub struct Gateway {
     /// Changes of the configuration that the host in command has not made yet.
     pub(crate) draft: Draft,
     pub(crate) stored: Stored,
+    pub(crate) names: Names,
     pub(crate) now: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
@@ -101,6 +104,7 @@ impl Gateway {
             retention: Retention::new(),
             draft: Draft::new(),
             stored: Stored::new(),
+            names: Names::new(),
             now: Instant::from_micros(0),
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,

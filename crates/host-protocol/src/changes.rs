@@ -1,12 +1,13 @@
 //! What requests and replies say about changing the configuration as a whole.
 
 use crate::bus::BusConfig;
+use crate::names::{MAX_NAME, Subject};
 use crate::size::wire;
+use crate::text::Text;
 use crate::value::Value;
 
 wire! {
     /// One change of the configuration.
-    #[derive(Copy)]
     pub enum Change {
         /// A parameter of the gateway.
         Gateway {
@@ -30,6 +31,14 @@ wire! {
             parameter: u16,
             /// Its new value; nothing: it is no longer set, and has its default.
             value: Option<Value>,
+        },
+        /// A name. It changes whatever the state of what has it, and goes with it.
+        Name {
+            /// Whose it is: the gateway, or a bus or an axis that is configured.
+            of: Subject,
+            /// One that [`is_name`](crate::is_name) allows, and that no other bus, or no other axis,
+            /// has; nothing: it has none.
+            name: Option<Text<MAX_NAME>>,
         },
     }
 

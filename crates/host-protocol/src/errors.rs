@@ -14,6 +14,7 @@ use crate::error_text::{
 use crate::field_doc::field_doc;
 use crate::frame::Kind;
 use crate::messages::{DecodeError, decode_body, numbered};
+use crate::names::{MAX_NAME, Subject};
 use crate::protocol::Protocol;
 use crate::size::{MaxSize, wire};
 use crate::value::Quantity;
@@ -369,8 +370,8 @@ errors! {
         begin again, nothing was changed";
     /// The list of changes is full, and forgotten.
     72 TooManyChanges { most: u16 }
-        "more than {most} parameters of axes cannot change at once; nothing was changed, make the \
-        change in several steps";
+        "more than {most} parameters of axes, and pieces of four letters of names, cannot change at once; \
+        nothing was changed, make the change in several steps";
     /// The dialect of the motor lacks this command or has it in another form, or its dialect is not
     /// known; 0: motion mode.
     75 NotInDialect { axis: u8, command: u8 }
@@ -427,6 +428,13 @@ errors! {
         "the flash of this board is one bank, from which its program runs, so nothing can be stored: \
         set its option DBANK = 1 (docs/boards), or keep the file and apply it after each loss of \
         power";
+    /// The text is no name.
+    120 NotAName { of: Subject }
+        "the name of {of} is 1 to {MAX_NAME} letters, digits, - and _, begins with a letter, and is \
+        not `all` or `gateway`";
+    /// Another bus, or another axis, has this name.
+    121 NameTaken { of: Subject, by: Subject }
+        "{by} has the name that {of} is given; choose another, or give {by} another";
 }
 
 impl core::error::Error for Error {}

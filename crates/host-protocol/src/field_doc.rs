@@ -18,6 +18,7 @@ field_docs! { $
     axis "Number of the axis, from 0.";
     baud "The rate that was asked for.";
     bitrate "bit/s.";
+    by "Who has the name.";
     bus "Number of the bus, from 0.";
     buses "Buses are numbered from 0 to one less than this.";
     command "First byte of the command; 0 is motion mode.";
@@ -37,9 +38,11 @@ field_docs! { $
     min "The smallest allowed.";
     most "As many fit.";
     needed_permille "What is needed, 1/1000 of the bitrate.";
+    name "Its name.";
     node "The node of its motor.";
     now_us "Low 32 bits of the gateway time, µs.";
     number "Its number.";
+    of "Whose name it is.";
     offered "What could be had there instead, bit/s; 0 behind the last one.";
     other "The axis whose motor uses it.";
     parameter "Number of the parameter.";

@@ -44,6 +44,7 @@ mod incident;
 #[cfg(test)]
 mod largest;
 pub mod messages;
+mod names;
 pub mod parameters;
 mod protocol;
 pub mod replies;
@@ -75,6 +76,7 @@ pub use frame::{
 };
 pub use incident::{BootReason, Incident};
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
+pub use names::{MAX_NAME, Named, Subject, is_name};
 pub use parameters::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,
 };

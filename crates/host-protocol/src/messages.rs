@@ -243,6 +243,7 @@ messages! {
     0x0018 SaveConfiguration -> Done
     0x0019 ForgetStored -> Done
     0x001A ReadStored -> StoredReport
+    0x001B ReadNames -> NameList
 
     0x0020 ConfigureAxis -> Done
     0x0021 ReadAxisParameter -> ParameterValue

@@ -7,6 +7,7 @@ use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::{Setting, StoredState};
 use crate::cycle::{FixedU32, MAX_STATES};
 use crate::incident::{BootReason, Incident};
+use crate::names::{Named, Subject};
 use crate::protocol::StateFields;
 use crate::size::wire;
 use crate::text::{Bytes, Text, Vec};
@@ -16,6 +17,8 @@ use crate::value::Value;
 pub const MAX_BUS_CAPABILITIES: usize = 8;
 /// Axes of one [`AxisList`].
 pub const MAX_AXIS_SUMMARIES: usize = 16;
+/// Names of one [`NameList`].
+pub const MAX_NAMES: usize = 16;
 /// Parameters of one [`AxisSettings`].
 pub const MAX_SETTINGS: usize = 16;
 /// Incidents of one [`IncidentPage`].
@@ -125,6 +128,15 @@ wire! {
     pub struct ParameterValue {
         /// The value in force: the default where none was set, nothing where there is no default.
         pub value: Option<Value>,
+    }
+
+    /// The names that there are.
+    #[derive(Eq)]
+    pub struct NameList {
+        /// The gateway's, those of buses and those of axes, each in the order of their numbers.
+        pub names: Vec<Named, MAX_NAMES>,
+        /// Where the list goes on, if it does.
+        pub next: Option<Subject>,
     }
 
     /// The parameters of an axis that are set, and what its motor was told.

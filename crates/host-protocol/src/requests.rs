@@ -6,6 +6,7 @@ use crate::bus::{BusMode, RawFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::Change;
 use crate::cycle::{FixedU32, MAX_CYCLE_AXES};
+use crate::names::Subject;
 use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
 use crate::text::Bytes;
@@ -121,6 +122,13 @@ wire! {
     /// Asks what is stored of the configuration.
     #[derive(Copy, Eq)]
     pub struct ReadStored {}
+
+    /// Asks which names there are.
+    #[derive(Copy, Eq)]
+    pub struct ReadNames {
+        /// The list starts here: the gateway, its buses, its axes.
+        pub first: Subject,
+    }
 
     /// Asks which parameters of an axis are set.
     #[derive(Copy, Eq)]

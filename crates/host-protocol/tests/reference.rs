@@ -188,6 +188,7 @@ fn types_are_those_of_the_code() {
     enums!(
         Value,
         Change,
+        Subject,
         AxisState,
         Setpoint,
         StopTarget,
@@ -225,6 +226,7 @@ fn types_are_those_of_the_code() {
         Reading,
         FaultReading,
         Setting,
+        Named,
         Member,
         VersionAnswer
     );

@@ -145,6 +145,12 @@ pub enum Ask {
         parameter: u16,
         value: Option<Number>,
     },
+    /// A name among those that are made together: of the gateway (0), of bus or of axis `number`.
+    Name {
+        kind: u8,
+        number: u8,
+        name: Option<String>,
+    },
     Apply,
     Remove {
         axis: u8,

@@ -5,7 +5,8 @@ use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
     BusMode, Bytes, Change, ClearTarget, Deframer, FixedU32, MAX_FRAME, Member, Protocol,
-    ProtocolSet, RawFrame, Request, Setpoint, StateFields, StopTarget, Value, requests,
+    ProtocolSet, RawFrame, Request, Setpoint, StateFields, StopTarget, Subject, Text, Value,
+    requests,
 };
 use std::collections::VecDeque;
 
@@ -102,6 +103,16 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
         Ask::Change { axis, parameter, value } => {
             let change = Change::Axis { axis, parameter, value: value.map(wire_value) };
             Request::AddChanges(requests::AddChanges { changes: [change].into_iter().collect() })
+        }
+        Ask::Name { kind, number, ref name } => {
+            let of = match kind {
+                0 => Subject::Gateway,
+                1 => Subject::Bus(number),
+                _ => Subject::Axis(number),
+            };
+            let name = name.as_deref().map(|name| Text::try_from(name).unwrap_or_default());
+            let changes = [Change::Name { of, name }].into_iter().collect();
+            Request::AddChanges(requests::AddChanges { changes })
         }
         Ask::Apply => Request::ApplyChanges(requests::ApplyChanges {}),
         Ask::Remove { axis } => Request::RemoveAxis(requests::RemoveAxis { axis }),

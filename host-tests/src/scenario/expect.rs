@@ -1,6 +1,7 @@
 //! What a scenario demands.
 
 use super::bench::{Bench, Told};
+use super::requests::subject;
 use super::words::{fields, parse};
 use host_protocol::{AxisParameter, AxisState, Event, MotorTimeout, StateField, Trip};
 
@@ -37,6 +38,7 @@ impl Bench {
             "no-event" => self.expect_no_event(rest),
             "bus" => self.expect_bus(rest),
             "setting" => self.expect_setting(rest),
+            "name" => self.expect_name(rest),
             "bus-runs" => self.expect_bus_runs(rest),
             other => Err(format!("{other} cannot be expected")),
         }
@@ -72,6 +74,15 @@ impl Bench {
         let setting = settings.iter().find(|setting| setting.parameter == parameter);
         let is = setting.map_or("unset".to_string(), |setting| setting.value.to_string());
         if is == wanted { Ok(()) } else { Err(format!("{name} of axis {axis} is {is}")) }
+    }
+
+    /// `name gateway|bus N|axis N NAME|none`
+    fn expect_name(&mut self, words: &[&str]) -> Result<(), String> {
+        let (wanted, of) = words.split_last().ok_or("whose name?")?;
+        let of = subject(of)?;
+        let names = self.client.names().map_err(|e| e.to_string())?;
+        let name = names.iter().find(|named| named.of == of).map(|named| named.name.as_str());
+        if name.unwrap_or("none") == *wanted { Ok(()) } else { Err(format!("{of} is {name:?}")) }
     }
 
     /// `bus-runs BUS BITRATE|no`

@@ -6,7 +6,7 @@ use super::steps::StepError;
 use super::words::{duration, fields, hex, parameter, parse, protocols, setpoint};
 use host_protocol::{
     AxisParameter, BusConfig, BusMode, Bytes, Change, ClearTarget, GatewayParameter, MAX_CAN_DATA,
-    RawFrame, StateField, StateFields, StopTarget, Value, replies::Armed, requests,
+    RawFrame, StateField, StateFields, StopTarget, Subject, Text, Value, replies::Armed, requests,
 };
 use mgw_client::AxisSetpoint;
 use std::time::Duration;
@@ -292,7 +292,8 @@ impl Bench {
     }
 }
 
-/// `axis N name=value|name=unset …`, `bus N BITRATE PROTOCOLS`, `bus N off` or `link-silence TIME`.
+/// `axis N name=value|name=unset …`, `bus N BITRATE PROTOCOLS`, `bus N off`, `link-silence TIME` or
+/// `name gateway|bus N|axis N NAME|none`.
 fn changes(words: &[&str]) -> Result<Vec<Change>, String> {
     let bus = |config| Ok(vec![Change::Bus { bus: parse(words, 1, "bus")?, config }]);
     match words {
@@ -322,7 +323,24 @@ fn changes(words: &[&str]) -> Result<Vec<Change>, String> {
             let parameter = GatewayParameter::LinkSilenceUs.number();
             Ok(vec![Change::Gateway { parameter, value: Value::Unsigned(us) }])
         }
+        ["name", of @ .., name] => {
+            let name = match *name {
+                "none" => None,
+                name => Some(Text::try_from(name).map_err(|_| format!("{name} is too long"))?),
+            };
+            Ok(vec![Change::Name { of: subject(of)?, name }])
+        }
         _ => Err("change what?".to_string()),
+    }
+}
+
+/// `gateway`, `bus N` or `axis N`.
+pub fn subject(words: &[&str]) -> Result<Subject, String> {
+    match words {
+        ["gateway"] => Ok(Subject::Gateway),
+        ["bus", _] => Ok(Subject::Bus(parse(words, 1, "bus")?)),
+        ["axis", _] => Ok(Subject::Axis(parse(words, 1, "axis")?)),
+        _ => Err(format!("{words:?} has no name")),
     }
 }
 

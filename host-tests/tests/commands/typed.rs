@@ -26,10 +26,11 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
 /// as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
 /// send is not typed.
-pub const NOT_TRIED: [&str; 37] = [
+pub const NOT_TRIED: [&str; 38] = [
     "SaveConfiguration",
     "ForgetStored",
     "ReadStored",
+    "ReadNames",
     "SetBaud",
     "BeginChanges",
     "AddChanges",

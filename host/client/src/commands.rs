@@ -9,8 +9,8 @@ use host_protocol::replies::{
 use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
     AxisParameter, AxisState, AxisSummary, BusMode, Bytes, Call, Change, ClearTarget, Error,
-    GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, ProtocolSet, Quantity, RawFrame,
-    Setpoint, Setting, StateFields, StopTarget, Value,
+    GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, Named, ProtocolSet, Quantity, RawFrame,
+    Setpoint, Setting, StateFields, StopTarget, Subject, Value,
 };
 
 use crate::client::{Client, DEADLINE, REPEAT_MOVE_AFTER};
@@ -190,7 +190,7 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request); the list is then forgotten.
     pub fn add_changes(&mut self, changes: &[Change]) -> Result<(), ClientError> {
         for changes in changes.chunks(MAX_CHANGES_AT_ONCE) {
-            let changes = changes.iter().copied().collect();
+            let changes = changes.iter().cloned().collect();
             self.request(&ask::AddChanges { changes })?;
         }
         Ok(())
@@ -291,6 +291,23 @@ impl<T: Transport> Client<T> {
                 // A list that does not advance would never end.
                 Some(next) if next > first => first = next,
                 _ => return Ok(axes),
+            }
+        }
+    }
+
+    /// The names of the gateway, its buses and its axes, in this order.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn names(&mut self) -> Result<Vec<Named>, ClientError> {
+        let (mut names, mut first) = (Vec::new(), Subject::Gateway);
+        loop {
+            let page = self.request(&ask::ReadNames { first })?;
+            names.extend(page.names);
+            match page.next {
+                // A list that does not advance would never end.
+                Some(next) if next > first => first = next,
+                _ => return Ok(names),
             }
         }
     }

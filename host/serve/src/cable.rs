@@ -150,6 +150,7 @@ fn acts_each_time(number: u16) -> bool {
         ask::ReadGatewayParameter::NUMBER,
         ask::ReadAxisParameter::NUMBER,
         ask::ReadAxisSettings::NUMBER,
+        ask::ReadNames::NUMBER,
         ask::ListAxes::NUMBER,
         ask::ReadState::NUMBER,
         ask::Recognise::NUMBER,

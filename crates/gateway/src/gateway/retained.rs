@@ -23,6 +23,8 @@ use crate::bus::Bus;
 use crate::bus_rules;
 use crate::config::AxisConfig;
 use crate::gateway::Gateway;
+use crate::gateway::names::{NAME_WORDS, NameWords};
+use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
 use crate::outbox::Outbox;
@@ -30,17 +32,17 @@ use crate::port::Store;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
-use host_protocol::{BusConfig, Incident, ProtocolSet, TripReason, requests};
+use host_protocol::{BusConfig, Incident, ProtocolSet, Subject, TripReason, requests};
 use layout::{Place, SLOTS, WRITING_AT};
 use slot::{Condition, Found};
 use states::{E_STOPPED, MIXED, States};
 
-/// Words of an axis: its configuration, then the timeout last written to its motor, ms.
-const AXIS_WORDS: usize = AxisConfig::WORDS + 1;
+/// Words of an axis: its configuration, the timeout last written to its motor, ms, its name.
+const AXIS_WORDS: usize = AxisConfig::WORDS + 1 + NAME_WORDS;
 
 /// Words of a bus: bitrate (0 where it is not configured), protocols, whether it is exclusive,
-/// reply window.
-const BUS_WORDS: usize = 4;
+/// reply window, its name.
+const BUS_WORDS: usize = 4 + NAME_WORDS;
 
 /// Incidents of one part: each takes some µs for its checksum.
 const INCIDENTS_AT_ONCE: usize = 2;
@@ -54,6 +56,8 @@ pub(crate) struct Retention {
     axes: Set,
     /// Buses configured anew.
     buses: Set,
+    /// The gateway has another name.
+    gateway: bool,
     states: States,
     /// What has changed, has changed together.
     together: bool,
@@ -84,6 +88,7 @@ impl Retention {
             generations: [0; SLOTS],
             axes: Set::NONE,
             buses: Set::NONE,
+            gateway: false,
             states: States::NONE,
             together: false,
             is_complete: false,
@@ -106,6 +111,11 @@ impl Retention {
     /// A bus has been configured.
     pub fn bus_changed(&mut self, bus: u8) {
         self.buses.add(Set::of(bus));
+    }
+
+    /// The gateway may have another name.
+    pub fn gateway_changed(&mut self, has: bool) {
+        self.gateway |= has;
     }
 
     /// Several rows have changed together: a reset that leaves some of them as before is noticed.
@@ -160,6 +170,7 @@ impl Retention {
                 Place::States => {}
                 Place::Axis(axis) => self.axes.add(Set::of(axis)),
                 Place::Bus(bus) => self.buses.add(Set::of(bus)),
+                Place::Gateway => self.gateway = true,
                 Place::Incident(index) => self.lost_incidents.add(Set::of(index)),
             }
         }
@@ -213,9 +224,10 @@ impl Gateway {
 
     /// Those that have changed; that of an axis also when its motor was told what is kept with it.
     fn save_configurations(&mut self, store: Store<'_>) {
-        let Self { retention, axes, buses, .. } = self;
+        let Self { retention, axes, buses, names, .. } = self;
         let unsaved = axes.which(Is::Unsaved);
-        if unsaved.with(retention.axes).with(retention.buses).is_empty() {
+        let rows = unsaved.with(retention.axes).with(retention.buses);
+        if rows.is_empty() && !retention.gateway {
             return;
         }
         axes.each(unsaved, |axis| {
@@ -225,10 +237,15 @@ impl Gateway {
         });
         let (new_axes, new_buses) = (retention.axes.take(), retention.buses.take());
         for axis in axes.of(new_axes) {
-            retention.write(Place::Axis(axis.index.into()), &axis_words(axis), store);
+            let name = names.words(AXIS_ROWS.start + usize::from(axis.index));
+            retention.write(Place::Axis(axis.index.into()), &axis_words(axis, name), store);
         }
         for (index, bus) in new_buses.into_iter().filter_map(|bus| Some((bus, buses.get(bus)?))) {
-            retention.write(Place::Bus(index), &bus_words(bus.config()), store);
+            let name = names.words(BUS_ROWS.start + index);
+            retention.write(Place::Bus(index), &bus_words(bus.config(), name), store);
+        }
+        if core::mem::take(&mut retention.gateway) {
+            retention.write(Place::Gateway, &names.words(0), store);
         }
     }
 
@@ -277,6 +294,9 @@ impl Gateway {
         self.retention.lost_incidents = self.history.save_again(self.retention.lost_incidents);
         self.restore_buses(now, words);
         self.restore_axes(words);
+        if let Some(name) = self.retention.read(Place::Gateway, words) {
+            self.restore_name(Subject::Gateway, name);
+        }
         if self.retention.is_damaged {
             self.links.log(LogEntry::MemoryDamaged);
             states.flags |= E_STOPPED;
@@ -306,7 +326,8 @@ impl Gateway {
     fn restore_buses(&mut self, now: Instant, words: &[u32]) {
         for index in 0..MAX_BUSES {
             let payload = self.retention.read(Place::Bus(index), words);
-            let (Some(config), Ok(bus)) = (payload.and_then(bus_config), u8::try_from(index))
+            let (Some((config, name)), Ok(bus)) =
+                (payload.and_then(bus_from_words), u8::try_from(index))
             else {
                 continue;
             };
@@ -314,6 +335,7 @@ impl Gateway {
                 let bitrates = [config.bitrate];
                 if bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config).is_ok() {
                     unserved.restore_unserved(config, &self.axes);
+                    self.restore_name(Subject::Bus(bus), name);
                 }
                 continue;
             }
@@ -326,6 +348,7 @@ impl Gateway {
             };
             // One that this firmware refuses is left unconfigured, and its axes with it.
             let _ = self.configure_bus(now, &request);
+            self.restore_name(Subject::Bus(bus), name);
         }
     }
 
@@ -333,8 +356,9 @@ impl Gateway {
         for index in 0..MAX_AXES {
             let payload = self.retention.read(Place::Axis(index), words);
             let known = payload.and_then(axis_from_words);
-            if let (Some((config, timeout_ms)), Ok(axis)) = (known, u8::try_from(index)) {
+            if let (Some((config, timeout_ms, name)), Ok(axis)) = (known, u8::try_from(index)) {
                 self.restore_axis(axis, config, timeout_ms);
+                self.restore_name(Subject::Axis(axis), name);
             }
         }
     }
@@ -383,34 +407,39 @@ pub(super) fn is_remembered(words: &[u32]) -> bool {
     layout::is_ours(words)
 }
 
-/// The words of an axis: its configuration, and the timeout last written to its motor.
-fn axis_words(axis: &Axis) -> [u32; AXIS_WORDS] {
+/// The words of an axis: its configuration, the timeout last written to its motor, its name.
+fn axis_words(axis: &Axis, name: NameWords) -> [u32; AXIS_WORDS] {
+    let all = axis.config.to_words().into_iter().chain([axis.told_word()]).chain(name);
     let mut words = [0; AXIS_WORDS];
-    let [config @ .., told] = &mut words;
-    config.copy_from_slice(&axis.config.to_words());
-    *told = axis.told_word();
+    words.iter_mut().zip(all).for_each(|(word, value)| *word = value);
     words
 }
 
-fn axis_from_words(words: &[u32]) -> Option<(AxisConfig, u32)> {
-    let [config @ .., timeout_ms] = words else { return None };
-    Some((AxisConfig::from_words(config).ok()?, *timeout_ms))
+fn axis_from_words(words: &[u32]) -> Option<(AxisConfig, u32, &[u32])> {
+    let (config, [timeout_ms, name @ ..]) = words.split_at_checked(AxisConfig::WORDS)? else {
+        return None;
+    };
+    Some((AxisConfig::from_words(config).ok()?, *timeout_ms, name))
 }
 
-fn bus_words(config: Option<&BusConfig>) -> [u32; BUS_WORDS] {
+fn bus_words(config: Option<&BusConfig>, name: NameWords) -> [u32; BUS_WORDS] {
+    let [a, b, c, d] = name;
     config.map_or([0; BUS_WORDS], |config| {
         let BusConfig { bitrate, protocols, exclusive, reply_window_us } = *config;
-        [bitrate, u32::from(protocols.bits()), u32::from(exclusive), reply_window_us]
+        let (protocols, exclusive) = (u32::from(protocols.bits()), u32::from(exclusive));
+        [bitrate, protocols, exclusive, reply_window_us, a, b, c, d]
     })
 }
 
-fn bus_config(words: &[u32]) -> Option<BusConfig> {
-    let [bitrate, protocols, exclusive, reply_window_us] = *words else { return None };
+fn bus_from_words(words: &[u32]) -> Option<(BusConfig, &[u32])> {
+    let [bitrate, protocols, exclusive, reply_window_us, ref name @ ..] = *words else {
+        return None;
+    };
     if bitrate == 0 {
         return None;
     }
     let protocols = ProtocolSet::from_bits(u8::try_from(protocols).ok()?);
-    Some(BusConfig { bitrate, protocols, exclusive: exclusive != 0, reply_window_us })
+    Some((BusConfig { bitrate, protocols, exclusive: exclusive != 0, reply_window_us }, name))
 }
 
 #[cfg(test)]

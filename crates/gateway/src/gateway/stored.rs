@@ -11,20 +11,26 @@ use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
+use core::ops::Range;
 use host_protocol::{
-    AxisParameter, Change, Error, GatewayParameter, Reply, Request, StoredState, replies,
+    AxisParameter, Change, Error, GatewayParameter, MAX_NAME, Reply, Request, StoredState, Subject,
+    replies,
 };
 
 /// Rows of a configuration: the gateway, its buses, its axes.
-pub const STORED_ROWS: usize = FIRST_AXIS + MAX_AXES;
+pub const STORED_ROWS: usize = AXIS_ROWS.end;
 /// Longest row, bytes.
 pub const MAX_STORED_ROW: usize = 512;
 
-const FIRST_BUS: usize = 1;
-const FIRST_AXIS: usize = FIRST_BUS + MAX_BUSES;
+/// The rows of buses and of axes, behind that of the gateway.
+pub(super) const BUS_ROWS: Range<usize> = 1..1 + MAX_BUSES;
+pub(super) const AXIS_ROWS: Range<usize> = BUS_ROWS.end..BUS_ROWS.end + MAX_AXES;
 /// The kinds of change, the axis, the parameter, a value: its place and 5 bytes.
 const CHANGE_BYTES: usize = 10;
-const _: () = assert!(AxisParameter::ALL.len() * CHANGE_BYTES <= MAX_STORED_ROW, "a row fits");
+/// The kinds of change and of what is named, its number, whether there is a name, and that.
+const NAME_BYTES: usize = 5 + MAX_NAME;
+const _: () =
+    assert!(AxisParameter::ALL.len() * CHANGE_BYTES + NAME_BYTES <= MAX_STORED_ROW, "a row fits");
 
 /// Writes the next row that is stored and returns its bytes; nothing after the last.
 pub type NextRow<'a> = &'a mut dyn FnMut(&mut [u8; MAX_STORED_ROW]) -> Option<Result<usize, ()>>;
@@ -131,6 +137,7 @@ impl Gateway {
         self.draft.open();
         (0u8..).take(self.buses.len()).for_each(|bus| self.draft.set_bus(bus, None));
         self.draft.set_silence(Authority::new().silence());
+        let _ = self.add_name(Subject::Gateway, None);
         let _ = self.apply_changes(now);
     }
 
@@ -146,27 +153,37 @@ impl Gateway {
     /// where nothing is set.
     pub fn stored_row(&self, row: usize, out: &mut [u8; MAX_STORED_ROW]) -> usize {
         let mut length = 0;
+        let of;
         let mut add = |change: Change| {
             let rest = out.get_mut(length..).unwrap_or_default();
             length += postcard::to_slice(&change, rest).map_or(0, |bytes| bytes.len());
         };
-        if row < FIRST_BUS {
+        if row < BUS_ROWS.start {
+            of = Some(Subject::Gateway);
             let parameter = GatewayParameter::LinkSilenceUs.number();
             if let Ok(value) = self.gateway_parameter(parameter) {
                 add(Change::Gateway { parameter, value });
             }
-        } else if row < FIRST_AXIS {
-            if let Some(bus) = self.buses.get(row - FIRST_BUS)
-                && let Some(config) = bus.config()
-            {
+        } else if row < AXIS_ROWS.start {
+            let bus = self.buses.get(row - BUS_ROWS.start);
+            of = bus.map(|bus| Subject::Bus(bus.index()));
+            if let Some((bus, config)) = bus.and_then(|bus| Some((bus, bus.config()?))) {
                 add(Change::Bus { bus: bus.index(), config: Some(*config) });
             }
-        } else if let Some(axis) = self.axes.get(row - FIRST_AXIS) {
+        } else if let Some(axis) = self.axes.get(row - AXIS_ROWS.start) {
+            of = Some(Subject::Axis(axis.index));
             let set = AxisParameter::ALL.iter().filter(|parameter| axis.config.is_set(**parameter));
             for parameter in set {
                 let value = axis.config.get(*parameter);
                 add(Change::Axis { axis: axis.index, parameter: parameter.number(), value });
             }
+        } else {
+            of = None;
+        }
+        if let Some(of) = of
+            && let Some(name) = self.name_of(of)
+        {
+            add(Change::Name { of, name: Some(name) });
         }
         length
     }
@@ -180,15 +197,15 @@ impl Gateway {
             row.map_or(0, |row| CHECKSUM.checksum(row))
         };
         let gateway = gateway.then_some(0).into_iter();
-        let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + FIRST_BUS);
-        let axes = (0..MAX_AXES).filter(|axis| axes.has(*axis)).map(|axis| axis + FIRST_AXIS);
+        let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + BUS_ROWS.start);
+        let axes = (0..MAX_AXES).filter(|axis| axes.has(*axis)).map(|axis| axis + AXIS_ROWS.start);
         gateway.chain(buses).chain(axes).map(of_row).fold(0, u32::wrapping_add)
     }
 
     /// The same of the rows that the open list of changes changes.
     pub(crate) fn digest_of_changed(&self) -> u32 {
         let draft = &self.draft;
-        self.digest_of(draft.buses(), draft.axes(), draft.silence().is_some())
+        self.digest_of(draft.bus_rows(), draft.axis_rows(), draft.changes_gateway())
     }
 
     /// The digest of what runs, from the beginning: what a reset has left came another way.

@@ -16,7 +16,7 @@ fn limit(axis: u8, value: Option<f32>) -> Change {
 }
 
 fn add(rig: &mut Rig, changes: &[Change]) -> Result<Reply, Error> {
-    let changes = changes.iter().copied().collect();
+    let changes = changes.iter().cloned().collect();
     rig.ask(Request::AddChanges(requests::AddChanges { changes }))
 }
 
@@ -86,15 +86,15 @@ fn a_reset_that_leaves_some_of_the_changes_as_before_latches_the_e_stop() {
 }
 
 #[test]
-fn a_list_holds_320_changes_of_axes_and_no_more() {
+fn a_list_holds_352_changes_of_axes_and_no_more() {
     let mut rig = bench::rmd_axes(1);
     begin(&mut rig);
-    for _ in 0..64 {
-        add(&mut rig, &[limit(0, Some(5.0)); 5]).unwrap();
+    for _ in 0..88 {
+        add(&mut rig, &[0; 4].map(|axis| limit(axis, Some(5.0)))).unwrap();
     }
     // The last but one of a parameter is not the one that counts.
     let refused = add(&mut rig, &[limit(0, Some(6.0))]);
-    assert_eq!(refused, Err(Error::TooManyChanges { most: 320 }));
+    assert_eq!(refused, Err(Error::TooManyChanges { most: 352 }));
     assert_eq!(apply(&mut rig), Err(Error::NoChangesBegun {}));
     assert_eq!(settings(&mut rig, 0, LIMIT).settings.first().map(|s| s.parameter), Some(21));
 }

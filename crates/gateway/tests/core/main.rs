@@ -33,6 +33,7 @@ mod log;
 mod motion;
 mod motor_timeout;
 mod motors;
+mod names;
 mod natives;
 mod obedience;
 mod pins;

@@ -25,7 +25,8 @@ fn slots_lie_side_by_side_and_fill_the_memory() {
     let places = core::iter::once(Place::States)
         .chain((0..MAX_AXES).map(Place::Axis))
         .chain((0..MAX_BUSES).map(Place::Bus))
-        .chain((0..INCIDENTS).map(Place::Incident));
+        .chain((0..INCIDENTS).map(Place::Incident))
+        .chain([Place::Gateway]);
     let mut next = STATES_AT;
     for (index, place) in places.enumerate() {
         assert_eq!((place.index(), place.slot().at), (index, next));

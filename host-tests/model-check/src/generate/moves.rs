@@ -84,6 +84,9 @@ impl Generator {
                 Ask::Set { axis, parameter, value }
             });
         }
+        if together && self.dice.percent(40) {
+            asks.push(self.name());
+        }
         if together {
             asks.push(Ask::Apply);
         }
@@ -131,6 +134,14 @@ impl Generator {
         let link = self.commander;
         self.first.extend(asks.into_iter().map(|ask| Action::Ask { link, ask }));
         self.moves_back(axis)
+    }
+
+    /// A name for something, one that something else has, or none that is allowed.
+    fn name(&mut self) -> Ask {
+        const NAMES: [&str; 6] = ["left", "right", "a-name_of-16-bts", "left", "2nd", ""];
+        let (kind, number) = (self.dice.byte() % 3, self.dice.byte() % (AXES + 1));
+        let name = self.dice.percent(80).then(|| self.dice.pick(&NAMES).to_owned());
+        Ask::Name { kind, number, name }
     }
 
     fn new_address(&mut self, protocol: Protocol) -> (AxisParameter, u32) {

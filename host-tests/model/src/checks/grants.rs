@@ -143,6 +143,7 @@ impl Oracle {
                 Change::Axis(axis, parameter, value) => {
                     self.axis_changed(now, axis, parameter, value);
                 }
+                Change::Name => {}
             }
         }
         self.note_extended();

@@ -81,6 +81,8 @@ pub enum Change {
     Bus(u8, Option<BusSetting>),
     /// An axis, its parameter and value; nothing: it is no longer set.
     Axis(u8, u16, Option<u32>),
+    /// A name, of which no promise speaks.
+    Name,
 }
 
 impl Change {
@@ -128,6 +130,8 @@ pub enum Clears {
 const MAX_MEMBERS: usize = 8;
 /// Changes of one message, at most.
 const MAX_CHANGES: usize = 6;
+/// Bytes of a name, at most.
+const MAX_NAME: usize = 16;
 /// Axes of a cycle, at most.
 const MAX_CYCLE_AXES: u64 = 16;
 /// Gateway parameter `link_silence_us`.
@@ -314,6 +318,15 @@ fn change(body: &mut Body<'_>) -> Option<Change> {
         0 => (body.u16()? == LINK_SILENCE).then_some(Change::LinkSilence(value(body)?)),
         1 => Some(Change::Bus(body.byte()?, body.optional(bus_setting)?)),
         2 => Some(Change::Axis(body.byte()?, body.u16()?, body.optional(value)?)),
+        3 => {
+            match body.varint(32)? {
+                0 => {}
+                1 | 2 => drop(body.byte()?),
+                _ => return None,
+            }
+            let name = body.optional(|body| body.bytes(MAX_NAME))?;
+            name.is_none_or(|name| str::from_utf8(name).is_ok()).then_some(Change::Name)
+        }
         _ => None,
     }
 }

@@ -104,6 +104,7 @@ impl Gateway {
                 value.map_or(Ok(()), |value| parameter.check(value))?;
                 self.draft.set_parameter(axis, parameter, value)
             }
+            Change::Name { of, ref name } => self.add_name(of, name.as_deref()),
         }
     }
 
@@ -130,11 +131,11 @@ impl Gateway {
         }
         let reach = self.check_states()?;
         let before = self.digest_of_changed();
-        let Self { draft, axes, buses, .. } = self;
-        draft.exchange(axes, buses);
-        if let Err(error) = self.check_changed() {
-            let Self { draft, axes, buses, .. } = self;
-            draft.exchange_back(axes, buses);
+        let Self { draft, axes, buses, names, .. } = self;
+        draft.exchange(axes, buses, names);
+        if let Err(error) = self.check_changed().and_then(|()| self.check_names()) {
+            let Self { draft, axes, buses, names, .. } = self;
+            draft.exchange_back(axes, buses, names);
             return Err(error);
         }
         self.take_changes_over(now, &reach);
@@ -270,6 +271,7 @@ impl Gateway {
         if draft.rows() > 1 {
             retention.changed_together();
         }
+        self.take_names_over();
         for bus in reach.buses.numbers() {
             self.end_raw(now, bus);
         }

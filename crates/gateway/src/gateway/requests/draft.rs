@@ -7,13 +7,16 @@ use crate::axes::Axes;
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::config::AxisConfig;
+use crate::gateway::names::{NAME_WORDS, NameWords, Names};
+use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::set::Set;
 use crate::time::Duration;
+use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusConfig, Error, Value};
 
-/// Changes of axis parameters that a list holds: ten for each of 32 axes.
-const MOST: u16 = 320;
+/// Changes of axis parameters and of words of names that a list holds: eleven for each of 32 axes.
+const MOST: u16 = 352;
 
 /// A list of changes. It belongs to the link in command, and is forgotten with its authority.
 ///
@@ -28,31 +31,46 @@ pub(crate) struct Draft {
     parameters: Vec<Entry, { MOST as usize }>,
 }
 
-/// A parameter of an axis, and its value as bits, which is its new one until it is exchanged. In
-/// bytes, so that there is nothing between two.
+/// A parameter of an axis, or a word of the name of a row, and its value as bits, which is its new
+/// one until it is exchanged. In bytes, so that there is nothing between two.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
-    axis: u8,
-    /// Its place, and [`IS_SET`] where there is a value.
+    /// The axis, or the row.
+    of: u8,
+    /// The place of the parameter, and [`IS_SET`] where there is a value; that of the word, behind
+    /// [`NAME`].
     place: u8,
     bits: [u8; 4],
 }
 
 const IS_SET: u8 = 0x80;
-const _: () = assert!(AxisParameter::ALL.len() <= IS_SET as usize, "a place leaves a bit free");
+/// The places of the words of a name.
+const NAME: u8 = 0x70;
+const _: () = assert!(AxisParameter::ALL.len() <= NAME as usize, "a place leaves a bit free");
+const _: () = assert!(NAME as usize + NAME_WORDS <= IS_SET as usize, "so does a word");
 
 impl Entry {
-    fn new(axis: u8, place: usize, bits: Option<u32>) -> Self {
+    fn new(of: u8, place: usize, bits: Option<u32>) -> Self {
         let flag = if bits.is_some() { IS_SET } else { 0 };
         let place = u8::try_from(place).unwrap_or(u8::MAX) & !IS_SET;
-        Self { axis, place: place | flag, bits: bits.unwrap_or(0).to_le_bytes() }
+        Self { of, place: place | flag, bits: bits.unwrap_or(0).to_le_bytes() }
+    }
+
+    /// The axis of which it is a parameter.
+    fn axis(self) -> Option<u8> {
+        self.word().is_none().then_some(self.of)
+    }
+
+    /// Which word it is of a name.
+    fn word(self) -> Option<u8> {
+        (self.place & !IS_SET).checked_sub(NAME)
     }
 
     /// Gives the configuration this value, and returns the change that takes it back.
     fn exchange(self, config: &mut AxisConfig) -> Self {
         let place = usize::from(self.place & !IS_SET);
         let bits = (self.place & IS_SET != 0).then_some(u32::from_le_bytes(self.bits));
-        Self::new(self.axis, place, config.exchange(place, bits))
+        Self::new(self.of, place, config.exchange(place, bits))
     }
 }
 
@@ -100,6 +118,58 @@ impl Draft {
         self.parameters.push(entry).map_err(|_| Error::TooManyChanges { most: MOST })
     }
 
+    /// Adds what differs of the name of a row, instead of what was added for it before.
+    pub fn set_name(&mut self, names: &Names, row: usize, words: NameWords) -> Result<()> {
+        let of = u8::try_from(row).unwrap_or(u8::MAX);
+        self.parameters.retain(|entry| entry.word().is_none() || entry.of != of);
+        let both = words.into_iter().zip(names.words(row));
+        for (word, (new, old)) in (usize::from(NAME)..).zip(both) {
+            if new != old {
+                let entry = Entry::new(of, word, Some(new));
+                let full = |_| Error::TooManyChanges { most: MOST };
+                self.parameters.push(entry).map_err(full)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Of these rows those whose name changes, from 0.
+    pub fn named(&self, rows: Range<usize>) -> Set {
+        let mut named = Set::NONE;
+        for entry in self.parameters.iter().filter(|entry| entry.word().is_some()) {
+            if let Some(index) = usize::from(entry.of).checked_sub(rows.start)
+                && index < rows.len()
+            {
+                named.add(Set::of(index));
+            }
+        }
+        named
+    }
+
+    /// Whether the gateway's name changes.
+    pub fn names_gateway(&self) -> bool {
+        !self.named(0..BUS_ROWS.start).is_empty()
+    }
+
+    /// Whether something of the gateway's own changes.
+    pub fn changes_gateway(&self) -> bool {
+        self.silence.is_some() || self.names_gateway()
+    }
+
+    /// The axes of which a parameter or the name changes.
+    pub fn axis_rows(&self) -> Set {
+        let mut rows = self.axes();
+        rows.add(self.named(AXIS_ROWS));
+        rows
+    }
+
+    /// The buses that change, and those whose name does.
+    pub fn bus_rows(&self) -> Set {
+        let mut rows = self.buses();
+        rows.add(self.named(BUS_ROWS));
+        rows
+    }
+
     pub fn silence(&self) -> Option<Duration> {
         self.silence
     }
@@ -107,7 +177,8 @@ impl Draft {
     /// The axes of which a parameter changes.
     pub fn axes(&self) -> Set {
         let mut axes = Set::NONE;
-        self.parameters.iter().for_each(|entry| axes.add(Set::of(entry.axis)));
+        let of = self.parameters.iter().filter_map(|entry| entry.axis());
+        of.for_each(|axis| axes.add(Set::of(axis)));
         axes
     }
 
@@ -122,8 +193,7 @@ impl Draft {
 
     /// How many axes, buses and gateways change.
     pub fn rows(&self) -> u32 {
-        let sets = [self.axes(), self.buses()].map(|set| set.bits().count_ones());
-        sets.iter().sum::<u32>() + u32::from(self.silence.is_some())
+        self.axis_rows().len() + self.bus_rows().len() + u32::from(self.changes_gateway())
     }
 
     /// What a bus becomes; nothing where it does not change.
@@ -134,21 +204,21 @@ impl Draft {
     /// What the configuration of an axis becomes.
     pub fn config_of(&self, axis: &Axis) -> AxisConfig {
         let mut config = axis.config.clone();
-        for entry in self.parameters.iter().filter(|entry| entry.axis == axis.index) {
+        for entry in self.parameters.iter().filter(|entry| entry.axis() == Some(axis.index)) {
             entry.exchange(&mut config);
         }
         config
     }
 
-    /// Gives axes and buses their new configuration, and keeps that of before.
-    pub fn exchange(&mut self, axes: &mut Axes, buses: &mut [Bus]) {
-        self.parameters.iter_mut().for_each(|entry| exchange(entry, axes));
+    /// Gives axes and buses their new configuration and names, and keeps those of before.
+    pub fn exchange(&mut self, axes: &mut Axes, buses: &mut [Bus], names: &mut Names) {
+        self.parameters.iter_mut().for_each(|entry| exchange(entry, axes, names));
         self.exchange_buses(buses);
     }
 
     /// Takes an exchange back.
-    pub fn exchange_back(&mut self, axes: &mut Axes, buses: &mut [Bus]) {
-        self.parameters.iter_mut().rev().for_each(|entry| exchange(entry, axes));
+    pub fn exchange_back(&mut self, axes: &mut Axes, buses: &mut [Bus], names: &mut Names) {
+        self.parameters.iter_mut().rev().for_each(|entry| exchange(entry, axes, names));
         self.exchange_buses(buses);
     }
 
@@ -161,8 +231,11 @@ impl Draft {
     }
 }
 
-fn exchange(entry: &mut Entry, axes: &mut Axes) {
-    if let Some(axis) = axes.get_mut(usize::from(entry.axis)) {
+fn exchange(entry: &mut Entry, axes: &mut Axes, names: &mut Names) {
+    if let Some(word) = entry.word() {
+        let bits = u32::from_le_bytes(entry.bits);
+        entry.bits = names.exchange(entry.of.into(), word.into(), bits).to_le_bytes();
+    } else if let Some(axis) = axes.get_mut(usize::from(entry.of)) {
         *entry = entry.exchange(&mut axis.config);
     }
 }

@@ -106,6 +106,7 @@ impl Gateway {
             Request::SaveConfiguration(_) => return self.save_configuration(true, ticket),
             Request::ForgetStored(_) => return self.save_configuration(false, ticket),
             Request::ReadStored(_) => Reply::ReadStored(self.stored_report()),
+            Request::ReadNames(request) => Reply::ReadNames(self.read_names(*request)),
             Request::ReadGatewayParameter(request) => {
                 let value = self.gateway_parameter(request.parameter)?;
                 Reply::ReadGatewayParameter(replies::ParameterValue { value: Some(value) })
@@ -592,6 +593,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::BusStatus(_)
         | Request::GatewayStatus(_)
         | Request::ReadStored(_)
+        | Request::ReadNames(_)
         | Request::ReadGatewayParameter(_)
         | Request::ReadAxisParameter(_)
         | Request::ReadAxisSettings(_)

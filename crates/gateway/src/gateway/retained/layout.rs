@@ -5,12 +5,13 @@ use super::Store;
 use super::slot::Slot;
 use super::states::STATES_WORDS;
 use super::{AXIS_WORDS, BUS_WORDS};
+use crate::gateway::names::NAME_WORDS;
 use crate::history::{INCIDENT_WORDS, INCIDENTS};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{AxisParameter, BusConfig, Incident, MaxSize, layout_of};
 
 /// Slots in all.
-pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
+pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS + 1;
 
 /// What memory begins with that this layout was written to. Two words name it, so that the words of
 /// another firmware count as none: they follow from the declarations. One word may be damaged:
@@ -18,11 +19,11 @@ pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS;
 const MARK: [u32; 3] = [0x4D47_5752, LAYOUT, !LAYOUT];
 
 /// Changed by hand where words get another meaning and every declaration stays as it is.
-const MEANING: u32 = 4;
+const MEANING: u32 = 5;
 
 /// Names the words: how many slots there are of each kind, and what is in one.
 const LAYOUT: u32 = layout_of(
-    "slots: states, axes, buses, incidents",
+    "slots: states, axes, buses, incidents, gateway",
     &[
         MEANING,
         count(STATES_WORDS),
@@ -32,6 +33,7 @@ const LAYOUT: u32 = layout_of(
         BusConfig::LAYOUT,
         count(INCIDENTS),
         Incident::LAYOUT,
+        count(NAME_WORDS),
     ],
 );
 
@@ -60,21 +62,24 @@ const STATES_AT: usize = WRITING_AT + 1;
 const AXES_AT: usize = STATES_AT + Slot::words(STATES_WORDS);
 const BUSES_AT: usize = AXES_AT + MAX_AXES * Slot::words(AXIS_WORDS);
 const INCIDENTS_AT: usize = BUSES_AT + MAX_BUSES * Slot::words(BUS_WORDS);
+const GATEWAY_AT: usize = INCIDENTS_AT + INCIDENTS * Slot::words(INCIDENT_WORDS);
 
 /// Words that outlive a reset, of 32 bits.
-pub const RETAINED_WORDS: usize = INCIDENTS_AT + INCIDENTS * Slot::words(INCIDENT_WORDS);
+pub const RETAINED_WORDS: usize = GATEWAY_AT + Slot::words(NAME_WORDS);
 
 /// A slot by what it is for.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Place {
     /// The states.
     States,
-    /// The configuration of an axis, and what was written to its motor.
+    /// The configuration of an axis, what was written to its motor, and its name.
     Axis(usize),
-    /// The configuration of a bus.
+    /// The configuration of a bus, and its name.
     Bus(usize),
     /// A place of the history.
     Incident(usize),
+    /// The name of the gateway.
+    Gateway,
 }
 
 impl Place {
@@ -85,6 +90,7 @@ impl Place {
             Self::Axis(axis) => 1 + axis,
             Self::Bus(bus) => 1 + MAX_AXES + bus,
             Self::Incident(place) => 1 + MAX_AXES + MAX_BUSES + place,
+            Self::Gateway => SLOTS - 1,
         }
     }
 
@@ -100,6 +106,7 @@ impl Place {
             Self::Axis(axis) => (AXES_AT, axis, AXIS_WORDS),
             Self::Bus(bus) => (BUSES_AT, bus, BUS_WORDS),
             Self::Incident(place) => (INCIDENTS_AT, place, INCIDENT_WORDS),
+            Self::Gateway => (GATEWAY_AT, 0, NAME_WORDS),
         };
         Slot { at: first + nth * Slot::words(payload), payload }
     }
