@@ -4,6 +4,7 @@ use host_protocol::{
     AxisParameter, CanId, GatewayParameter, ParameterInfo, Protocol, StopAction, Value, ValueKind,
 };
 
+use crate::config::NAME;
 use crate::failure::Failure;
 
 /// What stands before a hexadecimal number.
@@ -21,13 +22,13 @@ pub fn split(assignment: &str) -> Result<(&str, &str), Failure> {
 
 /// The axis parameter of that name.
 pub fn axis_parameter(name: &str) -> Result<AxisParameter, Failure> {
-    let names = AxisParameter::ALL.iter().map(|parameter| parameter.text().name);
+    let names = AxisParameter::ALL.iter().map(|parameter| parameter.text().name).chain([NAME]);
     AxisParameter::from_name(name).ok_or_else(|| unknown("an axis", name, names))
 }
 
 /// The gateway parameter of that name.
 pub fn gateway_parameter(name: &str) -> Result<GatewayParameter, Failure> {
-    let names = GatewayParameter::ALL.iter().map(|parameter| parameter.text().name);
+    let names = GatewayParameter::ALL.iter().map(|parameter| parameter.text().name).chain([NAME]);
     GatewayParameter::from_name(name).ok_or_else(|| unknown("the gateway", name, names))
 }
 

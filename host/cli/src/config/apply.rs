@@ -29,6 +29,9 @@ pub fn read<T: Transport>(client: &mut Client<T>) -> Result<Configuration, Clien
             configuration.motor_timeouts.insert(summary.axis, timeout_ms);
         }
     }
+    for named in client.names()? {
+        configuration.names.insert(named.of.into(), named.name);
+    }
     Ok(configuration)
 }
 

@@ -8,7 +8,7 @@ use host_protocol::{
 };
 
 use super::file::File;
-use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, Row};
+use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NAME, Row};
 use crate::parameters;
 
 /// What is wrong with what a file makes of a configuration, for a board.
@@ -28,6 +28,7 @@ pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> 
     for axis in configuration.axes.keys() {
         check.axis(*axis, configuration, board);
     }
+    check.names(configuration);
     let mut findings = check.findings;
     findings.sort_by_key(|finding| finding.line);
     findings
@@ -125,6 +126,19 @@ impl Check<'_> {
             let optional = parameter.filter(|parameter| !parameter.info().required);
             if optional.and_then(|parameter| values.remove(&parameter)).is_none() {
                 return;
+            }
+        }
+    }
+
+    /// Of two rows of a kind with one name the second is wrong.
+    fn names(&mut self, configuration: &Configuration) {
+        let names = &configuration.names;
+        for (row, name) in names {
+            let same =
+                |(other, its): &(&Row, _)| other < &row && other.is_like(*row) && its == &name;
+            if let Some((by, _)) = names.iter().find(same) {
+                let error = Error::NameTaken { of: (*row).into(), by: (*by).into() };
+                self.finds(*row, Some(NAME), &error);
             }
         }
     }
@@ -230,7 +244,7 @@ impl Core {
     fn change(&mut self, changes: &[Change]) -> Result<(), Error> {
         self.ask(&requests::BeginChanges {}.into())?;
         for changes in changes.chunks(requests::MAX_CHANGES_AT_ONCE) {
-            let changes = changes.iter().copied().collect();
+            let changes = changes.iter().cloned().collect();
             self.ask(&requests::AddChanges { changes }.into())?;
         }
         self.ask(&requests::ApplyChanges {}.into())

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use host_protocol::{ParameterInfo, Value};
 
-use super::{Configuration, MOTOR_TIMEOUT};
+use super::{Configuration, MOTOR_TIMEOUT, NAME, Row};
 use crate::parameters;
 
 /// What the file says of itself.
@@ -26,13 +26,20 @@ pub fn dump_with(
     comments: &BTreeMap<u8, Vec<String>>,
 ) -> String {
     let mut text = heading.to_owned();
+    let name = |text: &mut String, row| {
+        if let Some(name) = configuration.names.get(&row) {
+            key(text, NAME, &format!("{:?}", name.as_str()));
+        }
+    };
     section(&mut text, "[gateway]");
+    name(&mut text, Row::Gateway);
     for (parameter, value) in &configuration.gateway {
         key(&mut text, parameter.text().name, &written(parameter.info(), *value));
     }
     for (bus, config) in &configuration.buses {
         section(&mut text, "[[bus]]");
         key(&mut text, "bus", bus);
+        name(&mut text, Row::Bus(*bus));
         key(&mut text, "bitrate", &config.bitrate);
         let names: Vec<String> =
             config.protocols.iter().map(|protocol| format!("{:?}", protocol.name())).collect();
@@ -45,6 +52,7 @@ pub fn dump_with(
         let comments: String = comments.map(|line| format!("# {line}\n")).collect();
         section(&mut text, &format!("{comments}[[axis]]"));
         key(&mut text, "axis", axis);
+        name(&mut text, Row::Axis(*axis));
         for (parameter, value) in values {
             key(&mut text, parameter.text().name, &written(parameter.info(), *value));
         }

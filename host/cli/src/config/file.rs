@@ -8,7 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{
-    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NEW_BUS, Row, entry, protocols,
+    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NAME, NEW_BUS, Row, entry, protocols,
 };
 use crate::config::BusKey;
 use crate::failure::Failure;
@@ -90,6 +90,7 @@ impl File {
             (Entry::MotorTimeout(axis, _), Row::Axis(index)) => {
                 *axis == index && key == Some(MOTOR_TIMEOUT)
             }
+            (Entry::Name(of, _), row) => *of == row && key == Some(NAME),
             _ => false,
         };
         let key_line = self.entries.iter().find(|(entry, _)| is_key(entry)).map(|(_, line)| *line);

@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use host_protocol::{
-    AxisParameter, BusConfig, Change, GatewayParameter, ParameterInfo, Protocol, ProtocolSet, Value,
+    AxisParameter, BusConfig, Change, Error, GatewayParameter, MAX_NAME, ParameterInfo, Protocol,
+    ProtocolSet, Subject, Text, Value, is_name,
 };
 
 use crate::failure::Failure;
@@ -41,6 +42,7 @@ pub struct Configuration {
     pub axes: BTreeMap<u8, BTreeMap<AxisParameter, Value>>,
     /// The motors' own timeouts, ms, by axis.
     pub motor_timeouts: BTreeMap<u8, u32>,
+    pub names: BTreeMap<Row, Text<MAX_NAME>>,
 }
 
 /// What a key belongs to.
@@ -67,6 +69,7 @@ pub enum Entry {
     Bus(u8, BusKey),
     Axis(u8, AxisParameter, Value),
     MotorTimeout(u8, u32),
+    Name(Row, Text<MAX_NAME>),
 }
 
 /// What is wrong with a configuration.
@@ -85,6 +88,9 @@ pub struct Finding {
 pub const BUS_KEYS: [&str; 4] = ["bitrate", "protocols", "exclusive", "reply_window_us"];
 /// The key of an axis that is no parameter of the gateway: it is written to the motor.
 pub const MOTOR_TIMEOUT: &str = "motor_timeout_ms";
+
+/// The key of a name, which every row can have.
+pub const NAME: &str = "name";
 
 /// A bus of which nothing is said.
 pub const NEW_BUS: BusConfig = BusConfig {
@@ -131,6 +137,33 @@ impl fmt::Display for Row {
     }
 }
 
+impl Row {
+    /// Whether both are buses, or both are axes.
+    fn is_like(self, other: Self) -> bool {
+        matches!((self, other), (Self::Bus(_), Self::Bus(_)) | (Self::Axis(_), Self::Axis(_)))
+    }
+}
+
+impl From<Row> for Subject {
+    fn from(row: Row) -> Self {
+        match row {
+            Row::Gateway => Self::Gateway,
+            Row::Bus(bus) => Self::Bus(bus),
+            Row::Axis(axis) => Self::Axis(axis),
+        }
+    }
+}
+
+impl From<Subject> for Row {
+    fn from(of: Subject) -> Self {
+        match of {
+            Subject::Gateway => Self::Gateway,
+            Subject::Bus(bus) => Self::Bus(bus),
+            Subject::Axis(axis) => Self::Axis(axis),
+        }
+    }
+}
+
 impl Configuration {
     /// Gives one key its value.
     pub fn set(&mut self, entry: &Entry) {
@@ -153,12 +186,18 @@ impl Configuration {
             Entry::MotorTimeout(axis, timeout_ms) => {
                 self.motor_timeouts.insert(axis, timeout_ms);
             }
+            Entry::Name(row, ref name) => {
+                self.names.insert(row, name.clone());
+            }
         }
     }
 
     /// Takes a key away, so that it has its default; otherwise what is wrong with its name.
     pub fn unset(&mut self, row: Row, key: &str) -> Result<(), Failure> {
         match row {
+            row if key == NAME => {
+                self.names.remove(&row);
+            }
             Row::Gateway => {
                 self.gateway.remove(&parameters::gateway_parameter(key)?);
             }
@@ -169,7 +208,13 @@ impl Configuration {
                     "exclusive" => config.exclusive = NEW_BUS.exclusive,
                     "reply_window_us" => config.reply_window_us = NEW_BUS.reply_window_us,
                     "bitrate" | "protocols" => return Err(Failure::Usage(required)),
-                    _ => return Err(parameters::unknown("a bus", key, BUS_KEYS.into_iter())),
+                    _ => {
+                        return Err(parameters::unknown(
+                            "a bus",
+                            key,
+                            BUS_KEYS.into_iter().chain([NAME]),
+                        ));
+                    }
                 }
             }
             Row::Axis(axis) => {
@@ -209,7 +254,28 @@ impl Configuration {
                 }
             }
         }
+        for row in keys(&self.names, &other.names) {
+            // What is removed loses its name by that.
+            let name = other.name(row).cloned();
+            if self.name(row) != name.as_ref() && (name.is_some() || other.has(row)) {
+                changes.push(Change::Name { of: row.into(), name });
+            }
+        }
         changes
+    }
+
+    /// Whether it has such a row.
+    fn has(&self, row: Row) -> bool {
+        match row {
+            Row::Gateway => true,
+            Row::Bus(bus) => self.buses.contains_key(&bus),
+            Row::Axis(axis) => self.axes.contains_key(&axis),
+        }
+    }
+
+    /// The name of a row that there is.
+    fn name(&self, row: Row) -> Option<&Text<MAX_NAME>> {
+        self.names.get(&row).filter(|_| self.has(row))
     }
 
     /// A change for people: from what to what.
@@ -246,6 +312,11 @@ impl Configuration {
                 let show = |value| named_value(parameter, value);
                 let name = host_protocol::parameters::name(parameter).unwrap_or_default();
                 arrow(Row::Axis(axis), name, before.map(show), value.map(show))
+            }
+            Change::Name { of, ref name } => {
+                let row = Row::from(of);
+                let show = |name: &Text<MAX_NAME>| name.as_str().to_owned();
+                arrow(row, NAME, self.name(row).map(show), name.as_ref().map(show))
             }
         }
     }
@@ -289,6 +360,7 @@ pub fn assignments(row: Row, texts: &[String]) -> Result<Vec<Entry>, Failure> {
 /// Reads the value of a key, in its range.
 fn entry(row: Row, name: &str, text: &str) -> Result<Entry, Failure> {
     match row {
+        row if name == NAME => Ok(Entry::Name(row, name_of(row, text)?)),
         Row::Gateway => {
             let parameter = parameters::gateway_parameter(name)?;
             let value = parameters::value(parameter.info(), text)?;
@@ -305,6 +377,14 @@ fn entry(row: Row, name: &str, text: &str) -> Result<Entry, Failure> {
     }
 }
 
+fn name_of(row: Row, text: &str) -> Result<Text<MAX_NAME>, Failure> {
+    let refused = || {
+        let error = Error::NotAName { of: row.into() };
+        Failure::Explained { error, text: format!("`{text}`: {error}") }
+    };
+    is_name(text).then(|| Text::try_from(text).ok()).flatten().ok_or_else(refused)
+}
+
 fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
     let wrong = |takes: &str| {
         Failure::Usage(format!("`{text}` is no value for {name} of a bus. It takes {takes}"))
@@ -319,7 +399,7 @@ fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
             let us = number().filter(|us| (min..=max).contains(us));
             us.map(BusKey::ReplyWindow).ok_or_else(|| wrong(&format!("{min} to {max} µs")))
         }
-        _ => Err(parameters::unknown("a bus", name, BUS_KEYS.into_iter())),
+        _ => Err(parameters::unknown("a bus", name, BUS_KEYS.into_iter().chain([NAME]))),
     }
 }
 
@@ -352,6 +432,20 @@ pub fn change_to_json(change: &Change) -> serde_json::Value {
         Change::Axis { axis, parameter, value } => serde_json::json!({
             "axis": axis, "parameter": name(parameter), "value": value.map(|value| number(parameter, value)),
         }),
+        Change::Name { of, ref name } => {
+            let (bus, axis) = match of {
+                Subject::Gateway => (None, None),
+                Subject::Bus(bus) => (Some(bus), None),
+                Subject::Axis(axis) => (None, Some(axis)),
+            };
+            let mut change = serde_json::json!({ "parameter": NAME, "value": name.as_deref() });
+            for (key, number) in [("bus", bus), ("axis", axis)] {
+                if let Some(number) = number {
+                    change[key] = number.into();
+                }
+            }
+            change
+        }
     }
 }
 

@@ -6,22 +6,29 @@ use host_protocol::{
 };
 use serde_json::{Map, Value as Json, json};
 
-use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT};
+use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT, NAME};
 use crate::output::number;
 
 /// The schema.
 pub fn schema() -> Json {
     let protocols: Vec<&str> = Protocol::ALL.iter().map(|protocol| protocol.name()).collect();
     let (min, max) = REPLY_WINDOW_US;
+    let name = |of: &str| {
+        json!({ "type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]{0,15}$",
+            "not": { "enum": ["all", "gateway"] },
+            "description": format!("Name of the {of}, for use instead of its number.") })
+    };
     let gateway = GatewayParameter::ALL.iter().map(|parameter| {
         (parameter.text().name.to_owned(), key(parameter.info(), parameter.text()))
     });
+    let gateway_name = (NAME.to_owned(), name("gateway"));
     let bus = [
         (
             "bus",
             json!({ "type": "integer", "minimum": 0, "maximum": 7,
             "description": "Number of the bus." }),
         ),
+        (NAME, name("bus")),
         ("bitrate", json!({ "type": "integer", "minimum": 1, "description": "bit/s." })),
         (
             "protocols",
@@ -50,6 +57,7 @@ pub fn schema() -> Json {
         json!({ "type": "integer", "minimum": 0, "maximum": 31,
         "description": "Number of the axis." }),
     );
+    axis.insert(NAME.to_owned(), name("axis"));
     axis.insert(
         MOTOR_TIMEOUT.to_owned(),
         json!({ "type": "integer", "minimum": 0,
@@ -70,7 +78,7 @@ pub fn schema() -> Json {
         "type": "object",
         "additionalProperties": false,
         "properties": {
-            "gateway": section(gateway.collect(), &[]),
+            "gateway": section(gateway.chain([gateway_name]).collect(), &[]),
             "bus": { "type": "array", "items": section(bus, &["bus", "bitrate", "protocols"]) },
             "axis": { "type": "array", "items": section(axis, &required) },
         },

@@ -110,7 +110,7 @@ node = 3
     let found = wrong(text);
     let expected = [
         "a.toml: line 2, gateway: link_silence_us 49999 µs is out of range",
-        "a.toml: line 3, gateway: the gateway has no parameter `speed`. There are: link_silence_us",
+        "a.toml: line 3, gateway: the gateway has no parameter `speed`. There are: link_silence_us, name",
         "a.toml: line 8, bus 0: protocols: `can` is no protocol. There are: rmd, thruster, d5",
         "a.toml: line 11, bus 1: lacks bitrate; for example bitrate = 1_000_000",
         "a.toml: line 13, bus 1: `99` is no value for reply_window_us of a bus. It takes 100 to",
@@ -129,6 +129,93 @@ node = 3
     for (found, expected) in found.iter().zip(expected) {
         assert!(found.starts_with(expected), "{found}\n{expected}");
     }
+}
+
+/// A name is told to be wrong with its line; of two rows of a kind with one name the second.
+#[test]
+fn names_that_cannot_be_are_told_with_their_lines() {
+    let text = "\
+[gateway]
+name = \"2nd\"
+
+[[bus]]
+bus = 0
+name = \"left\"
+bitrate = 1_000_000
+protocols = [\"rmd\"]
+
+[[axis]]
+axis = 0
+name = \"left\"
+bus = 0
+protocol = \"rmd\"
+node = 1
+stop_action = \"hold\"
+
+[[axis]]
+axis = 1
+name = \"left\"
+bus = 0
+protocol = \"rmd\"
+node = 1
+stop_action = \"hold\"
+
+[[axis]]
+axis = 2
+name = \"all\"
+bus = 0
+protocol = \"rmd\"
+node = 2
+stop_action = \"hold\"
+
+[[axis]]
+axis = 3
+name = [\"a\"]
+bus = 0
+protocol = \"rmd\"
+node = 3
+stop_action = \"hold\"
+";
+    let found = wrong(text);
+    let allowed =
+        "is 1 to 16 letters, digits, - and _, begins with a letter, and is not `all` or `gateway`";
+    let expected = [
+        &format!("a.toml: line 2, gateway: `2nd`: the name of the gateway {allowed}"),
+        "a.toml: line 20, axis 1: axis 0 has the name that axis 1 is given; choose another, or give axis 0 another",
+        "a.toml: line 23, axis 1: axis 0 has this bus and node",
+        &format!("a.toml: line 28, axis 2: `all`: the name of axis 2 {allowed}"),
+        "a.toml: line 36, axis 3: name takes a single value",
+    ];
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!(found.starts_with(expected), "{found}\n{expected}");
+    }
+}
+
+/// Names change by themselves, and go with what they name.
+#[test]
+fn names_are_changes_of_their_rows() {
+    let before = whole(&FOUR_MOTORS.replace("axis = 3\n", "axis = 3\nname = \"left\"\n"));
+    let name = |text: &str| Text::<MAX_NAME>::try_from(text).unwrap();
+    assert_eq!(before.names, [(Row::Axis(3), name("left"))].into());
+    let mut after = before.clone();
+    after.names = [(Row::Axis(3), name("right")), (Row::Gateway, name("arm"))].into();
+    let changes = before.changes_to(&after);
+    let shown: Vec<String> = changes.iter().map(|change| before.shown(change)).collect();
+    assert_eq!(shown, ["gateway: name not set -> arm", "axis 3: name left -> right"]);
+    let json: Vec<Json> = changes.iter().map(change_to_json).collect();
+    assert_eq!(json[0], serde_json::json!({ "parameter": "name", "value": "arm" }));
+    assert_eq!(json[1], serde_json::json!({ "axis": 3, "parameter": "name", "value": "right" }));
+    let is_name = |change: &Change| matches!(change, Change::Name { .. });
+    after.unset(Row::Axis(3), "name").unwrap();
+    assert_eq!(after.changes_to(&before).iter().filter(|change| is_name(change)).count(), 2);
+    after.axes.remove(&3);
+    assert_eq!(before.changes_to(&after).iter().filter(|change| is_name(change)).count(), 1);
+    // An axis that was there for a while without it gets it back.
+    let mut without = before.clone();
+    without.axes.remove(&3);
+    assert!(without.changes_to(&before).iter().any(is_name));
+    assert!(!before.changes_to(&without).iter().any(is_name));
 }
 
 /// The rules that need the whole row, and those of the core that depend on other rows.
@@ -202,7 +289,7 @@ fn what_is_dumped_is_the_same_configuration() {
     let axis = "[[axis]]\naxis = 31\nbus = 1\nprotocol = \"d5\"\nnode = 0x0C\nstop_action = \"hold\"\n\
         d5_request_id = \"extended:0x12345678\"\nd5_reply_id = 0x7FF\ndirection = -1\n\
         limit_margin = 0.3333333\nposition_min_rad = -1e6\nallow_uncommanded = true\n\
-        motor_timeout_ms = 0\n";
+        motor_timeout_ms = 0\nname = \"a-name_of-16-bts\"\n";
     let configuration = whole(&(examples + "\n" + axis));
     let text = dump(&configuration);
     assert_eq!(whole(&text), configuration, "{text}");
