@@ -37,6 +37,7 @@ impl Gateway {
             retention,
             draft,
             stored,
+            names,
             now,
             // Functions of the others, or of who has asked since.
             touched_buses: _,
@@ -55,7 +56,7 @@ impl Gateway {
         }
         write!(
             to,
-            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}"
+            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}{names:?}"
         )?;
         write!(
             to,

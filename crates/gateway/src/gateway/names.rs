@@ -4,6 +4,7 @@
 use super::Gateway;
 use super::requests::Result;
 use super::stored::{AXIS_ROWS, BUS_ROWS, STORED_ROWS};
+use core::fmt;
 use core::ops::Range;
 use host_protocol::{Error, MAX_NAME, Named, Subject, Text, is_name, replies, requests};
 
@@ -14,7 +15,7 @@ pub(crate) const NAME_WORDS: usize = MAX_NAME / size_of::<u32>();
 pub(crate) type NameWords = [u32; NAME_WORDS];
 
 /// The name of each row; zeros where it has none.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct Names {
     of: [NameWords; STORED_ROWS],
 }
@@ -44,6 +45,14 @@ impl Names {
 
     fn text(&self, row: usize) -> Option<Text<MAX_NAME>> {
         text_of(self.words(row))
+    }
+}
+
+impl fmt::Debug for Names {
+    /// The rows that have one.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows = self.of.iter().enumerate().filter(|(_, name)| **name != NameWords::default());
+        f.debug_map().entries(rows).finish()
     }
 }
 
