@@ -22,6 +22,7 @@ mod json;
 mod keys;
 mod manual;
 mod motor;
+mod names;
 mod native_request;
 mod output;
 mod parameters;

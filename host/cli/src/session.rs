@@ -7,9 +7,11 @@ use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage};
 use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
+use crate::args::{MotorTarget, ScanTarget, Typed, TypedMotor, TypedScan};
 use crate::failure::Failure;
 use crate::faults::{self, Protocols};
 use crate::json;
+use crate::names::Names;
 use crate::output::Output;
 use crate::states;
 use crate::words;
@@ -26,6 +28,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub struct Session {
     pub client: Client<Box<dyn Transport>>,
     pub out: Output,
+    /// Once they have been asked for.
+    names: Option<Names>,
 }
 
 impl Session {
@@ -35,9 +39,12 @@ impl Session {
         interrupt: Interrupt,
         out: Output,
     ) -> Result<Self, Failure> {
-        let mut session = Self { client: Client::connect_heeding(transport, interrupt)?, out };
+        let mut session =
+            Self { client: Client::connect_heeding(transport, interrupt)?, out, names: None };
         if out.is_heard() {
             session.learn_motors();
+            // Without an answer what is shown has numbers only.
+            session.names = session.client.names().ok().map(Names::from);
         }
         Ok(session)
     }
@@ -48,6 +55,62 @@ impl Session {
         if let Ok(axes) = self.client.list_axes() {
             self.out.motors = Protocols::new(&axes);
         }
+    }
+
+    /// The names that the gateway has given.
+    pub fn names(&mut self) -> Result<&Names, Failure> {
+        let names = match self.names.take() {
+            Some(names) => names,
+            None => self.client.names()?.into(),
+        };
+        Ok(self.names.insert(names))
+    }
+
+    /// The names as far as they are known, without asking for them.
+    pub fn known_names(&self) -> Names {
+        self.names.clone().unwrap_or_default()
+    }
+
+    /// The number of an axis that was typed. The gateway is asked for names only.
+    pub fn axis(&mut self, typed: &Typed) -> Result<u8, Failure> {
+        match typed {
+            Typed::Number(number) => Ok(*number),
+            Typed::Name(_) => self.names()?.find_axis(typed),
+        }
+    }
+
+    /// The same of several.
+    pub fn axes(&mut self, typed: &[Typed]) -> Result<Vec<u8>, Failure> {
+        typed.iter().map(|typed| self.axis(typed)).collect()
+    }
+
+    /// The number of a bus that was typed.
+    pub fn bus(&mut self, typed: &Typed) -> Result<u8, Failure> {
+        match typed {
+            Typed::Number(number) => Ok(*number),
+            Typed::Name(_) => self.names()?.find_bus(typed),
+        }
+    }
+
+    /// The motor that was typed.
+    pub fn motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
+        Ok(match typed {
+            TypedMotor::Axis(axis) => MotorTarget::Axis(self.axis(axis)?),
+            TypedMotor::Place { bus, protocol, node, bitrate } => MotorTarget::Place {
+                bus: self.bus(bus)?,
+                protocol: *protocol,
+                node: *node,
+                bitrate: *bitrate,
+            },
+        })
+    }
+
+    /// The buses that were typed to be scanned.
+    pub fn scan_targets(&mut self, typed: &[TypedScan]) -> Result<Vec<ScanTarget>, Failure> {
+        let target = |TypedScan { bus, bitrates }: &TypedScan| {
+            Ok(ScanTarget { bus: self.bus(bus)?, bitrates: bitrates.clone() })
+        };
+        typed.iter().map(target).collect()
     }
 
     /// The axes that were named, or all configured ones.
@@ -89,7 +152,9 @@ impl Session {
                 Err(error) => return Err(error.into()),
             }
         }
-        self.out.table(&states::table(&reports, &self.out.motors))?;
+        let motors = self.out.motors;
+        let names = self.known_names();
+        self.out.table(&states::table(&reports, &motors, &names))?;
         self.explain_faults(&reports)?;
         for (axis, error) in &unread {
             let why = Failure::from(ClientError::Gateway(*error));
@@ -98,8 +163,10 @@ impl Session {
         let unread = unread
             .iter()
             .map(|(axis, error)| json!({ "axis": axis, "error": json::snake(error.name()) }));
-        let motors = self.out.motors;
-        let read = reports.iter().map(|report| json::axis::report(report, motors.of(report.axis)));
+        let read = reports.iter().map(|report| {
+            let object = json::axis::report(report, motors.of(report.axis));
+            json::with_name(object, names.axis(report.axis))
+        });
         self.out.object(&json!({ "axes": read.chain(unread).collect::<Vec<_>>() }))
     }
 

@@ -5,6 +5,7 @@ use host_protocol::{AxisState, Event, FaultReading, Reading, StateField, StateFi
 
 use crate::faults::Protocols;
 use crate::json;
+use crate::names::Names;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
@@ -53,13 +54,14 @@ fn digits(field: StateField) -> usize {
 }
 
 /// A row for each axis, with why it tripped.
-pub fn table(reports: &[AxisReport], motors: &Protocols) -> Table {
+pub fn table(reports: &[AxisReport], motors: &Protocols, names: &Names) -> Table {
     let fields = StateField::ALL.iter().map(|field| heading(*field));
     let headings: Vec<&str> =
-        [">axis", "state"].into_iter().chain(fields).chain(["trip"]).collect();
+        axis_headings(names).into_iter().chain(["state"]).chain(fields).chain(["trip"]).collect();
     let mut table = Table::new(&headings);
     for report in reports {
-        let mut row = vec![report.axis.to_string(), words::axis_state(report.state).to_owned()];
+        let mut row = axis_cells(report.axis, names);
+        row.push(words::axis_state(report.state).to_owned());
         row.extend(StateField::ALL.iter().map(|field| match field {
             StateField::Position => reading(*field, report.position_rad),
             StateField::Velocity => reading(*field, report.velocity_rad_s),
@@ -77,6 +79,23 @@ pub fn table(reports: &[AxisReport], motors: &Protocols) -> Table {
     table
 }
 
+/// These, and one more where an axis has a name: the column of names.
+fn named<T: Clone>(names: &Names, cells: &[T], name: T) -> Vec<T> {
+    let name = names.have_axes().then_some(name);
+    cells.iter().cloned().chain(name).collect()
+}
+
+/// The number of an axis, and its name where there is a column of names.
+pub fn axis_cells(axis: u8, names: &Names) -> Vec<String> {
+    let name = names.axis(axis).unwrap_or(NOTHING).to_owned();
+    named(names, &[axis.to_string()], name)
+}
+
+/// The headings for them.
+pub fn axis_headings(names: &Names) -> Vec<&'static str> {
+    named(names, &[">axis"], "name")
+}
+
 /// The age of the youngest reading of a sample, µs.
 pub fn youngest_us(event: &Event) -> Option<u32> {
     StateField::ALL.iter().filter_map(|field| event.age_us(*field)).min()
@@ -84,12 +103,16 @@ pub fn youngest_us(event: &Event) -> Option<u32> {
 
 /// A sample as the row of a table that grows with time, under its headings; nothing of another
 /// event.
-pub fn sample(event: &Event, fields: StateFields) -> Option<Table> {
+pub fn sample(event: &Event, fields: StateFields, names: &Names) -> Option<Table> {
     let Event::Sample { axis, state, faults: fault_word, .. } = event else { return None };
-    let headings: Vec<&str> =
-        [">axis", "state"].into_iter().chain(fields.iter().map(heading)).collect();
+    let headings: Vec<&str> = axis_headings(names)
+        .into_iter()
+        .chain(["state"])
+        .chain(fields.iter().map(heading))
+        .collect();
     let mut table = Table::new(&headings);
-    let mut row = vec![axis.to_string(), steady(*state)];
+    let mut row = axis_cells(*axis, names);
+    row.push(steady(*state));
     row.extend(fields.iter().map(|field| match field {
         StateField::Faults => faults(*fault_word),
         number => reading(number, event.reading(number)),
@@ -157,7 +180,7 @@ mod tests {
         };
         let fields =
             StateFields::of(&[StateField::Position, StateField::Voltage, StateField::Faults]);
-        let lines = sample(&event, fields).unwrap().lines();
+        let lines = sample(&event, fields, &Names::default()).unwrap().lines();
         assert_eq!(
             lines,
             [
@@ -165,6 +188,6 @@ mod tests {
                 "   3  active               1.250      24.0*  0x0002*"
             ]
         );
-        assert!(sample(&Event::EStopCleared {}, ALL).is_none());
+        assert!(sample(&Event::EStopCleared {}, ALL, &Names::default()).is_none());
     }
 }

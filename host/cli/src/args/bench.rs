@@ -6,13 +6,14 @@ use clap::Args;
 use host_protocol::StateField;
 
 use super::plan::{HostLine, host_line};
+use super::typed::Typed;
 use super::values::state_field;
 
 #[derive(Debug, Args)]
 pub struct BenchArgs {
     /// The axes; all configured ones without any
     #[arg(value_name = "AXIS")]
-    pub axes: Vec<u8>,
+    pub axes: Vec<Typed>,
     /// Arm without asking
     #[arg(long)]
     pub yes: bool,

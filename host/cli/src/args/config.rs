@@ -2,6 +2,7 @@
 
 use clap::{Args, Subcommand};
 
+use super::typed::Typed;
 use crate::config::Source;
 
 #[derive(Debug, Subcommand)]
@@ -52,19 +53,19 @@ pub enum ConfigAction {
     /// Write the motor's own communication timeout; it stays in the motor. 0 switches it off
     Timeout {
         /// The axis
-        axis: u8,
+        axis: Typed,
         /// Milliseconds
         milliseconds: u32,
     },
     /// Show every parameter of an axis with its value, unit and range
     Show {
         /// The axis
-        axis: u8,
+        axis: Typed,
     },
     /// Remove an axis from the configuration
     Remove {
         /// The axis
-        axis: u8,
+        axis: Typed,
     },
 }
 
@@ -80,23 +81,23 @@ pub struct ConfigFile {
 
 #[derive(Debug, Subcommand)]
 pub enum ConfigRow {
-    /// Parameters of a bus: bitrate, protocols (rmd,thruster,d5), exclusive, reply_window_us
+    /// Parameters of a bus: name, bitrate, protocols (rmd,thruster,d5), exclusive, reply_window_us
     Bus {
         /// The bus
-        bus: u8,
+        bus: Typed,
         /// NAME=VALUE; to unset it NAME
         #[arg(required = true, value_name = "NAME[=VALUE]")]
         words: Vec<String>,
     },
-    /// Parameters of an axis; `mgw config show AXIS` lists them
+    /// Parameters of an axis, its name too; `mgw config show AXIS` lists them
     Axis {
         /// The axis
-        axis: u8,
+        axis: Typed,
         /// NAME=VALUE; to unset it NAME
         #[arg(required = true, value_name = "NAME[=VALUE]")]
         words: Vec<String>,
     },
-    /// Parameters of the gateway: link_silence_us
+    /// Parameters of the gateway: name, link_silence_us
     Gateway {
         /// NAME=VALUE; to unset it NAME
         #[arg(required = true, value_name = "NAME[=VALUE]")]

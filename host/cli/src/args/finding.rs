@@ -7,6 +7,7 @@ use clap::Args;
 use host_protocol::{Protocol, StopAction};
 use rmd::Dialect;
 
+use super::typed::TypedScan;
 use super::values::{scan_target, seconds, stop_action};
 
 /// A bus, and at which bitrates it is scanned.
@@ -33,7 +34,7 @@ pub struct ScanArgs {
     /// there instead of at its own, on CAN until motors are found; only one without axes, which is
     /// configured as before afterwards
     #[arg(value_name = "BUS[@BIT/S,…|@all]", value_parser = scan_target)]
-    pub targets: Vec<ScanTarget>,
+    pub targets: Vec<TypedScan>,
     /// Seconds to listen before the first motor is asked: to what motors send by themselves
     #[arg(
         long, default_value = "1.2",

@@ -7,6 +7,7 @@ mod frames;
 mod motion;
 mod motor;
 mod plan;
+mod typed;
 mod values;
 mod watching;
 
@@ -16,7 +17,7 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
-use host_protocol::{CanId, ClearTarget, StopTarget};
+use host_protocol::CanId;
 
 pub use crate::server::ServeArgs;
 pub use bench::BenchArgs;
@@ -30,6 +31,7 @@ pub use motor::{
     BrakeAction, FunctionName, MotorArgs, MotorSetting, MotorTarget, OnOff, Reports, Zero,
 };
 pub use plan::{HostLine, PlanArgs};
+pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
 
@@ -48,7 +50,8 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
 )]
 pub struct Cli {
     /// The gateway: a serial device (921600 baud; to 3000000 as DEVICE@RATE), tcp:HOST:PORT or
-    /// unix:PATH; without it a running `mgw serve`, else the only one on USB or an ST-LINK
+    /// unix:PATH, or the name that it has on USB or an ST-LINK; without it a running `mgw serve`,
+    /// else the only one there
     #[arg(long, short, global = true, env = "MGW_PORT", value_name = "PORT")]
     pub port: Option<String>,
 
@@ -73,6 +76,7 @@ Examples:
 
 Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal.
 Positive is counter-clockwise.
+An axis or a bus that has a name (mgw config axis 0 name=left) can be given by it instead of its number.
 Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage;
 3 a stop was sent and is not confirmed.";
 
@@ -171,7 +175,7 @@ pub enum Command {
     Arm {
         /// The axes
         #[arg(required = true, value_name = "AXIS")]
-        axes: Vec<u8>,
+        axes: Vec<Typed>,
         /// Seconds to stay armed; without it until Ctrl-C
         #[arg(long = "for", value_parser = seconds, allow_negative_numbers = true)]
         seconds: Option<Duration>,
@@ -247,7 +251,7 @@ pub enum Command {
     Stop {
         /// An axis, or `all`
         #[arg(default_value = "all", value_name = "AXIS|all", value_parser = stop_target)]
-        target: StopTarget,
+        target: TypedStop,
     },
 
     /// Stop everything and latch: nothing arms until `mgw clear gateway`; needs no authority
@@ -260,7 +264,7 @@ pub enum Command {
     Clear {
         /// An axis, or `gateway`
         #[arg(value_name = "AXIS|gateway", value_parser = clear_target)]
-        target: ClearTarget,
+        target: TypedClear,
         /// Unsafe: leave a trip whose stop the motor does not confirm; it may still be turning
         #[arg(long)]
         unreachable: bool,
@@ -278,13 +282,13 @@ pub enum Command {
     )]
     OutputOff {
         /// The axis
-        axis: u8,
+        axis: Typed,
     },
 
     /// Show the state of one axis, or of all configured axes
     State {
         /// The axis; all configured ones without it
-        axis: Option<u8>,
+        axis: Option<Typed>,
     },
 
     /// Follow samples and events; takes no authority
@@ -301,7 +305,7 @@ pub enum Command {
     /// Show configuration, state and counters of one bus, or of all
     Bus {
         /// The bus; all of the board without it
-        bus: Option<u8>,
+        bus: Option<Typed>,
     },
 
     /// Find the motors on the buses; nothing moves, and nothing is written
@@ -356,7 +360,7 @@ pub enum Command {
             mgw raw --unsafe 1 send 141#A200000010270000")]
     Raw {
         /// The bus
-        bus: u8,
+        bus: Typed,
         /// Send any frame, also one that moves a motor, which nothing stops; only on a bus without
         /// axes
         #[arg(long = "unsafe")]
@@ -444,7 +448,7 @@ mod tests {
     fn a_negative_value_is_a_value_and_not_an_option() {
         let cli = Cli::parse_from(["mgw", "set", "1", "signal", "-0.05"]);
         let Some(Command::Set(set)) = cli.command else { panic!("{cli:?}") };
-        assert_eq!((set.axis, set.mode, set.value), (1, Mode::Signal, -0.05));
+        assert_eq!((set.axis, set.mode, set.value), (Typed::Number(1), Mode::Signal, -0.05));
     }
 
     #[test]

@@ -5,12 +5,14 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use host_protocol::{Setpoint, StateField};
 
+use super::typed::Typed;
 use super::values::{some_seconds, state_field};
+use crate::failure::Failure;
 
 #[derive(Debug, Args)]
 pub struct NativeArgs {
     /// The axis
-    pub axis: u8,
+    pub axis: Typed,
     /// The data field that the manual prints, in hexadecimal
     #[arg(value_name = "DATA", required_unless_present = "command")]
     pub data: Vec<String>,
@@ -33,7 +35,7 @@ pub struct NativeArgs {
 #[derive(Debug, Args)]
 pub struct JogArgs {
     /// The axis
-    pub axis: u8,
+    pub axis: Typed,
     /// How fast, rad/s; 0.3 without it
     #[arg(long, value_name = "RAD_S", conflicts_with = "signal")]
     pub velocity: Option<f32>,
@@ -45,7 +47,7 @@ pub struct JogArgs {
 #[derive(Debug, Args)]
 pub struct MoveArgs {
     /// The axis
-    pub axis: u8,
+    pub axis: Typed,
     /// How far, rad; positive is counter-clockwise
     #[arg(allow_negative_numbers = true)]
     pub distance: f32,
@@ -80,27 +82,30 @@ pub struct Target {
 }
 
 impl Target {
-    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong.
-    pub fn all(words: &[String]) -> Result<Vec<Self>, String> {
+    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong. `find` says which axis
+    /// was typed.
+    pub fn all(
+        words: &[String],
+        mut find: impl FnMut(&Typed) -> Result<u8, Failure>,
+    ) -> Result<Vec<Self>, Failure> {
         let wanted = "write AXIS velocity RAD_S for each, for example `3 velocity 2 4 velocity -2`";
         let targets = words.chunks(3).map(|words| match words {
             [axis, mode, velocity] if mode == "velocity" => {
-                let axis = axis
-                    .parse()
-                    .map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
-                let velocity = velocity
-                    .parse()
-                    .map_err(|_| format!("`{velocity}` is not a velocity: {wanted}"))?;
+                let axis = find(&axis_of(axis, wanted)?)?;
+                let wrong = |_| Failure::Usage(format!("`{velocity}` is not a velocity: {wanted}"));
+                let velocity = velocity.parse().map_err(wrong)?;
                 Ok(Self { axis, velocity })
             }
             [_, mode, ..] if mode != "velocity" => {
-                Err(format!("`{mode}`: motors start together by their velocity: {wanted}"))
+                let text = format!("`{mode}`: motors start together by their velocity: {wanted}");
+                Err(Failure::Usage(text))
             }
-            _ => Err(format!("`{}` is not complete: {wanted}", words.join(" "))),
+            _ => Err(incomplete(words, wanted)),
         });
         let targets: Vec<Self> = targets.collect::<Result<_, _>>()?;
         if targets.len() < 2 {
-            return Err(format!("one motor does not start together with others: {wanted}"));
+            let text = format!("one motor does not start together with others: {wanted}");
+            return Err(Failure::Usage(text));
         }
         Ok(targets)
     }
@@ -136,38 +141,50 @@ pub struct CycleTarget {
 }
 
 impl CycleTarget {
-    /// Reads `AXIS MODE VALUE` once or more; otherwise what is wrong.
-    pub fn all(words: &[String]) -> Result<Vec<Self>, String> {
+    /// Reads `AXIS MODE VALUE` once or more; otherwise what is wrong. `find` says which axis was
+    /// typed.
+    pub fn all(
+        words: &[String],
+        mut find: impl FnMut(&Typed) -> Result<u8, Failure>,
+    ) -> Result<Vec<Self>, Failure> {
         let wanted = "write AXIS MODE VALUE for each, for example `0 velocity 2 1 signal 0.1`";
-        let target = |words: &[String]| {
+        let mut target = |words: &[String]| {
             let [axis, mode, value] = words else {
-                return Err(format!("`{}` is not complete: {wanted}", words.join(" ")));
+                return Err(incomplete(words, wanted));
             };
-            let axis = axis
-                .parse()
-                .map_err(|_| format!("`{axis}` is not the number of an axis: {wanted}"))?;
-            let value =
-                value.parse().map_err(|_| format!("`{value}` is not a number: {wanted}"))?;
+            let axis = find(&axis_of(axis, wanted)?)?;
+            let wrong = |_| Failure::Usage(format!("`{value}` is not a number: {wanted}"));
+            let value = value.parse().map_err(wrong)?;
             let setpoint = match mode.as_str() {
                 "signal" => Setpoint::Signal { fraction: value },
                 "current" => Setpoint::Current { current_a: value },
                 "velocity" => Setpoint::Velocity { velocity_rad_s: value },
                 _ => {
-                    return Err(format!(
+                    return Err(Failure::Usage(format!(
                         "`{mode}` is none of signal, current and velocity: {wanted}"
-                    ));
+                    )));
                 }
             };
             Ok(Self { axis, setpoint })
         };
-        words.chunks(3).map(target).collect()
+        words.chunks(3).map(&mut target).collect()
     }
+}
+
+/// An axis among other words.
+fn axis_of(text: &str, wanted: &str) -> Result<Typed, Failure> {
+    let wrong = |_| format!("`{text}` is neither the number nor the name of an axis: {wanted}");
+    text.parse().map_err(wrong).map_err(Failure::Usage)
+}
+
+fn incomplete(words: &[String], wanted: &str) -> Failure {
+    Failure::Usage(format!("`{}` is not complete: {wanted}", words.join(" ")))
 }
 
 #[derive(Debug, Args)]
 pub struct SetArgs {
     /// The axis
-    pub axis: u8,
+    pub axis: Typed,
     /// What is set
     pub mode: Mode,
     /// fraction -1 to 1, A, rad/s or rad

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use host_protocol::Protocol;
 
+use super::typed::TypedMotor;
 use crate::parameters;
 
 /// Whose settings they are.
@@ -27,7 +28,7 @@ pub enum MotorTarget {
 pub struct MotorArgs {
     /// An axis, or a motor by its place: 0:1, 0:thruster:11, 1:d5:0x0B@210526
     #[arg(value_name = "AXIS|BUS:[PROTOCOL:]NODE[@BIT/S]", value_parser = motor_target)]
-    pub target: MotorTarget,
+    pub target: TypedMotor,
     /// Do it without asking
     #[arg(long, global = true)]
     pub yes: bool,
@@ -164,10 +165,11 @@ pub enum Reports {
 }
 
 /// `0`, `0:1`, `0:thruster:11`, `1:d5:0x0B@210526`
-fn motor_target(text: &str) -> Result<MotorTarget, String> {
+fn motor_target(text: &str) -> Result<TypedMotor, String> {
     let wrong = || {
         "takes an axis, or BUS:NODE, BUS:PROTOCOL:NODE, each with @BIT/S where the bus runs \
-            otherwise: 0, 0:1, 0:thruster:11, 1:d5:0x0B@210526"
+            otherwise, axis and bus by number or by name: 0, left, 0:1, arm_bus:1, 0:thruster:11, \
+            1:d5:0x0B@210526"
             .to_owned()
     };
     let byte = |text: &str| parameters::unsigned(text).and_then(|number| u8::try_from(number).ok());
@@ -178,7 +180,7 @@ fn motor_target(text: &str) -> Result<MotorTarget, String> {
     let words: Vec<&str> = motor.split(':').collect();
     let (bus, protocol, node) = match words.as_slice() {
         [axis] if bitrate.is_none() => {
-            return byte(axis).map(MotorTarget::Axis).ok_or_else(wrong);
+            return axis.parse().map(TypedMotor::Axis).map_err(|_| wrong());
         }
         [bus, node] => (bus, None, node),
         [bus, protocol, node] => {
@@ -186,8 +188,9 @@ fn motor_target(text: &str) -> Result<MotorTarget, String> {
         }
         _ => return Err(wrong()),
     };
-    let (bus, node) = (byte(bus).ok_or_else(wrong)?, byte(node).ok_or_else(wrong)?);
-    Ok(MotorTarget::Place { bus, protocol, node, bitrate })
+    let bus = bus.parse().map_err(|_| wrong())?;
+    let node = byte(node).ok_or_else(wrong)?;
+    Ok(TypedMotor::Place { bus, protocol, node, bitrate })
 }
 
 fn zero(text: &str) -> Result<Zero, String> {

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, Protocol, StateField, StopAction, StopTarget};
+use host_protocol::{Protocol, StateField, StopAction};
 use rmd::Dialect;
 
-use super::finding::{Bitrates, FactoryMotor, ScanTarget};
+use super::finding::{Bitrates, FactoryMotor};
+use super::typed::{Typed, TypedClear, TypedScan, TypedStop};
 
 /// Seconds from 0 on.
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -27,27 +28,31 @@ pub fn state_field(text: &str) -> Result<StateField, String> {
     })
 }
 
-fn axis_or(text: &str, word: &str) -> Result<Option<u8>, String> {
+fn axis_or(text: &str, word: &str) -> Result<Option<Typed>, String> {
     if text == word {
         return Ok(None);
     }
-    text.parse().map(Some).map_err(|_| format!("must be the number of an axis, or `{word}`"))
+    text.parse()
+        .map(Some)
+        .map_err(|_| format!("must be the number or the name of an axis, or `{word}`"))
 }
 
 /// An axis, or `all`.
-pub fn stop_target(text: &str) -> Result<StopTarget, String> {
-    Ok(axis_or(text, "all")?.map_or(StopTarget::All, StopTarget::Axis))
+pub fn stop_target(text: &str) -> Result<TypedStop, String> {
+    Ok(axis_or(text, "all")?.map_or(TypedStop::All, TypedStop::Axis))
 }
 
 /// An axis, or `gateway`.
-pub fn clear_target(text: &str) -> Result<ClearTarget, String> {
-    Ok(axis_or(text, "gateway")?.map_or(ClearTarget::Gateway, ClearTarget::Axis))
+pub fn clear_target(text: &str) -> Result<TypedClear, String> {
+    Ok(axis_or(text, "gateway")?.map_or(TypedClear::Gateway, TypedClear::Axis))
 }
 
 /// `0`, `0@1000000,500000`, `0@all`
-pub fn scan_target(text: &str) -> Result<ScanTarget, String> {
-    let wrong =
-        || "takes a bus, or a bus with bitrates: 0, 0@1000000, 2@115200,500000 or 2@all".to_owned();
+pub fn scan_target(text: &str) -> Result<TypedScan, String> {
+    let wrong = || {
+        "takes a bus, or a bus with bitrates: 0, arm_bus, 0@1000000, 2@115200,500000 or 2@all"
+            .to_owned()
+    };
     let (bus, bitrates) = match text.split_once('@') {
         None => (text, Bitrates::Configured),
         Some((bus, "all")) => (bus, Bitrates::All),
@@ -56,7 +61,7 @@ pub fn scan_target(text: &str) -> Result<ScanTarget, String> {
             (bus, Bitrates::Named(bitrates.map_err(|_| wrong())?))
         }
     };
-    Ok(ScanTarget { bus: bus.parse().map_err(|_| wrong())?, bitrates })
+    Ok(TypedScan { bus: bus.parse().map_err(|_| wrong())?, bitrates })
 }
 
 /// The name of a stop action.

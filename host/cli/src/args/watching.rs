@@ -5,13 +5,14 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use host_protocol::StateField;
 
+use super::typed::Typed;
 use super::values::{seconds, state_field};
 
 #[derive(Debug, Args)]
 pub struct WatchArgs {
     /// The axes; all configured ones without any
     #[arg(value_name = "AXIS")]
-    pub axes: Vec<u8>,
+    pub axes: Vec<Typed>,
     /// What to tell of them: position, velocity, current, voltage, motor_temperature,
     /// driver_temperature, faults; all without it
     #[arg(long, value_name = "FIELD,…", value_delimiter = ',', value_parser = state_field)]

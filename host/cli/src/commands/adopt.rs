@@ -55,7 +55,7 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
         left_out: Vec::new(),
         max_axes: session.client.hello().max_axes,
     };
-    let wanted = scan::wanted(session, &arguments.scan, arguments.force_scan);
+    let wanted = scan::wanted(session, &arguments.scan, arguments.force_scan)?;
     crate::scan::scan(session, &wanted, |session, scanned| {
         for line in scan::bus_notes(&scanned) {
             session.out.aside(line);

@@ -6,31 +6,37 @@ use serde_json::json;
 use crate::failure::Failure;
 use crate::json;
 use crate::session::Session;
+use crate::states::{axis_cells, axis_headings};
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
 /// Lists the axes that have at least one parameter.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let axes = session.client.list_axes()?;
-    session.out.object(&json!({ "axes": axes.iter().map(|axis| json::axis::summary(axis, missing(axis))).collect::<Vec<_>>() }))?;
+    let names = session.known_names();
+    let object = |axis: &AxisSummary| {
+        json::with_name(json::axis::summary(axis, missing(axis)), names.axis(axis.axis))
+    };
+    session.out.object(&json!({ "axes": axes.iter().map(object).collect::<Vec<_>>() }))?;
     if axes.is_empty() {
         return session.out.text(
             "no axis is configured. Start with `mgw config axis 0 bus=0 protocol=rmd node=1 \
                 stop_action=hold` or a file",
         );
     }
-    let mut table = Table::new(&[">axis", ">bus", "protocol", ">node", "state", "missing"]);
+    let headings = [">bus", "protocol", ">node", "state", "missing"];
+    let headings = axis_headings(&names).into_iter().chain(headings);
+    let mut table = Table::new(&headings.collect::<Vec<_>>());
     let or_nothing =
         |value: Option<u8>| value.map_or(NOTHING.to_owned(), |value| value.to_string());
     for axis in &axes {
-        table.row([
-            axis.axis.to_string(),
+        table.row(axis_cells(axis.axis, &names).into_iter().chain([
             or_nothing(axis.bus),
             axis.protocol.map_or(NOTHING, host_protocol::Protocol::name).to_owned(),
             or_nothing(axis.node),
             words::axis_state(axis.state).to_owned(),
             missing(axis).unwrap_or_default().to_owned(),
-        ]);
+        ]));
     }
     session.out.table(&table)
 }

@@ -99,11 +99,11 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
             done(session, format!("reset: {} removed", counted(&running)), changes.len())
         }
         ConfigAction::Unset { row } => {
-            let (row, names) = row.parts();
+            let (row, names) = row.parts(session)?;
             change(session, row, |wanted| names.iter().try_for_each(|name| wanted.unset(row, name)))
         }
         ConfigAction::Set(row) => {
-            let (row, assignments) = row.parts();
+            let (row, assignments) = row.parts(session)?;
             let entries = config::assignments(row, assignments)?;
             change(session, row, |wanted| {
                 entries.iter().for_each(|entry| wanted.set(entry));
@@ -111,7 +111,8 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
             })
         }
         ConfigAction::Timeout { axis, milliseconds } => {
-            let timeout = session.client.provision_motor_timeout(*axis, *milliseconds)?;
+            let axis = session.axis(axis)?;
+            let timeout = session.client.provision_motor_timeout(axis, *milliseconds)?;
             let line = format!(
                 "axis {axis}: the motor's own timeout is {}",
                 words::motor_timeout(timeout)
@@ -120,10 +121,14 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
             json::extend(&mut fields, json::axis::motor_timeout(timeout));
             session.out.either(line, &fields)
         }
-        ConfigAction::Show { axis } => show(session, *axis),
+        ConfigAction::Show { axis } => {
+            let axis = session.axis(axis)?;
+            show(session, axis)
+        }
         ConfigAction::Remove { axis } => {
-            session.refuse_unconfigured(&[*axis], "there is nothing to remove")?;
-            session.client.remove_axis(*axis)?;
+            let axis = session.axis(axis)?;
+            session.refuse_unconfigured(&[axis], "there is nothing to remove")?;
+            session.client.remove_axis(axis)?;
             done(session, format!("axis {axis} removed"), 1)
         }
     }
@@ -241,6 +246,7 @@ fn change(
             protocols=rmd,thruster";
         return Err(Failure::Usage(text.to_owned()));
     }
+    wanted.refuse_name_of_nothing(row)?;
     let changes = running.changes_to(&wanted);
     make(session, &changes)?;
     done(session, format!("{row} configured"), changes.len())
@@ -300,17 +306,21 @@ fn show(session: &mut Session, axis: u8) -> Result<(), Failure> {
             text.doc.to_owned(),
         ]);
     }
+    let name = session.known_names().axis(axis).map(str::to_owned);
+    if let Some(name) = &name {
+        session.out.text(format!("axis {axis} is called {name}"))?;
+    }
     session.out.table(&table)?;
-    session.out.object(&json!({ "axis": axis, "parameters": object }))
+    session.out.object(&json!({ "axis": axis, "name": name, "parameters": object }))
 }
 
 impl ConfigRow {
     /// Which row, and what is said of it.
-    fn parts(&self) -> (Row, &[String]) {
-        match self {
+    fn parts(&self, session: &mut Session) -> Result<(Row, &[String]), Failure> {
+        Ok(match self {
             Self::Gateway { words } => (Row::Gateway, words),
-            Self::Bus { bus, words } => (Row::Bus(*bus), words),
-            Self::Axis { axis, words } => (Row::Axis(*axis), words),
-        }
+            Self::Bus { bus, words } => (Row::Bus(session.bus(bus)?), words),
+            Self::Axis { axis, words } => (Row::Axis(session.axis(axis)?), words),
+        })
     }
 }

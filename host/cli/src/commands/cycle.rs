@@ -28,7 +28,7 @@ const HEADINGS: [&str; 7] =
 /// Arms axes, has the gateway drive them in a period of its own, prints how they are, and stops
 /// them.
 pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> {
-    let targets = CycleTarget::all(&arguments.words).map_err(Failure::Usage)?;
+    let targets = CycleTarget::all(&arguments.words, |axis| session.axis(axis))?;
     let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
     for (place, axis) in axes.iter().enumerate() {
         if axes[..place].contains(axis) {

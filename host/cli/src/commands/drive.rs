@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use crate::faults::Protocols;
 use crate::json;
+use crate::names::Names;
 use crate::output::Output;
 use crate::session::{Session, print_event, print_events, trip_of};
 use crate::states;
@@ -99,6 +100,7 @@ pub fn tell_stopped(session: &Session, report: &AxisReport) -> Result<(), Failur
 pub struct Rounds {
     axes: Vec<ArmedAxis>,
     out: Output,
+    names: Names,
     headings_printed: bool,
     next: Duration,
     failure: Option<Failure>,
@@ -110,7 +112,8 @@ impl Rounds {
     /// Of the axes that are held.
     pub fn new(session: &Session, armed: &[ArmedAxis]) -> Self {
         let (axes, next) = (armed.to_vec(), session.client.now());
-        Self { axes, out: session.out, headings_printed: false, next, failure: None, latest: None }
+        let (out, names) = (session.out, session.known_names());
+        Self { axes, out, names, headings_printed: false, next, failure: None, latest: None }
     }
 
     /// One round of a hold.
@@ -187,7 +190,7 @@ impl Rounds {
                 Err(ClientError::Gateway(Error::Busy { .. })) => continue,
                 report => report?,
             };
-            for line in states::table(&[report], &self.out.motors)
+            for line in states::table(&[report], &self.out.motors, &self.names)
                 .lines()
                 .iter()
                 .skip(usize::from(self.headings_printed))

@@ -1,7 +1,8 @@
 //! `mgw info`
 
-use host_protocol::BusLimit;
 use host_protocol::replies::GatewayReport;
+use host_protocol::{BusLimit, Subject};
+use serde_json::json;
 
 use crate::dialects;
 use crate::failure::Failure;
@@ -17,6 +18,11 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let stored = session.client.read_stored()?;
     let motors = dialects::of_axes(session)?;
     let mut object = json::gateway::info(&hello, &status, &stored);
+    let names = session.known_names();
+    object["name"] = json!(names.of(Subject::Gateway));
+    for (number, _) in (0u8..).zip(&hello.buses) {
+        object["buses"][usize::from(number)]["name"] = json!(names.of(Subject::Bus(number)));
+    }
     object["rmd_axes"] = motors.iter().map(dialects::Asked::json).collect();
     let out = session.out;
     out.object(&object)?;
@@ -58,17 +64,19 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         ),
     ];
     let limit = status.bus_limit.map(|limit| ("buses", bus_limit(limit).to_owned()));
-    for (name, text) in lines.into_iter().chain(limit) {
+    let name = names.of(Subject::Gateway).map(|name| ("name", name.to_owned()));
+    for (name, text) in name.into_iter().chain(lines).chain(limit) {
         out.text(format!("{name:<10}{text}"))?;
     }
-    let mut table = Table::new(&[">bus", "kind", "protocols", "bitrates"]);
-    for (number, bus) in hello.buses.iter().enumerate() {
+    let mut table = Table::new(&[">bus", "kind", "protocols", "bitrates", "name"]);
+    for (number, bus) in (0u8..).zip(&hello.buses) {
         let bitrates: Vec<String> = bus.bitrates.iter().map(ToString::to_string).collect();
         table.row([
             number.to_string(),
             bus.kind.to_string(),
             words::protocols(bus.protocols),
             bitrates.join(", "),
+            names.of(Subject::Bus(number)).unwrap_or_default().to_owned(),
         ]);
     }
     out.table(&table)?;

@@ -24,9 +24,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Moves an axis while a key is held down.
 pub fn run(session: &mut Session, arguments: &JogArgs) -> Result<(), Failure> {
-    let axis = arguments.axis;
+    let axis = session.axis(&arguments.axis)?;
     session.refuse_unconfigured(&[axis], "it does not move")?;
-    let forward = setpoint(session, arguments)?;
+    let forward = setpoint(session, axis, arguments)?;
     limits::check_setpoint(session, axis, forward)?;
     limits::check_setpoint(session, axis, reversed(forward))?;
     let Some(mut keyboard) = Keyboard::open().map_err(gone)? else {
@@ -56,8 +56,8 @@ pub fn run(session: &mut Session, arguments: &JogArgs) -> Result<(), Failure> {
     }
 }
 
-fn setpoint(session: &mut Session, arguments: &JogArgs) -> Result<Setpoint, Failure> {
-    let is_thruster = session.out.motors.of(arguments.axis) == Some(Protocol::Thruster);
+fn setpoint(session: &Session, axis: u8, arguments: &JogArgs) -> Result<Setpoint, Failure> {
+    let is_thruster = session.out.motors.of(axis) == Some(Protocol::Thruster);
     let (option, value, setpoint) = match (arguments.velocity, arguments.signal) {
         (Some(velocity_rad_s), _) => {
             ("--velocity", velocity_rad_s, Setpoint::Velocity { velocity_rad_s })

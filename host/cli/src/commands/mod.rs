@@ -40,7 +40,7 @@ use crate::terminal::Progress;
 
 /// Whether it stops, before all else.
 pub fn is_stop(command: &Command) -> bool {
-    stop::asked_for(command).is_some()
+    stop::is_stop(command)
 }
 
 /// Runs a command over `transport`, and gives authority back if it may have taken it. A stop is
@@ -53,7 +53,9 @@ pub fn run(
 ) -> Result<(), Failure> {
     let waiting = out.waiting_for("waiting for the gateway");
     let connect = |transport| Session::on(transport, interrupt, out);
-    let mut session = match stop::asked_for(command) {
+    let mut transport = transport;
+    let stop = stop::asked_for(&mut transport, command, out)?;
+    let mut session = match stop {
         Some(request) => stop::send_first(transport, request, connect)?,
         None => connect(transport)?,
     };
@@ -68,7 +70,10 @@ pub fn run(
         | Command::Raw { .. } => Progress::none(),
         _ => out.waiting_for("waiting for the motors"),
     };
-    let result = dispatch(session, command);
+    let result = match stop {
+        Some(request) => stop::report(session, request),
+        None => dispatch(session, command),
+    };
     let in_command = matches!(
         command,
         Command::Config { .. }
@@ -109,25 +114,32 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         | Command::Plan(_)
         | Command::Completion { .. }
         | Command::Man { .. } => Ok(()),
+        // These have been sent before all else.
+        Command::Stop { .. } | Command::Estop => Ok(()),
         Command::Info => info::run(session),
         Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),
         Command::Config { action } => config::run(session, action),
-        Command::Arm { axes, seconds } => arm::run(session, axes, *seconds),
+        Command::Arm { axes, seconds } => {
+            let axes = session.axes(axes)?;
+            arm::run(session, &axes, *seconds)
+        }
         Command::Set(arguments) => set::run(session, arguments),
         Command::Jog(arguments) => jog::run(session, arguments),
         Command::Move(arguments) => moving::run(session, arguments),
         Command::Together(arguments) => together::run(session, arguments),
         Command::Cycle(arguments) => cycle::run(session, arguments),
         Command::Native(arguments) => native::run(session, arguments),
-        Command::Stop { target } => stop::stop(session, *target),
-        Command::Estop => stop::estop(session),
         Command::Clear { target, unreachable, restart } => {
-            stop::clear(session, *target, *unreachable, *restart)
+            stop::clear(session, target, *unreachable, *restart)
         }
-        Command::OutputOff { axis } => stop::output_off(session, *axis),
+        Command::OutputOff { axis } => {
+            let axis = session.axis(axis)?;
+            stop::output_off(session, axis)
+        }
         Command::State { axis } => {
-            let axes = session.axes_or_all(axis.as_slice())?;
+            let axes = session.axes(axis.as_slice())?;
+            let axes = session.axes_or_all(&axes)?;
             session.print_states(&axes)
         }
         Command::Watch(arguments) => watch::run(session, arguments),
@@ -135,10 +147,14 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Doctor => doctor::run(session),
         Command::Adopt(arguments) => adopt::run(session, arguments),
         Command::Motor(arguments) => motor::run(session, arguments),
-        Command::Bus { bus } => bus::run(session, *bus),
+        Command::Bus { bus } => {
+            let bus = bus.as_ref().map(|bus| session.bus(bus)).transpose()?;
+            bus::run(session, bus)
+        }
         Command::Bench(arguments) => bench::run(session, arguments),
         Command::Raw { bus, unsafe_access, action } => {
-            raw::run(session, *bus, *unsafe_access, action)
+            let bus = session.bus(bus)?;
+            raw::run(session, bus, *unsafe_access, action)
         }
     }
 }

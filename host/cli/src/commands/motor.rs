@@ -7,14 +7,15 @@ use crate::session::Session;
 
 /// Shows or changes a setting of a motor.
 pub fn run(session: &mut Session, arguments: &MotorArgs) -> Result<(), Failure> {
-    let MotorArgs { target, yes, setting } = arguments;
+    let MotorArgs { yes, setting, .. } = arguments;
+    let target = session.motor(&arguments.target)?;
     if let MotorSetting::Restore { file, with_id, with_bitrate } = setting {
-        return motor::restore(session, *target, *yes, file, (*with_id, *with_bitrate));
+        return motor::restore(session, target, *yes, file, (*with_id, *with_bitrate));
     }
     if let MotorSetting::Id { id } = setting {
-        return set_id(session, *target, *yes, *id).map(drop);
+        return set_id(session, target, *yes, *id).map(drop);
     }
-    on_motor(session, *target, *yes, asked(setting), |run| match setting {
+    on_motor(session, target, *yes, asked(setting), |run| match setting {
         // These are done above.
         MotorSetting::Id { .. } | MotorSetting::Restore { .. } => Ok(()),
         MotorSetting::Bitrate { bitrate } => motor::bitrate(run, *bitrate),

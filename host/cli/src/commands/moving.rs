@@ -21,10 +21,11 @@ const FRESH_US: u32 = 1_000_000;
 
 /// Arms an axis, moves it by a distance and holds it there, stops it and disarms it.
 pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
-    let MoveArgs { axis, distance, speed_limit, tolerance, seconds: duration } = *arguments;
+    let MoveArgs { distance, speed_limit, tolerance, seconds: duration, .. } = *arguments;
     if tolerance.is_nan() || tolerance <= 0.0 {
         return Err(Failure::Usage("--tolerance is an angle above 0".to_owned()));
     }
+    let axis = session.axis(&arguments.axis)?;
     limits::check_move(session, axis, distance, speed_limit)?;
     drive(session, axis, |session, armed| {
         let target =

@@ -90,7 +90,7 @@ fn move_by(
 }
 
 fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Failure> {
-    let axis = arguments.axis;
+    let axis = session.axis(&arguments.axis)?;
     let (motor, state) = motor(&mut session.client, axis)?;
     let data = match &arguments.command {
         Some(name) => {

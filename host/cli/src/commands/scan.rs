@@ -17,7 +17,7 @@ use crate::words::{self, NOTHING};
 /// Shows which motors are on the buses.
 pub fn run(session: &mut Session, arguments: &ScanCommand) -> Result<(), Failure> {
     let mut all = Vec::new();
-    let wanted = wanted(session, &arguments.scan, arguments.force);
+    let wanted = wanted(session, &arguments.scan, arguments.force)?;
     scan(session, &wanted, |_, scanned| {
         all.push(scanned);
         Ok(())
@@ -45,14 +45,15 @@ pub fn run(session: &mut Session, arguments: &ScanCommand) -> Result<(), Failure
 }
 
 /// What these arguments want scanned, and a warning where that may end the timeout of a motor.
-pub fn wanted(session: &Session, arguments: &ScanArgs, force: bool) -> Wanted {
+pub fn wanted(session: &mut Session, arguments: &ScanArgs, force: bool) -> Result<Wanted, Failure> {
     if arguments.thrusters {
         session.out.aside(
             "thrusters are asked too: any command may end the timeout that keeps one at rest",
         );
     }
     let ScanArgs { targets, listen, thrusters } = arguments;
-    Wanted { targets: targets.clone(), listen: *listen, thrusters: *thrusters, force }
+    let targets = session.scan_targets(targets)?;
+    Ok(Wanted { targets, listen: *listen, thrusters: *thrusters, force })
 }
 
 fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {

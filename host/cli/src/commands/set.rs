@@ -15,13 +15,14 @@ use crate::session::Session;
 /// Arms an axis, holds a setpoint, stops it and disarms it.
 pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     let setpoint = setpoint(arguments)?;
-    limits::check_setpoint(session, arguments.axis, setpoint)?;
-    if let Some(pull) = pull(session, arguments, setpoint)? {
+    let axis = session.axis(&arguments.axis)?;
+    limits::check_setpoint(session, axis, setpoint)?;
+    if let Some(pull) = pull(session, axis, arguments, setpoint)? {
         session.out.aside(pull.to_string());
     }
-    drive(session, arguments.axis, |session, armed| {
+    drive(session, axis, |session, armed| {
         // Arming may have freed a brake.
-        pull(session, arguments, setpoint)?;
+        pull(session, axis, arguments, setpoint)?;
         let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
@@ -103,6 +104,7 @@ impl fmt::Display for Pull {
 /// any other setpoint.
 fn pull(
     session: &mut Session,
+    axis: u8,
     arguments: &SetArgs,
     setpoint: Setpoint,
 ) -> Result<Option<Pull>, Failure> {
@@ -116,7 +118,6 @@ fn pull(
     else {
         return Ok(None);
     };
-    let axis = arguments.axis;
     let limit_nm = arguments.torque_limit.filter(|limit| *limit >= 0.0).ok_or_else(|| {
         let needed = "an impedance pulls the harder the farther its target is: add --torque-limit \
             NM, 0 or more, beyond which nothing is armed";

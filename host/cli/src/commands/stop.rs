@@ -1,21 +1,51 @@
 //! `mgw stop`, `mgw estop`, `mgw clear`, `mgw output-off`
 
+use std::time::Duration;
+
 use host_protocol::{ClearTarget, Error, StopTarget};
-use mgw_client::{ClientError, StopRequest, Transport, stop_before_hello};
+use mgw_client::{ClientError, StopRequest, Transport, names_before_hello, stop_before_hello};
 use serde_json::json;
 
-use crate::args::Command;
+use crate::args::{Command, Typed, TypedClear, TypedStop};
 use crate::commands::stop_report;
 use crate::failure::Failure;
+use crate::names::Names;
+use crate::output::Output;
 use crate::session::Session;
 
-/// The stop that a command asks for.
-pub fn asked_for(command: &Command) -> Option<StopRequest> {
-    match command {
-        Command::Stop { target } => Some(StopRequest::Stop(*target)),
-        Command::Estop => Some(StopRequest::EStop),
-        _ => None,
-    }
+/// A gateway that has not told its names within this time is not asked any longer: all is stopped.
+const NAMES_PATIENCE: Duration = Duration::from_millis(200);
+
+/// Whether a command asks for a stop.
+pub fn is_stop(command: &Command) -> bool {
+    matches!(command, Command::Stop { .. } | Command::Estop)
+}
+
+/// The stop that a command asks for. Where an axis is named and the gateway does not tell which one
+/// that is, all are stopped; a name that none has stops nothing.
+pub fn asked_for(
+    transport: &mut Box<dyn Transport>,
+    command: &Command,
+    out: Output,
+) -> Result<Option<StopRequest>, Failure> {
+    let target = match command {
+        Command::Stop { target: TypedStop::All } => StopTarget::All,
+        Command::Stop { target: TypedStop::Axis(Typed::Number(axis)) } => StopTarget::Axis(*axis),
+        Command::Stop { target: TypedStop::Axis(typed) } => {
+            match names_before_hello(transport, NAMES_PATIENCE) {
+                Ok(names) => StopTarget::Axis(Names::from(names).find_axis(typed)?),
+                Err(error) => {
+                    out.aside(format!(
+                        "which axis {typed} is is not told ({error}): all are stopped"
+                    ));
+                    StopTarget::All
+                }
+            }
+        }
+        Command::Estop => return Ok(Some(StopRequest::EStop)),
+        _ => return Ok(None),
+    };
+    Ok(Some(StopRequest::Stop(target)))
 }
 
 /// Writes a stop before anything else, and then opens the session that waits for its confirmation.
@@ -47,28 +77,29 @@ pub fn send_first(
 }
 
 /// Waits for the confirmations of a stop that the gateway has taken.
-pub fn stop(session: &mut Session, target: StopTarget) -> Result<(), Failure> {
-    let axes = match target {
-        StopTarget::Axis(axis) => vec![axis],
-        StopTarget::All => session.axes_or_all(&[])?,
+pub fn report(session: &mut Session, request: StopRequest) -> Result<(), Failure> {
+    if request == StopRequest::EStop {
+        let text = "e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it";
+        session.out.text(text)?;
+    }
+    let axes = match request {
+        StopRequest::Stop(StopTarget::Axis(axis)) => vec![axis],
+        StopRequest::Stop(StopTarget::All) | StopRequest::EStop => session.axes_or_all(&[])?,
     };
-    stop_report::report(session, &axes)
-}
-
-/// Waits for the confirmations of an e-stop that the gateway has taken.
-pub fn estop(session: &mut Session) -> Result<(), Failure> {
-    session.out.text("e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it")?;
-    let axes = session.axes_or_all(&[])?;
     stop_report::report(session, &axes)
 }
 
 /// Clears a trip or the e-stop; a trip whose stop is not confirmed only if that is asked for.
 pub fn clear(
     session: &mut Session,
-    target: ClearTarget,
+    target: &TypedClear,
     unreachable: bool,
     restart: bool,
 ) -> Result<(), Failure> {
+    let target = match target {
+        TypedClear::Gateway => ClearTarget::Gateway,
+        TypedClear::Axis(axis) => ClearTarget::Axis(session.axis(axis)?),
+    };
     match target {
         ClearTarget::Axis(axis) if restart => session.client.clear_by_restart(axis)?,
         ClearTarget::Gateway if restart => {

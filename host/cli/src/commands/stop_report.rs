@@ -42,7 +42,7 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     let reports: Vec<AxisReport> =
         outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
     if !reports.is_empty() {
-        session.out.table(&states::table(&reports, &session.out.motors))?;
+        session.out.table(&states::table(&reports, &session.out.motors, &session.known_names()))?;
     }
     for (axis, outcome) in &outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {

@@ -16,7 +16,7 @@ use crate::session::Session;
 /// Arms D5 motors, sets them in motion by one frame, holds their velocities, stops and disarms
 /// them.
 pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failure> {
-    let targets = targets(arguments)?;
+    let targets = targets(session, arguments)?;
     for Target { axis, velocity } in &targets {
         limits::check_setpoint(session, *axis, Setpoint::Velocity { velocity_rad_s: *velocity })?;
     }
@@ -29,8 +29,8 @@ pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failur
 }
 
 /// What stands on the command line: at least two axes, each once.
-fn targets(arguments: &TogetherArgs) -> Result<Vec<Target>, Failure> {
-    let targets = Target::all(&arguments.words).map_err(Failure::Usage)?;
+fn targets(session: &mut Session, arguments: &TogetherArgs) -> Result<Vec<Target>, Failure> {
+    let targets = Target::all(&arguments.words, |axis| session.axis(axis))?;
     let many = || Failure::Usage(format!("at most {MAX_MEMBERS} motors start together"));
     if targets.len() > MAX_MEMBERS {
         return Err(many());

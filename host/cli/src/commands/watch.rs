@@ -10,6 +10,7 @@ use serde_json::json as object;
 use crate::args::WatchArgs;
 use crate::failure::Failure;
 use crate::json;
+use crate::names::Names;
 use crate::session::{Session, print_event};
 use crate::states;
 
@@ -22,7 +23,9 @@ const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints samples at the rhythm of the subscription and events as they come.
 pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
-    let mut axes = session.axes_or_all(&arguments.axes)?;
+    let axes = session.axes(&arguments.axes)?;
+    let mut axes = session.axes_or_all(&axes)?;
+    let names = session.known_names();
     let mut seen = BTreeSet::new();
     axes.retain(|axis| seen.insert(*axis));
     session.refuse_unconfigured(&axes, "there is nothing to watch")?;
@@ -41,8 +44,9 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
         .iter()
         .map(|axis| (*axis, Unheard { look_at: now + SILENT_AFTER, told: false }))
         .collect();
-    let watched = Watch { fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }
-        .follow(session);
+    let watched =
+        Watch { names, fields, left, unheard, lost: 0, lost_on_the_way: 0, widths: Vec::new() }
+            .follow(session);
     let watched = match watched {
         // Ctrl-C is how it ends.
         Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
@@ -68,6 +72,7 @@ struct Unheard {
 }
 
 struct Watch {
+    names: Names,
     fields: StateFields,
     /// How many samples of each axis are still to come; `None` for no end.
     left: Option<Vec<(u8, u64)>>,
@@ -176,7 +181,9 @@ impl Watch {
 
     fn print(&mut self, session: &Session, message: &EventMessage) -> Result<(), Failure> {
         if session.out.is_json() {
-            let mut sample = json::event(message, &session.out.motors);
+            let Event::Sample { axis, .. } = message.event else { return Ok(()) };
+            let sample = json::event(message, &session.out.motors);
+            let mut sample = json::with_name(sample, self.names.axis(axis));
             if let Some(sample) = sample.as_object_mut() {
                 let left_out =
                     StateField::ALL.iter().filter(|field| !self.fields.contains(**field));
@@ -184,7 +191,9 @@ impl Watch {
             }
             return session.out.object(&sample);
         }
-        let Some(table) = states::sample(&message.event, self.fields) else { return Ok(()) };
+        let Some(table) = states::sample(&message.event, self.fields, &self.names) else {
+            return Ok(());
+        };
         let headings_printed = !self.widths.is_empty();
         let lines = table.lines_in(&mut self.widths);
         lines.iter().skip(usize::from(headings_printed)).try_for_each(|line| session.out.text(line))

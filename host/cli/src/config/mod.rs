@@ -273,6 +273,19 @@ impl Configuration {
         }
     }
 
+    /// Refuses a name for a row that there is not.
+    pub fn refuse_name_of_nothing(&self, row: Row) -> Result<(), Failure> {
+        let error = match row {
+            Row::Bus(bus) => Error::BusNotConfigured { bus },
+            Row::Axis(axis) => {
+                Error::NotConfigured { axis, parameter: AxisParameter::Bus.number() }
+            }
+            Row::Gateway => return Ok(()),
+        };
+        let is_named = self.names.contains_key(&row) && !self.has(row);
+        if is_named { Err(Failure::would_be_refused(error)) } else { Ok(()) }
+    }
+
     /// The name of a row that there is.
     fn name(&self, row: Row) -> Option<&Text<MAX_NAME>> {
         self.names.get(&row).filter(|_| self.has(row))

@@ -15,6 +15,7 @@ use super::trace::{self, Decoded, Trace};
 use crate::commands::state_line;
 use crate::failure::Failure;
 use crate::json;
+use crate::names::Names;
 use crate::output::Output;
 use crate::states;
 
@@ -77,7 +78,7 @@ pub fn run(
     for (after, reports) in &snapshots {
         out.text("")?;
         out.text(format!("states {:.1} s later", after.as_secs_f32()))?;
-        out.table(&states::table(reports, &out.motors))?;
+        out.table(&states::table(reports, &out.motors, &Names::default()))?;
         reports.iter().try_for_each(|report| out.object(&state_line(report, out.motors)))?;
     }
     out.text("")?;

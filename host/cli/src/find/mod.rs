@@ -3,11 +3,14 @@
 mod refused;
 
 use std::io::{self, BufRead, IsTerminal, Write};
+use std::time::Duration;
 
-use mgw_client::{Transport, open, server_port};
+use host_protocol::{Subject, is_name};
+use mgw_client::{Transport, names_before_hello, open, server_port};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
+use crate::names::Names;
 use crate::output::Output;
 
 /// The board's own USB port, as `src/usb/description.rs` of the firmware has it.
@@ -19,6 +22,9 @@ const ST_LINKS: [u16; 7] = [0x374B, 0x3752, 0x374E, 0x374F, 0x3753, 0x3754, 0x37
 /// Where Linux lists its terminals. Without it the list is not to be had.
 #[cfg(target_os = "linux")]
 const TERMINALS: &str = "/sys/class/tty";
+
+/// What may be a gateway has so long to tell its name.
+const NAME_PATIENCE: Duration = Duration::from_millis(200);
 
 /// A port behind which a gateway may be.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,11 +46,12 @@ pub fn open_port(
         return Ok((port, transport));
     }
     let port = match named {
-        Some(port) => port.to_owned(),
+        Some(name) => called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned()),
         None => {
             let may_ask = !out.is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
             let answer = may_ask.then(|| io::stdin().lock());
-            let Candidate { port, what } = choose(system_ports(), answer, &mut io::stderr())?;
+            let Candidate { port, what } =
+                choose(system_ports(), answer, &mut io::stderr(), name_of)?;
             out.aside(format!("the gateway is taken to be at {port}, {what}"));
             port
         }
@@ -58,8 +65,8 @@ pub fn open_port(
 /// The port that was named, or the only one that may lead to a gateway; nobody is asked.
 pub fn cable_port(named: Option<&str>) -> Result<String, Failure> {
     match named {
-        Some(port) => Ok(port.to_owned()),
-        None => choose(system_ports(), None::<&[u8]>, &mut io::sink()).map(|one| one.port),
+        Some(name) => Ok(called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned())),
+        None => choose(system_ports(), None::<&[u8]>, &mut io::sink(), name_of).map(|one| one.port),
     }
 }
 
@@ -75,12 +82,28 @@ fn system_ports() -> Vec<SerialPortInfo> {
     serialport::available_ports().unwrap_or_default()
 }
 
-/// The only candidate, or the one that `answer` chooses among several.
-fn choose(
+/// The name of the gateway behind a port, if there is one that has a name.
+fn name_of(port: &str) -> Option<String> {
+    let names = names_before_hello(&mut open(port).ok()?, NAME_PATIENCE).ok()?;
+    Names::from(names).of(Subject::Gateway).map(str::to_owned)
+}
+
+/// The port of the gateway that has this name, where it is that of no port.
+fn called(
+    name: &str,
     ports: Vec<SerialPortInfo>,
-    answer: Option<impl BufRead>,
-    asked: &mut impl Write,
-) -> Result<Candidate, Failure> {
+    name_of: impl Fn(&str) -> Option<String>,
+) -> Option<String> {
+    let is_port = ports.iter().any(|port| port.port_name == name);
+    if !is_name(name) || is_port || std::path::Path::new(name).exists() {
+        return None;
+    }
+    let (candidates, _) = candidates(ports);
+    candidates.into_iter().map(|one| one.port).find(|port| name_of(port).as_deref() == Some(name))
+}
+
+/// Those behind which a gateway may be, and the others.
+fn candidates(ports: Vec<SerialPortInfo>) -> (Vec<Candidate>, Vec<String>) {
     let (mut candidates, mut others) = (Vec::new(), Vec::new());
     for port in ports {
         // macOS has two names for each port; this one waits for a modem.
@@ -96,8 +119,25 @@ fn choose(
         }
     }
     candidates.sort_by(|one, other| one.port.cmp(&other.port));
+    (candidates, others)
+}
+
+/// The only candidate, or the one that `answer` chooses among several, which are asked for their
+/// names.
+fn choose(
+    ports: Vec<SerialPortInfo>,
+    answer: Option<impl BufRead>,
+    asked: &mut impl Write,
+    name_of: impl Fn(&str) -> Option<String>,
+) -> Result<Candidate, Failure> {
+    let (mut candidates, others) = candidates(ports);
     if candidates.len() < 2 {
         return candidates.pop().ok_or_else(|| Failure::Usage(nothing_found(&others)));
+    }
+    for one in &mut candidates {
+        if let Some(name) = name_of(&one.port) {
+            one.what = format!("{name}, {}", one.what);
+        }
     }
     let list = |line: fn(usize, &Candidate) -> String| {
         candidates.iter().enumerate().map(|(place, one)| line(place + 1, one)).collect::<Vec<_>>()
@@ -157,7 +197,8 @@ mod tests {
 
     fn chosen(ports: &[SerialPortInfo], answer: Option<&str>) -> (Result<String, String>, String) {
         let mut asked = Vec::new();
-        let chosen = choose(ports.to_vec(), answer.map(str::as_bytes), &mut asked);
+        let name_of = |port: &str| (port == "/dev/ttyACM5").then(|| "arm".to_owned());
+        let chosen = choose(ports.to_vec(), answer.map(str::as_bytes), &mut asked, name_of);
         let told = chosen.map(|one| one.port).map_err(|failure| failure.to_string());
         (told, String::from_utf8(asked).unwrap())
     }
@@ -183,6 +224,22 @@ mod tests {
         let twice =
             ["/dev/tty.usbmodem1", "/dev/cu.usbmodem1"].map(|name| usb(name, 0x1209, 1, None));
         assert_eq!(chosen(&twice, None).0.as_deref(), Ok("/dev/cu.usbmodem1"));
+    }
+
+    #[test]
+    fn a_gateway_is_shown_and_found_by_its_name() {
+        let ports =
+            [5, 6].map(|number| usb(&format!("/dev/ttyACM{number}"), 0x1209, 1, None)).to_vec();
+        let (_, asked) = chosen(&ports, Some("1\n"));
+        assert!(asked.contains("  1  /dev/ttyACM5  arm, a gateway's own USB\n"), "{asked}");
+        let name_of = |port: &str| Some(if port.ends_with('5') { "arm" } else { "leg" }.to_owned());
+        let of = |name| called(name, ports.clone(), name_of);
+        assert_eq!(of("leg").as_deref(), Some("/dev/ttyACM6"));
+        assert_eq!(of("head"), None);
+        assert_eq!(of("/dev/ttyACM5"), None);
+        let mut with_com = ports.clone();
+        with_com.push(usb("COM3", 0x1209, 1, None));
+        assert_eq!(called("COM3", with_com, |_| Some("COM3".to_owned())), None);
     }
 
     #[test]

@@ -56,6 +56,12 @@ pub fn extend(object: &mut Value, more: Value) {
     }
 }
 
+/// The same object with the name of what it is about.
+pub fn with_name(mut object: Value, name: Option<&str>) -> Value {
+    extend(&mut object, json!({ "name": name }));
+    object
+}
+
 /// The line of a stream.
 pub fn line(event: &str, fields: Value) -> Value {
     let mut line = json!({ "event": event });

@@ -16,6 +16,7 @@ mod jog;
 mod killed_host;
 mod motor;
 mod moving;
+mod names;
 mod native;
 #[cfg(target_os = "linux")]
 mod plan;
