@@ -50,6 +50,8 @@ def measure(port: str) -> None:
             took.append(time.perf_counter() - before)
             assert len(states) == AXES
         rate = CYCLES / (time.perf_counter() - begin)
+        armed.disarm()
+        gateway.wait_until_stopped(*armed.axes)
     took.sort()
     median, p99 = (1e6 * took[int(part * CYCLES)] for part in (0.5, 0.99))
     print(f"Python: {rate:.0f} cycles/s of {AXES} axes, median {median:.0f} µs, p99 {p99:.0f} µs")

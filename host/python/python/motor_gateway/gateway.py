@@ -39,6 +39,7 @@ FAST_FIELDS = ("position", "velocity", "current")
 _KEPT = 1_024
 #: The environment variable that names the port.
 _PORT_VARIABLE = "MGW_PORT"
+_PART_OF_TTL = 0.9
 #: Between two looks at an axis that is stopping, s.
 _LOOK_AGAIN = 0.02
 
@@ -208,8 +209,9 @@ class Gateway:
     def stop(self, axis: Optional[int] = None) -> None:
         """Runs the stop action of an axis, or of all.
 
-        The stop of all waits for no call of another thread: it ends that call, and may be used in
-        a signal handler. That of one axis waits for its turn. Needs no authority.
+        The stop of all waits for no call of another thread: it ends that call, unless that only
+        listens, and may be used in a signal handler. That of one axis waits for its turn. Needs no
+        authority.
         """
         if axis is None:
             self._session.stop_all()
@@ -317,8 +319,10 @@ class Armed:
         self.axes: Tuple[int, ...] = tuple(axes)
         #: What the gateway knows this arming by.
         self.epoch = epoch
-        #: How long a setpoint is valid unless a call says otherwise, s: the least ``ttl_us``.
-        self.ttl = ttl
+        #: How long a setpoint is valid unless a call says otherwise, s: a tenth less than the least
+        #: ``ttl_us`` of the axes, by which the gateway's clock may be taken for wrong.
+        self.ttl = ttl * _PART_OF_TTL
+        self._longest = ttl
         self._session = gateway._session
 
     def __enter__(self) -> Armed:
@@ -374,7 +378,7 @@ class Armed:
         When it returns nothing is sent any more: say something else within ``ttl``, or disarm.
         """
         self._session.hold(
-            self.epoch, setpoints, self.ttl if ttl is None else ttl, duration_s
+            self.epoch, setpoints, self._longest if ttl is None else ttl, duration_s
         )
 
     def move(
