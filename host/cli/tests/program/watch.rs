@@ -34,7 +34,7 @@ fn chosen_fields_with_their_own_ages() {
     assert_eq!(
         names.join(" "),
         "axis dropped event fault_warnings fault_warnings_raw faults faults_age_us faults_raw \
-         state stop_confirmed time_us velocity_rad_s"
+         name state stop_confirmed time_us velocity_rad_s"
     );
     let age = |age: &Value| age.as_u64().unwrap_or(u64::MAX);
     let ages = [&last["velocity_rad_s"]["age_us"], &last["faults_age_us"]].map(age);
