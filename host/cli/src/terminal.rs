@@ -7,13 +7,15 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::failure::Failure;
-use crate::output::Output;
 use crate::printable::printable;
+use crate::session::Session;
 
 /// What takes longer than this is told.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Between two looks at the time.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Between two looks at the link while an answer is waited for.
+const LISTEN_EVERY: Duration = Duration::from_millis(50);
 /// Back to the beginning of the line, and the rest of it empty.
 const CLEAR: &str = "\r\u{1b}[K";
 
@@ -92,20 +94,32 @@ pub fn something_is_printed() {
 }
 
 /// Asks on a terminal whether to do something, unless that is said already; without a terminal it is
-/// refused.
-pub fn agree(out: Output, yes: bool, what: &str) -> Result<(), Failure> {
+/// refused. The link stays alive meanwhile, and an interrupt ends it.
+pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure> {
     if yes {
         return Ok(());
     }
+    let out = session.out;
     let no = || Failure::Usage(format!("{what}. Add --yes"));
     if out.is_json() || !io::stdin().is_terminal() {
         return Err(no());
     }
     something_is_printed();
     let _ = write!(io::stderr(), "{}. Go on? [y/N] ", printable(what));
-    let mut answer = String::new();
-    io::stdin().read_line(&mut answer).map_err(|_| no())?;
-    if matches!(answer.trim(), "y" | "Y" | "yes") { Ok(()) } else { Err(no()) }
+    let (told, heard) = channel();
+    // Nobody else reads there until it has ended; an interrupt ends the program.
+    thread::spawn(move || {
+        let mut answer = String::new();
+        let _ = io::stdin().read_line(&mut answer);
+        let _ = told.send(answer);
+    });
+    loop {
+        match heard.recv_timeout(LISTEN_EVERY) {
+            Ok(answer) if matches!(answer.trim(), "y" | "Y" | "yes") => return Ok(()),
+            Ok(_) | Err(RecvTimeoutError::Disconnected) => return Err(no()),
+            Err(RecvTimeoutError::Timeout) => session.client.pause(Duration::ZERO)?,
+        }
+    }
 }
 
 /// The name of the program before a failure: red on a terminal, unless NO_COLOR says otherwise.

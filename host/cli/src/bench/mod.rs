@@ -108,12 +108,12 @@ fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure
 }
 
 /// Asks whether to arm, unless that is said already.
-fn ask(session: &Session, arguments: &BenchArgs, axes: &[u8]) -> Result<(), Failure> {
+fn ask(session: &mut Session, arguments: &BenchArgs, axes: &[u8]) -> Result<(), Failure> {
     let what = format!(
         "bench arms axes {axes:?} and gives them {} rad/s, thrusters signal 0",
         arguments.velocity
     );
-    terminal::agree(session.out, arguments.yes, &what)
+    terminal::agree(session, arguments.yes, &what)
 }
 
 /// How long each of so many rounds takes, in the time of the transport.

@@ -5,11 +5,15 @@ mod motors;
 
 use std::time::Duration;
 
+use host_protocol::StoredState;
 use host_protocol::replies::GatewayReport;
 use serde_json::json;
 
+use crate::config;
 use crate::failure::Failure;
+use crate::motor::{Unfinished, unfinished_text};
 use crate::session::Session;
+use crate::words;
 
 /// Pings whose round trips are measured.
 const PINGS: usize = 20;
@@ -59,6 +63,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     firmware(session, &mut findings);
     let status = session.client.gateway_status()?;
     gateway(&status, &mut findings);
+    configuration(session, &mut findings)?;
     link(session, &mut findings)?;
     let before = bus::reports(session)?;
     let looked_from = session.client.now();
@@ -131,6 +136,29 @@ fn gateway(status: &GatewayReport, findings: &mut Findings) {
     ];
     let wrong = wrong.into_iter().filter(|(is_so, _)| *is_so);
     findings.judge("gateway", wrong.map(|(_, text)| text.to_owned()).collect(), "ready to arm");
+}
+
+/// What is stored, and what a command that was ended halfway may have left.
+fn configuration(session: &mut Session, findings: &mut Findings) -> Result<(), Failure> {
+    let stored = session.client.read_stored()?;
+    let text = format!("stored: {}", words::stored(&stored));
+    match stored.state {
+        StoredState::NoStorage
+        | StoredState::SingleBank
+        | StoredState::Nothing
+        | StoredState::Kept { differs: false } => {}
+        StoredState::Kept { differs: true } => findings.add("gateway", Grade::Note, text),
+        StoredState::Damaged
+        | StoredState::OtherLayout { .. }
+        | StoredState::Refused { .. }
+        | StoredState::NotRead => findings.add("gateway", Grade::Wrong, text),
+    }
+    let running = config::read(&mut session.client)?;
+    if let Some(file) = Unfinished::new().before(&running) {
+        let text = unfinished_text(&file);
+        findings.add("gateway", Grade::Wrong, text);
+    }
+    Ok(())
 }
 
 /// How long a request takes, and what arrives damaged.

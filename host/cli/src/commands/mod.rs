@@ -28,6 +28,8 @@ pub use drive::state_line;
 pub use motor::set_id as set_motor_id;
 pub use native::motor as motor_of;
 pub use scan::motor_name;
+#[cfg(test)]
+pub use scan::notes;
 
 use mgw_client::{Interrupt, Transport};
 

@@ -137,6 +137,13 @@ pub fn bus_notes(scanned: &Scanned) -> Vec<String> {
         let names: Vec<&str> = scanned.protocols.iter().map(Protocol::name).collect();
         notes.push(format!("bus {bus} at {bitrate} bit/s: no motor found ({})", names.join(", ")));
     }
+    if !scanned.left_out.is_empty() {
+        let rates: Vec<String> = scanned.left_out.iter().map(u32::to_string).collect();
+        notes.push(format!(
+            "bus {bus}: not tried at {} bit/s, as motors were found at {bitrate}",
+            rates.join(", ")
+        ));
+    }
     if scanned.unreadable > 0 {
         notes.push(format!(
             "bus {bus} at {bitrate} bit/s: something was heard that could not be read: noise, \
@@ -168,6 +175,12 @@ pub fn notes(scanned: &Scanned, motor: &Found) -> Vec<String> {
         notes.push(format!(
             "{who}: its answers contradict rmd_dialect = {} of axis {axis}",
             stated.name()
+        ));
+    }
+    if let Some(velocity) = motor.turns() {
+        notes.push(format!(
+            "{who}: it turns, at {velocity:.2} rad/s. Keep clear; an axis that is configured for it \
+                stops it: `mgw stop AXIS`"
         ));
     }
     if motor.timed_out {
@@ -211,6 +224,7 @@ fn bus(scanned: &Scanned) -> Value {
             NotAsked::Busy => "busy",
             NotAsked::NotListened => "not_listened",
         }),
+        "left_out_bit_s": scanned.left_out,
         "motors": scanned.motors.iter().map(motor).collect::<Vec<_>>(),
     })
 }
@@ -233,7 +247,7 @@ fn motor(motor: &Found) -> Value {
         "asked": motor.asked, "model": motor.model, "firmware": motor.firmware,
         "voltage_v": motor.voltage_v.map(number), "temperature_c": motor.temperature_c,
         "faults": motor.faults.map(|word| faults::names(Some(motor.protocol), word)),
-        "faults_raw": motor.faults,
+        "faults_raw": motor.faults, "velocity_rad_s": motor.velocity_rad_s.map(number),
         "rmd_dialect": motor.recognised.map(|recognised| recognised.dialect().name()),
         "possible_dialects": possible, "evidence": evidence.collect::<Vec<_>>(),
         "contradicted_dialect": motor.contradicted.map(Dialect::name),

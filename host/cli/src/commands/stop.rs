@@ -109,7 +109,7 @@ pub fn clear(
         ClearTarget::Gateway if unreachable => {
             return Err(Failure::Usage("--unreachable goes with an axis".to_owned()));
         }
-        target => session.client.clear(target)?,
+        target => session.client.clear(target).map_err(not_cleared)?,
     }
     let line = match target {
         ClearTarget::Axis(axis) => {
@@ -128,4 +128,16 @@ pub fn output_off(session: &mut Session, axis: u8) -> Result<(), Failure> {
     session
         .out
         .either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
+}
+
+/// With the way out where the motor will not answer, as one that has another id by now.
+fn not_cleared(error: ClientError) -> Failure {
+    let ClientError::Gateway(error @ Error::StopNotConfirmed { axis }) = error else {
+        return error.into();
+    };
+    let text = format!(
+        "{error}. If it cannot answer any more, as its id or bitrate is another one, see yourself \
+            that it stands; then `mgw clear {axis} --unreachable`"
+    );
+    Failure::Explained { error, text }
 }

@@ -201,7 +201,7 @@ pub fn reset(run: &mut Run<'_>) -> Result<(), Failure> {
 fn d5_reset(run: &mut Run<'_>) -> Result<(), Failure> {
     let (old, factory) = (run.motor.node, d5::Node::FACTORY.get());
     if old != factory {
-        refuse_taken(run, factory)?;
+        refuse_taken(run, factory, "it would get that id too. Give the other one another id")?;
     }
     let row = if run.motor.is_own { ", and so does the row of its axis" } else { "" };
     run.agree(&format!(

@@ -145,6 +145,9 @@ pub fn parse(motor: &Motor, keys: &[Key], texts: &[String]) -> Result<Vec<(Key, 
         let number =
             value.parse().map(Number::Integer).or_else(|_| value.parse().map(Number::Real)).ok();
         match (key, number) {
+            (Some(key), _) if wanted.iter().any(|(other, _): &(Key, _)| other.name == key.name) => {
+                wrong.push(format!("{name} is given twice"));
+            }
             (Some(key), Some(number)) => wanted.push((*key, number)),
             (None, _) => wrong.push(unknown(name, keys)),
             (_, None) => wrong.push(format!("{name}: `{value}` is no number")),

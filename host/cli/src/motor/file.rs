@@ -116,6 +116,9 @@ fn read(motor: &Motor, path: &str) -> Result<File, Failure> {
         // Nothing that follows would be about this motor.
         return Err(in_file(motor, &file, &wrong));
     }
+    if section("settings").is_none() {
+        wrong.push("there is no section [settings]: the file is not whole".to_owned());
+    }
     let keys = settings::keys(motor);
     for (name, value) in section("settings").into_iter().flat_map(|section| section.iter()) {
         let name = name.get_ref().as_ref();
@@ -237,6 +240,13 @@ pub fn restore(
                 let text = format!("{}: it has no {name}", file.path);
                 return Err(failed("NotInFile", text));
             }
+        }
+        // All that can be wrong is known before anything is written.
+        if let Some(id) = id {
+            super::identity::check(run, id)?;
+        }
+        if let Some(bitrate) = bitrate {
+            super::identity::refuse_not_offered(run, bitrate)?;
         }
         let keys: Vec<Key> = file.settings.iter().map(|(key, _)| *key).collect();
         change(run, "restore", &keys, file.settings, true)?;

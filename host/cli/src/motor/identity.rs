@@ -42,6 +42,16 @@ pub fn id(run: &mut Run<'_>, new: Option<u8>) -> Result<u8, Failure> {
         run.report("id", &id_of(old), None, &[])?;
         return Ok(old);
     };
+    check(run, new)?;
+    match run.motor.protocol {
+        Protocol::Rmd => rmd_id(run, old, new),
+        Protocol::Thruster => thruster_id(run, old, new),
+        Protocol::D5 => d5_id(run, old, new),
+    }
+}
+
+/// Refuses an id that is none, or is taken.
+pub(super) fn check(run: &Run<'_>, new: u8) -> Result<(), Failure> {
     let (min, max) = match run.motor.protocol {
         Protocol::Rmd => (::rmd::Node::MIN, ::rmd::Node::MAX),
         Protocol::Thruster => (thruster::Node::MIN, thruster::Node::MAX),
@@ -53,30 +63,43 @@ pub fn id(run: &mut Run<'_>, new: Option<u8>) -> Result<u8, Failure> {
             run.motor.name()
         )));
     }
-    refuse_taken(run, new)?;
-    match run.motor.protocol {
-        Protocol::Rmd => rmd_id(run, old, new),
-        Protocol::Thruster => thruster_id(run, old, new),
-        Protocol::D5 => d5_id(run, old, new),
+    refuse_taken(run, new, "choose another id")
+}
+
+/// Refuses a bitrate at which the motor would be out of reach.
+pub(super) fn refuse_not_offered(run: &Run<'_>, bitrate: u32) -> Result<(), Failure> {
+    let bus = run.motor.bus;
+    let buses = &run.session.client.hello().buses;
+    let offered = buses.get(usize::from(bus)).map(|bus| bus.bitrates.to_vec()).unwrap_or_default();
+    if offered.contains(&bitrate) {
+        return Ok(());
     }
+    Err(Failure::Usage(format!(
+        "{}: bus {bus} of this board does not run at {bitrate} bit/s, and the motor would be out of \
+            reach. It runs at {}",
+        run.motor.name(),
+        offered.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
+    )))
 }
 
 /// Refuses an id that a motor on the bus has, or that an axis is configured for.
-pub(super) fn refuse_taken(run: &Run<'_>, new: u8) -> Result<(), Failure> {
+pub(super) fn refuse_taken(run: &Run<'_>, new: u8, instead: &str) -> Result<(), Failure> {
     let Motor { bus, protocol, .. } = run.motor;
     let has_it = |other: &&Found| other.protocol == protocol && other.node == new;
     if run.motor.others.iter().any(|other| has_it(&other)) {
         return Err(failed(
             "Taken",
-            format!("bus {bus}: {} answers already: choose another id", run.motor.at(new)),
+            format!("bus {bus}: {} answers already: {instead}", run.motor.at(new)),
         ));
     }
     match axis_of(&run.after, bus, protocol, new) {
         Some(axis) => Err(failed(
             "Taken",
             format!(
-                "bus {bus}: axis {axis} is configured for {}, which may be off: choose another id",
-                run.motor.at(new)
+                "bus {bus}: axis {axis} is configured for {}, which may be off: {instead}; or, if \
+                    this is its motor, `mgw config axis {axis} node={}`",
+                run.motor.at(new),
+                run.motor.node
             ),
         )),
         None => Ok(()),
@@ -156,6 +179,13 @@ fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
         .map(|other| other.node)
         .collect();
     let has_next_id = has_next_id(&motor.dialects).ok_or_else(|| {
+        if motor.dialects.len() + 1 == ::rmd::Dialect::ALL.len() {
+            let text = format!("{}: it did not tell what it speaks", motor.name());
+            return failed(
+                "NotRecognised",
+                format!("{text}. See that it has power, and try again"),
+            );
+        }
         let text =
             format!("it may speak {}, and its id is set otherwise in each", motor.dialect_names());
         lacks(&motor, &text, "State rmd_dialect on its axis")
@@ -291,17 +321,7 @@ pub fn bitrate(run: &mut Run<'_>, new: Option<u32>) -> Result<(), Failure> {
     let Some(new) = new.filter(|new| *new != old) else {
         return run.report("bitrate", &before, None, &[]);
     };
-    let capability = run.session.client.hello().buses.get(usize::from(bus)).cloned();
-    let offered: Vec<u32> =
-        capability.map(|capability| capability.bitrates.to_vec()).unwrap_or_default();
-    if !offered.contains(&new) {
-        return Err(Failure::Usage(format!(
-            "{}: bus {bus} of this board does not run at {new} bit/s, and the motor would be out of \
-                reach. It runs at {}",
-            run.motor.name(),
-            offered.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
-        )));
-    }
+    refuse_not_offered(run, new)?;
     let back = format!("mgw motor {}@{new} bitrate {old}", run.motor.target(run.motor.node));
     let question = format!(
         "gets {new} bit/s when it is switched on again; the others of the bus keep {old}. Back \

@@ -34,7 +34,7 @@ pub use file::{diff, dump, restore};
 pub use identity::{bitrate, id};
 pub use place::{Asked, on_motor};
 pub use settings::Group;
-pub use unfinished::Unfinished;
+pub use unfinished::{Unfinished, unfinished_text};
 
 use settings::Values;
 
@@ -218,7 +218,7 @@ impl Run<'_> {
             _ => "",
         };
         let what = format!("{}: {off}{what}", self.motor.name());
-        terminal::agree(self.session.out, self.yes, &what)?;
+        terminal::agree(self.session, self.yes, &what)?;
         self.writes = true;
         Ok(())
     }

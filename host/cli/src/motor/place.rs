@@ -8,11 +8,11 @@ use host_protocol::{
 };
 use mgw_client::ClientError;
 
-use super::{Motor, Run, Unfinished, failed};
+use super::{Motor, Run, Unfinished, failed, unfinished_text};
 use crate::args::{Bitrates, MotorTarget, ScanTarget};
 use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
-use crate::scan::{Found, Scanned, Wanted, looked_for, scan};
+use crate::scan::{Found, Scanned, Wanted, looked_for, may_be_asked, scan};
 use crate::session::Session;
 
 /// The level at which a D5 answers nothing, not even a scan.
@@ -42,11 +42,7 @@ pub fn on_motor(
     let base = config::read(&mut session.client)?;
     let unfinished = Unfinished::new();
     if let Some(before) = unfinished.before(&base) {
-        session.out.aside(format!(
-            "a `mgw motor` that was ended halfway left this configuration, unless it is meant so. What \
-                was before: `mgw config apply {}`",
-            before.display()
-        ));
+        session.out.aside(unfinished_text(&before));
     }
     let place = Place::of(session, &base, target)?;
     let mut run = Run {
@@ -70,7 +66,9 @@ pub fn on_motor(
         unfinished,
     };
     let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
-    if run.writes && matches!(&done, Err(Failure::Client(error)) if !is_refusal(error)) {
+    let is_reconfigured = done.is_err() && run.is_reconfigured();
+    let is_lost = matches!(&done, Err(Failure::Client(error)) if !is_refusal(error));
+    if run.writes && (is_lost || is_reconfigured) {
         run.session.out.aside(format!(
             "{}: it ended halfway, and the motor may have been changed. `mgw scan {}` finds it, and \
                 reading the setting shows what it has",
@@ -79,7 +77,7 @@ pub fn on_motor(
         ));
     }
     let left = match &done {
-        Err(_) if run.is_reconfigured() => {
+        Err(_) if is_reconfigured => {
             run.unfinished.end();
             return done;
         }
@@ -231,7 +229,11 @@ impl Run<'_> {
     /// Looks for the motor, and gives it an axis where it has none.
     fn prepare(&mut self, place: &Place, asked: Asked) -> Result<(), Failure> {
         let mut wanted = self.now.clone();
-        wanted.buses.insert(place.bus, place.config);
+        let before = wanted.buses.insert(place.bus, place.config);
+        let is_known = before.is_some_and(|before| before.bitrate == place.config.bitrate);
+        if place.kind == BusKind::Can && !is_known {
+            self.refuse_other_bitrate(place)?;
+        }
         self.configure(wanted)?;
         // A thruster is asked as seldom as can be: any command may end its timeout.
         let is_thruster = place.protocol == Some(Protocol::Thruster);
@@ -245,6 +247,21 @@ impl Run<'_> {
         }
         self.refuse_doubt(asked)?;
         self.lend_axis(asked)
+    }
+
+    /// A controller at a wrong bitrate destroys the frames of others.
+    fn refuse_other_bitrate(&mut self, place: &Place) -> Result<(), Failure> {
+        let (bus, bitrate) = (place.bus, place.config.bitrate);
+        if may_be_asked(self.session, bus, bitrate)? {
+            return Ok(());
+        }
+        Err(failed(
+            "OtherBitrate",
+            format!(
+                "bus {bus}: something sends there, and not at {bitrate} bit/s. Nothing is sent; \
+                    `mgw scan {bus}@all` finds the bitrate"
+            ),
+        ))
     }
 
     /// What is on the bus.
@@ -319,6 +336,15 @@ impl Run<'_> {
             return Err(failed(
                 "TwoMotors",
                 format!("{name}: two motors seem to have this id. Unplug one first"),
+            ));
+        }
+        if let Some(velocity) = found.turns().filter(|_| asked != Asked::Read) {
+            return Err(failed(
+                "Turns",
+                format!(
+                    "{name}: it turns, at {velocity:.2} rad/s, and is not changed meanwhile. An \
+                        axis that is configured for it stops it: `mgw stop AXIS`"
+                ),
             ));
         }
         if let Some(stated) = found.contradicted {

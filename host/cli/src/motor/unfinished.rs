@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use crate::config::{self, Configuration};
@@ -73,4 +73,13 @@ impl Unfinished {
 fn rows(configuration: &Configuration) -> String {
     let Configuration { buses, axes, .. } = configuration.clone();
     config::dump(&Configuration { buses, axes, ..Configuration::default() })
+}
+
+/// What is said of a file that was found.
+pub fn unfinished_text(file: &Path) -> String {
+    format!(
+        "a `mgw motor` that was ended halfway left this configuration, unless it is meant so. What was \
+            before: `mgw config apply {}`",
+        file.display()
+    )
 }

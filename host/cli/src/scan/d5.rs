@@ -21,6 +21,8 @@ pub struct Motors {
     /// The answers to reads, by id: register and value.
     heard: BTreeMap<u8, Vec<(Register, u8)>>,
     asked: BTreeMap<u8, usize>,
+    /// How fast they turn, rad/s, one after the other.
+    speeds: Vec<(u8, f32)>,
 }
 
 impl Hear for Motors {
@@ -46,12 +48,19 @@ impl Hear for Motors {
 impl Motors {
     pub fn new(kind: BusKind) -> Self {
         let (heard, asked) = (BTreeMap::new(), BTreeMap::new());
-        Self { kind, deframer: Deframer::new(), heard, asked }
+        Self { kind, deframer: Deframer::new(), heard, asked, speeds: Vec::new() }
     }
 
     fn take(&mut self, node: Node, reply: &Reply) {
-        if let Reply::Read { register, value: Value::Byte(value) } = *reply {
-            self.heard.entry(node.get()).or_default().push((register, value));
+        match *reply {
+            Reply::Read { register, value: Value::Byte(value) } => {
+                self.heard.entry(node.get()).or_default().push((register, value));
+            }
+            Reply::Read { register: Register::CURRENT_SPEED, value: Value::Word(word) } => {
+                let speed = f32::from(d5::decode_speed(word).0).to_radians();
+                self.speeds.push((node.get(), speed));
+            }
+            _ => {}
         }
     }
 
@@ -70,6 +79,9 @@ impl Motors {
                 self.ask(bus, node, register)?;
                 bus.await_answer(self, |all| all.answers_of(node) > before)?;
             }
+            let before = self.speeds.len();
+            self.read(bus, node, Register::CURRENT_SPEED, Width::Word)?;
+            bus.await_answer(self, |all| all.speeds.len() > before)?;
         }
         Ok(true)
     }
@@ -88,8 +100,18 @@ impl Motors {
         node: Node,
         register: Register,
     ) -> Result<bool, Failure> {
-        let (address, request) =
-            (Address::Node(node), Request::Read { register, width: Width::Byte });
+        *self.asked.entry(node.get()).or_default() += 1;
+        self.read(bus, node, register, Width::Byte)
+    }
+
+    fn read(
+        &mut self,
+        bus: &mut OpenBus<'_>,
+        node: Node,
+        register: Register,
+        width: Width,
+    ) -> Result<bool, Failure> {
+        let (address, request) = (Address::Node(node), Request::Read { register, width });
         let frame = match self.kind {
             BusKind::Can => {
                 let id = d5::can::default_request_id(node);
@@ -101,7 +123,6 @@ impl Motors {
                 .map(RawFrame::Serial),
         };
         let Some(frame) = frame else { return Ok(true) };
-        *self.asked.entry(node.get()).or_default() += 1;
         bus.send(&frame, self)
     }
 
@@ -127,6 +148,7 @@ impl Motors {
             faults: of(Register::STATUS).map(u16::from),
             timeout_on: of(Register::TIMEOUT_SWITCH).map(|switch| switch == 1),
             ack_level: of(Register::ACK_LEVEL),
+            velocity_rad_s: self.speeds.iter().find(|(of, _)| *of == node).map(|(_, rad_s)| *rad_s),
             // A motor answers each read once.
             doubled: (answers.len() > asked).then_some(Doubled::TwoReplies),
             ..Found::new(Protocol::D5, node)

@@ -19,6 +19,9 @@ use crate::failure::Failure;
 use crate::session::Session;
 use open_bus::{Hear, OpenBus};
 
+/// What motors send by themselves comes once a second.
+pub const LISTEN: Duration = Duration::from_millis(1_200);
+
 /// What is looked for, and how.
 #[derive(Debug, Clone)]
 pub struct Wanted {
@@ -45,6 +48,8 @@ pub struct Scanned {
     pub unacknowledged: bool,
     /// Nothing was sent: its bitrate is not known, and it is not known to be silent.
     pub not_asked: Option<NotAsked>,
+    /// Bitrates that were named and are not tried, as motors were found before.
+    pub left_out: Vec<u32>,
     /// Frames that came faster than they were fetched.
     pub lost: u32,
     /// By how much the bus's counters of what could not be read have grown.
@@ -77,6 +82,8 @@ pub struct Found {
     pub temperature_c: Option<i16>,
     /// Its fault word.
     pub faults: Option<u16>,
+    /// How fast its shaft turned when it was asked.
+    pub velocity_rad_s: Option<f32>,
     /// RMD: what its answers say of its dialect, and which they are.
     pub recognised: Option<Recognised>,
     pub evidence: Vec<Evidence>,
@@ -126,6 +133,7 @@ impl Found {
             voltage_v: None,
             temperature_c: None,
             faults: None,
+            velocity_rad_s: None,
             recognised: None,
             evidence: Vec::new(),
             contradicted: None,
@@ -135,6 +143,19 @@ impl Found {
             unasked: Vec::new(),
             doubled: None,
         }
+    }
+
+    /// How fast it turns, where that is more than a motor at rest shows; rad/s.
+    pub fn turns(&self) -> Option<f32> {
+        self.velocity_rad_s.filter(|velocity| velocity.abs() > standstill())
+    }
+}
+
+/// What a motor at rest may show, unless its axis says otherwise; rad/s.
+pub fn standstill() -> f32 {
+    match AxisParameter::StandstillRadS.info().default {
+        Some(Value::Float(rad_s)) => rad_s,
+        _ => 0.0,
     }
 }
 
@@ -234,6 +255,7 @@ fn at_other_bitrates(
     bitrates: &[u32],
     done: &mut impl FnMut(&mut Session, Scanned) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
+    let listen_for = wanted.listen;
     let heard = match kind {
         BusKind::Can => listen(session, wanted, bus, bitrates)?,
         BusKind::Rs485 => Heard::Nothing,
@@ -250,17 +272,29 @@ fn at_other_bitrates(
         }
         _ => bitrates.to_vec(),
     };
-    for bitrate in bitrates {
+    // What was listened to on a CAN bus is not listened to again, nor a line for each protocol.
+    let mut wanted = wanted.clone();
+    for (place, bitrate) in bitrates.iter().copied().enumerate() {
         for protocols in runs(kind, bitrate) {
             let config = BusConfig { bitrate, protocols, ..NEW_BUS };
             let mode = Some(BusMode::OneShot);
-            let scanned = one(session, wanted, (bus, kind), &config, mode, &[])?;
-            let is_found = kind == BusKind::Can && !scanned.motors.is_empty();
+            let mut scanned = one(session, &wanted, (bus, kind), &config, mode, &[])?;
+            let is_found = !scanned.motors.is_empty();
+            let is_last = is_found && kind == BusKind::Can;
+            if is_last {
+                scanned.left_out = bitrates.get(place + 1..).unwrap_or_default().to_vec();
+            }
             done(session, scanned)?;
-            if is_found {
+            if is_last {
                 return Ok(());
             }
+            wanted.listen = Duration::ZERO;
+            // The motors of a line understand one form of frames.
+            if is_found {
+                break;
+            }
         }
+        wanted.listen = listen_for;
     }
     Ok(())
 }
@@ -285,6 +319,13 @@ impl Hear for Ears {
     }
 }
 
+/// Whether a CAN bus can be asked at a bitrate that is not known to be its own: it is silent, or what
+/// is heard can be read.
+pub fn may_be_asked(session: &mut Session, bus: u8, bitrate: u32) -> Result<bool, Failure> {
+    let wanted = Wanted { targets: Vec::new(), listen: LISTEN, thrusters: false, force: false };
+    Ok(!matches!(listen(session, &wanted, bus, &[bitrate])?, Heard::Unreadable))
+}
+
 /// Listens, acknowledging nothing. A bus that is silent at one bitrate is so at all: what is sent at
 /// another is heard as errors.
 fn listen(
@@ -302,7 +343,8 @@ fn listen(
         let config = BusConfig { bitrate: *bitrate, protocols, ..NEW_BUS };
         let mut open = OpenBus::open_at(session, bus, &config, BusMode::ListenOnly)?;
         let mut ears = Ears(false);
-        let result = open.listen(wanted.listen, &mut ears).and_then(|()| open.status());
+        let result =
+            open.listen_until(wanted.listen, &mut ears, |ears| ears.0).and_then(|()| open.status());
         let closed = open.close();
         let (status, ()) = (result?, closed?);
         match (ears.0, status.receive_errors) {
@@ -376,6 +418,7 @@ fn one(
         protocols,
         unacknowledged: !acknowledged,
         not_asked: None,
+        left_out: Vec::new(),
         lost,
         unreadable: grown(|report| report.counters.rejected)
             .saturating_add(grown(|report| report.receive_errors.into())),
@@ -397,6 +440,7 @@ fn ask(
         let d5 = motors.protocols.contains(Protocol::D5);
         let read = if d5 { d5::Motors::first_read() } else { rmd::Motors::first_read() };
         let Some(read) = read else { return Ok(false) };
+        motors.rmd.asks_first();
         if !bus.is_acknowledged(&read, motors)? {
             return Ok(false);
         }
@@ -446,6 +490,7 @@ impl Scanned {
             protocols: ProtocolSet::NONE,
             unacknowledged: false,
             not_asked: None,
+            left_out: Vec::new(),
             lost: 0,
             unreadable: 0,
             motors: Vec::new(),

@@ -116,14 +116,30 @@ impl<'a> OpenBus<'a> {
     /// Takes in what arrives, for so long.
     pub fn listen(&mut self, span: Duration, to: &mut dyn Hear) -> Result<(), Failure> {
         let end = self.session.client.now() + span;
-        loop {
-            self.fetch(to)?;
-            let left = end.saturating_sub(self.session.client.now());
-            if left.is_zero() {
-                return Ok(());
-            }
+        while self.fetch_until(end, to)? {}
+        Ok(())
+    }
+
+    /// The same, until `done`.
+    pub fn listen_until<H: Hear>(
+        &mut self,
+        span: Duration,
+        to: &mut H,
+        done: impl Fn(&H) -> bool,
+    ) -> Result<(), Failure> {
+        let end = self.session.client.now() + span;
+        while self.fetch_until(end, to)? && !done(to) {}
+        Ok(())
+    }
+
+    /// Takes in what has arrived, and pauses; `false` at the end.
+    fn fetch_until(&mut self, end: Duration, to: &mut dyn Hear) -> Result<bool, Failure> {
+        self.fetch(to)?;
+        let left = end.saturating_sub(self.session.client.now());
+        if !left.is_zero() {
             self.session.client.pause(LISTEN_EVERY.min(left))?;
         }
+        Ok(!left.is_zero())
     }
 
     /// Takes in what arrives until `done`, or until no answer comes any more.

@@ -97,6 +97,7 @@ impl Motors {
         let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
         for node in nodes {
             self.question(bus, node)?;
+            self.ask_and_wait(bus, node, &Request::ReadStatus2)?;
         }
         Ok(true)
     }
@@ -129,6 +130,12 @@ impl Motors {
         let before = self.answers_of(node);
         self.ask(bus, node, request)?;
         bus.await_answer(self, |motors| motors.answers_of(node) > before)
+    }
+
+    /// The first read is about to be sent: what comes now may be its answer.
+    pub fn asks_first(&mut self) {
+        self.listening = false;
+        *self.asked.entry(Node::MIN).or_default() += 1;
     }
 
     /// A read of the first id, for a bus where it is not known whether anybody is there.
@@ -188,6 +195,11 @@ impl Heard {
             found.voltage_v = Some(f32::from(voltage.0) / 10.0);
             found.faults = Some(faults.bits());
         }
+        found.velocity_rad_s =
+            self.answers.iter().rev().find_map(|data| match Reply::decode(data) {
+                Ok(Reply::Status2 { motion }) => Some(f32::from(motion.speed.0).to_radians()),
+                _ => None,
+            });
         let (recognised, evidence) = self.recognise();
         (found.recognised, found.evidence) = (Some(recognised), evidence);
         found

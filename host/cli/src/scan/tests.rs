@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use mgw_client::Interrupt;
-use mgw_sim::{Injection, SimTransport, World};
+use mgw_sim::{Injection, SimTransport, Turning, World};
 
 use super::*;
 use crate::args::FactoryMotor;
@@ -112,4 +112,60 @@ fn a_silent_bus_is_asked_at_each_bitrate_until_motors_are_found() {
         all,
         [(Some(1_000_000), true, 0), (Some(500_000), true, 0), (Some(250_000), false, 1)]
     );
+}
+
+#[test]
+fn the_first_read_counts_as_asked_and_its_answer_as_none_unasked() {
+    let (world, mut session) = world(&[motor(Protocol::Rmd, 1, None)]);
+    let (all, _) = scanned(&world, &mut session, &[1_000_000], usual());
+    let [found] = all[0].motors.as_slice() else { panic!("{all:?}") };
+    assert_eq!((found.unasked.as_slice(), found.doubled), ([].as_slice(), None));
+}
+
+#[test]
+fn a_motor_that_sends_alone_is_heard_although_nobody_acknowledges_it() {
+    let (world, mut session) = world(&[motor(Protocol::Rmd, 1, Some(500_000))]);
+    world.borrow_mut().inject(0, Injection::ActiveReplies(true));
+    let (all, _) = scanned(&world, &mut session, &[1_000_000, 500_000], usual());
+    assert_eq!((all.len(), all[0].bitrate, all[0].motors.len()), (1, Some(500_000), 1));
+}
+
+#[test]
+fn a_motor_that_turns_is_told() {
+    let motors = [motor(Protocol::Rmd, 1, None), motor(Protocol::Rmd, 2, None)];
+    let (world, mut session) = world(&motors);
+    let turning = Turning { speed: 3_000, turns: SECOND * 60, holds: Duration::ZERO };
+    world.borrow_mut().inject(1, Injection::Turning(Some(turning)));
+    let (all, _) = scanned(&world, &mut session, &[1_000_000], usual());
+    let turns: Vec<bool> = all[0].motors.iter().map(|motor| motor.turns().is_some()).collect();
+    assert_eq!(turns, [false, true]);
+    let notes = crate::commands::notes(&all[0], &all[0].motors[1]);
+    assert!(notes.iter().any(|note| note.contains("it turns, at 3.")), "{notes:?}");
+}
+
+#[test]
+fn a_line_with_three_motors_takes_less_than_2_s_beside_listening() {
+    for (protocol, nodes) in [(Protocol::Rmd, [1, 5, 32]), (Protocol::D5, [11, 12, 42])] {
+        let on_line = |node| FactoryMotor { bus: 2, ..motor(protocol, node, Some(115_200)) };
+        let (world, mut session) = world(&nodes.map(on_line));
+        let began = world.borrow().now();
+        let bitrates = Bitrates::Named(vec![115_200]);
+        let wanted = Wanted { targets: vec![ScanTarget { bus: 2, bitrates }], ..usual() };
+        let mut found = Vec::new();
+        scan(&mut session, &wanted, |_, scanned| {
+            found.extend(scanned.motors.iter().map(|motor| motor.node));
+            Ok(())
+        })
+        .expect("it is scanned");
+        let took = world.borrow().now().as_micros() - began.as_micros();
+        assert_eq!(found, nodes);
+        assert!(took < (LISTEN + 2 * SECOND).as_micros() as u64, "{protocol}: {took} us");
+    }
+}
+
+#[test]
+fn bitrates_behind_the_one_with_motors_are_told_as_not_tried() {
+    let (world, mut session) = world(&[motor(Protocol::Rmd, 7, None)]);
+    let (all, _) = scanned(&world, &mut session, &[1_000_000, 500_000], usual());
+    assert_eq!(all[0].left_out, [500_000]);
 }

@@ -10,6 +10,8 @@ use super::open_bus::{Hear, OpenBus};
 use super::{Doubled, Found};
 use crate::failure::Failure;
 
+const RAD_S_PER_RPM: f32 = core::f32::consts::TAU / 60.0;
+
 /// What has been heard of the thrusters of one bus.
 #[derive(Default)]
 pub struct Motors {
@@ -22,6 +24,7 @@ struct Heard {
     voltage_v: Option<f32>,
     temperature_c: Option<i16>,
     faults: Option<u16>,
+    velocity_rad_s: Option<f32>,
     /// Answers to EF, which a thruster sends only when it is asked.
     answers: usize,
 }
@@ -37,6 +40,9 @@ impl Hear for Motors {
                 heard.answers += 1;
             }
             Ok(Reply::Voltage { voltage }) => heard.voltage_v = Some(f32::from(voltage.0) / 10.0),
+            Ok(Reply::MeasuredSpeed { speed }) => {
+                heard.velocity_rad_s = Some(f32::from(speed.0) * RAD_S_PER_RPM);
+            }
             Ok(Reply::MotorTemperature { temperature }) => {
                 heard.temperature_c = Some(temperature.0);
             }
@@ -60,6 +66,7 @@ impl Motors {
         for node in nodes {
             self.ask(bus, node, &Request::ReadVoltage)?;
             self.ask(bus, node, &Request::ReadMotorTemperature)?;
+            self.ask(bus, node, &Request::ReadSpeed)?;
         }
         bus.listen(bus.answer_within, self)?;
         Ok(true)
@@ -84,6 +91,7 @@ impl Motors {
             voltage_v: heard.voltage_v,
             temperature_c: heard.temperature_c,
             faults: heard.faults,
+            velocity_rad_s: heard.velocity_rad_s,
             doubled: (heard.answers > self.asked_faults).then_some(Doubled::TwoReplies),
             ..Found::new(Protocol::Thruster, *node)
         };

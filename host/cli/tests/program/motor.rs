@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::process::Stdio;
+use std::time::Duration;
 
 use nix::pty::openpty;
 
@@ -326,4 +327,69 @@ fn a_motor_whose_axis_is_in_use_is_left_alone() {
         sim.mgw_once_connected(&["motor", "1", "timeout", "500", "--yes"]).failure(1);
     });
     moved.success();
+}
+
+#[test]
+fn nothing_is_restored_of_a_file_that_is_wrong_anywhere() {
+    let sim = with_motors(&["0:rmd:1:v4_4"]);
+    let path = file("wrong");
+    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    run(&format!("motor 0:1@1000000 dump --output {path}")).success();
+    let whole = std::fs::read_to_string(&path).expect("the dump");
+    let restore = format!("motor 0:1@1000000 restore {path} --with-id --with-bitrate --yes");
+    let other = whole.replace("speed_kp = 0.5", "speed_kp = 0.9");
+    assert_ne!(other, whole);
+    for (old, new, said) in [
+        ("id = 1\n", "id = 77\n", "77 is no id. It takes 1 to 32"),
+        ("bitrate_bit_s = 1000000", "bitrate_bit_s = 123", "does not run at 123 bit/s"),
+    ] {
+        assert!(other.contains(old), "{other}");
+        std::fs::write(&path, other.replace(old, new)).unwrap();
+        let text = run(&restore).failure(2);
+        assert!(text.contains(said), "{text}");
+    }
+    let (cut, _) = whole.split_once("\n[settings]").expect("settings");
+    std::fs::write(&path, cut).unwrap();
+    let text = run(&restore).failure(2);
+    assert!(text.contains("there is no section [settings]: the file is not whole"), "{text}");
+    let text = run("motor 0:1@1000000 pid speed_kp=0.1 speed_kp=0.2 --yes").failure(2);
+    assert!(text.contains("speed_kp is given twice"), "{text}");
+    let text = run("motor 0:1@1000000 pid").success();
+    assert!(text.contains("speed_kp = 0.5\n"), "{text}");
+    std::fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn the_way_out_is_told_where_a_loss_of_power_comes_between_an_id_and_its_row() {
+    let storage = file("storage");
+    let mut sim = unhurried(Sim::with(&["--storage", &storage]));
+    sim.mgw_once_in_command(&["config", "save"]).success();
+    sim.mgw_once_in_command(&["motor", "0", "id", "2", "--yes"]).success();
+    for line in ["power off", "motor 0 power off", "motor 0 power on", "power on"] {
+        sim.process.type_line(line);
+        sim.process.wait_for(line, |said| said.contains(line).then_some(()));
+    }
+    let doctor = (0..600).map(|_| sim.mgw_once_in_command(&["doctor"])).find(|doctor| {
+        let is_told = doctor.stdout.contains("a stop was not confirmed");
+        if !is_told {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        is_told
+    });
+    let doctor = doctor.expect("the trip");
+    let told = "Where its motor cannot answer any more, as its id is another one, see that it stands, \
+        then `mgw clear 0 --unreachable` and `mgw scan`";
+    assert!(doctor.stdout.contains(told), "{doctor:?}");
+    let text = sim.mgw_once_in_command(&["clear", "0"]).failure(1);
+    assert!(text.contains("then `mgw clear 0 --unreachable`"), "{text}");
+    sim.mgw_once_in_command(&["clear", "0", "--unreachable"]).success();
+    let scan = sim.mgw_once_in_command(&["scan", "0"]).success();
+    assert!(scan.contains("rmd 2"), "{scan}");
+    let text = sim.mgw_once_in_command(&["motor", "0:rmd:2", "id", "1", "--yes"]).failure(1);
+    assert!(text.contains("or, if this is its motor, `mgw config axis 0 node=2`"), "{text}");
+    sim.mgw_once_in_command(&["config", "axis", "0", "node=2"]).success();
+    sim.mgw_once_in_command(&["output-off", "3"]).success();
+    sim.mgw_once_in_command(&["config", "save"]).success();
+    sim.mgw_once_in_command(&["motor", "0", "id"]).success();
+    std::fs::remove_file(storage).unwrap();
 }

@@ -30,6 +30,9 @@ pub(crate) enum CanOutcome {
         /// Every station that received it.
         to: Vec<Station>,
     },
+    /// A frame that nobody acknowledged, whole to who only listens: an error-passive sender makes no
+    /// error flag that anybody sees.
+    Overheard { frame: CanFrame, to: Vec<Station> },
     /// A frame that was asked back has not been sent and will not be.
     Cancelled { station: Station, slot: u8 },
     /// The error state or a counter of a station changed.
@@ -266,6 +269,13 @@ impl CanBus {
         let before: Vec<_> = self.nodes.iter().map(|node| node.counters).collect();
         let to = self.listeners(island, &sent.senders);
         let mut frames = Vec::new();
+        let is_passive = |at: &usize| self.nodes.get(*at).is_some_and(|n| n.counters.is_passive());
+        let is_whole = match sent.fate {
+            Fate::Unacknowledged => sent.senders.iter().all(is_passive),
+            fate => fate == Fate::Good,
+        };
+        let overheard = sent.senders.first().and_then(|at| self.nodes.get(*at)?.sending.as_ref());
+        let overheard = overheard.filter(|_| is_whole).map(|pending| pending.frame);
         for at in &sent.senders {
             let Some(node) = self.nodes.get_mut(*at) else { continue };
             match sent.fate {
@@ -293,9 +303,9 @@ impl CanBus {
         }
         for at in &to {
             let Some(node) = self.nodes.get_mut(*at) else { continue };
-            match sent.fate {
-                Fate::Good => node.counters.received(),
-                _ => node.counters.receive_error(),
+            match is_whole {
+                true => node.counters.received(),
+                false => node.counters.receive_error(),
             }
         }
         for at in self.bewildered(island) {
@@ -309,6 +319,11 @@ impl CanBus {
         }
         let to: Vec<Station> =
             to.iter().filter_map(|at| Some(self.nodes.get(*at)?.station)).collect();
+        if let (Fate::Unacknowledged, Some(frame)) = (sent.fate, overheard)
+            && !to.is_empty()
+        {
+            self.outcomes.push_back(CanOutcome::Overheard { frame, to: to.clone() });
+        }
         for (from, pending) in frames {
             self.outcomes.push_back(CanOutcome::Sent {
                 from,

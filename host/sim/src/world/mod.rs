@@ -385,6 +385,11 @@ impl World {
                     self.go_on_babbling(bus);
                 }
             }
+            CanOutcome::Overheard { frame, to } => {
+                if to.contains(&Station::Gateway) {
+                    self.tell(Event::CanReceived { bus, frame });
+                }
+            }
             CanOutcome::Cancelled { station: Station::Gateway, slot } => {
                 let held =
                     self.ports.get_mut(usize::from(bus)).is_some_and(|port| port.release(slot));

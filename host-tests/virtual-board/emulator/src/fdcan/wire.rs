@@ -458,7 +458,19 @@ impl Wire {
             };
             controller.send_failed(code, free);
         } else if controller.is_on() {
-            controller.receive_failed(at_receivers, !understands(own_bit));
+            // An error-passive sender makes no error flag that anybody sees: who only listens has
+            // the frame.
+            let passive = |sender: &Sender| match sender {
+                Sender::Node(index) => !self.nodes[*index].is_error_active(),
+                Sender::Controller => false,
+            };
+            let is_whole = failure == Failure::Unacknowledged && senders.iter().all(passive);
+            if !is_whole || !understands(own_bit) {
+                controller.receive_failed(at_receivers, !understands(own_bit));
+            } else if let Err((register, reason)) = controller.received(&flight.frame, flight.start)
+            {
+                context.tell(register, reason);
+            }
         }
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, AxisSummary, MotorTimeout, Protocol, parameters};
 use mgw_client::ClientError;
 
@@ -10,7 +11,7 @@ use crate::args::{Bitrates, ScanTarget};
 use crate::commands::scan::{bus_notes, name};
 use crate::failure::Failure;
 use crate::faults;
-use crate::scan::{Scanned, Wanted};
+use crate::scan::{Scanned, Wanted, standstill};
 use crate::session::Session;
 use crate::words;
 
@@ -31,10 +32,20 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
         match session.client.read_state_when_free(axis) {
             Ok(report) => {
                 let mut wrong = Vec::new();
-                if let (AxisState::Tripped { .. }, Some(trip)) = (report.state, &report.trip) {
+                if let (AxisState::Tripped { confirmed }, Some(trip)) = (report.state, &report.trip)
+                {
                     let reason = words::trip_reason(&trip.reason, summary.protocol);
-                    wrong.push(format!("tripped ({reason}): remove the cause, `mgw clear {axis}`"));
+                    let todo = match confirmed {
+                        true => format!("`mgw clear {axis}`"),
+                        false => format!(
+                            "`mgw clear {axis}`. Where its motor cannot answer any more, as its id \
+                                is another one, see that it stands, then `mgw clear {axis} \
+                                --unreachable` and `mgw scan`"
+                        ),
+                    };
+                    wrong.push(format!("tripped ({reason}): remove the cause, {todo}"));
                 }
+                wrong.extend(of_velocity(axis, &report));
                 let word = report.faults.map_or(0, |faults| faults.word);
                 if word != 0 {
                     let names = faults::in_words(summary.protocol, word);
@@ -62,6 +73,17 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
         }
     }
     Ok(axes)
+}
+
+/// A motor that turns although nothing commands it.
+fn of_velocity(axis: u8, report: &AxisReport) -> Option<String> {
+    let at_rest = matches!(report.state, AxisState::Idle | AxisState::Holding);
+    let velocity = report.velocity_rad_s.filter(|_| at_rest)?.value;
+    (velocity.abs() > standstill()).then(|| {
+        format!(
+            "its motor turns at {velocity:.2} rad/s, and no setpoint says so: `mgw stop {axis}`"
+        )
+    })
 }
 
 /// What is wrong with the timeout by which the motor stops when the gateway fails.
@@ -123,6 +145,10 @@ fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
     }
     for motor in &scanned.motors {
         let who = name(motor);
+        if let Some(velocity) = motor.turns().filter(|_| motor.axis.is_none()) {
+            let text = format!("{who} turns at {velocity:.2} rad/s, and is no axis: keep clear");
+            findings.add(&bus, Grade::Wrong, text);
+        }
         if motor.doubled.is_some() {
             findings.add(
                 &bus,
