@@ -145,7 +145,7 @@ wire! {
         pub settings: Vec<Setting, MAX_SETTINGS>,
         /// Number of the parameter where the list goes on, if it does.
         pub next: Option<u16>,
-        /// What is known of the motor's own timeout.
+        /// What is known of the motor's own timeout, or what arming writes again.
         pub motor_timeout: MotorTimeout,
     }
 

@@ -247,7 +247,7 @@ impl Axis {
         let settings = set.by_ref().take(MAX_SETTINGS);
         let settings = settings.map(|(parameter, value)| Setting { parameter, value }).collect();
         let next = set.next().map(|(parameter, _)| parameter);
-        AxisSettings { settings, next, motor_timeout: self.motor_timeout(now) }
+        AxisSettings { settings, next, motor_timeout: self.settled_timeout(now) }
     }
 
     /// The axis in one line of the list.

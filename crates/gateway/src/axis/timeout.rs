@@ -64,6 +64,12 @@ impl Axis {
             .then_some(self.written_timeout_ms)
     }
 
+    /// What is known of the timeout once the axis is armed: what arming writes again, it has then.
+    pub fn settled_timeout(&self, now: Instant) -> MotorTimeout {
+        let renewed = self.renewed_timeout_ms();
+        renewed.map_or(self.motor_timeout(now), |timeout_ms| MotorTimeout::Written { timeout_ms })
+    }
+
     /// The timeout to write now, ms: the one that a host asks for, or the one that arming renews.
     pub(super) fn timeout_to_write(&self) -> Option<u32> {
         match self.job.as_ref().map(|job| job.kind) {

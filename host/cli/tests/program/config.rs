@@ -169,3 +169,12 @@ fn a_file_waits_until_its_axes_are_idle() {
     assert!(text.contains("Nothing was changed"), "{text}");
     assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
 }
+
+/// Its manual does not say that it keeps the time without power: arming writes it again.
+#[test]
+fn a_dump_keeps_the_timeout_of_a_thruster_that_was_not_heard_for_a_while() {
+    let sim = Sim::start();
+    std::thread::sleep(std::time::Duration::from_millis(1_500));
+    let dump = sim.mgw(&["config", "dump"]).success();
+    assert_eq!(dump.matches("motor_timeout_ms = ").count(), 3, "{dump}");
+}

@@ -204,6 +204,21 @@ fn without_automatic_retransmission_a_frame_is_tried_once() {
 }
 
 #[test]
+fn a_monitoring_controller_has_the_frames_of_an_error_passive_sender_that_is_alone() {
+    let mut bench = Bench::configured(MBIT, QUEUE_OF_3);
+    bench.write(Register::FdcanCccr, 0x0000_0023);
+    bench.write(Register::FdcanCccr, 0x0000_0020);
+    bench.run_for(20 * MICROSECOND);
+    bench.attach_at(Some(1_000_000), &[short_frame()]);
+    // Each of the first 16 attempts ends in an error flag.
+    bench.run_for(1_000 * MICROSECOND);
+    assert_eq!(bench.read(Register::FdcanRxf0s) & 0x7F, 0);
+    bench.run_for(2_000 * MICROSECOND);
+    assert_ne!(bench.read(Register::FdcanRxf0s) & 0x7F, 0);
+    assert!(bench.log().iter().all(|(_, end)| *end == FrameEnd::Unacknowledged));
+}
+
+#[test]
 fn a_monitoring_controller_neither_sends_nor_acknowledges() {
     let mut bench = Bench::configured(MBIT, QUEUE_OF_3);
     bench.write(Register::FdcanCccr, 0x0000_0023);
