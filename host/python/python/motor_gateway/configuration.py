@@ -17,6 +17,8 @@ class GatewaySettings:
     #: Without a valid frame from the host in command for this long, every axis stops. [µs] 50000
     #: to 10000000. Default 250000.
     link_silence_us: Optional[int] = None
+    #: Name of the gateway, for use instead of its number.
+    name: Optional[str] = None
 
 
 @dataclass
@@ -31,6 +33,8 @@ class Bus:
     protocols: List[Literal["rmd", "thruster", "d5"]]
     #: Every node on it belongs to this gateway. Default False.
     exclusive: Optional[bool] = None
+    #: Name of the bus, for use instead of its number.
+    name: Optional[str] = None
     #: How long a reply is awaited, µs. 100 to 200000. Default 5000.
     reply_window_us: Optional[int] = None
 
@@ -97,6 +101,8 @@ class Axis:
     motion_velocity_rad_s: Optional[float] = None
     #: The motor's own timeout, ms; it is written to the motor. 0 is off.
     motor_timeout_ms: Optional[int] = None
+    #: Name of the axis, for use instead of its number.
+    name: Optional[str] = None
     #: Thruster protocol: the device has an encoder. Default False.
     position_device: Optional[bool] = None
     #: The highest position, in setpoints and measured. [rad] -1000000.0 to 1000000.0.
