@@ -6,12 +6,12 @@ use std::io::Write;
 use std::path::Path;
 
 use gateway::AxisRules;
-use host_protocol::{AxisParameter, BusKind, Protocol, StopAction, Value};
+use host_protocol::{AxisParameter, BusKind, Protocol, StopAction, Text, Value};
 use serde_json::json;
 
 use super::scan;
 use crate::args::AdoptArgs;
-use crate::config::{self, Configuration, NEW_BUS};
+use crate::config::{self, Configuration, NEW_BUS, Row};
 use crate::failure::Failure;
 use crate::scan::{Found, Scanned};
 use crate::session::Session;
@@ -20,9 +20,9 @@ use crate::words;
 /// What the file says of itself.
 const HEADING: &str = "\
 # The configuration of a motor gateway, as `mgw adopt` proposes it from the motors that it found.
-# Read it, choose each stop_action that is missing, set limits, then `mgw config check FILE` and
-# `mgw config apply FILE`, which writes each motor_timeout_ms into its motor. What is not in it has
-# its default.
+# Read it, name the axes, choose each stop_action that is missing, and set limits: no manual gives them
+# by model. Then `mgw config check FILE` and `mgw config apply FILE`, which writes each motor_timeout_ms
+# into its motor. What is not in it has its default.
 ";
 /// The time after which a motor that hears nothing stops by itself, ms. The gateway sends a setpoint
 /// again three times within it.
@@ -123,6 +123,17 @@ impl Proposal {
         }
     }
 
+    /// Names an axis after its motor, as in `rmd-1`, and after its bus too where that is taken.
+    fn name(&mut self, axis: u8, bus: u8, motor: &Found) {
+        let of_motor = format!("{}-{}", motor.protocol, motor.node);
+        let of_both = format!("{of_motor}-b{bus}");
+        let is_taken = |name: &str| self.wanted.names.values().any(|of| of.as_str() == name);
+        let free = [of_motor, of_both].into_iter().find(|name| !is_taken(name));
+        if let Some(name) = free.and_then(|name| Text::try_from(name.as_str()).ok()) {
+            self.wanted.names.insert(Row::Axis(axis), name);
+        }
+    }
+
     fn add(&mut self, axis: u8, scanned: &Scanned, motor: &Found, chosen: Option<StopAction>) {
         let actions = stop_actions(scanned.kind, motor);
         let action = match actions.as_slice() {
@@ -151,6 +162,7 @@ impl Proposal {
             }
         }
         self.wanted.axes.insert(axis, values);
+        self.name(axis, scanned.bus, motor);
         self.adopted.push(axis);
         let mut comments = vec![described(motor)];
         comments.extend(scan::notes(scanned, motor));

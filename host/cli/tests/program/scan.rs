@@ -146,11 +146,14 @@ fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
         "motor_timeout_ms = 300",
         "protocols = [\"rmd\", \"thruster\"]",
         "stop_action = \"coast\"",
+        "name = \"rmd-1\"",
+        "name = \"rmd-1-b2\"",
+        "name = \"thruster-11\"",
     ] {
         assert!(written.contains(line), "{line}: {written}");
     }
     sim.mgw_once_in_command(&["config", "apply", file]).success();
-    for axis in ["0", "1", "3", "4"] {
+    for axis in ["0", "1", "3", "rmd-1-b2"] {
         sim.mgw_once_in_command(&["set", axis, "velocity", "3", "--for", "0.2"]).success();
     }
     // What is an axis already is found as such, and not adopted again.
