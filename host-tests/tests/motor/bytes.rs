@@ -26,10 +26,12 @@ fn sends(motors: &[(u8, host_protocol::Protocol, u8, u8)], typed: &str, frames: 
 fn changes(frame: &str) -> bool {
     let data = frame.split_once('#').map_or(frame.get(6..).unwrap_or_default(), |(_, data)| data);
     let reads = [
-        "30", "42", "62", "9A", "B1", "B2", "B5", "4546", "5250", "5141", "5150", "5154",
-        "D50B0402", "D50C0402", "D50D0402",
+        "30", "42", "62", "9A", "9C", "B1", "B2", "B5", "4546", "5250", "5141", "5150", "5154",
+        "5156",
     ];
-    let is_d5_read = data.starts_with("D5") && data.get(4..8) == Some("0402");
+    // A byte or a word of registers.
+    let is_d5_read =
+        data.starts_with("D5") && matches!(data.get(4..8), Some("0402") | Some("0502"));
     !is_d5_read && !reads.iter().any(|read| data.starts_with(read))
 }
 

@@ -96,9 +96,12 @@ fn step(messages: usize) -> usize {
 
 /// Whether a frame changes the motor.
 fn writes(frame: &str) -> bool {
-    ["#80", "#2005", "#76", "#79", "#B4", "#43", "#32", "#63", "D50B05", "D50C05"]
-        .iter()
-        .any(|command| frame.contains(command))
+    [
+        "#80", "#2005", "#76", "#79", "#B4", "#43", "#32", "#63", "D50B0503", "D50C0503",
+        "D50B0506", "D50C0506",
+    ]
+    .iter()
+    .any(|command| frame.contains(command))
 }
 
 #[test]
