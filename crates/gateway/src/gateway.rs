@@ -121,6 +121,7 @@ impl Gateway {
             self.links.log(LogEntry::NoRandomNumber);
         }
         self.axes.init();
+        self.names.init();
         while let Some(port) = self.board.buses.get(self.buses.len()) {
             let index = u8::try_from(self.buses.len()).unwrap_or(u8::MAX);
             if self.buses.push(Bus::new(index, *port)).is_err() {

@@ -6,6 +6,7 @@ use super::requests::Result;
 use super::stored::{AXIS_ROWS, BUS_ROWS, STORED_ROWS};
 use core::fmt;
 use core::ops::Range;
+use heapless::Vec;
 use host_protocol::{Error, MAX_NAME, Named, Subject, Text, is_name, replies, requests};
 
 /// Words of a name.
@@ -14,15 +15,22 @@ pub(crate) const NAME_WORDS: usize = MAX_NAME / size_of::<u32>();
 /// A name as words: its bytes, then zeros.
 pub(crate) type NameWords = [u32; NAME_WORDS];
 
-/// The name of each row; zeros where it has none.
+/// The name of each row; zeros where it has none. Made in its place by [`init`](Self::init): what is
+/// made before passes over the stack.
 #[derive(Clone)]
 pub(crate) struct Names {
-    of: [NameWords; STORED_ROWS],
+    of: Vec<NameWords, STORED_ROWS>,
 }
 
 impl Names {
     pub const fn new() -> Self {
-        Self { of: [[0; NAME_WORDS]; STORED_ROWS] }
+        Self { of: Vec::new() }
+    }
+
+    /// No row has a name.
+    pub fn init(&mut self) {
+        // They are so many.
+        let _ = self.of.resize(STORED_ROWS, NameWords::default());
     }
 
     /// The name of a row.

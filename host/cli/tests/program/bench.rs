@@ -79,7 +79,7 @@ fn nothing_is_armed_without_a_yes_or_on_bad_input() {
         (&["bench", "0", "--yes", "--rounds", "10", "--velocity", "1000"], 1, "axis 0: refused"),
         (&["bench", "0", "--yes", "--rounds", "10", "--svg", "/nowhere/x"], 1, "/nowhere/x"),
     ] {
-        let error = sim.mgw(arguments).failure(code);
+        let error = sim.mgw_once_in_command(arguments).failure(code);
         assert!(error.contains(said), "{arguments:?}: {error}");
         let state = state(&sim, 0);
         assert!(state == "idle" || state == "holding", "{arguments:?}: {state}");
