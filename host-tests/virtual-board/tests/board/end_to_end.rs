@@ -92,7 +92,10 @@ fn changes_of_the_configuration_are_made_together_or_not_at_all() {
     };
     // An RMD has no signal to limit.
     let off = Change::Bus { bus: BUS_D5, config: None };
-    let refused = make(&mut lab, &[limit, off, set(RMD_RS485, AxisParameter::SignalLimit, 0.5)]);
+    let refused = make(
+        &mut lab,
+        &[limit.clone(), off.clone(), set(RMD_RS485, AxisParameter::SignalLimit, 0.5)],
+    );
     let parameter = AxisParameter::SignalLimit.number();
     let expected = Error::CannotMeasure { axis: RMD_RS485, parameter };
     assert!(
