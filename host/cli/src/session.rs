@@ -8,9 +8,11 @@ use mgw_client::{Client, ClientError, Interrupt, Transport};
 use serde_json::json;
 
 use crate::args::{MotorTarget, ScanTarget, Typed, TypedMotor, TypedScan};
+use crate::config;
 use crate::failure::Failure;
 use crate::faults::{self, Protocols};
 use crate::json;
+use crate::motor::{Unfinished, unfinished_text};
 use crate::names::Names;
 use crate::output::Output;
 use crate::states;
@@ -92,8 +94,19 @@ impl Session {
         }
     }
 
-    /// The motor that was typed.
+    /// The motor that was typed. Where its name is gone, a `mgw motor` that was ended halfway may have
+    /// taken it away.
     pub fn motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
+        let found = self.named_motor(typed);
+        let Err(Failure::Usage(text)) = &found else { return found };
+        let running = config::read(&mut self.client)?;
+        match Unfinished::new().before(&running) {
+            Some(file) => Err(Failure::Usage(format!("{text}. {}", unfinished_text(&file)))),
+            None => found,
+        }
+    }
+
+    fn named_motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
         Ok(match typed {
             TypedMotor::Axis(axis) => MotorTarget::Axis(self.axis(axis)?),
             TypedMotor::Place { bus, protocol, node, bitrate } => MotorTarget::Place {

@@ -190,6 +190,12 @@ pub fn notes(scanned: &Scanned, motor: &Found) -> Vec<String> {
         let commands = motor.unasked.join(", ");
         notes.push(format!("{who}: sends by itself, unasked: {commands}"));
     }
+    let tells_nothing = motor.model.is_none() && motor.firmware.is_none();
+    if motor.asked && motor.protocol == Protocol::Rmd && tells_nothing {
+        notes.push(format!(
+            "{who}: it does not tell what it is. If its id was being changed, switch it off and on"
+        ));
+    }
     if !motor.asked && motor.protocol == Protocol::Thruster {
         notes.push(format!("{who}: heard only; --thrusters asks it"));
     }

@@ -52,7 +52,7 @@ pub fn write_timeouts<T: Transport>(
     client: &mut Client<T>,
     wanted: &Configuration,
 ) -> Result<usize, Failure> {
-    let mut count = 0;
+    let (mut count, mut failed) = (0, None);
     for (axis, timeout_ms) in &wanted.motor_timeouts {
         let protocol = wanted.axes.get(axis).and_then(|values| {
             match values.get(&host_protocol::AxisParameter::Protocol) {
@@ -66,12 +66,16 @@ pub fn write_timeouts<T: Transport>(
         if is_known {
             continue;
         }
-        client
-            .provision_motor_timeout(*axis, *timeout_ms)
-            .map_err(|error| not_written(*axis, error))?;
-        count += 1;
+        match client.provision_motor_timeout(*axis, *timeout_ms) {
+            Ok(_) => count += 1,
+            // The others are told all the same.
+            Err(error @ ClientError::Gateway(_)) => {
+                failed.get_or_insert(not_written(*axis, error));
+            }
+            Err(error) => return Err(error.into()),
+        }
     }
-    Ok(count)
+    failed.map_or(Ok(count), Err)
 }
 
 /// The configuration is there, and the motor was not told.
@@ -81,7 +85,8 @@ fn not_written(axis: u8, error: ClientError) -> Failure {
             error,
             text: format!(
                 "the configuration is applied; the timeout of the motor of axis {axis} is not \
-                    written: {error}. Apply the file again when the motor answers"
+                    written: {error}. Apply the file again when the motor answers; where it has another id by \
+                    now, `mgw config axis {axis} node=…` says so"
             ),
         },
         error => error.into(),

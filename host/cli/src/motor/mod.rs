@@ -19,7 +19,7 @@ use host_protocol::{AxisParameter, BusKind, Bytes, Change, Error, Protocol, Valu
 use mgw_client::ClientError;
 use serde_json::{Map, json};
 
-use crate::config::{self, Configuration};
+use crate::config::{self, Configuration, Row};
 use crate::failure::Failure;
 use crate::native_request;
 use crate::scan::Found;
@@ -286,10 +286,14 @@ impl Run<'_> {
         let values = self.after.axes.get_mut(&axis).filter(|_| is_own)?;
         values.insert(parameter, value);
         self.expect(&self.now.clone());
+        let name = self.after.names.get(&Row::Axis(axis));
+        let name = name.filter(|_| parameter == AxisParameter::Node);
+        let still = name.map(|name| format!(", and its name is `{name}` still"));
         Some(format!(
-            "axis {axis}: {} = {value} in its row; `mgw config save` keeps that where the \
+            "axis {axis}: {} = {value} in its row{}; `mgw config save` keeps that where the \
                 configuration is stored",
-            parameter.text().name
+            parameter.text().name,
+            still.unwrap_or_default()
         ))
     }
 

@@ -67,11 +67,12 @@ pub fn on_motor(
     };
     let done = run.prepare(&place, asked).and_then(|()| act(&mut run));
     let is_reconfigured = done.is_err() && run.is_reconfigured();
-    let is_lost = matches!(&done, Err(Failure::Client(error)) if !is_refusal(error));
-    if run.writes && (is_lost || is_reconfigured) {
+    // A refusal too: the gateway may have started again in between, or its e-stop was pressed.
+    let is_cut_off = matches!(&done, Err(Failure::Client(_) | Failure::Explained { .. }));
+    if run.writes && (is_cut_off || is_reconfigured) {
         run.session.out.aside(format!(
-            "{}: it ended halfway, and the motor may have been changed. `mgw scan {}` finds it, and \
-                reading the setting shows what it has",
+            "{}: it ended halfway, and the motor may have been changed. `mgw scan {}` finds it, under \
+                its old or its new id, and reading the setting shows what it has",
             run.motor.name(),
             run.motor.bus
         ));
@@ -90,10 +91,6 @@ pub fn on_motor(
         (Err(failure), Some(text)) => Err(failed("NotTakenBack", format!("{failure}\n{text}"))),
         (Err(failure), None) => Err(failure),
     }
-}
-
-fn is_refusal(error: &ClientError) -> bool {
-    matches!(error, ClientError::Gateway(_))
 }
 
 /// Where a motor is to be found.
@@ -338,12 +335,17 @@ impl Run<'_> {
                 format!("{name}: two motors seem to have this id. Unplug one first"),
             ));
         }
-        if let Some(velocity) = found.turns().filter(|_| asked != Asked::Read) {
+        // The axes of the bus may be away for a moment, and could not be stopped.
+        let turning = std::iter::once(found)
+            .chain(&self.motor.others)
+            .filter(|_| asked != Asked::Read)
+            .find_map(|motor| Some((self.of(motor).at(motor.node), motor.turns()?)));
+        if let Some((motor, velocity)) = turning {
             return Err(failed(
                 "Turns",
                 format!(
-                    "{name}: it turns, at {velocity:.2} rad/s, and is not changed meanwhile. An \
-                        axis that is configured for it stops it: `mgw stop AXIS`"
+                    "{name}: {motor} turns, at {velocity:.2} rad/s, so nothing is changed on its \
+                        bus. An axis that is configured for it stops it: `mgw stop AXIS`"
                 ),
             ));
         }

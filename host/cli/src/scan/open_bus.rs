@@ -23,6 +23,9 @@ const ANSWER_WITHIN: Duration = Duration::from_millis(30);
 /// Of the frames that the gateway keeps for us, as many replies as there may be between two looks.
 const SENT_BETWEEN_LOOKS: u32 = 3;
 
+/// Batches of frames that are fetched in one go.
+const BATCHES_AT_ONCE: usize = 8;
+
 /// What takes in the frames of a bus.
 pub trait Hear {
     /// A frame has arrived.
@@ -160,13 +163,15 @@ impl<'a> OpenBus<'a> {
 
     fn fetch(&mut self, to: &mut dyn Hear) -> Result<(), Failure> {
         self.unseen = 0;
-        loop {
+        // If they come without end, what else is to be done has its turn all the same.
+        for _ in 0..BATCHES_AT_ONCE {
             let received = self.session.client.raw_receive(self.bus)?;
             self.lost = self.lost.saturating_add(received.dropped);
             received.frames.iter().for_each(|received| to.hear(&received.frame));
             if !received.frames.is_full() {
-                return Ok(());
+                break;
             }
         }
+        Ok(())
     }
 }

@@ -126,6 +126,7 @@ fn the_first_read_counts_as_asked_and_its_answer_as_none_unasked() {
 fn a_motor_that_sends_alone_is_heard_although_nobody_acknowledges_it() {
     let (world, mut session) = world(&[motor(Protocol::Rmd, 1, Some(500_000))]);
     world.borrow_mut().inject(0, Injection::ActiveReplies(true));
+    // It repeats its frame without end until somebody acknowledges it.
     let (all, _) = scanned(&world, &mut session, &[1_000_000, 500_000], usual());
     assert_eq!((all.len(), all[0].bitrate, all[0].motors.len()), (1, Some(500_000), 1));
 }

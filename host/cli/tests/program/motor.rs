@@ -393,3 +393,69 @@ fn the_way_out_is_told_where_a_loss_of_power_comes_between_an_id_and_its_row() {
     sim.mgw_once_in_command(&["motor", "0", "id"]).success();
     std::fs::remove_file(storage).unwrap();
 }
+
+#[test]
+fn a_motor_is_not_changed_while_its_neighbour_turns() {
+    let sim = with_motors(&["0:rmd:1:v4_4", "0:rmd:3:v4_4"]);
+    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    run("config bus 0 bitrate=1000000 protocols=rmd").success();
+    run("raw --unsafe 0 send 141#A200000010270000").success();
+    let text = run("motor 0:rmd:3 id 9 --yes").failure(1);
+    assert!(
+        text.contains("rmd 1 turns, at 1.75 rad/s, so nothing is changed on its bus"),
+        "{text}"
+    );
+    let text = run("scan 0").success();
+    assert!(text.contains("bus 0, rmd 1: it turns, at 1.75 rad/s"), "{text}");
+    let text = run("motor 0:rmd:3 id").success();
+    assert!(text.contains("id = 3"), "{text}");
+}
+
+#[test]
+fn a_reset_of_the_gateway_in_mid_change_says_that_the_motor_may_have_been_changed() {
+    let mut sim = with_motors(&["0:rmd:1:v4_4"]);
+    let run =
+        |sim: &Sim, words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    run(&sim, "config bus 0 bitrate=1000000 protocols=rmd").success();
+    run(
+        &sim,
+        "config axis 0 bus=0 protocol=rmd node=1 stop_action=hold rmd_dialect=v4_4 name=knee",
+    )
+    .success();
+    let words = ["--port", &sim.port, "motor", "knee", "id", "2", "--yes"];
+    let program = command(&words).spawn().expect("it starts");
+    // Its axis is away while frames are sent that no native command may send.
+    (0..6_000)
+        .find(|_| sim.mgw(&["axes"]).stdout.contains("no axis is configured"))
+        .expect("it is taken out of the configuration");
+    sim.process.type_line("reset");
+    let output = program.wait_with_output().expect("it ends");
+    let said = String::from_utf8(output.stderr).expect("text");
+    if output.status.code() != Some(0) {
+        assert!(said.contains("the motor may have been changed"), "{said}");
+        assert!(said.contains("under its old or its new id"), "{said}");
+    }
+}
+
+#[test]
+fn a_name_that_a_killed_command_took_away_is_no_riddle() {
+    let sim = with_motors(&["0:rmd:1:v4_4"]);
+    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    run("config bus 0 bitrate=1000000 protocols=rmd").success();
+    run("config axis 0 bus=0 protocol=rmd node=1 stop_action=hold rmd_dialect=v4_4 name=knee-17")
+        .success();
+    let before = run("config dump").success();
+    let words = ["--port", &sim.port, "motor", "knee-17", "id", "2", "--yes"];
+    let mut program = command(&words).spawn().expect("it starts");
+    (0..6_000)
+        .find(|_| sim.mgw(&["axes"]).stdout.contains("no axis is configured"))
+        .expect("it is taken out of the configuration");
+    program.kill().expect("it runs");
+    program.wait().expect("it ends");
+    let text = run("motor knee-17 id").failure(2);
+    let (_, file) = text.split_once("`mgw config apply ").expect("what was before");
+    let (file, _) = file.split_once('`').expect("a command");
+    // The timeout of the motor may find nobody: what was before is there all the same.
+    run(&format!("config apply {file}"));
+    assert_eq!(run("config dump").success(), before);
+}

@@ -197,3 +197,12 @@ fn info_says_which_read_told_what_of_the_dialects() {
     let text = sim.mgw_once_in_command(&["set", "0", "velocity", "1", "--for", "0.1"]).failure(1);
     assert!(text.contains("its motor answers as one of v4_4"), "{text}");
 }
+
+#[test]
+fn a_motor_that_sends_alone_ends_no_scan_and_is_found() {
+    let mut sim = Sim::with(&["--motor", "0:rmd:1:v4_4"]);
+    sim.process.type_line("motor 0 active-replies");
+    sim.process.wait_for("it", |line| line.contains("active-replies").then_some(()));
+    let scan = sim.mgw_once_in_command(&["scan", "0@1000000"]).success();
+    assert!(scan.contains("  0  1000000  rmd 1"), "{scan}");
+}

@@ -11,7 +11,7 @@ use crate::args::{Bitrates, ScanTarget};
 use crate::commands::scan::{bus_notes, name};
 use crate::failure::Failure;
 use crate::faults;
-use crate::scan::{Scanned, Wanted, standstill};
+use crate::scan::{Found, Scanned, Wanted, standstill};
 use crate::session::Session;
 use crate::words;
 
@@ -137,6 +137,22 @@ pub fn scan(
     Ok(())
 }
 
+/// The only axis of this bus and protocol whose motor has not answered.
+fn silent_axis(scanned: &Scanned, axes: &[AxisSummary], motor: &Found) -> Option<u8> {
+    let has_answered = |axis: &AxisSummary| {
+        scanned.motors.iter().any(|other| other.axis == Some(axis.axis) && other.asked)
+    };
+    let mut silent = axes.iter().filter(|axis| {
+        axis.bus == Some(scanned.bus)
+            && axis.protocol == Some(motor.protocol)
+            && !has_answered(axis)
+    });
+    // Thrusters are not asked.
+    let is_asked = motor.protocol != Protocol::Thruster;
+    let only = silent.next().filter(|_| is_asked)?.axis;
+    silent.next().is_none().then_some(only)
+}
+
 fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
     let bus = format!("bus {}", scanned.bus);
     let has_axes = axes.iter().any(|axis| axis.bus == Some(scanned.bus));
@@ -156,7 +172,15 @@ fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
                 format!("two motors seem to be {who}: unplug one, give the other another id"),
             );
         } else if motor.axis.is_none() {
-            findings.add(&bus, Grade::Note, format!("{who} is no axis: `mgw adopt` makes it one"));
+            let mut text = format!("{who} is no axis: `mgw adopt` makes it one");
+            if let Some(axis) = silent_axis(scanned, axes, motor) {
+                text += &format!(
+                    ". If it is the motor of axis {}, which does not answer there: `mgw config axis {0} \
+                        node={}`",
+                    axis, motor.node
+                );
+            }
+            findings.add(&bus, Grade::Note, text);
         }
         if let (Some(axis), Some(stated)) = (motor.axis, motor.contradicted) {
             findings.add(
