@@ -97,7 +97,10 @@ impl Motors {
         let nodes: Vec<Node> = self.heard.keys().filter_map(|node| Node::new(*node).ok()).collect();
         for node in nodes {
             self.question(bus, node)?;
-            self.ask_and_wait(bus, node, &Request::ReadStatus2)?;
+            // Two motors tell different speeds, and different answers under one id are a collision.
+            if !self.may_be_two(node) {
+                self.ask_and_wait(bus, node, &Request::ReadStatus2)?;
+            }
         }
         Ok(true)
     }
@@ -135,7 +138,6 @@ impl Motors {
     /// The first read is about to be sent: what comes now may be its answer.
     pub fn asks_first(&mut self) {
         self.listening = false;
-        *self.asked.entry(Node::MIN).or_default() += 1;
     }
 
     /// A read of the first id, for a bus where it is not known whether anybody is there.
@@ -160,6 +162,13 @@ impl Motors {
         let Some(frame) = frame else { return Ok(true) };
         *self.asked.entry(node.get()).or_default() += 1;
         bus.send(&frame, self)
+    }
+
+    fn may_be_two(&self, node: Node) -> bool {
+        let asked = self.asked.get(&node.get()).copied().unwrap_or(0);
+        self.heard.get(&node.get()).is_some_and(|heard| {
+            heard.doubled(asked).is_some() || heard.recognise().0 == Recognised::Contradicted
+        })
     }
 
     fn answers_of(&self, node: Node) -> usize {
