@@ -211,6 +211,10 @@ impl Heard {
             });
         let (recognised, evidence) = self.recognise();
         (found.recognised, found.evidence) = (Some(recognised), evidence);
+        // One motor answers the same read in one way.
+        if recognised == Recognised::Contradicted {
+            found.doubled = found.doubled.or(Some(Doubled::DifferentAnswers));
+        }
         found
     }
 
