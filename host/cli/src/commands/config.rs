@@ -12,6 +12,7 @@ use crate::config::{
 };
 use crate::failure::Failure;
 use crate::json;
+use crate::motor::Unfinished;
 use crate::output::Output;
 use crate::parameters;
 use crate::session::Session;
@@ -166,6 +167,7 @@ fn apply(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     let wanted = wanted(session, file, &running)?;
     let changes = running.changes_to(&wanted);
     make(session, &changes)?;
+    Unfinished::new().forget(&running);
     let timeouts = config::write_timeouts(&mut session.client, &wanted)?;
     let line = format!(
         "configured: {}; {}, {} written",

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use host_protocol::CanFrame;
 use rmd::rs485::FRAME_LEN;
-use rmd::{Answer, DecodeError, Dialect, Function, Node, Reply, Request, Target};
+use rmd::{Answer, DecodeError, Dialect, Function, Model, Node, Reply, Request, Target};
 
 use super::record::{Direction, Motor as Addressee, Record};
 use super::{put, put_message};
@@ -267,14 +267,9 @@ pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Recor
             );
         }
         Ok(Message::Reply(node, reply)) => {
-            put_message!(
-                record,
-                Reply,
-                Addressee::Node(node.get()),
-                reply,
-                reply.info().is_some(),
-                &of_reply(&reply)
-            );
+            let others = of_reply(&reply);
+            let is_known = reply.info().is_some() && (others.is_empty() || !is_no_name(&reply));
+            put_message!(record, Reply, Addressee::Node(node.get()), reply, is_known, &others);
         }
         Ok(Message::Event(node, reply)) => {
             put_message!(
@@ -305,12 +300,31 @@ fn of_request(request: &Request) -> Vec<&'static str> {
 
 /// The dialects that have a reply that this one has not; `unknown` has every one that tells its form.
 fn of_reply(reply: &Reply) -> Vec<&'static str> {
-    let Reply::Unknown { data } = reply else { return Vec::new() };
+    let data = match reply {
+        Reply::Unknown { data } => *data,
+        Reply::Model { model: Model([a, b, c, d, e, f, g]) } if is_no_name(reply) => {
+            [reply.command(), *a, *b, *c, *d, *e, *f, *g]
+        }
+        _ => return Vec::new(),
+    };
     let has = |dialect: &Dialect| {
-        let read = Reply::decode_in(*dialect, data);
-        *dialect != Dialect::Unknown && !matches!(read, Ok(Reply::Unknown { .. }) | Err(_))
+        let read = Reply::decode_in(*dialect, &data);
+        let is_read = match &read {
+            Ok(Reply::Unknown { .. }) | Err(_) => false,
+            Ok(read) => !is_no_name(read),
+        };
+        *dialect != Dialect::Unknown && is_read
     };
     Dialect::ALL.into_iter().filter(has).map(Dialect::name).collect()
+}
+
+/// Whether it is the name of a model, or a part of one, in bytes that are no text.
+fn is_no_name(reply: &Reply) -> bool {
+    match reply {
+        Reply::Model { model } => model.as_str().is_none(),
+        Reply::ModelPart { text, .. } => text.as_str().is_none(),
+        _ => false,
+    }
 }
 
 fn error_name(error: &DecodeError) -> &'static str {

@@ -34,6 +34,13 @@ impl Unfinished {
         self.file_of(running).filter(|file| file.exists())
     }
 
+    /// The gateway has another configuration than `before` by now, as its user wanted.
+    pub fn forget(&self, before: &Configuration) {
+        if let Some(file) = self.file_of(before) {
+            let _ = fs::remove_file(file);
+        }
+    }
+
     /// From here on the gateway may have `meanwhile`, where it shall have `after` in the end.
     pub fn expect(&mut self, meanwhile: &Configuration, after: &Configuration) -> io::Result<()> {
         let Some(file) = self.file_of(meanwhile).filter(|_| rows(meanwhile) != rows(after)) else {

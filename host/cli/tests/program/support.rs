@@ -62,9 +62,11 @@ pub fn json(line: &str) -> Value {
     line
 }
 
-/// Where the program keeps what it remembers.
+/// Where the program keeps what it remembers: each test in a place of its own.
 pub fn state_home() -> PathBuf {
-    std::env::temp_dir().join(format!("mgw-state-{}", std::process::id()))
+    let test = format!("{:?}", thread::current().id());
+    let test = test.replace(['(', ')'], "-");
+    std::env::temp_dir().join(format!("mgw-state-{}-{test}", std::process::id()))
 }
 
 /// The program, its pipes open.
