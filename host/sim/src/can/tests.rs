@@ -276,7 +276,10 @@ fn who_only_listens_acknowledges_nothing_and_hears_what_others_acknowledge() {
     let outcomes = run(&mut bus, us(2_000));
     assert!(sent(&outcomes).is_empty());
     // 16 attempts end in an active error flag, which spoils the frame for who listens, too.
-    let overheard = |outcome: &CanOutcome| matches!(outcome, CanOutcome::Overheard { to, .. } if *to == [Station::Gateway]);
+    let overheard = |outcome: &CanOutcome| match outcome {
+        CanOutcome::Overheard { to, .. } => *to == [Station::Gateway],
+        _ => false,
+    };
     assert_eq!(last_state(&outcomes, A), Some((BusState::Passive, 128)));
     let passive = outcomes.iter().position(|outcome| {
         matches!(outcome, CanOutcome::State { station, transmit: 128, .. } if *station == A)

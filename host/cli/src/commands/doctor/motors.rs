@@ -175,9 +175,9 @@ fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
             let mut text = format!("{who} is no axis: `mgw adopt` makes it one");
             if let Some(axis) = silent_axis(scanned, axes, motor) {
                 text += &format!(
-                    ". If it is the motor of axis {}, which does not answer there: `mgw config axis {0} \
-                        node={}`",
-                    axis, motor.node
+                    ". If it is the motor of axis {axis}, which does not answer there: `mgw config \
+                        axis {axis} node={}`",
+                    motor.node
                 );
             }
             findings.add(&bus, Grade::Note, text);
