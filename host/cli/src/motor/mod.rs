@@ -257,9 +257,7 @@ impl Run<'_> {
     /// Makes the configuration what it shall be in the end.
     fn leave(&mut self) -> Result<(), Failure> {
         let after = self.after.clone();
-        self.configure(after)?;
-        self.unfinished.end();
-        Ok(())
+        self.configure(after)
     }
 
     /// The configuration that was to be made again, where that did not succeed.

@@ -61,7 +61,7 @@ impl Unfinished {
         }
     }
 
-    /// The gateway has what it shall have, or none of what was expected.
+    /// The gateway has none of what was expected.
     pub fn end(&mut self) {
         for file in self.files.drain(..) {
             let _ = fs::remove_file(file);
