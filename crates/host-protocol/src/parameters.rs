@@ -265,7 +265,7 @@ parameters! {
     7 RefreshUs "refresh_us": Unsigned("µs") [1_000, 1_000_000] 20_000;
     /// How often the fault word of an armed axis is read.
     8 FaultPollUs "fault_poll_us": Unsigned("µs") [20_000, 1_000_000] 100_000;
-    /// How often the state of the motor is read.
+    /// How often the position of the motor is read, and one other value beside it.
     9 StatePollUs "state_poll_us": Unsigned("µs") [5_000, 1_000_000] 50_000;
     /// Missing replies in a row that trip the axis.
     10 MissedReplies "missed_replies": Unsigned("") [2, 20] 3;

@@ -4,10 +4,13 @@ use super::Axis;
 use super::state::{Armed, State};
 use crate::protocol::{self, Command, Exchange, Info};
 use crate::time::{Duration, Instant};
+use core::num::NonZeroU64;
 use host_protocol::AxisParameter;
 
-/// Of so many polls of an armed motor one asks for its run time, at most: slow polls ask for it
-/// each second, or every other time.
+/// Where the position is polled, so many turns are in `state_poll_us`, the first of them its own.
+const TURNS: NonZeroU64 = NonZeroU64::new(2).unwrap();
+/// Of so many polls of other values of an armed motor one asks for its run time, at most: slow
+/// polls ask for it each second, or every other time.
 const RUN_TIME_EVERY: u64 = 16;
 const RUN_TIME_WITHIN: Duration = Duration::from_millis(1_000);
 
@@ -187,34 +190,71 @@ impl Axis {
         if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
-    /// The next poll of an armed axis: every third is one that a limit or a
-    /// watcher asks for.
+    /// From one poll to the next: a motor that holds, or moves by a command that is not sent
+    /// again, must hear something as often as a setpoint would tell it.
+    #[inline(never)]
+    pub(super) fn turn(&self) -> Duration {
+        let configured = self.config.state_poll();
+        let turn = if self.polls_position() { configured.part(TURNS) } else { configured };
+        let unfed = match self.motion() {
+            Some(motion) => motion.once,
+            None => match self.state {
+                State::Idle => false,
+                State::Holding => self.is_kept_holding(),
+                _ => self.must_hold(),
+            },
+        };
+        if unfed { turn.min(self.refresh()) } else { turn }
+    }
+
+    /// Whether every other poll is one of the position. It is not where nobody asks but what keeps
+    /// the motor holding.
+    #[inline(never)]
+    fn polls_position(&self) -> bool {
+        self.can(Exchange::Position) && (self.watched || !self.is_kept_holding())
+    }
+
+    /// So many polls, beside those of the fault word, are due in so long while setpoints go out, at
+    /// most: a speed that the replies to them tell is not asked for.
+    pub fn polls_in_motion(&self) -> (u64, Duration) {
+        let state_poll = self.config.state_poll();
+        let info = Info::of_axis(&self.config).filter(|_| self.can(Exchange::Position));
+        let Some(info) = info else { return (1, state_poll) };
+        let saved = info.motion_tells_speed && self.refresh() <= state_poll.part(TURNS);
+        let others = if saved { self.run_time_every() as u64 } else { 1 };
+        (others + 1, state_poll.times(others))
+    }
+
+    /// Counts the polls of other values than the position; `None` where the next one is of the
+    /// position.
+    #[inline(never)]
+    fn turn_of_others(&self) -> Option<usize> {
+        match self.polls_position() {
+            true => (self.poll_index % 2 == 1).then_some(self.poll_index / 2),
+            false => Some(self.poll_index),
+        }
+    }
+
+    /// The next poll of an armed axis: of those that are not of the position every third is one
+    /// that a limit or a watcher asks for.
+    #[inline(never)]
     fn armed_poll(&self) -> Option<Exchange> {
         let asks = |armed: &Armed| armed.echo.is_doubtful || armed.uncommanded_since.is_some();
         if self.armed().is_some_and(asks) {
             return Some(Exchange::Velocity);
         }
+        let Some(index) = self.turn_of_others() else { return Some(Exchange::Position) };
         // Where the motor tells for how long it has run, it is asked now and then: it may have
         // restarted by itself.
-        if self.poll_index.wrapping_add(1).is_multiple_of(self.run_time_every())
+        if index.wrapping_add(1).is_multiple_of(self.run_time_every())
             && self.can(Exchange::RunTime)
         {
             return Some(Exchange::RunTime);
         }
         let info = Info::of_axis(&self.config)?;
-        let (round, place) = (self.poll_index / 3, self.poll_index % 3);
-        let further = |exchange: &Exchange| {
-            *exchange != Exchange::Faults
-                && !info.polls.contains(exchange)
-                && self.is_asked_for(*exchange)
-        };
-        if place == 2 {
-            let count = info.state.iter().filter(|exchange| further(exchange)).count();
-            if let Some(index) = round.checked_rem(count) {
-                return info.state.iter().copied().filter(further).nth(index);
-            }
-        }
-        self.cyclic(info.polls, self.poll_index - round)
+        let (round, place) = (index / 3, index % 3);
+        let further = if place == 2 { self.nth(info.state, round, info.polls) } else { None };
+        further.or_else(|| self.nth(info.polls, index - round, &[]))
     }
 
     /// The reply to a setpoint has told the speed: a poll for it that is due before the next reply
@@ -223,11 +263,12 @@ impl Axis {
         if self.state_poll_at <= now + self.refresh()
             && self.armed_poll() == Some(Exchange::Velocity)
         {
-            self.state_poll_at = self.state_poll_at.max(now) + self.state_poll();
+            self.state_poll_at = self.state_poll_at.max(now) + self.turn();
             self.poll_index = self.poll_index.wrapping_add(1);
         }
     }
 
+    #[inline(never)]
     fn run_time_every(&self) -> usize {
         let every = RUN_TIME_WITHIN.as_micros() / self.config.state_poll().as_micros().max(1);
         usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)
@@ -236,40 +277,45 @@ impl Axis {
     /// Whether what an exchange reads is limited by the configuration, or a host watches the
     /// axis.
     fn is_asked_for(&self, exchange: Exchange) -> bool {
-        let limited = |parameters: &[AxisParameter]| {
-            parameters.iter().any(|parameter| self.config.float(*parameter).is_some())
-        };
-        let asked = self.watched
+        let limited = |parameter| self.config.float(parameter).is_some();
+        self.watched
             || match exchange {
-                Exchange::Position => {
-                    limited(&[AxisParameter::PositionMinRad, AxisParameter::PositionMaxRad])
-                }
-                Exchange::Current => limited(&[AxisParameter::CurrentLimitA]),
+                Exchange::Current => limited(AxisParameter::CurrentLimitA),
                 Exchange::MotorTemperature | Exchange::DriverTemperature => {
-                    limited(&[AxisParameter::TemperatureLimitC])
+                    limited(AxisParameter::TemperatureLimitC)
                 }
                 _ => false,
-            };
-        asked && self.can(exchange)
+            }
     }
 
-    /// The poll of an axis at rest: a motor that holds is watched every other time, whatever else
-    /// a host wants to know.
+    /// The poll of an axis at rest: whether a motor that holds turns is asked in every other turn
+    /// that is not of the position, whatever else a host wants to know.
     fn idle_poll(&self) -> Option<Exchange> {
         let holds = self.is_kept_holding();
-        if holds && (!self.watched || self.poll_index.is_multiple_of(2)) {
+        let Some(index) = self.turn_of_others() else { return Some(Exchange::Position) };
+        if holds && (!self.watched || index.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }
         let state = Info::of_axis(&self.config)?.state;
-        let index = if holds { self.poll_index / 2 } else { self.poll_index };
-        self.watched.then(|| self.cyclic(state, index)).flatten()
+        self.nth(state, if holds { index / 2 } else { index }, &[])
     }
 
-    /// The exchange at a place that counts on and on, of those this motor has commands for.
-    fn cyclic(&self, exchanges: &[Exchange], index: usize) -> Option<Exchange> {
-        (0..exchanges.len())
-            .filter_map(|offset| exchanges.get((index + offset) % exchanges.len()).copied())
-            .find(|exchange| self.can(*exchange))
+    /// The exchange at a place that counts on and on, of those that this motor has commands for and
+    /// that have no turns of their own; where others are polled, of those that are asked for beside
+    /// them.
+    #[inline(never)]
+    fn nth(&self, exchanges: &[Exchange], index: usize, polled: &[Exchange]) -> Option<Exchange> {
+        let beside = |exchange: &Exchange| {
+            polled.is_empty()
+                || *exchange != Exchange::Faults
+                    && !polled.contains(exchange)
+                    && self.is_asked_for(*exchange)
+        };
+        let wanted = |exchange: &&Exchange| {
+            **exchange != Exchange::Position && self.can(**exchange) && beside(exchange)
+        };
+        let count = exchanges.iter().filter(wanted).count();
+        exchanges.iter().filter(wanted).nth(index.checked_rem(count)?).copied()
     }
 }
 

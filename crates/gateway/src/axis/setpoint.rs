@@ -245,17 +245,6 @@ impl Axis {
         self.motion().is_some_and(|motion| motion.number == number)
     }
 
-    /// How often the state is polled: a motor that holds, or moves by a command that is not sent
-    /// again, must hear something as often as a setpoint would tell it.
-    pub(super) fn state_poll(&self) -> Duration {
-        let configured = self.config.state_poll();
-        let unfed = match self.motion() {
-            Some(motion) => motion.once,
-            None => self.must_hold() || self.is_kept_holding(),
-        };
-        if unfed { configured.min(self.refresh()) } else { configured }
-    }
-
     /// Plans what comes after an exchange that the bus has just taken.
     pub(super) fn note_handed(&mut self, now: Instant, exchange: Exchange) {
         if let Some(job) = &mut self.job {
@@ -292,7 +281,7 @@ impl Axis {
             _ => {}
         }
         if !is_of_job {
-            self.state_poll_at = now + self.state_poll();
+            self.state_poll_at = now + self.turn();
             self.poll_index = self.poll_index.wrapping_add(1);
         }
     }

@@ -285,7 +285,7 @@ impl Axis {
             uncommanded_since: None,
             undelivered_since: Instant::NEVER,
         };
-        self.state_poll_at = now + self.state_poll();
+        self.state_poll_at = now + self.turn();
         self.enter(State::Armed(armed), out);
     }
 

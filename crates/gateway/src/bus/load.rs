@@ -105,10 +105,15 @@ pub(crate) fn shortest_period<'a>(
 /// a motion takes.
 fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
     let motion = exchange + frame.times(u64::from(protocol::replies_to_motion(&axis.config)) - 1);
-    share(motion, axis.refresh())
-        + share(exchange, axis.config.fault_poll())
-        + share(exchange, axis.config.state_poll())
-        + streamed_permille(axis, frame)
+    share(motion, axis.refresh()) + polled_permille(axis, exchange) + streamed_permille(axis, frame)
+}
+
+/// The share of the bus that the polls of an axis take, each of which takes `poll`, while setpoints
+/// go out.
+#[inline(never)]
+pub(super) fn polled_permille(axis: &Axis, poll: Duration) -> u64 {
+    let (polls, span) = axis.polls_in_motion();
+    share(poll, axis.config.fault_poll()) + share(poll.times(polls), span)
 }
 
 /// The share of the bus that goes to the frames which the axis's motor sends by itself.

@@ -3,7 +3,7 @@
 
 use super::frame_bits::{STANDARD_FRAME_BITS, frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
-use super::load::{objections, share, shortest_period, streamed_permille};
+use super::load::{objections, polled_permille, share, shortest_period, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use super::{Bus, bits_at};
 use crate::MAX_AXES;
@@ -162,8 +162,7 @@ impl Bus {
                 BusKind::Can => poll.frames() + poll.quiet,
                 BusKind::Rs485 => poll.alone(),
             };
-            polls_permille += share(on_the_bus, axis.config.fault_poll())
-                + share(on_the_bus, axis.config.state_poll());
+            polls_permille += polled_permille(axis, on_the_bus);
             streams_permille += streamed_permille(axis, frame);
             longest_poll = longest_poll.max(poll.alone());
             let _ = parts.push(part(request_bits, replies));

@@ -67,7 +67,8 @@ pub(super) static INFO: Info = Info {
         Exchange::DriverTemperature,
         Exchange::MotorTemperature,
     ],
-    polls: &[Exchange::Velocity, Exchange::Position],
+    motion_tells_speed: false,
+    polls: &[Exchange::Velocity],
     clearing: &[
         Exchange::ClearFaults,
         Exchange::Faults,

@@ -160,7 +160,9 @@ pub(crate) struct Info {
     pub recognising: &'static [Exchange],
     /// For a host that reads the state.
     pub state: &'static [Exchange],
-    /// In turn while armed, beside the fault word.
+    /// The reply to a setpoint tells the speed.
+    pub motion_tells_speed: bool,
+    /// In turn while armed, beside the fault word and the position.
     pub polls: &'static [Exchange],
     /// Before a trip is cleared.
     pub clearing: &'static [Exchange],

@@ -88,7 +88,8 @@ pub(super) static INFO: Info = Info {
         Exchange::Version(2),
     ],
     state: &[Exchange::Velocity, Exchange::Position, Exchange::Faults],
-    polls: &[Exchange::Velocity, Exchange::Position],
+    motion_tells_speed: true,
+    polls: &[Exchange::Velocity],
     // There is no command that clears a fault (§8).
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
     restarting: &[

@@ -62,6 +62,8 @@ pub(super) static INFO: Info = Info {
         Exchange::Faults,
         Exchange::Position,
     ],
+    // Only frames that VM asks for do (§2.4).
+    motion_tells_speed: false,
     polls: &[Exchange::Velocity, Exchange::Current],
     clearing: &[
         Exchange::ClearFaults,

@@ -84,7 +84,7 @@ fn watching_motors_that_do_not_answer_keeps_no_refresh_waiting() {
     let longest_us = rig.longest_gap_us(2, since, "3E0108A2");
     assert!(longest_us <= 25_000, "{longest_us} µs between two frames of motion");
     assert!(
-        rig.sent_since(2, since).iter().any(|text| text.starts_with("3E02089C")),
+        rig.sent_since(2, since).iter().any(|text| text.starts_with("3E020892")),
         "nobody is watched"
     );
 }

@@ -1,12 +1,16 @@
-//! The table "What each protocol can do" of PROTOCOL.md, tried cell by cell.
+//! The table "What each protocol can do" of PROTOCOL.md, tried cell by cell; and on which buses each
+//! runs, as README.md says.
 
 use crate::bench::{self, arm, setpoint};
 use crate::rig::Rig;
+use gateway::check_bus_config;
 use host_protocol::{
-    AxisParameter, Error, Protocol, Request, Setpoint, StopAction, Value, requests,
+    AxisParameter, BusConfig, BusKind, Error, Protocol, ProtocolSet, Request, Setpoint, StopAction,
+    Value, requests,
 };
 
 const REFERENCE: &str = include_str!("../../../../PROTOCOL.md");
+const README: &str = include_str!("../../../../README.md");
 
 /// The cell of a row of the table, `column` counted from the first protocol.
 fn cell(row: &str, column: usize) -> &'static str {
@@ -122,6 +126,30 @@ fn stop_actions_are_those_of_the_reference() {
             });
             let supported = is_supported(&mut rig_of(protocol), request, protocol);
             assert_eq!(supported, cell(&row, column) == "yes", "{row} of {protocol}");
+        }
+    }
+}
+
+#[test]
+fn each_protocol_runs_on_the_buses_that_the_readme_shows() {
+    for (protocol, row) in [
+        (Protocol::Rmd, "| RMD, "),
+        (Protocol::Thruster, "| thruster protocol "),
+        (Protocol::D5, "| D5 "),
+    ] {
+        let line = README.lines().find(|line| line.starts_with(row)).expect(row);
+        let runs_on: Vec<&str> =
+            line.split('|').nth(3).unwrap().split(',').map(str::trim).collect();
+        for kind in [BusKind::Can, BusKind::Rs485] {
+            let bitrate = match (kind, protocol) {
+                (BusKind::Rs485, _) => 115_200,
+                (BusKind::Can, Protocol::D5) => 210_526,
+                (BusKind::Can, _) => 1_000_000,
+            };
+            let protocols = ProtocolSet::NONE.with(protocol);
+            let config = BusConfig { bitrate, protocols, exclusive: false, reply_window_us: 1_000 };
+            let runs = check_bus_config(0, kind, &[bitrate], &config).is_ok();
+            assert_eq!(runs, runs_on.contains(&kind.to_string().as_str()), "{protocol} on {kind}");
         }
     }
 }

@@ -356,11 +356,11 @@ fn objections_count_in_the_load_of_the_bus() {
         }
     };
     // 1 283 µs for two frames; 2 567 µs for four, and 1 ms and a frame in which nothing is to come.
-    // In 1 ms for the refresh of one axis, in 20 ms for that of the others, in 90 and 50 ms for
-    // the polls of all.
+    // In 1 ms for the refresh of one axis, in 20 ms for that of the others, in 90 ms for
+    // the polls of all, and in 50 ms for two of each.
     let of = |us: u64| {
         let share = |period_us: u64| (us * 1_000).div_ceil(period_us);
-        u32::try_from(share(1_000) + 2 * share(20_000) + 3 * (share(90_000) + share(50_000)))
+        u32::try_from(share(1_000) + 2 * share(20_000) + 3 * (share(90_000) + share(25_000)))
             .unwrap()
     };
     assert_eq!((needed(false), needed(true)), (of(1_283), of(1_283 + 3 * 642 + 1_000)));

@@ -100,7 +100,8 @@ fn bring(rig: &mut Rig, id: &'static str, under_way: UnderWay) {
             rig.run(FRAME_US + 10);
             answers.set(true);
             rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
-            rig.run(50_000);
+            // The reply to the poll may still be taken for that to the stop's own reading.
+            rig.run(5 * u64::from(WINDOW_US));
         }
     }
     answers.set(true);

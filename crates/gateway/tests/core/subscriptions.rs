@@ -38,8 +38,12 @@ fn an_idle_axis_is_read_and_told_of_at_the_period() {
     assert_eq!((axis, state, velocity_rad_s), (0, AxisState::Idle, None));
     assert_eq!(position_rad.map(|reading| reading.value), Some(core::f32::consts::TAU));
     assert_eq!(faults.map(|reading| reading.word), Some(0));
-    // One request in each state_poll_us of 50 ms, in turn.
-    assert!((4..=5).contains(&rig.sent_since(0, since).len()));
+    // In each state_poll_us of 50 ms the position, and one of the others in turn.
+    let sent = rig.sent_since(0, since);
+    let count = |of: &str| sent.iter().filter(|text| text.starts_with(of)).count();
+    assert!((8..=9).contains(&sent.len()), "{sent:?}");
+    assert!((4..=5).contains(&count("141#92")), "{sent:?}");
+    assert_eq!((count("141#9C"), count("141#9A")), (2, 2));
 }
 
 #[test]
