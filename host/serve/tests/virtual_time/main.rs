@@ -1,5 +1,6 @@
 //! The server in virtual time, against the core of the gateway.
 
+mod crowd;
 mod rig;
 
 use std::time::Duration;
@@ -10,7 +11,7 @@ use mgw_client::host_protocol::{
     AxisState, Call, Deframer, Error, Event, EventMessage, Kind, StateField, StateFields,
     StopTarget, TripReason,
 };
-use mgw_serve::News;
+use mgw_serve::{News, SERVER};
 
 use rig::{Bench, LONG, TURNING, Wire, frame, refusal, turn};
 
@@ -30,6 +31,35 @@ fn frames(wire: &mut Wire) -> Vec<(Kind, u16, u16, Vec<u8>)> {
         }
     }
     frames
+}
+
+/// Every frame of the cable is copied, with the number of the program that has asked.
+#[test]
+fn who_records_sees_what_each_program_asks_and_is_answered() {
+    let bench = Bench::new();
+    assert_eq!(bench.0.borrow_mut().multiplexer.take_seen(), [], "nobody has asked for copies");
+    bench.0.borrow_mut().multiplexer.copy_frames();
+    let (mut first, mut second) = (bench.program(), bench.program());
+    turn(&mut first);
+    second.read_state(0).unwrap();
+    bench.run(1_500 * MS);
+    let ids = [&first, &second].map(|program| program.transport().id);
+    let seen = bench.0.borrow_mut().multiplexer.take_seen();
+    let of = |kinds: &[Kind], number: u16| -> Vec<Option<u64>> {
+        let alike = seen.iter().filter(|one| kinds.contains(&one.kind) && one.number == number);
+        alike.map(|one| one.program).collect()
+    };
+    let asks = [Kind::Request, Kind::WatcherRequest];
+    assert_eq!(of(&asks, ask::ReadState::NUMBER), of(&[Kind::Reply], ask::ReadState::NUMBER));
+    // Arming is refused first, as nobody is in command, and asked again by the server.
+    assert_eq!(of(&asks, ask::Arm::NUMBER), [Some(ids[0]); 2]);
+    assert_eq!(of(&[Kind::Error], Error::NobodyInCommand {}.number()), [Some(ids[0])]);
+    assert_eq!(of(&[Kind::Reply], ask::Arm::NUMBER), [Some(ids[0])]);
+    assert_eq!(of(&asks, ask::ReadState::NUMBER).last(), Some(&Some(ids[1])));
+    assert!(of(&asks, ask::Ping::NUMBER).contains(&Some(SERVER)), "it asks by itself, too");
+    let changed = Event::StateChanged { axis: 0, state: AxisState::Armed }.number();
+    assert!(!of(&[Kind::Event], changed).is_empty());
+    assert!(bench.0.borrow_mut().multiplexer.take_seen().is_empty(), "each once");
 }
 
 #[test]
