@@ -76,6 +76,8 @@ pub enum Action {
     ResetAfter { steps: u32 },
     /// The gateway loses its power for a moment.
     PowerLoss,
+    /// What is being stored is written, or the storage fails.
+    Stored { done: bool },
 }
 
 /// What a motor does.
@@ -152,6 +154,8 @@ pub enum Ask {
         name: Option<String>,
     },
     Apply,
+    Save,
+    Forget,
     Remove {
         axis: u8,
     },

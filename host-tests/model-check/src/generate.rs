@@ -18,7 +18,7 @@ use crate::plant::{
 use crate::world::World;
 use asks::{goal, native, permit};
 use promise_model::Told;
-use setup::configuration;
+use setup::{configuration, saved};
 use std::collections::VecDeque;
 
 /// Requests among which one is repeated: those that the gateway knows in any case. Whether it still
@@ -62,7 +62,10 @@ impl Generator {
         } else {
             BUS_SETUP.map(|(_, spoken)| spoken)
         };
-        let first = configuration(&mut dice, protocols, starts).into();
+        let mut first: VecDeque<_> = configuration(&mut dice, protocols, starts).into();
+        if dice.percent(40) {
+            first.extend(saved(&mut dice, protocols, starts));
+        }
         let trouble = if starts { dice.pick(&[2, 5, 20]) } else { dice.pick(&[5, 20, 60]) };
         let left_armed =
             if dice.percent(25) { u16::from_be_bytes([dice.byte(), dice.byte()]) } else { 0 };
@@ -267,6 +270,9 @@ impl Generator {
 
     /// A request of any kind, in any state.
     fn anything(&mut self) -> Action {
+        if self.dice.one_in(20) {
+            self.first.extend(saved(&mut self.dice, self.protocols, self.starts));
+        }
         let (link, ask) = (self.commander, any_ask(&mut self.dice));
         if self.dice.one_in(4) { Action::Watch { link, ask } } else { Action::Ask { link, ask } }
     }

@@ -115,6 +115,8 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             Request::AddChanges(requests::AddChanges { changes })
         }
         Ask::Apply => Request::ApplyChanges(requests::ApplyChanges {}),
+        Ask::Save => Request::SaveConfiguration(requests::SaveConfiguration {}),
+        Ask::Forget => Request::ForgetStored(requests::ForgetStored {}),
         Ask::Remove { axis } => Request::RemoveAxis(requests::RemoveAxis { axis }),
         Ask::Provision { axis, timeout_ms } => {
             Request::ProvisionMotorTimeout(requests::ProvisionMotorTimeout { axis, timeout_ms })

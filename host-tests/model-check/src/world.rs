@@ -5,6 +5,7 @@ mod life;
 mod ports;
 mod state_key;
 mod steps;
+mod storage;
 
 pub use counts::Counts;
 
@@ -86,7 +87,9 @@ impl World {
             #[cfg(test)]
             returns: false,
         };
-        world.gateway.restore(Instant::from_micros(start_us), &[]);
+        let at = Instant::from_micros(start_us);
+        world.life.storage.load(at, &mut world.gateway, &[]);
+        world.gateway.restore(at, &[]);
         world.feed(Input::Pin { open: false });
         world.act(&Action::Ask { link: LISTENER, ask: Ask::Hello });
         world
@@ -166,7 +169,8 @@ impl World {
     fn next_us(&mut self) -> Option<u64> {
         let tick = self.tick_us();
         let buses = self.buses.iter().filter_map(|bus| bus.next_us(self.now_us));
-        let next = buses.chain(tick).chain(self.life.links_open_by()).min();
+        let written = self.life.storage.written_at();
+        let next = buses.chain(tick).chain(self.life.links_open_by()).chain(written).min();
         next.map(|at| at.max(self.now_us))
     }
 
@@ -195,6 +199,10 @@ impl World {
             self.buses[index].begin(self.now_us);
         }
         if self.open_links() {
+            return;
+        }
+        if self.life.storage.written_at().is_some_and(|at| at <= self.now_us) {
+            self.stored(true);
             return;
         }
         if !ended && self.tick_us().is_some_and(|at| at <= self.now_us) {

@@ -221,6 +221,11 @@ impl Axis {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)
     }
 
+    /// Its configuration alone.
+    pub fn configured(&self) -> Self {
+        Self { parameters: self.parameters.clone(), ..Self::default() }
+    }
+
     /// What a reset leaves of it: the parameters, whether it is unreachable, and what an RMD motor
     /// keeps of its own timeout.
     pub fn restarted(&mut self) -> Self {

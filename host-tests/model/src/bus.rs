@@ -7,6 +7,7 @@ pub(crate) use tally::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, Tally};
 use crate::can_id::is_extended;
 use crate::checks::Started;
 use crate::motor::Protocol;
+use crate::wire::BusSetting;
 use std::collections::VecDeque;
 
 /// What a bus is.
@@ -250,6 +251,13 @@ impl Bus {
     }
 
     /// The gateway has lost its power: nothing is left but a cable that is cut.
+    /// As it is configured.
+    pub fn setting(&self) -> BusSetting {
+        let Self { bitrate, protocols, exclusive, .. } = *self;
+        let reply_window_us = u32::try_from(self.window_us).unwrap_or(u32::MAX);
+        BusSetting { bitrate, protocols, exclusive, reply_window_us }
+    }
+
     pub fn lose_power(&mut self) {
         *self = Self { cut_until: self.cut_until, ..Self::new(self.kind) };
     }

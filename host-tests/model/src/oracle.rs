@@ -2,7 +2,7 @@
 
 use crate::axis::{Axis, Cause, Duty, Place};
 use crate::bus::{Bus, BusKind, Held};
-use crate::checks::{History, Unlisted};
+use crate::checks::{History, Stored, Unlisted};
 use crate::link::Link;
 use crate::violation::{Check, Violation};
 use crate::wire::{Request, Told};
@@ -52,6 +52,7 @@ pub struct Oracle {
     /// Starts since power came on.
     pub(crate) starts: u32,
     pub(crate) history: History,
+    pub(crate) stored: Stored,
     /// Since the start nobody has been told how the axes are.
     pub(crate) unlisted: Option<Unlisted>,
     pub(crate) violations: Vec<Violation>,
@@ -78,6 +79,7 @@ impl Oracle {
             e_stop_asked_us: None,
             starts: 1,
             history: History::new(),
+            stored: Stored::default(),
             unlisted: None,
             violations: Vec::new(),
             motions: 0,

@@ -123,8 +123,11 @@ checks! {
     NotNamed,
     /// G8: the last 16 trips and starts are remembered, over a reset too.
     HistoryWrong,
-    /// G6: after a loss of power nothing is configured.
+    /// G6: after a loss of power nothing is configured but what is stored.
     PowerLossKept,
+    /// G6: the configuration is stored only while every axis is at rest, and nothing is armed
+    /// before that is done.
+    StoredInMotion,
 }
 
 /// A broken promise.

@@ -43,6 +43,18 @@ fn events_that_follow_from_each_other_without_end_are_found() {
     assert_eq!(checks_found(&world, &letters, 1), [Some(Check::Restless)]);
 }
 
+/// After a loss of power the stored configuration counts; where it is lost, that is found.
+#[test]
+fn a_stored_configuration_that_is_lost_is_found() {
+    let (mut world, _) = prepare(START_US, &PAIRS[0], Prepared::Idle).unwrap();
+    world.act(&Action::Ask { link: 0, ask: Ask::Save });
+    world.act(&Action::Stored { done: true });
+    let letters = [Letter::Now(Action::PowerLoss), Letter::Pause(100_000)];
+    assert_eq!(checks_found(&world, &letters, 2), []);
+    world.forget_stored();
+    assert!(checks_found(&world, &letters, 2).contains(&Some(Check::ResetForgot)));
+}
+
 #[test]
 fn what_is_found_is_replayed() {
     let (mut world, _) = prepare(START_US, &PAIRS[0], Prepared::Active).unwrap();

@@ -17,6 +17,25 @@ pub(super) const RETURN_MODES: [u16; 8] = [0, 0x01, 0x02, 0x03, 0x07, 0x200, 0x2
 /// What an RMD may speak, by the numbers of `rmd_dialect`; the first is the default.
 pub(super) const DIALECTS: [u8; 6] = [1, 2, 3, 4, 5, 6];
 
+/// The steps of a host that has the configuration stored, or what is stored forgotten: the storage
+/// may fail, and the gateway start anew before it is done.
+pub(super) fn saved(dice: &mut Dice, protocols: [u8; BUSES as usize], starts: bool) -> Vec<Action> {
+    let ask = dice.pick(&[Ask::Save, Ask::Save, Ask::Save, Ask::Forget]);
+    let then = dice.pick(&[
+        Action::Stored { done: true },
+        Action::Stored { done: true },
+        Action::Stored { done: false },
+        Action::PowerLoss,
+        Action::Reset,
+        Action::Ask { link: 0, ask: Ask::Ping },
+    ]);
+    let mut actions = vec![Action::Ask { link: 0, ask }, then];
+    if let Some(Action::PowerLoss) = actions.last() {
+        actions.extend(configuration(dice, protocols, starts));
+    }
+    actions
+}
+
 /// The steps of a host that finds nothing configured, and what the motors are then.
 pub(super) fn configuration(
     dice: &mut Dice,

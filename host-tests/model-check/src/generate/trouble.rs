@@ -1,7 +1,7 @@
 //! What goes wrong: buses, motors, hosts that fall silent.
 
 use super::Generator;
-use super::setup::{DIALECTS, RETURN_MODES, configuration};
+use super::setup::{DIALECTS, RETURN_MODES, configuration, saved};
 use crate::action::{Action, Ask, Does};
 use crate::plant::{BUSES, CAN_BUSES, LINE, LISTENER, MOTORS, extended_id};
 use host_protocol::Protocol;
@@ -89,6 +89,9 @@ impl Generator {
         match self.dice.below(8) {
             0 => {
                 self.first = configuration(&mut self.dice, self.protocols, self.starts).into();
+                if self.dice.percent(30) {
+                    self.first.extend(saved(&mut self.dice, self.protocols, self.starts));
+                }
                 Action::PowerLoss
             }
             1 => {

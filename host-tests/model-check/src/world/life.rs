@@ -2,6 +2,7 @@
 
 use super::World;
 use super::ports::Input;
+use super::storage::Storage;
 use crate::action::{Action, Ask};
 use crate::plant::{BOARD, BOARD_AGAIN, LISTENER};
 use gateway::{Board, Gateway, Instant, RETAINED_WORDS, Set};
@@ -41,6 +42,7 @@ pub struct Life {
     /// The words that the latest event has stored, and those of the latest e-stop.
     stored: Vec<usize>,
     latched: Vec<usize>,
+    pub storage: Storage,
 }
 
 impl Life {
@@ -54,6 +56,7 @@ impl Life {
             e_stop_open: false,
             stored: Vec::new(),
             latched: Vec::new(),
+            storage: Storage::default(),
         }
     }
 
@@ -73,7 +76,9 @@ impl Life {
             e_stop_open,
             stored: _,
             latched,
+            storage,
         } = self;
+        storage.write_state(to)?;
         write!(
             to,
             "{links_open_by:?} {random_number} {countdown:?} {is_suspended} {e_stop_open} {latched:?}"
@@ -155,6 +160,7 @@ impl World {
     /// The watchdog resets the gateway; `interrupted`: before it could say what it has taken in
     /// last.
     pub(super) fn reset(&mut self, interrupted: bool) {
+        self.cut_storing();
         self.note(|| "the watchdog resets the gateway".into());
         self.oracle.reset(self.now_us, interrupted);
         self.start(&BOARD_AGAIN, true);
@@ -162,12 +168,14 @@ impl World {
 
     /// The watchdog resets the gateway, and what the latest e-stop has written is damaged or not.
     pub(super) fn reset_damaged(&mut self, damaged: bool) {
+        self.cut_storing();
         self.note(|| format!("the watchdog resets the gateway, its memory damaged: {damaged}"));
         self.oracle.reset(self.now_us, false);
         self.start(&BOARD_AGAIN, true);
     }
 
     pub(super) fn lose_power(&mut self) {
+        self.cut_storing();
         self.note(|| "the gateway loses its power".into());
         self.oracle.power_lost(self.now_us);
         // Who sets it up again begins anew, too.
@@ -189,7 +197,9 @@ impl World {
         self.life.countdown = None;
         self.life.links_open_by = Some(self.now_us + LINKS_OPEN_AFTER_US);
         let words: &[u32] = if keeps { &self.life.memory } else { &[] };
-        self.gateway.restore(Instant::from_micros(self.now_us), words);
+        let now = Instant::from_micros(self.now_us);
+        self.life.storage.load(now, &mut self.gateway, words);
+        self.gateway.restore(now, words);
         if !keeps {
             self.life.memory.fill(NEVER_WRITTEN);
         }

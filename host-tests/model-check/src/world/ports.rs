@@ -3,7 +3,7 @@
 use super::{MAX_AT_ONCE, World};
 use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
-use gateway::{Event, Instant, Outgoing, Set, Transmit, port::TRANSMIT_SLOTS};
+use gateway::{Event, Instant, Outgoing, SaveError, Set, Transmit, port::TRANSMIT_SLOTS};
 use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
 
@@ -22,6 +22,7 @@ pub(super) enum Input {
     Errors { bus: u8, transmit: u16, receive: u16 },
     Overflow { bus: u8 },
     Pin { open: bool },
+    Stored { done: bool },
     Tick,
 }
 
@@ -122,6 +123,10 @@ impl World {
                 oracle.e_stop_input(now, *open);
                 Event::EStopInput { open: *open }
             }
+            Input::Stored { done } => {
+                let result = if *done { Ok(()) } else { Err(SaveError::Failed) };
+                Event::Saved { result }
+            }
             Input::Tick => Event::Tick,
         };
         self.counts.events += 1;
@@ -130,6 +135,9 @@ impl World {
         let changes = self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
         self.named = self.named.with(changes.buses);
         self.life.stored(self.oracle.latches(now));
+        if changes.save {
+            self.store();
+        }
     }
 
     /// Everything that the gateway has to say to its hosts, when the buses have had their frames.

@@ -15,6 +15,9 @@ impl World {
         self.open_links();
         let now = self.now_us;
         match action {
+            // What is stored then, the model cannot know: as above.
+            Action::Ask { ask: Ask::Save, .. } | Action::Watch { ask: Ask::Save, .. }
+                if self.oracle.is_configuring() => {}
             Action::Ask { link, ask } | Action::Watch { link, ask } => {
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
                 // Whether bytes are a command, and take authority, the model learns from their
@@ -90,6 +93,7 @@ impl World {
                 self.life.reset_after(Countdown::Steps { left: *steps })
             }
             Action::PowerLoss => self.lose_power(),
+            Action::Stored { done } => self.stored(*done),
             Action::Errors { bus, transmit, receive } => {
                 let runs = |bus: &Bus| bus.generation.is_some() && !bus.is_off;
                 if self.buses.get(usize::from(*bus)).is_some_and(runs) {

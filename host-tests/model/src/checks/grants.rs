@@ -158,7 +158,7 @@ impl Oracle {
         }
     }
 
-    fn bus_changed(&mut self, now: u64, index: u8, setting: Option<BusSetting>) {
+    pub(super) fn bus_changed(&mut self, now: u64, index: u8, setting: Option<BusSetting>) {
         // Of a bus that does not run nothing is known.
         let BusSetting { bitrate, protocols, exclusive, reply_window_us } =
             setting.unwrap_or(BusSetting {

@@ -14,10 +14,12 @@ mod hosts;
 mod motors;
 mod results;
 mod starts;
+mod stored;
 mod together;
 mod unsent;
 
 pub(crate) use arming::Arming;
 pub(crate) use history::History;
 pub(crate) use starts::Unlisted;
+pub(crate) use stored::Stored;
 pub(crate) use together::Started;

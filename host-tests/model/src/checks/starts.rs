@@ -73,7 +73,7 @@ impl Oracle {
         self.unlisted = Some(Unlisted { moved, blank: false, e_stop_unsure });
     }
 
-    /// The gateway begins anew, and has no memory.
+    /// The gateway begins anew, and has no memory but what is [stored](Self::stored).
     pub fn power_lost(&mut self, now: u64) {
         self.advance(now);
         self.starts = 1;
@@ -84,7 +84,8 @@ impl Oracle {
         self.axes.iter_mut().for_each(|axis| *axis = Axis::default());
         let moved = vec![false; self.axes.len()];
         self.history = History::blank();
-        self.unlisted = Some(Unlisted { moved, blank: true, e_stop_unsure: false });
+        let blank = !self.loads(now);
+        self.unlisted = Some(Unlisted { moved, blank, e_stop_unsure: false });
     }
 
     fn sessions_end(&mut self) {

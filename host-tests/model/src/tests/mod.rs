@@ -14,6 +14,7 @@ mod planted;
 mod returned;
 mod starts;
 mod stops;
+mod stored;
 mod together;
 
 use super::*;

@@ -54,6 +54,7 @@ fn planted(check: Check) -> fn() {
         Check::NotNamed => others::a_frame_for_which_nobody_was_told_to_ask,
         Check::HistoryWrong => history::a_list_that_ends_too_early,
         Check::PowerLossKept => starts::a_loss_of_power_after_which_an_axis_is_configured,
+        Check::StoredInMotion => stored::a_configuration_that_is_stored_while_an_axis_is_armed,
     }
 }
 

@@ -8,18 +8,18 @@ const STATUS: u16 = 0x13;
 const LISTED: &[u8] = &[1, 0, 1, 0, 1, 1, 1, 1];
 
 impl Trace {
-    fn reset(&mut self, interrupted: bool) {
+    pub(super) fn reset(&mut self, interrupted: bool) {
         self.now += 1_000;
         self.oracle.reset(self.now, interrupted);
     }
 
     /// The first list after a start says so of axis 0.
-    fn listed(&mut self, state: &[u8]) {
+    pub(super) fn listed(&mut self, state: &[u8]) {
         let sequence = self.ask(2, LIST, &[0]);
         self.answer(2, sequence, 2, LIST, &[LISTED, state, &[0, 0]].concat());
     }
 
-    fn status(&mut self, starts: u8, e_stopped: u8) {
+    pub(super) fn status(&mut self, starts: u8, e_stopped: u8) {
         let sequence = self.ask(2, STATUS, &[]);
         self.answer(2, sequence, 2, STATUS, &[0, starts, 0, e_stopped, 1, 0, 1, 1]);
     }
